@@ -42,7 +42,7 @@ class Process:
 
 
 NEW = ("presets", "new", "own", "--ratio", "100", "--torque", "67", "-o", "own.yaml")  # a data-sheet preset
-TRIALS = ("trials", "vzp160", "h0:20.2", "h3:24.1", "h6:31.5", "--noise", "0.5", "--torque", "80")
+TRIALS = ("trials", "vzp160", "h0=20.2", "h3=24.1", "h6=31.5", "--noise", "0.5", "--torque", "80")
 TERMINAL = Process(("-c", "import typer, rich"), 7, python=True)
 IMPORT = Process(("-c", "import cvxpy"), 7, python=True)
 CHECK = Process(("check", "vzp160"), 5, (IMPORT, 3.0))

@@ -15,9 +15,9 @@ from hdassist.numerals import number_of
 from hdassist.terminal.options import ChoiceOptions, degrees_or_fit
 
 READERS: dict[str, tuple[Callable[[str], object], str]] = {
-    "hole of a trial": (lambda text: read_trial(f"h{text}:20", 12), "4"),
-    "value of a trial": (lambda text: read_trial(f"h4:{text}", 12), "20"),
-    "criterion": (lambda text: Criterion.of(f"quantile:0.{text}"), "9"),
+    "hole of a trial": (lambda text: read_trial(f"h{text}=20", 12), "4"),
+    "value of a trial": (lambda text: read_trial(f"h4={text}", 12), "20"),
+    "criterion": (lambda text: Criterion.of(f"quantile=0.{text}"), "9"),
     "weights": (lambda text: ChoiceOptions(weights=f"{text},1").numbers(), "2"),
     "budget": (lambda text: parse_stated([f"encoder={text}"]), "1"),
     "orders": (parse_orders, "4"),

@@ -1,4 +1,4 @@
-"""Acceptance of a drive: each limit of its preset held against what was measured, or else against the prediction."""
+"""Acceptance of a drive: each limit compared with the measured value, or else with the predicted one."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def accept(
 ) -> AcceptAnswer:
     """Hold a drive against the limits of its preset.
 
-    Arguments: request; inputs, what it names; predictions that it needs, of the same drive and limits; fail_on, what
+    Arguments: request; inputs that it names; predictions that it needs, of the same drive and limits; fail_on, what
     makes the exit code; place of the row of a lot. Raises DataError: no limit, something measured that no limit is for,
     nothing measured where nothing is predicted, or an order that the full cycle does not have; UsageError: such an
     order on the command line.
@@ -144,7 +144,7 @@ def _of_traces(inputs: Inputs, decisions: Sequence[Decision]) -> Iterator[Note]:
 def _of_decisions(
     inputs: Inputs, decisions: Sequence[Decision], left_out: Sequence[Limit], predictions: Predictions | None
 ) -> Iterator[Note]:
-    """Remarks on values, and on what is not known or not decided on."""
+    """Remarks on values, on unknown inputs, and on limits without a decision."""
     for each in decisions:
         if each.expanded_uncertainty is not None and each.expanded_uncertainty > QUARTER * each.limit:
             text = f"U = {each.expanded_uncertainty:.3g} beside a limit of {each.limit:g}, k = {COVERAGE_FACTOR:g}"

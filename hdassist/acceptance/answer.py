@@ -41,7 +41,7 @@ InfluenceShare = dict[str, str | FiniteFloat]
 
 @dataclass(frozen=True)
 class Note(ClosedRecord):
-    """A remark by its code, and what it is about in words."""
+    """A remark: its code and its text."""
 
     code: str
     text: str
@@ -68,7 +68,7 @@ class TraceRecord(FileRecord):
 
 @dataclass(frozen=True)
 class WheelRecord(FileRecord):
-    """A measured wheel (b rigid, g flexspline): where its mark stands, and what was assumed of it."""
+    """A measured wheel (b rigid, g flexspline): direction of its mark, and assumptions about it."""
 
     wheel: Literal["b", "g"]
     mark_tooth: int
@@ -80,7 +80,7 @@ class WheelRecord(FileRecord):
 
 @dataclass(frozen=True)
 class RuleRecord(ClosedRecord):
-    """By what was decided: rule of measured values with its guard band, probability that PASS of a prediction needs."""
+    """Decision rule: that of measured values with its guard band, probability that PASS of a prediction needs."""
 
     measured: Rule
     guard_standard_uncertainties: float
@@ -98,7 +98,7 @@ class PresetRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class CertificateRecord(ClosedRecord):
-    """The proof of what was predicted."""
+    """Certificate of the predictions."""
 
     states: int
     max_residual: float
@@ -116,7 +116,7 @@ class CertificateRecord(ClosedRecord):
 
 @dataclass(frozen=True)
 class ErrorRecord(ClosedRecord):
-    """What went wrong, what to do about it, and its kind, which older files lack."""
+    """An error: message, hint, and code, which older files lack."""
 
     message: str
     hint: str
@@ -159,18 +159,18 @@ class AcceptAnswer(ClosedRecord):
 
     @property
     def status(self) -> str:
-        """The verdict, or what stands where one would."""
+        """The verdict, or BROKEN in its place."""
         return BROKEN_VERDICT if self.error else str(self.verdict)
 
     @property
     def missing(self) -> str:
-        """What an answer without an error has to have and this one has not; empty where nothing is missing."""
+        """Name of a required part that is missing; empty where the answer is complete or has an error."""
         needed = {"preset.sha256": self.preset.sha256, "request": self.request, "rule": self.rule}
         return "" if self.error else next((name for name, value in needed.items() if value is None), "")
 
     @property
     def contradiction(self) -> str:
-        """What of the answer does not follow from its own figures; empty where all of it does."""
+        """Part of the answer that does not follow from its figures; empty where all of it does."""
         if self.error:
             return ""
         if self.rule is None or self.missing:
@@ -233,7 +233,7 @@ def now() -> str:
 
 
 def provenance(answer: AcceptAnswer) -> dict[str, Any]:
-    """What an answer rests on, flat."""
+    """Provenance of an answer as a flat table."""
     return {
         "version": answer.version,
         "preset_sha256": answer.preset.sha256,

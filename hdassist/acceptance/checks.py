@@ -24,7 +24,7 @@ Extent = Literal["whole", "at least", "part", "not known"]
 
 @dataclass(frozen=True)
 class Explained:
-    """Something that has a code: what it is called, what it tests, what goes wrong, and what to change."""
+    """An entry with a code: its name, what it tests, what goes wrong, and what to change."""
 
     code: str
     words: str
@@ -54,7 +54,7 @@ class Check(Explained):
 
     @property
     def kind(self) -> FieldKind:
-        """What its limits are for: "limits", one for each torque; "orders", at every torque; "number", the drive."""
+        """Kind of its limits: "limits", one for each torque; "orders", at every torque; "number", the drive."""
         return kind_of(Acceptance.model_fields[self.field])
 
     @property

@@ -30,7 +30,7 @@ Rule = Literal["guard", "simple"]
 
 @dataclass(frozen=True)
 class AcceptedValue(ClosedRecord):
-    """What is known of a value; nothing without arguments.
+    """A measured or predicted value with its uncertainty; unknown without arguments.
 
     value, in the unit of its check, the median where there is a belief; expanded_uncertainty, k = 2, None where it is
     predicted; basis, how it is known; extent: the value of the whole cycle, a lower bound of it, that of a part which
@@ -57,7 +57,7 @@ class AcceptedValue(ClosedRecord):
 
     @classmethod
     def stated(cls, given: LimitText, limit: Limit) -> AcceptedValue:
-        """The value that was measured otherwise; what stands after ± is its expanded uncertainty, k = 2.
+        """The value that was measured otherwise, VALUE±U with U the expanded uncertainty, k = 2.
 
         Raises UsageError: it is none, has no uncertainty, or is below zero.
         """

@@ -27,7 +27,7 @@ USE: dict[Option, str] = {"--limit": "[NAME[@TORQUE]=]VALUE", "--value": "NAME[@
 
 @dataclass(frozen=True)
 class Limit(ClosedRecord):
-    """A limit: code of its check, bound in the check's unit, and what it is for: torque, and order per cam turn."""
+    """A limit: code of its check, bound in the check's unit, torque [N*m] and order per cam turn that it is for."""
 
     code: str
     limit: float

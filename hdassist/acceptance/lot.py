@@ -2,8 +2,8 @@
 
 Columns: serial, preset, measured or measured@80 (a file), pitch_b, pitch_g (files of measured teeth),
 mark_b, mark_g (directions of their marks), NAME[@TORQUE] (a value with its uncertainty, measured otherwise), limit
-NAME[@TORQUE], section.key (an override of the preset). Names that begin with # or note are not used. A cell says what
-an option would say, and what is wrong with it is said of the cell.
+NAME[@TORQUE], section.key (an override of the preset). Names that begin with # or note are not used. A cell has the
+form of the option, and its faults are reported with the place of the cell.
 """
 
 from __future__ import annotations
@@ -36,23 +36,23 @@ _UNUSED = re.compile(r"#|note", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class NamedCell:
-    """A cell that says something of a drive.
+    """A cell that sets an option of a drive.
 
-    name: how a message about it begins (FILE:LINE:COLUMN: heading); text; said: the option that says the same ("--value
+    name: how a message about it begins (FILE:LINE:COLUMN: heading); text; option: the option in its place ("--value
     F_ior@4=28"); path, of the override that it is; file that it names; empty for none.
     """
 
     name: str
     text: str
-    said: str = ""
+    option: str = ""
     path: str = ""
     file: str = ""
 
     def of_option(self, line: str) -> str:
-        """A message about the option that says the same, about the cell; empty for any other."""
-        if not self.said or not line.startswith(f"{self.said}: "):
+        """A message about the option, with the cell named in its place; empty for any other message."""
+        if not self.option or not line.startswith(f"{self.option}: "):
             return ""
-        rest = line.removeprefix(f"{self.said}: ")
+        rest = line.removeprefix(f"{self.option}: ")
         if self.path:
             return f"{self.name}: {rest.removeprefix(f'{path_text(path_of(self.path))}: ')}"
         return f"{self.name}: {rest} (got {shown(self.text)})"
@@ -60,9 +60,9 @@ class NamedCell:
 
 @dataclass(frozen=True)
 class LotRow:
-    """One drive to accept: what is asked of it, its place (FILE:LINE; None: no row of a lot).
+    """One drive to accept: its request, its place (FILE:LINE; None: no row of a lot).
 
-    fault: of the row itself; then the request is not to be carried out. cells: those that say something of the drive.
+    fault: of the row itself; then the request is not to be carried out. cells: those that set options.
     """
 
     request: Request
@@ -71,7 +71,7 @@ class LotRow:
     cells: tuple[NamedCell, ...] = field(default=(), compare=False)
 
     def message(self, error: HdassistError) -> str:
-        """What is wrong with the drive; of the cells of its row, not the options that would say the same."""
+        """The message of an error, naming cells of the row in place of options."""
         message = error.message
         if not self.fault:
             lines = self.request.named(message, overrides=True).splitlines()
@@ -86,7 +86,7 @@ class LotRow:
 
 @dataclass(frozen=True)
 class Lot:
-    """Drives to accept: file that names them with its SHA-256, rows in its order, what was found out."""
+    """Drives to accept: file that names them with its SHA-256, rows in its order, remarks."""
 
     file: str
     sha256: str
@@ -106,10 +106,10 @@ def is_lot(path: str) -> bool:
 def read_lot(path: str, base: Request) -> Lot:
     """Read a lot.
 
-    Arguments: path of a table; base, what is asked of every drive, its preset empty or that of rows without one. A row
-    adds to it what it says.
+    Arguments: path of a table; base, the request of every drive, its preset empty or that of rows without one. A row
+    adds its cells.
     Raises DataError: a file that cannot be read or has no drive; PresetError: names of columns that cannot be meant.
-    What is wrong with a row is kept with it.
+    The fault of a row is kept with it.
     """
     table = read_texts(path)
     columns = _columns(table)
@@ -150,7 +150,7 @@ def _columns(table: CellTable) -> list[Column | None]:
 
 
 def _column(name: str) -> Column:
-    """What a column is for. Raises UsageError: nothing, with a hint."""
+    """The option or field that a column sets. Raises UsageError with a hint: none."""
     if name.lower() in (*PLAIN_COLUMNS, *WHEEL_COLUMNS):
         return name.lower(), ""
     if at := _MEASURED.fullmatch(name):
@@ -211,7 +211,7 @@ def _row(
 
 
 def _with_cell(request: Request, gives: str, of: str, text: str, folder: Path) -> tuple[Request, NamedCell]:
-    """A request with what a cell says, and the cell as messages know it; folder, from which paths count."""
+    """A request with a cell added, and the cell as messages name it; folder, from which paths count."""
     trace = TraceFile.recorded(text) if gives == "--measured" and not of else TraceFile(of, text)
     is_name = trace.file == "-" or (gives == "preset" and text in preset_names())
     file = trace.file if is_name else str(folder / trace.file)
@@ -227,5 +227,5 @@ def _with_cell(request: Request, gives: str, of: str, text: str, folder: Path) -
         option: Any = replace(trace, file=file) if gives == "--measured" else parse(f"{of}={text}")
         change = {into: (*getattr(request, into), option)}
         path = option.override.partition("=")[0] if gives == "--limit" else of if gives == "--set" else ""
-        cell = replace(cell, said=f"{gives} {option}", path=path)
+        cell = replace(cell, option=f"{gives} {option}", path=path)
     return replace(request, **change), cell

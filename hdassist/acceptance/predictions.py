@@ -1,4 +1,4 @@
-"""What the model says of a drive for an acceptance: at the preset's own numbers, and over what is not known exactly.
+"""Predictions for an acceptance: at the preset's own numbers, and over the inputs that are not known exactly.
 
 The samples are those of `hdassist check`: F'_ior has the same probability of keeping a limit on both pages.
 """
@@ -111,7 +111,7 @@ class Belief(ClosedRecord):
 
     @classmethod
     def of(cls, limit: Limit, samples: Samples, own: float) -> Belief:
-        """What samples say of a limit; own, the self error [arcsec] of the drive, on top of F'_ior."""
+        """Percentiles and probability of a limit over samples; own, the self error [arcsec] that F'_ior has on top."""
         if limit.check is F_IOR:
             values = samples.F_ior_arcsec[:, samples.torques.index(limit.M_g_Nm or 0.0)]
         else:
@@ -130,9 +130,9 @@ class Belief(ClosedRecord):
 
 @dataclass(frozen=True)
 class Predictions:
-    """What the model says of a drive for limits.
+    """Predicted values of a drive for its limits.
 
-    quantities: at the preset's own numbers, what is unknown as 0; unknown: these deviations; prior: all that is not
+    quantities: at the preset's own numbers, unknown deviations as 0; unknown: these deviations; prior: all that is not
     known exactly; samples of it, None where none were drawn; error_samples: those of them that `check` draws.
     """
 
@@ -195,7 +195,7 @@ def quantities(
     wheels: MeasuredTeeth | None = None,
     run: Run = Run(),
 ) -> PredictedQuantities:
-    """What limits need of a drive, at its own numbers. Arguments and errors as those of predict."""
+    """Quantities that limits need, at the numbers of the preset. Arguments and errors as those of predict."""
     there, teeth = wheels.in_drive(drive) if wheels else (drive, None)
     cycles, own_at = torques_of(limits, "cycle"), torques_of(limits, "self error")
     twists = any("stiffness" in limit.check.needs for limit in limits)
@@ -231,12 +231,12 @@ def predict(
     sure: float = SURE,
     run: Run = Run(),
 ) -> Predictions:
-    """Predict what limits need of a drive, and nothing else.
+    """Predict the quantities that limits need.
 
     Arguments: limits; wheels, with measured teeth in place of first harmonics, for which there are no samples;
-    draws, effective samples of what is not known at least, 0 for none; sure, probability of keeping a limit that PASS
-    needs. Raises UntrustedError where an
-    answer cannot be trusted, or the preset's catalogue contradicts its other values.
+    draws, effective samples of the unknown inputs at least, 0 for none; sure, probability of keeping a limit that PASS
+    needs. Raises UntrustedError where an answer cannot be trusted, or the preset's catalogue contradicts its other
+    values.
     """
     known = quantities(drive, limits, wheels=wheels, run=run)
     without, prior = beside_measured_teeth(drive, wheels)

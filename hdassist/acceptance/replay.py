@@ -1,4 +1,4 @@
-"""Answers of `hdassist accept` done again: whether their files are the same, and what differs now."""
+"""Answers of `hdassist accept` computed again: whether their files are the same, and the differences."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Difference:
 
 
 def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[Difference]:
-    """What came out otherwise, of the whole answer but when, by which version and from which request it was made.
+    """Differences of the whole answer, without its time, version and request.
 
     Numbers agree within RELATIVE of the value or of the limit of its check, those of a certificate within ROUNDING;
     errors where they are of one kind.
@@ -127,8 +127,8 @@ def _flat(check: str, key: str, value: Any, allowed: float) -> Iterator[tuple[tu
 class Replay:
     """An answer done again.
 
-    recorded; its files; fault, what hinders it, or else the request that is made again; the answer now, None before it
-    is made; what differs.
+    recorded; its files; fault that prevents it, or else the request to repeat; now, the new answer, None before it is
+    made; differences.
     """
 
     recorded: AcceptAnswer
@@ -140,7 +140,7 @@ class Replay:
 
     @classmethod
     def prepare(cls, answer: AcceptAnswer, preset: str = "") -> Replay:
-        """What is known before it is done; preset, to be taken in place of the recorded one (empty: that one)."""
+        """The replay before its answer is made; preset in place of the recorded one (empty: that one)."""
         files: list[InputFile] = []
         try:
             if answer.request is None:

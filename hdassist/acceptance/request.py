@@ -1,4 +1,4 @@
-"""What is asked of an acceptance, as plain data: it can be kept beside the answer and carried out again."""
+"""The request of an acceptance as plain data: kept beside the answer, it can be carried out again."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class TraceFile:
 
     @classmethod
     def recorded(cls, text: str) -> TraceFile:
-        """Read what a file of answers has: 80=FILE, 80:FILE of older ones, or FILE."""
+        """Read the form in files of answers: 80=FILE, 80:FILE of older ones, or FILE."""
         return cls.parse(TORQUE_AND_FILE.sub(r"\1=\3", text))
 
     def __str__(self) -> str:
@@ -76,7 +76,7 @@ class TraceFile:
 
 
 def _as_text(parse: Callable[[str], Any]) -> tuple[BeforeValidator, PlainSerializer]:
-    """How what is parsed stands in a file: as it is written."""
+    """Validator and serializer of a parsed text: files have it as it is written."""
 
     def checked(text: Any) -> Any:
         if not isinstance(text, str):
@@ -116,7 +116,7 @@ class Wheels(ClosedRecord, WheelFiles):
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a request names, read: its drive, traces by torque [N*m], values by limit, measured wheels."""
+    """Inputs of a request, read: its drive, traces by torque [N*m], values by limit, measured wheels."""
 
     drive: Drive
     measurements: dict[float, Measurement] = field(default_factory=dict)
@@ -166,7 +166,7 @@ class Request(ClosedRecord):
         return named_limits(message, self.overrides, self.limits, overrides=overrides)
 
     def read(self, drive: Drive) -> Inputs:
-        """The drive with what is named beside it.
+        """The inputs of the request, read, with the drive.
 
         Raises UsageError where the torque of a trace is open or stands twice, or a value is none of a limit;
         PresetError or DataError for a file that cannot be used; UntrustedError where a record does not tell its orders

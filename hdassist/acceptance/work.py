@@ -20,7 +20,7 @@ from hdassist.errors import DataError, HdassistError, UsageError
 def answer_rows(
     rows: Sequence[LotRow], executor: Executor, fail_on: FailOn, *, jobs: int, debug: bool = False
 ) -> Iterator[AcceptAnswer]:
-    """An answer for each row, in their order; what is wrong with a row is its answer.
+    """An answer for each row, in their order; the fault of a row is its answer.
 
     Each different drive is predicted once, then its rows are answered: an answer says the same as if its drive were
     alone. jobs: processes of the executor, and so drives that are predicted at a time; an interrupt loses what is done
@@ -57,7 +57,7 @@ def answer_rows(
 
 
 def _drive_key(request: Request) -> Hashable:
-    """What predictions depend on: all but the serial, the files and the values measured."""
+    """Key of equal predictions: all of a request but the serial, the files and the values measured."""
     names = tuple(value.name for value in request.values)
     return replace(request, serial="", measured=(), values=()), tuple(each.torque for each in request.measured), names
 
@@ -90,7 +90,7 @@ def _answer(row: LotRow, fail_on: FailOn, predictions: Predictions | None, debug
 
 
 def row_failure(row: LotRow, error: HdassistError) -> AcceptAnswer:
-    """The answer about a row that has none; what is wrong with a row is wrong data, not wrong usage."""
+    """The answer of a row with an error; the fault of a row is wrong data, not wrong usage."""
     kind = DataError if isinstance(error, UsageError) else error
     return replace(
         failure_of(row.request, error),

@@ -1,4 +1,4 @@
-"""The commands of hdassist: where each is, what it is for; each is loaded when it is called."""
+"""The commands of hdassist: module and summary of each, loaded when it is called."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ REMOVED_OPTIONS = {
     "--rule": "--set acceptance.rule=simple",
     "--samples": "--draws N",
     **dict.fromkeys(
-        ("--trial", "--verify", "--trial-torque", "--noise", "--reseat"), "hdassist trials PRESET h0:28.1 h4:17.3"
+        ("--trial", "--verify", "--trial-torque", "--noise", "--reseat"), "hdassist trials PRESET h0=28.1 h4=17.3"
     ),
 }
 

@@ -24,7 +24,7 @@ CROSS = "HIGHS"
 
 @dataclass(frozen=True)
 class DoctorFinding:
-    """What was looked at, how it is, and in words what was found; broken: answers cannot be had, or not be trusted."""
+    """A part of the installation, its status, and the finding in words; broken: there are no trustworthy answers."""
 
     what: str
     status: Literal["ok", "note", "broken"]

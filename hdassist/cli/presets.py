@@ -1,4 +1,4 @@
-"""`hdassist presets`: the library of drives, and what a preset really says."""
+"""`hdassist presets`: the library of drives, and the values of a preset."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ class TextOptions(o.OptionGroup):
 
 @dataclass(frozen=True, kw_only=True)
 class WishOptions(o.OptionGroup):
-    """What is known of a new drive."""
+    """Known data of a new drive."""
 
     like: Annotated[
         str | None, typer.Option(metavar="PRESET", help="Drive to be like; vzp160 if anything else is asked for.")

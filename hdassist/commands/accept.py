@@ -152,7 +152,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         return accept_lot(lots[0], base, self) if lots else accept_presets(self.presets, base, self)
 
     def request(self) -> Request:
-        """What is asked of every drive. Raises UsageError for a limit, a trace or a value that is none."""
+        """The request that every drive gets. Raises UsageError for an invalid limit, trace or value."""
         from hdassist.acceptance.limits import LimitText
         from hdassist.acceptance.request import Reading, Request, TraceFile, Wheels
 

@@ -76,7 +76,7 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
 def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
     """Accept the drives of a lot; returns the exit code.
 
-    Arguments: path of a table; base, what is asked of every drive; options.
+    Arguments: path of a table; base, the request that every drive gets; options.
     Raises UsageError: options that cannot be meant, or a file that is there already; DataError: a table or file
     that cannot be read or written; PresetError: names of columns that cannot be meant.
     """
@@ -150,7 +150,7 @@ def _write_tables(options: AcceptOptions, name: str, answers: Sequence[AcceptAns
 
 
 def _require_sound(base: Request) -> None:
-    """Raise what is wrong with the options before every row says it: UsageError, or what a common preset has wrong."""
+    """Raise UsageError for invalid options, or the fault of a common preset, once and not for every row."""
     parse_stated(base.reading.budget)
     parse_orders(base.reading.orders or None)
     require_drift(base.reading.drift)
@@ -194,7 +194,7 @@ def replay_answers(path: str, presets: Sequence[str], options: AcceptOptions) ->
     replays = [Replay.prepare(answer, *presets) for answer in recorded]
     to_do = [LotRow(each.request, each.recorded.place) for each in replays if each.request]
     with out.progress("replay", len(to_do)) as progress, workers(options.jobs) as executor:
-        # what makes an exit code of verdicts is no part of what is compared
+        # --fail-on is not compared
         fresh = answer_rows(to_do, executor, "fail", jobs=count(options.jobs), debug=options.debug)
         for place, each in enumerate(replays):
             if each.request:

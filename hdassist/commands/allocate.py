@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hdassist.commands.draw_options import DrawOptions
-from hdassist.run.run import Run
+from hdassist.commands.draw_options import DrawOptions, ProductionRun, require_limits
 from hdassist.terminal import options as o
 
 DRIVES_PER_DESIGN = 5  # of many designs few drives each tell more than the reverse
@@ -49,14 +48,12 @@ class AllocateCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
 
     def run(self) -> int:
         """Choose the tolerances; returns the exit code."""
-        from hdassist.commands.draw_options import require_limits
         from hdassist.error.self_error import self_error
         from hdassist.errors import UsageError
         from hdassist.pages.allocate import Allocated, allocate_report
-        from hdassist.run.stream import collected
         from hdassist.terminal.runs import answer_of, give
         from hdassist.tolerance.allocation import Allocator
-        from hdassist.tolerance.production import Production, RandomDrive
+        from hdassist.tolerance.production import Production
         from hdassist.tolerance.sensitivity import to_measure
         from hdassist.tolerance.yields import rooms
 
@@ -78,15 +75,9 @@ class AllocateCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
                 "no tolerance to choose: none that the preset gives is drawn", "set tolerances.F_i2 above 0"
             )
         with self.pools() as pool:
-
-            def records(production: Production, drives: int) -> list[RandomDrive]:
-                with out.progress(drive.name, drives) as progress:
-                    return collected(production.records, drives, pool, progress)
-
-            states = production.design_states(self.count)
-            with pool() as (executor, _), out.progress("designs", states) as progress:
-                production, samples = production.with_designs(self.count, run=Run(executor, progress))
-            allocator = Allocator(production, tuple(room), self.wanted, self.sure, records, self.count)
+            drives = ProductionRun(drive.name, pool, out)
+            production, samples = drives.with_designs(production, self.count)
+            allocator = Allocator(production, tuple(room), self.wanted, self.sure, drives.records, self.count)
             ways = []
             for turned in (False, True) if self.mounting else (False,):
                 ways.append(allocator.cheapest(turned))

@@ -1,4 +1,4 @@
-"""Options of commands that draw random drives: what they are drawn from, and the limits they are held against."""
+"""Options of commands that draw random drives, and the work that these commands share."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -7,8 +7,12 @@ from hdassist.errors import DataError, UsageError
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
+    from hdassist.belief.samples import Samples
     from hdassist.preset.fields import Drive
+    from hdassist.run.cluster import Pool
+    from hdassist.terminal.output import Output
     from hdassist.tolerance.law import ProductionLaw, SizeLaw
+    from hdassist.tolerance.production import Production, RandomDrive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +39,7 @@ class DrawOptions(o.LimitedDriveOptions):
     seed: o.SeedOption = 0
 
     def law(self, drive: "Drive", *, chosen: bool = False) -> "ProductionLaw":
-        """What random drives are drawn from; chosen, whether sizes that are assumed are tolerances to choose too.
+        """Distributions of the random drives; chosen, whether sizes that are assumed are tolerances to choose too.
 
         Raises UsageError and DataError for invalid options.
         """
@@ -48,6 +52,30 @@ class DrawOptions(o.LimitedDriveOptions):
         if not any(each.path == each.group and each.path in DEVIATION_FIELDS for each in found.own):
             raise UsageError("no field scatters: all tolerances are 0", "set tolerances.F_i2 or others above 0")
         return found
+
+
+@dataclass(frozen=True)
+class ProductionRun:
+    """Where drives of a production are computed: workers, progress shown under the name of the drive."""
+
+    name: str
+    pool: "Pool"
+    out: "Output"
+
+    def with_designs(self, production: "Production", count: int) -> "tuple[Production, Samples | None]":
+        """A production with the designs of so many drives, and the samples that they are of, if they differ."""
+        from hdassist.run.run import Run
+
+        states = production.design_states(count)
+        with self.pool() as (executor, _), self.out.progress("designs", states) as progress:
+            return production.with_designs(count, run=Run(executor, progress))
+
+    def records(self, production: "Production", count: int) -> "list[RandomDrive]":
+        """Records of so many drives of a production."""
+        from hdassist.run.stream import collected
+
+        with self.out.progress(self.name, count) as progress:
+            return collected(production.records, count, self.pool, progress)
 
 
 def require_limits(drive: "Drive") -> list[float]:

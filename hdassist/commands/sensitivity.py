@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hdassist.commands.draw_options import DrawOptions
-from hdassist.run.run import Run
+from hdassist.commands.draw_options import DrawOptions, ProductionRun
 from hdassist.terminal import options as o
 
 
@@ -39,9 +38,8 @@ class SensitivityCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
         from dataclasses import replace
 
         from hdassist.pages.sensitivity import sensitivity_report
-        from hdassist.run.stream import collected
         from hdassist.terminal.runs import answer_of, give
-        from hdassist.tolerance.production import Production, RandomDrive
+        from hdassist.tolerance.production import Production
         from hdassist.tolerance.sensitivity import sensitivities
 
         out = self.open()
@@ -52,15 +50,9 @@ class SensitivityCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
             each_its_own, drive.operation.M_g, mounting=False, seed=self.seed, per_design=1, steps=True
         )
         with self.pools() as pool:
-            states = production.design_states(self.count)
-            with pool() as (executor, _), out.progress("designs", states) as progress:
-                production, samples = production.with_designs(self.count, run=Run(executor, progress))
+            drives = ProductionRun(drive.name, pool, out)
+            production, samples = drives.with_designs(production, self.count)
             assert samples
-
-            def records(production: Production, count: int) -> list[RandomDrive]:
-                with out.progress(drive.name, count) as progress:
-                    return collected(production.records, count, pool, progress)
-
-            found = sensitivities(production, samples, records)
+            found = sensitivities(production, samples, drives.records)
         answer = answer_of(sensitivity_report(replace(found, law=law)), details=self.details)
         return give("sensitivity", [answer], self, out)

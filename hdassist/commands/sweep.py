@@ -116,7 +116,7 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
         return self.csv == "-" or (no_page and self.csv is None and self.output == "-")
 
     def _sweep(self) -> tuple[Sweep, Drive, KeptOwner]:
-        """The sweep that is asked for, its drive, and what decides its rows. Raises DataError and UsageError."""
+        """The sweep, its drive, and the owner of its rows. Raises DataError and UsageError."""
         from hdassist.design.sweep import Sweep
         from hdassist.design.vary import read_axes, require_few
         from hdassist.errors import UsageError

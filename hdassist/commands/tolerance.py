@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from hdassist.commands.draw_options import DrawOptions
-from hdassist.run.run import Run
+from hdassist.commands.draw_options import DrawOptions, ProductionRun, require_limits
 from hdassist.terminal import options as o
 
 
@@ -53,7 +52,6 @@ class ToleranceCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
 
     def run(self) -> int:
         """Draw the drives; returns the exit code."""
-        from hdassist.commands.draw_options import require_limits
         from hdassist.error.self_error import self_error
         from hdassist.errors import UntrustedError
         from hdassist.pages.tolerance import tolerance_report
@@ -100,8 +98,7 @@ class ToleranceCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
         with self.pools() as pool, open_kept(results, owner, production.kind, force=self.force) as kept:
             summary.add(islice(kept.records(), count))
             if kept.done < count:
-                with pool() as (executor, _), out.progress("designs", production.design_states(count)) as progress:
-                    production, samples = production.with_designs(count, run=Run(executor, progress))
+                production, samples = ProductionRun(drive.name, pool, out).with_designs(production, count)
             with (
                 out.progress(drive.name, count - kept.done) as progress,
                 closing(stream(production.records, count, done=kept.done, pool=pool)) as chunks,

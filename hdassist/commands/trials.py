@@ -21,10 +21,10 @@ class TrialsCommand(
 
     \b
     Examples:
-      hdassist trials vzp160 h0:28.1 h4:17.3 h8:24.9
-      hdassist trials own.yaml h0:28.1 h4:17.3 h8:24.9 h4:17.9 --noise 0.5
-      hdassist trials own.yaml h0:28.1 h4:17.3 h8:24.9 --card card.html
-      hdassist trials own.yaml h0:28.1 h4:17.3 h8:24.9 --verify h5:16.2
+      hdassist trials vzp160 h0=28.1 h4=17.3 h8=24.9
+      hdassist trials own.yaml h0=28.1 h4=17.3 h8=24.9 h4=17.9 --noise 0.5
+      hdassist trials own.yaml h0=28.1 h4=17.3 h8=24.9 --card card.html
+      hdassist trials own.yaml h0=28.1 h4=17.3 h8=24.9 --verify h5=16.2
 
     Mount the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline) in a few positions of its
     seat, the first three 120 deg apart, at a light torque, measure F'_ior in each and give them all: the offset of the
@@ -42,10 +42,10 @@ class TrialsCommand(
 
     preset: o.Preset
     trials: Annotated[
-        list[str], typer.Argument(metavar="WHERE:F_IOR", help="F'_ior: h4:17.3 (hole), 120:17.3 (deg), h4:run.csv.")
+        list[str], typer.Argument(metavar="HOLE=F_IOR", help="F'_ior: h4=17.3 (hole), 120=17.3 (deg), h4=run.csv.")
     ]
     verify: Annotated[
-        str | None, o.trials_option(metavar="WHERE:F_IOR", help="Outcome to compare with what the trials predict.")
+        str | None, o.trials_option(metavar="HOLE=F_IOR", help="Outcome to compare with what the trials predict.")
     ] = None
     plot: o.Plot = True
     details: o.Details = False

@@ -84,7 +84,7 @@ class Sweep:
 
     @property
     def kind(self) -> RecordKind[SweepRow]:
-        """What the records are in a file."""
+        """Type of the records in a file."""
         return RecordKind(TypeAdapter(SweepRow))
 
     def __call__(self, first: int, last: int) -> list[SweepRow]:
@@ -121,7 +121,7 @@ def _solved(M_g: float, drive: Drive) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Swept:
-    """What came of a sweep.
+    """Results of a sweep.
 
     F_ior_arcsec, NaN where a row has no answer, shape (values of each axis, torques); states and max_residual of all
     rows; failed, rows without an answer; reason, of the first of them; exit_codes of all of them; widened, rows
@@ -155,7 +155,7 @@ class Swept:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader should know beside the numbers."""
+        """Warnings about the numbers."""
         wider = f"{self.widened} rows were computed in a wider flank window than the preset's: window_deg says which"
         return (
             *self.drive.origin.warnings,
@@ -165,12 +165,12 @@ class Swept:
 
 
 def largest(drive: Drive, axes: Iterable[Axis]) -> Drive:
-    """The drive with each size that is varied at its greatest: what is not known then, is not known in some row."""
+    """The drive with each varied size at its greatest: inputs unknown in it are unknown in some row."""
     return drive.with_values({axis.path: max(axis.values) for axis in axes if axis.path != TORQUE})
 
 
 def collect(sweep: Sweep, drive: Drive, records: Iterable[SweepRow]) -> Swept:
-    """What comes of the records of all rows, in their order; each is looked at once."""
+    """Results from the records of all rows, in their order; each record is read once."""
     F_ior = np.full(sweep.rows, np.nan)
     states, residual, failed, reason, codes, widened = 0, 0.0, 0, "", set[int](), 0
     for row, record in enumerate(records):

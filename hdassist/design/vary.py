@@ -1,4 +1,4 @@
-"""What is varied in a sweep: fields of a preset, each with the values that it takes."""
+"""Axes of a sweep: fields of a preset, each with its values."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
     Examples:
       hdassist explore vzp160
       hdassist explore my-drive.yaml --set phases.xi_b=230
-      hdassist explore my-drive.yaml h0:28.1 h4:17.3 h8:24.9
+      hdassist explore my-drive.yaml h0=28.1 h4=17.3 h8=24.9
 
     Arrow keys turn the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline); t adds a trial, c
     writes the assembly card, ? explains the screen. Numbers are coarse at once, then refined, then proven; a card comes
@@ -30,7 +30,7 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
     preset: o.Preset
     trials: Annotated[
         list[str] | None,
-        typer.Argument(metavar="WHERE:F_IOR", help="Trials to begin with, as hdassist trials takes them."),
+        typer.Argument(metavar="HOLE=F_IOR", help="Trials to begin with, as hdassist trials takes them."),
     ] = None
     light: Annotated[bool, typer.Option("--light", help="Dark letters on a light ground.")] = False
     ascii: o.Ascii = False

@@ -65,7 +65,8 @@ class SessionFile:
         self._before = read_bytes(self.path, MOST_SESSION_BYTES)[0]
         try:
             kept = KeptSession.model_validate_json(self._before)
-            there = at_step(replace(opened, rig=kept.rig), Step(kept.changes, kept.trials))
+            trials = tuple(text.replace(":", "=") for text in kept.trials)  # as older files have them
+            there = at_step(replace(opened, rig=kept.rig), Step(kept.changes, trials))
             rig_of(there)
             if kept.preset != self._preset or not 0 < kept.rig.sure < 1:
                 raise DataError(f"{kept.preset}, sure {kept.rig.sure:g}, is none of {self._preset}")

@@ -70,7 +70,7 @@ class Session:
 
     @property
     def trials(self) -> tuple[str, ...]:
-        """Trials as the command takes them: h4:17.3 or 120:17.3."""
+        """Trials as the command takes them: h4=17.3 or 120=17.3."""
         return self.step.trials
 
     @property
@@ -154,14 +154,14 @@ def edited(session: Session, path: str, value: str) -> Session:
 
 
 def with_trials(session: Session, text: str) -> Session:
-    """The session with trials more: "28.1" at the hole that is looked at, or "h4:17.3", several with blanks between.
+    """The session with trials more: "28.1" at the hole that is looked at, or "h4=17.3", several with blanks between.
 
     Raises UsageError for an invalid trial.
     """
     words = text.split()
     if not words:
-        raise UsageError("no trial given", "like 28.1, or h4:17.3")
-    trials = [word if ":" in word else f"{session.here}:{word}" for word in words]
+        raise UsageError("no trial given", "like 28.1, or h4=17.3")
+    trials = [word if "=" in word or ":" in word else f"{session.here}={word}" for word in words]
     return _stepped(session, replace(session.step, trials=(*session.trials, *trials)))
 
 

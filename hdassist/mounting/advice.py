@@ -220,7 +220,7 @@ def advise(
     Arguments: torques [N*m]; rotations_deg, positions of the curve [deg], 0 first, where the wheel stands; measured,
     wheels in place of first harmonics, for which nothing is drawn; every_state, solve all states of the curve instead
     of searching; weights of the torques, one each; draws, effective samples of what is not known at least, 0 for none,
-    and the criterion that chooses among positions in them: expected, worst or quantile:Q; needed, probability of a gain
+    and the criterion that chooses among positions in them: expected, worst or quantile=Q; needed, probability of a gain
     for which a turn is ordered. An
     interrupt ends the work early: the advice has the curve that was done. Raises UsageError for invalid positions,
     weights or criterion, UntrustedError where an answer cannot be trusted, or the preset's catalogue contradicts its

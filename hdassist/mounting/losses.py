@@ -29,13 +29,13 @@ class Criterion:
 
     @classmethod
     def of(cls, text: str) -> Criterion:
-        """Read expected, worst or quantile:0.9. Raises UsageError for anything else."""
+        """Read expected, worst or quantile=0.9. Raises UsageError for anything else."""
         if text in ("expected", "worst"):
             return cls(text)
-        name, _, number = text.partition(":")
+        name, _, number = text.partition("=")
         quantile = number_of(number)
         if name != "quantile" or not 0 < quantile < 1:
-            raise UsageError(f"invalid criterion {text!r}: expected, worst, or quantile:0.9")
+            raise UsageError(f"invalid criterion {text!r}: expected, worst, or quantile=0.9")
         return cls(text, quantile)
 
     def over(self, losses: Array, weights: Array) -> Array:

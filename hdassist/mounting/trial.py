@@ -12,7 +12,7 @@ from hdassist.preset.measured import position_fault, turn_of
 from hdassist.preset.yamltext import shown
 from hdassist.readers.trace import LARGEST_ERROR
 
-TRIAL_HINT = "like 120:17.3 (deg) or h4:17.3 (hole): F'_ior in arcsec, with a point; or h4:run.csv, a record"
+TRIAL_HINT = "like 120=17.3 (deg) or h4=17.3 (hole): F'_ior in arcsec, with a point; or h4=run.csv, a record"
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,13 @@ class Tried:
 
 
 def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> Trial:
-    """Read 120:17.3 (degrees) or h4:17.3 (holes of the seat, of which some are allowed). Raises UsageError for else."""
-    where, _, value = text.lower().partition(":")
+    """Read 120=17.3 (degrees) or h4=17.3 (holes of the seat, of which some are allowed). Raises UsageError for else."""
+    where, equals, value = text.lower().partition("=")
     F_ior = number_of(value)
     if not 0 < F_ior <= LARGEST_ERROR:
-        raise UsageError(f"{shown(text)!r} is no trial", TRIAL_HINT)
+        before = not equals and ":" in text  # as it was written before
+        hint = text.replace(":", "=", 1) if before else TRIAL_HINT
+        raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE=VALUE", hint)
     return Trial(read_trial_position(where, text, holes, allowed), F_ior)
 
 
@@ -48,7 +50,7 @@ def read_trial_position(where: str, text: str, holes: int, allowed: Sequence[int
     """Turn [deg] of the position in a trial's text: degrees, or a hole of the seat. Raises UsageError for else."""
     rotation = turn_of(where, holes)
     if rotation != rotation:
-        raise UsageError(f"{shown(text)!r} is no trial", TRIAL_HINT)
+        raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE=VALUE", TRIAL_HINT)
     if fault := position_fault(where, holes):
         raise UsageError(f"{text!r}: {fault[0]}", fault[1] or TRIAL_HINT)
     hole = hole_of(rotation, holes)

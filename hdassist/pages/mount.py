@@ -105,7 +105,7 @@ def what_to_do(advice: Advice, say: Texts | None = None) -> str:
         )
     holes = bool(advice.drive.mounting.holes)
     fixed, where = wheel(advice.drive, say), ", ".join(hole_place(p, say) for p in advice.to_try)
-    trials = [f"{f'h{p.hole}' if holes else f'{p.rotation_deg:g}'}:F_IOR" for p in advice.to_try]
+    trials = [f"{f'h{p.hole}' if holes else f'{p.rotation_deg:g}'}=F_IOR" for p in advice.to_try]
     measure = say("instruction.measure", where=where, command=again("trials", advice.drive, *trials))
     if (found := advice.gain_probability) and not advice.any_hole:
         why = say(

@@ -35,8 +35,8 @@ def stream(
     Arguments: work, which can be pickled and gives the records of the items first ... last - 1: where chunks begin and
     end depends on how fast it is, so a record must not depend on that; total; done, how many items are done already;
     pool, which begins an executor and tells how many tasks it works on at a time (None: in this process); seconds of
-    work in a chunk. Where workers die, new ones begin with what is not done.
-    Raises what the work raises; UntrustedError: the same items end workers again and again.
+    work in a chunk. Where workers die, new ones begin with the items left.
+    Raises the errors of the work; UntrustedError: the same items end workers again and again.
     """
     queue = _Queue(work, total, done, seconds)
     deaths = 0
@@ -85,7 +85,7 @@ class _Queue:
         self._cost = self._counted = 0.0  # s and items of chunks that are done, the last ones counting most
 
     def records(self, executor: Executor, at_a_time: int, ahead: int) -> Iterator[list[Any]]:
-        """Records of one chunk after the other, to the last; what an executor that broke had done is not done again.
+        """Records of one chunk after the other, to the last; items that a broken executor has finished are kept.
 
         Arguments: executor; at_a_time, tasks that it works on at a time; ahead, chunks that are given to it at once.
         """
@@ -135,7 +135,7 @@ def _timed(work: bytes, first: int, last: int) -> tuple[float, list[Any]]:
 
 @lru_cache(maxsize=1)
 def _unpickled(work: bytes) -> Work:
-    """The work, made once in each process: what it keeps for later items stays from chunk to chunk."""
+    """The work, unpickled once in each process: its caches stay from chunk to chunk."""
     found: Work = pickle.loads(work)
     return found
 

@@ -282,7 +282,7 @@ class TraceOptions(OptionGroup):
     ]  # fmt: skip
 
     def form(self) -> "TraceForm":
-        """What is asked of the columns of the file."""
+        """Columns of the file and their units, as the options give them."""
         from hdassist.readers.trace import TraceForm
 
         return TraceForm(**{each.name: getattr(self, each.name) for each in fields(TraceForm)})
@@ -293,12 +293,12 @@ class ChoiceOptions(OptionGroup):
     """How positions are chosen."""
 
     weights: Annotated[str | None, typer.Option(metavar="W,W", help="Weights of the torques, in their order.")] = None
-    criterion: Annotated[str, typer.Option(metavar="NAME", help="What decides: expected, worst, or quantile:0.9.")] = (
+    criterion: Annotated[str, typer.Option(metavar="NAME", help="Choose by expected, worst, or quantile=0.9.")] = (
         "expected"
     )
 
     def numbers(self) -> list[float] | None:
-        """The weights as numbers. Raises UsageError for what is none."""
+        """The weights as numbers. Raises UsageError for anything else."""
         if self.weights is None:
             return None
         weights = [number_of(word) for word in self.weights.split(",")]
@@ -360,7 +360,7 @@ class WorkOptions(OptionGroup):
     ] = None
 
     def pools(self) -> "AbstractContextManager[Pool]":
-        """What begins executors, for `stream`. Raises UsageError and DataError: a cluster that cannot be used."""
+        """Factory of executors, for `stream`. Raises UsageError and DataError: a cluster that cannot be used."""
         from hdassist.run.cluster import pools, scheduler_address
         from hdassist.terminal.output import warn
 

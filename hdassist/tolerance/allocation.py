@@ -1,8 +1,8 @@
 """The cheapest tolerances that reach a yield as surely as is asked, over all that is not known of the design.
 
-A cost law is share (now/tolerance)^k. Random drives are solved with some tolerances; what a step of each does to the
-F'_ior of each drive, taken as linear, says which tolerances would be the cheapest; other drives with these prove or
-refuse them, and say the same again, until they agree.
+A cost law is share (now/tolerance)^k. Random drives are solved with a set of tolerances; the change of each drive's
+F'_ior by a step of each tolerance, taken as linear, gives a cheaper set; other random drives with that set confirm or
+reject it, and the search is repeated from them until two sets agree.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from hdassist.tolerance.yields import AtTorque, Summary, YieldBelief
 from hdassist.verdict import Verdict
 
 LOOSER = 2.0  # times the preset's tolerance, at most
-TIGHTER = 0.1  # times it at least, where the preset does not say what can be made
+TIGHTER = 0.1  # times it at least, where the preset gives no least value that can be made
 RADII = (0.5, 0.25, 0.12, 0.06)  # of the logarithms of tolerances, in which the ratio is taken as linear
 SLOPE_STEP = 0.1  # of them, over which slopes are taken: drives that come and go are smoothed
-AIM = 0.98  # of the limit, so that what is left over lies on the good side
+AIM = 0.98  # of the limit: a margin for the error of the linear model
 STRICTER = 0.93  # times the aim, where drives did not prove the tolerances that were sought with it
-LIMIT_AGREES = 0.06  # of the limit: what may be left over
+LIMIT_AGREES = 0.06  # of the limit: margin that may remain
 ISO_CLASSES = range(1, 12)  # of ISO 1328-1:2013
 LEAST_SHARE_LEFT = 1e-2  # of F'_ior of a drive, that is left of it whatever its sizes are scaled by
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """A tolerance that may be chosen, by path: its value in the preset, what it may be, and what it costs.
+    """A tolerance that may be chosen, by path: its value in the preset, its bounds, and its cost law.
 
-    assumed_law: whether the preset does not say what it costs.
+    assumed_law: whether the preset gives no cost law.
     """
 
     path: str
@@ -65,7 +65,7 @@ def tolerances(drive: Drive, law: ProductionLaw) -> tuple[Tolerance, ...]:
 
 @dataclass(frozen=True)
 class Allocation:
-    """Tolerances, by path in the field's unit, what they cost, and what random drives with them come to.
+    """Tolerances, by path in the field's unit, their cost, and the yield of random drives with them.
 
     turned: whether each wheel is turned to its best position; tried: yield of drives other than those it was sought on;
     probability that it reaches the yield that is wanted, and the verdict on it; classes: accuracy classes of
@@ -155,7 +155,7 @@ class Allocator:
         return min(answers, key=lambda answer: (not answer.fits, answer.cost), default=found)
 
     def _tried(self, turned: bool, values: Mapping[str, float], attempt: int) -> tuple[list[RandomDrive], Allocation]:
-        """Drives with some tolerances, others at each attempt, and what they come to."""
+        """Random drives with given tolerances, other drives at each attempt, and their allocation."""
         production = replace(
             self.production,
             law=self.production.law.scaled({c.path: values[c.path] / c.now for c in self.choices}),

@@ -1,4 +1,4 @@
-"""What the drives of a production are drawn from: what all drives of a design share, and what each has of its own.
+"""Distributions of random drives: fields that all drives of a design share, and fields that each drive has alone.
 
 A size of a deviation that the preset gives is a tolerance here: parts lie between zero and it, by a law. A size that it
 does not give, or only assumes, is drawn as `check` draws it. Directions are any: parts are put together as they come.
@@ -51,7 +51,7 @@ class TolerancedSize(FieldPrior):
 
 @dataclass(frozen=True)
 class ProductionLaw:
-    """Distributions of the drives of a production: shared, what drives of a design have alike; own, of each drive."""
+    """Distributions of random drives: shared fields, alike in all drives of a design, and own fields of each drive."""
 
     drive: Drive
     shared: tuple[FieldPrior, ...]
@@ -75,7 +75,7 @@ class ProductionLaw:
         return tuple(f.path for f in sizes if not isinstance(f, TolerancedSize) and f.distribution != "normal")
 
     def values(self, seed: int, drive: int) -> dict[str, float]:
-        """What a drive by its number has of its own, by path: the same however many are drawn, and by whom."""
+        """Own fields of a drive by its number, by path: they depend on the seed and the number alone."""
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(drive,)))
         return {f.path: float(f.value(np.array(s))) for f, s in zip(self.own, rng.random(len(self.own)), strict=True)}
 

@@ -1,7 +1,7 @@
 """F'_ior of random drives: as each is put together by chance, and with its fixed wheel bolted in where it is best.
 
-Designs are drawn from what is not known of them, weighted by the preset's evidence; drives of a design, in groups of
-the same number, by the law of the production. A coarse grid of states tells which positions of the wheel may be the
+Designs are drawn from the prior of the unknown inputs, weighted by the preset's evidence; drives of a design, in groups
+of the same number, by the law of the production. A coarse grid of states tells which positions of the wheel may be the
 best; there, and where it stands, the extremes are searched on a finer one, solved and proven (error/error_map.py).
 """
 
@@ -49,7 +49,7 @@ class RandomDrive(ClosedRecord):
 
     design: its number, weight: of it by the evidence; best_rotation_deg: the best position, as a rotation from the
     present one; tighter: F'_ior there with a size one STEP less, by its path, at most as great as it is; states and
-    max_residual: of the proof; refused: why it has no F'_ior; values: what was drawn, by field.
+    max_residual: of the proof; refused: why it has no F'_ior; values that were drawn, by field.
     """
 
     design: Count
@@ -69,8 +69,8 @@ class Production:
     """Random drives of a preset: once it has designs, `records` can be called in any process.
 
     law, by which drives are drawn; torques M_g [N*m]; rotations of the fixed wheel [deg], 0 first; limits of F'_ior
-    [arcsec], one a torque, by which the best position is chosen (None: by what it gains); seed; per_design: drives of a
-    design; steps: whether records have `tighter`; designs: what they have of their own, by path, with their weights.
+    [arcsec], one a torque, by which the best position is chosen (None: by the gain); seed; per_design: drives of a
+    design; steps: whether records have `tighter`; designs: shared values by path, with the weight of each design.
     """
 
     law: ProductionLaw
@@ -111,7 +111,7 @@ class Production:
         return self.law.drive
 
     def design_of(self, drive: int) -> int:
-        """Number of the design of a drive: 0 of all where designs have nothing that is not known."""
+        """Number of the design of a drive: 0 of all drives where no shared field is unknown."""
         return drive // self.per_design if self.law.shared else 0
 
     def design_states(self, drives: int) -> int:
@@ -160,11 +160,11 @@ class Production:
 
     @property
     def kind(self) -> RecordKind[RandomDrive]:
-        """What the records are in a file."""
+        """Type of the records in a file."""
         return RecordKind(TypeAdapter(RandomDrive))
 
     def options(self) -> dict[str, Any]:
-        """What decides the records, beside preset, seed and version."""
+        """Inputs that the records depend on, beside preset, seed and version."""
         return {
             "overrides": list(self.drive.origin.overrides),
             "torques_Nm": list(self.torques),
@@ -237,7 +237,7 @@ class Production:
         return {path: tuple(row) for path, row in zip(paths, columns_of_torques, strict=True)}, proof
 
     def _merit(self, F_ior: Array, now: Array) -> Array:
-        """What is least in the best position, shape (rotations,)."""
+        """Figure of merit of each position, least in the best one, shape (rotations,)."""
         return merit(F_ior, now if self.limits is None else np.array(self.limits))
 
 

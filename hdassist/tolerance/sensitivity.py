@@ -1,7 +1,7 @@
-"""Which tolerance to tighten first, or what to measure before: samples of all that is not known of a drive.
+"""Ranking of tolerances by the gain of one step tighter, and of measurements that narrow the unknown inputs.
 
-Each sample is a random drive of a random design. What a tolerance one step tighter takes off F'_ior is at most what it
-takes off between the states of the extremes; of those that promise most all samples are solved again.
+Each sample is a random drive of a random design. The gain of a tolerance one step tighter is at most the gain between
+the states of the present extremes; for the most promising tolerances all samples are solved again.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ class Tightened:
 
     @property
     def gain(self) -> float:
-        """What the step takes off the percentile [arcsec]."""
+        """Decrease of the percentile by the step [arcsec]."""
         return self.now - self.then
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivities:
-    """What F'_ior of a production comes from.
+    """Gains of tightening and influences of inputs on F'_ior of a production.
 
     samples of its random drives; worst: place of the torque that is worst now (of its limit, where there are limits);
     tightened at each torque, the greatest gain first; influences there; to_measure, at the worst torque; drives, states
@@ -74,7 +74,7 @@ class Sensitivities:
 
     @property
     def largest(self) -> Influence | None:
-        """What the greatest share of the spread comes from at the worst torque; None where that cannot be told."""
+        """Input with the largest share of the variance at the worst torque; None where no share is computed."""
         return next(iter(self.influences[self.worst]), None)
 
     @property
@@ -140,7 +140,7 @@ def _sound(records: list[RandomDrive]) -> list[RandomDrive]:
 
 
 def _tightened(path: str, F_ior: Array, then: Array, weights: Array, *, proven: bool) -> list[Tightened]:
-    """What a step of a tolerance brings at each torque, from F'_ior [arcsec] now and then, shape (drives, torques)."""
+    """Gain of a step of a tolerance at each torque, from F'_ior [arcsec] now and then, shape (drives, torques)."""
     resampled = np.random.default_rng(0).integers(0, len(F_ior), (RESAMPLES, len(F_ior)))
     found = []
     for before, after in zip(F_ior.T, then.T, strict=True):

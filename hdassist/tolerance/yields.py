@@ -1,9 +1,8 @@
-"""What random drives come to: percentiles of F'_ior, and the yield as far as the designs are known.
+"""Percentiles of F'_ior and yield of random drives, with the uncertainty that few drives and designs leave.
 
-Each design has a yield, of which its few drives tell a little. Yields of designs are taken as beta distributed; mean
-and
-concentration of that have posterior weights on a grid, and given them each design's yield is beta distributed too: the
-hierarchical model of Gelman et al., Bayesian Data Analysis, 3rd edition, section 5.3.
+The yields of designs are taken as beta distributed. Mean and concentration of that distribution have posterior weights
+on a grid; given them, the yield of each design is beta distributed too: the hierarchical model of Gelman et al.,
+Bayesian Data Analysis, 3rd edition, section 5.3.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ class YieldBelief:
         return float(self.weights @ self.passed / max(float(self.weights @ self.drives), 1e-300))
 
     def percentile(self, share: float) -> float:
-        """Yield that a share of the designs stay below, as far as their drives tell."""
+        """Percentile of the yield over the designs."""
         return float(np.interp(share, self._below, YIELDS))
 
     def probability(self, wanted: float) -> Probability:
@@ -132,7 +131,7 @@ class AtTorque:
 
 @dataclass(eq=False)
 class Summary:
-    """What random drives come to, added as they are computed.
+    """Sums over random drives, added as they are computed.
 
     positions: how many the wheel was tried in, 1 where it is not turned; wanted: the yield that is asked for, as a
     share, and sure, with which probability; designs and weights: number and weight of each drive's design; refused:
@@ -219,6 +218,6 @@ class Summary:
 
 
 def rooms(limits: Sequence[float | None], self_errors: Sequence[float]) -> list[float] | None:
-    """What limits [arcsec] leave for F'_ior at each torque; None where one is missing, or leaves nothing."""
+    """Limits [arcsec] less the self error at each torque; None where one is missing, or not above the self error."""
     left = [limit - own for limit, own in zip(limits, self_errors, strict=True) if limit is not None]
     return left if len(left) == len(limits) and min(left) > 0 else None

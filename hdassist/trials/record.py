@@ -29,11 +29,11 @@ class RecordReading:
 def read_trial_or_record(
     text: str, drive: Drive, reading: RecordReading = RecordReading(), allowed: Sequence[int] | str = "all"
 ) -> Trial:
-    """Read h4:17.3 as read_trial does, or h4:run.csv, a record of the drive's error over its full cycle.
+    """Read h4=17.3 as read_trial does, or h4=run.csv, a record of the drive's error over its full cycle.
 
     Raises what read_trial, read_trace and measure do; UntrustedError for a record of less than the cycle.
     """
-    where, _, file = text.partition(":")
+    where, _, file = text.partition("=")
     if not any(letter.isalpha() for letter in file.lower().replace("e", "")):
         return read_trial(text, drive.mounting.holes, allowed)
     rotation = read_trial_position(where.lower(), text, drive.mounting.holes, allowed)

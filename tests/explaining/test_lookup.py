@@ -14,7 +14,6 @@ from hdassist.explaining.lookup import entries, explained
 from hdassist.explaining.symbols import SYMBOLS
 from hdassist.explaining.terms import TERMS
 from hdassist.pages import check as check_page
-from hdassist.pages import self_error as self_error_page
 from hdassist.pages import stiffness as stiffness_page
 from hdassist.pages import trace as trace_page
 from hdassist.preset.fields import field_table, sections
@@ -24,7 +23,6 @@ from tests.process import SMALL, on_terminal, run
 REPORTED = (
     *check_page.POINT_QUANTITIES, *check_page.BELIEF, *check_page.SLOPES, *trace_page.ORDER_QUANTITIES,
     *stiffness_page.WHOLE_QUANTITIES,
-    *self_error_page.SELF_ERROR_QUANTITIES,
 )  # fmt: skip
 
 

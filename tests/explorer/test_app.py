@@ -85,19 +85,19 @@ def test_holes_that_are_not_allowed_are_marked_and_never_the_best() -> None:
 def test_trials_are_entered_dropped_undone_and_weighed() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("right", "t")
-        await typed(pilot, "480 h3:470")
+        await typed(pilot, "480 h3=470")
         await pilot.press("enter")
         await settled(app, pilot)
-        assert app.session.trials == ("h1:480", "h3:470")
+        assert app.session.trials == ("h1=480", "h3=470")
         found = app.of_trials
         assert found is not None and (found.advice or found.failed)
-        assert "hdassist trials" in screen(app) and "h3:470" in screen(app)
+        assert "hdassist trials" in screen(app) and "h3=470" in screen(app)
         await pilot.press("x")
-        assert app.session.trials == ("h1:480",)
+        assert app.session.trials == ("h1=480",)
         await pilot.press("u", "u")
         assert app.session.trials == () and app.of_trials is None
         await pilot.press("r")
-        assert app.session.trials == ("h1:480", "h3:470")
+        assert app.session.trials == ("h1=480", "h3=470")
 
     explored(act)
 
@@ -107,7 +107,7 @@ def likely() -> str:
     """Trials that the small drive can show: what is computed of it, turned by a hole."""
     app = explored(lambda app, pilot: pilot.pause(), opened_state(SMALL, FEW))
     values = [F_ior(app, 60.0 * k) for k in range(6)]
-    return " ".join(f"h{k}:{values[(k - 1) % 6]:.1f}" for k in (0, 2, 4))
+    return " ".join(f"h{k}={values[(k - 1) % 6]:.1f}" for k in (0, 2, 4))
 
 
 def test_trials_that_explain_themselves_have_a_band_and_the_commands_words_and_json(
@@ -136,7 +136,7 @@ def test_trials_that_explain_themselves_have_a_band_and_the_commands_words_and_j
 def test_a_trial_that_cannot_be_is_refused_where_it_is_entered() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("t")
-        await typed(pilot, "h99:3")
+        await typed(pilot, "h99=3")
         await pilot.press("enter")
         assert isinstance(app.screen, Form) and "the seat's holes are h0 to h5" in screen(app)
         await pilot.press("escape")
@@ -324,7 +324,7 @@ def asked(app: Explorer) -> str:
 
 async def add_trial(pilot: Pilot[int]) -> None:
     await pilot.press("t")
-    await typed(pilot, "h1:480")
+    await typed(pilot, "h1=480")
     await pilot.press("enter")
     await pilot.pause()
 
@@ -336,16 +336,16 @@ def test_leaving_asks_where_work_is_not_saved_and_offers_it_next_time(tmp_path: 
         await pilot.press("q")
         assert isinstance(app.screen, Confirm) and app.is_running
         await pilot.press("escape")
-        assert app.session.trials == ("h1:480",) and app.is_running and not isinstance(app.screen, Confirm)
+        assert app.session.trials == ("h1=480",) and app.is_running and not isinstance(app.screen, Confirm)
         await pilot.press("q", "y")
         await pilot.pause()
-        assert not app.is_running and "h1:480" in file.read_text()
+        assert not app.is_running and "h1=480" in file.read_text()
 
     async def go_on(app: Explorer, pilot: Pilot[int]) -> None:
-        assert "hdassist explore" in asked(app) and "h1:480" in asked(app) and "changed since" not in asked(app)
+        assert "hdassist explore" in asked(app) and "h1=480" in asked(app) and "changed since" not in asked(app)
         await pilot.press("y")
         await settled(app, pilot)
-        assert app.session.trials == ("h1:480",) and app.session.rig.noise == 2.0 and app.of_trials is not None
+        assert app.session.trials == ("h1=480",) and app.session.rig.noise == 2.0 and app.of_trials is not None
         await pilot.press("q")
         await pilot.pause()
         assert not app.is_running  # as it was opened: it is kept
@@ -355,7 +355,7 @@ def test_leaving_asks_where_work_is_not_saved_and_offers_it_next_time(tmp_path: 
 
 
 def test_what_is_not_to_be_kept_leaves_the_session_before(tmp_path: Path) -> None:
-    kept_in(tmp_path).write(with_trials(tiny(), "h4:17.3"))
+    kept_in(tmp_path).write(with_trials(tiny(), "h4=17.3"))
 
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("n")
@@ -367,7 +367,7 @@ def test_what_is_not_to_be_kept_leaves_the_session_before(tmp_path: Path) -> Non
 
     explored(act, kept=kept_in(tmp_path))
     found = kept_in(tmp_path).read(tiny())
-    assert found is not None and found[0].trials == ("h4:17.3",)
+    assert found is not None and found[0].trials == ("h4=17.3",)
 
 
 def test_a_kept_session_that_cannot_be_used_is_said(tmp_path: Path) -> None:

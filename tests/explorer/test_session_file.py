@@ -18,7 +18,7 @@ from tests.process import TINY
 def work() -> state.Session:
     """A session with something of everything."""
     begun = tiny("gears.j_n=7", rig=TrialOptions(trial_torque=1.0, noise=0.5))
-    return state.with_trials(state.edited(begun, "cam.W_0", "0.575 mm"), "h0:28.1 h4:17.3")
+    return state.with_trials(state.edited(begun, "cam.W_0", "0.575 mm"), "h0=28.1 h4=17.3")
 
 
 def test_a_session_is_read_back_onto_the_preset_as_it_is_opened(tmp_path: Path) -> None:
@@ -51,7 +51,7 @@ def edited(**values: Any) -> str:
         "preset": TINY,
         "sha256": "0",
         "changes": [],
-        "trials": ["h0:3"],
+        "trials": ["h0=3"],
         "rig": rig,
     }
     return json.dumps(kept | values | {"rig": rig | values.get("rig", {})})
@@ -61,14 +61,14 @@ def test_a_file_as_the_hostile_ones_would_be_without_their_edit_is_read(tmp_path
     kept = SessionFile(TINY, tmp_path)
     kept.path.write_text(edited())
     found = kept.read(tiny())
-    assert found is not None and found[0].trials == ("h0:3",)
+    assert found is not None and found[0].trials == ("h0=3",)
 
 
 HOSTILE = {
     "empty": "",
     "no object": "[]",
     "deep": "[" * 100_000,
-    "large": edited(trials=["h0:3"] * 200_000),
+    "large": edited(trials=["h0=3"] * 200_000),
     "another schema": edited(schema="hdassist.session/2"),
     "another preset": edited(preset="vzp160"),
     "key more": edited(notes="x"),
@@ -80,7 +80,7 @@ HOSTILE = {
     "no torque": edited(rig={"trial_torque": 0}),
     "always sure": edited(rig={"sure": -1.0}),
     "no trial": edited(trials=["h0:nan"]),
-    "no hole": edited(trials=["h99:3"]),
+    "no hole": edited(trials=["h99=3"]),
     "no field": edited(changes=[["gears.nosuch", "1"]]),
     "out of range": edited(changes=[["gears.j_n", "-1"]]),
     "two lines": edited(changes=[["gears.j_n", "1\n2"]]),
@@ -109,7 +109,7 @@ def test_what_was_kept_before_can_be_put_back(tmp_path: Path) -> None:
     before = file.read_bytes()
     kept = SessionFile(TINY, tmp_path)
     kept.read(tiny())
-    kept.write(state.with_trials(tiny(), "h1:3"))
+    kept.write(state.with_trials(tiny(), "h1=3"))
     assert file.read_bytes() != before
     kept.put_back()
     assert file.read_bytes() == before

@@ -45,7 +45,7 @@ def test_undo_and_redo_go_over_edits_and_trials_but_not_turns(session: Session) 
     steps = [state.edited(session, "gears.j_n", "8")]
     steps.append(state.with_trials(state.turned_state(steps[-1], 2), "28.1"))
     last = steps[-1]
-    assert last.trials == ("h2:28.1",)
+    assert last.trials == ("h2=28.1",)
     back = state.undone(last)
     assert (back.step, back.turn_deg) == (steps[0].step, 60)
     assert state.undone(back).step == Step() and state.undone(state.undone(back)).step == Step()
@@ -55,25 +55,25 @@ def test_undo_and_redo_go_over_edits_and_trials_but_not_turns(session: Session) 
 
 def test_a_value_alone_is_a_trial_where_the_wheel_is_looked_at(session: Session) -> None:
     looked = state.turned_state(session, -1)
-    assert state.with_trials(looked, "17.3 h4:20").trials == ("h11:17.3", "h4:20")
-    assert state.without_trial(state.with_trials(looked, "17.3 h4:20")).trials == ("h11:17.3",)
+    assert state.with_trials(looked, "17.3 h4=20").trials == ("h11=17.3", "h4=20")
+    assert state.without_trial(state.with_trials(looked, "17.3 h4=20")).trials == ("h11=17.3",)
 
 
-@pytest.mark.parametrize("text", ["", "h12:3", "abc", "h1:", "h1:-3", "17:3"])
+@pytest.mark.parametrize("text", ["", "h12=3", "abc", "h1:", "h1=-3", "17:3"])
 def test_what_is_no_trial_is_refused(session: Session, text: str) -> None:
     with pytest.raises(UsageError):
         state.with_trials(session, text)
 
 
 def test_fewer_holes_are_refused_while_a_trial_is_in_another(session: Session) -> None:
-    tried = state.with_trials(session, "h11:20")
+    tried = state.with_trials(session, "h11=20")
     with pytest.raises(UsageError, match="h0 to h5"):
         state.edited(tried, "mounting.holes", "6")
 
 
 def test_the_command_of_trials_says_how_they_were_measured() -> None:
-    tried = state.with_trials(tiny(rig=TrialOptions(trial_torque=1.0, noise=0.5)), "h0:28.1 h4:17.3")
-    assert tried.command() == (f"hdassist trials {TINY} h0:28.1 h4:17.3 --trial-torque 1 --noise 0.5 ") + " ".join(
+    tried = state.with_trials(tiny(rig=TrialOptions(trial_torque=1.0, noise=0.5)), "h0=28.1 h4=17.3")
+    assert tried.command() == (f"hdassist trials {TINY} h0=28.1 h4=17.3 --trial-torque 1 --noise 0.5 ") + " ".join(
         f"--set {quote(text)}" for text in FEW
     )
 
@@ -90,7 +90,7 @@ def test_turning_goes_round_and_free_angles_go_by_steps() -> None:
     free = tiny("mounting.holes=0")
     assert state.turned_state(free, 1).turn_deg == 5 and state.with_trials(
         state.turned_state(free, 1), "20"
-    ).trials == ("5:20",)
+    ).trials == ("5=20",)
 
 
 def test_a_pin_is_what_others_are_compared_with(session: Session) -> None:

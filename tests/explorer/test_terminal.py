@@ -118,7 +118,7 @@ def test_a_session_in_a_terminal() -> None:
         terminal.wait_for("hole 1 (60 deg)")
         terminal.press("t")
         terminal.wait_for("add trials")
-        terminal.press("h9:3\r")
+        terminal.press("h9=3\r")
         terminal.wait_for("h0 to h5")
         terminal.press("\x1b")
         while "add trials" in terminal.read():  # an escape and a letter at once would be another key
@@ -126,7 +126,7 @@ def test_a_session_in_a_terminal() -> None:
         terminal.press("t")
         terminal.wait_for("add trials")
         terminal.press("28.1\r")
-        terminal.wait_for("h1:28.1")
+        terminal.wait_for("h1=28.1")
         terminal.press("q")
         terminal.wait_for("leave, and do not keep them")
         terminal.press("y")
@@ -134,7 +134,7 @@ def test_a_session_in_a_terminal() -> None:
         assert terminal.as_it_was
         left = terminal.sent.rpartition(b"\x1b[?1049l")[2].decode()
         sets = " ".join(f"--set {quote(text)}" for text in FEW)
-        assert f"back to it: hdassist explore {TINY} h1:28.1 {sets}\r\n" in left
+        assert f"back to it: hdassist explore {TINY} h1=28.1 {sets}\r\n" in left
         assert f"back to it: hdassist check {TINY} {sets}\r\n" in left
         assert len(list(Path(terminal.states.name).rglob("*.json"))) == 1
     assert vanished(before)
@@ -186,10 +186,10 @@ def test_a_crash_gives_the_terminal_back_too() -> None:
 
 
 def test_without_a_terminal_it_is_refused_with_the_command_for_scripts() -> None:
-    done = run("explore", TINY, "h0:28.1", "--set", "gears.j_n=7")
+    done = run("explore", TINY, "h0=28.1", "--set", "gears.j_n=7")
     assert done.returncode == 2 and done.stdout == ""
     assert "the explorer needs a terminal" in done.stderr
-    assert f"hdassist trials {TINY} h0:28.1 --set gears.j_n=7" in done.stderr
+    assert f"hdassist trials {TINY} h0=28.1 --set gears.j_n=7" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ def test_without_a_terminal_it_is_refused_with_the_command_for_scripts() -> None
         (("explore", "-"), 2, "needs standard input for its keys"),
         (("explore", "nosuch"), 4, "no such preset"),
         (("explore", TINY, "--set", "gears.j_n=-1"), 2, "out of range"),
-        (("explore", TINY, "h99:3"), 2, "the seat's holes"),
+        (("explore", TINY, "h99=3"), 2, "the seat's holes"),
         (("explore", TINY, "--noise", "0"), 2, "noise"),
     ],
 )

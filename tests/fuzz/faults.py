@@ -83,7 +83,7 @@ CASES = {
         _case("check", "check tiny.yaml --csv a.csv -o a.json --json --force --jobs 2", "a.csv a.json"),
         _case("mount", "mount tiny.yaml --set mounting.holes=3 --draws 0 --card card.html --csv a.csv -o a.json "
               "--json --force --jobs 2", "card.html a.csv a.json"),
-        _case("trials", "trials tiny.yaml h0:130 h1:125 h2:127 --set mounting.holes=3 --noise 30 --sure 0.01 "
+        _case("trials", "trials tiny.yaml h0=130 h1=125 h2=127 --set mounting.holes=3 --noise 30 --sure 0.01 "
               "--card card.html --csv a.csv -o a.json --json --force --jobs 2", "card.html a.csv a.json"),
         _case("measure", "measure run.csv --ratio 11 --csv a.csv -o a.json --json --force", "a.csv a.json"),
         _case("compare", "compare tiny.yaml run.csv --csv a.csv -o a.json --json --force", "a.csv a.json"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from inspect import unwrap
 from math import nextafter, sqrt
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -29,7 +30,7 @@ LINES: dict[str, tuple[str, ...]] = {
     "tolerance": (*ONE, "-n", "2", "--limit", "3000"), "sensitivity": (*ONE, "-n", "16"),
     "sweep": (*ONE, "--vary", "gears.j_n=5,6"),
     "allocate": (*ONE, "-n", "20", "--limit", "3000"), "compare": (*ONE, "run.csv", "--no-plot"), "report": ONE,
-    "mount": (*ONE, "--draws", "1"), "trials": (*ONE, "h0:280", "h4:170", "--draws", "8"),
+    "mount": (*ONE, "--draws", "1"), "trials": (*ONE, "h0=280", "h4=170", "--draws", "8"),
     "measure": ("run.csv", "--ratio", "10"), "accept": (*ONE, "--limit", "F_ior@4=300"),
     "calibrate": (*ONE, "--targets", "targets.yaml", "--evaluations", "8"), "presets new": ("own",),
     "explain": ("F_ior",), "doctor": (), "help": (), "presets list": (), "presets show": ("drive.yaml",),
@@ -86,12 +87,13 @@ def declared(command: str) -> list[Declared]:
 
 @cache
 def commands() -> dict[str, Any]:
-    """Functions of all commands, by the words that call them."""
+    """Classes of all commands, by the words that call them."""
     found = {}
     for name in COMMANDS:
         command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
         inner = getattr(command, "commands", None)
-        found |= {f"{name} {each}": c.callback for each, c in inner.items()} if inner else {name: command.callback}
+        leaves = {f"{name} {each}": c for each, c in inner.items()} if inner else {name: command}
+        found |= {words: unwrap(leaf.callback) for words, leaf in leaves.items()}
     return found | {"help": typer.main.get_command(app).commands["help"].callback}  # type: ignore[attr-defined]
 
 

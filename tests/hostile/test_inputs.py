@@ -170,7 +170,7 @@ def test_what_can_be_no_file_is_refused_where_a_file_is_written(folder, place, f
     [(LONG, "name too long"), ("circle", "symbolic links"), ("/dev/zero", "a binary file"), ("pipe", "is empty")],
 )
 def test_a_trial_whose_record_can_be_no_file_is_refused(folder, file, words):
-    require_refused(run("trials", TINY, f"h0:{file}"), words)
+    require_refused(run("trials", TINY, f"h0={file}"), words)
 
 
 def preset_with(**lines: str) -> str:
@@ -226,7 +226,7 @@ def test_positions_that_are_asked_for_are_bounded(alarm, step, said, holes):
     assert done.returncode == 2
 
 
-@pytest.mark.parametrize("trial", ["1e308:17.3", "-1e308:17.3", "h1e308:17.3", "h0:1e308", "nan:17.3", "inf:1"])
+@pytest.mark.parametrize("trial", ["1e308:17.3", "-1e308:17.3", "h1e308:17.3", "h0=1e308", "nan:17.3", "inf:1"])
 @pytest.mark.parametrize("holes", ["0", "12"])
 def test_a_trial_beyond_what_can_be_measured_is_none(alarm, trial, holes):
     done = run("trials", TINY, trial, "--set", f"mounting.holes={holes}")
@@ -236,7 +236,7 @@ def test_a_trial_beyond_what_can_be_measured_is_none(alarm, trial, holes):
 
 @pytest.mark.parametrize("torque", ["1e308", "-1e308", "1.1e7", "0", "nan", "inf"])
 def test_a_torque_of_trials_beyond_what_a_preset_may_have_is_none(alarm, torque):
-    done = run("trials", TINY, "h0:17.3", "--trial-torque", torque)
+    done = run("trials", TINY, "h0=17.3", "--trial-torque", torque)
     require_refused(done, f"invalid trials: {float(torque):g} N*m")
     assert done.returncode == 2
 
@@ -244,12 +244,12 @@ def test_a_torque_of_trials_beyond_what_a_preset_may_have_is_none(alarm, torque)
 @pytest.mark.parametrize("option", ["--noise", "--reseat"])
 @pytest.mark.parametrize("value", ["1e308", "1.1e6", "-1", "nan", "inf"])
 def test_noise_and_reseat_beyond_what_can_be_measured_are_none(alarm, option, value):
-    done = run("trials", TINY, "h0:17.3", option, value)
+    done = run("trials", TINY, "h0=17.3", option, value)
     require_refused(done, f"Invalid value for '{option}'")
     assert done.returncode == 2
 
 
-@pytest.mark.parametrize("command", [("check", TINY), ("accept", "lot.csv"), ("trials", TINY, "h0:1"), ("mount", TINY)])
+@pytest.mark.parametrize("command", [("check", TINY), ("accept", "lot.csv"), ("trials", TINY, "h0=1"), ("mount", TINY)])
 def test_so_many_processes_are_wrong_usage(folder, command):
     done = run(*command, "--jobs", "9" * 400)
     require_refused(done, "--jobs")

@@ -153,7 +153,7 @@ def test_probabilities_and_criteria_are_those_of_the_weighted_samples():
     equal = replace(found, sample_weights=np.ones(40))
     middle = np.quantile(F_ior[:, 1], 0.5, method="hazen")
     assert equal.quantile(0.5, 1) == pytest.approx((middle,))
-    quantiles = Criterion.of("quantile:0.9").over(lost, np.ones(40))
+    quantiles = Criterion.of("quantile=0.9").over(lost, np.ones(40))
     assert quantiles == pytest.approx(np.quantile(lost, 0.9, axis=0, method="hazen"))
 
 
@@ -190,7 +190,7 @@ def test_an_order_takes_the_probability_that_the_verdicts_take(rows, order):
     assert advice.choice.turn == (order == "turn")
 
 
-@pytest.mark.parametrize("text", ["", "best", "quantile:2", "quantile:", "quantile:x"])
+@pytest.mark.parametrize("text", ["", "best", "quantile=2", "quantile=", "quantile:0.9", "quantile=x"])
 def test_unknown_criteria(text):
     with pytest.raises(UsageError, match="invalid criterion"):
         Criterion.of(text)

@@ -38,7 +38,7 @@ def test_without_a_direction_that_decides_any_hole_may_be_the_best():
     assert [place["hole"] for place in told["measure"]] == [0, 4, 8]
     assert told["unknown"] == [{"field": "phases.phi_hb", "range": [0, 360], "reason": "any direction"}]
     overrides = "--set phases.phi_hb=unknown --set operation.M_g=4"
-    assert f"hdassist trials {SMALL} {overrides} h0:F_IOR h4:F_IOR h8:F_IOR" in what_to_do(advice)
+    assert f"hdassist trials {SMALL} {overrides} h0=F_IOR h4=F_IOR h8=F_IOR" in what_to_do(advice)
 
 
 FREE = "the cam aligns itself (its support has a stiffness of 0), so no offset of it is felt."

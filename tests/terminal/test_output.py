@@ -83,7 +83,7 @@ def test_words_beside_a_bar_are_no_markup(monkeypatch: pytest.MonkeyPatch) -> No
                 "measure", "accept", "explain", "presets show", "presets validate",
             )
         ),
-        ["trials", "µ±.yaml", "h0:1"], ["compare", "µ±.yaml", "run.csv"], ["doctor", "µ±"],
+        ["trials", "µ±.yaml", "h0=1"], ["compare", "µ±.yaml", "run.csv"], ["doctor", "µ±"],
         ["sweep", "µ±.yaml", "--vary", "gears.j_n=0:9:3"], ["calibrate", "µ±.yaml", "--targets", "µ±"],
         ["check", "vzp160", "--µ±"], ["check", SMALL, "--set", "µ±=1"],
         ["accept", SMALL, "--limit", "µ±"],

@@ -11,11 +11,11 @@ import pytest
 from tests.process import ASSUMED, SMALL, run, run_cold
 
 # what the drive of the preset shows in these holes at 4 N·m with an offset of 50 um at 20 deg
-TRIALS = ("h0:73", "120:18.7", "h8:25", "h4:18.2", "h3:19.3")
+TRIALS = ("h0=73", "120=18.7", "h8=25", "h4=18.2", "h3=19.3")
 ONE = ("trials", SMALL, "--torque", "4", "--draws", "16", "--set", "tolerances.e_hh=0")
 LOOSE = (*ONE, "--set", ASSUMED)
 # as many that no single one carries the choice
-MANY = ("h0:71.2", "h4:16.5", "h8:25", "h4:16.6", "h5:17.6", "h3:18.6", "h2:20.4", "h5:17.7", "--noise", "0.4")
+MANY = ("h0=71.2", "h4=16.5", "h8=25", "h4=16.6", "h5=17.6", "h3=18.6", "h2=20.4", "h5=17.7", "--noise", "0.4")
 OF_MOUNT = ("--step", "--every-state", "--cross-check", "--pitch-b")
 PLACE = {"hole", "rotation_deg"}
 POSITION = {*PLACE, "phase_deg", "F_ior_arcsec", "probability_good", "probability_best", "expected_loss"}
@@ -70,10 +70,10 @@ def shape(value: object, path: str = "") -> set[str]:
 
 
 def test_json_has_one_shape_whatever_was_given(answer):
-    least = run(*LOOSE, "0:20", "90:20", "--set", "mounting.holes=0", "--json")
+    least = run(*LOOSE, "0=20", "90=20", "--set", "mounting.holes=0", "--json")
     assert least.returncode in (0, 6), least.stderr
     done = run(
-        *LOOSE, *TRIALS, "--torque", "1", "--trial-torque", "4", "--verify", "h4:19", "--weights", "2,1", "--json"
+        *LOOSE, *TRIALS, "--torque", "1", "--trial-torque", "4", "--verify", "h4=19", "--weights", "2,1", "--json"
     )
     assert done.returncode in (0, 3, 6), done.stderr
     told = json.loads(done.stdout)
@@ -133,13 +133,13 @@ def test_details_are_the_trials_more_positions_and_what_was_learnt(answer):
 
 
 def test_trials_that_settle_nothing_have_an_exit_code_of_their_own():
-    one = run(*ONE, "h0:20", "-q")
+    one = run(*ONE, "h0=20", "-q")
     assert one.returncode == 6
     assert one.stdout == "unknown\n"
 
 
 def test_an_outcome_says_keep_or_go_back():
-    worse = run(*ONE, *TRIALS, "--verify", "h6:80", "-q")
+    worse = run(*ONE, *TRIALS, "--verify", "h6=80", "-q")
     assert worse.returncode == 3
     assert worse.stdout in ("3\n", "4\n")
     assert "outside of what the trials predict" in worse.stderr
@@ -148,18 +148,18 @@ def test_an_outcome_says_keep_or_go_back():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("h4",), "'h4' is no trial"),
-        (("h12:17",), "h0 to h11"),
-        (("0:17", "--set", "mounting.holes=0", "h1:17"), "has none"),
-        ((), "Missing argument 'WHERE:F_IOR'"),
-        (("--verify", "h4:17"), "Missing argument 'WHERE:F_IOR'"),
+        (("h4",), "invalid trial 'h4'"),
+        (("h12=17",), "h0 to h11"),
+        (("0=17", "--set", "mounting.holes=0", "h1=17"), "has none"),
+        ((), "Missing argument 'HOLE=F_IOR'"),
+        (("--verify", "h4=17"), "Missing argument 'HOLE=F_IOR'"),
         ((*TRIALS, "--noise", "0"), "'--noise': Input should be greater"),
         ((*TRIALS, "--reseat", "-1"), "'--reseat': Input should be greater"),
         ((*TRIALS, "--trial-torque", "0"), "invalid trials: 0 N*m"),
         *(((*TRIALS, option, "1"), f"No such option: {option}") for option in OF_MOUNT),
         ((*TRIALS, "--sure", "1"), "'--sure': Input should be less"),
-        (("4:17",), "was hole 4 meant? h4"),
-        ((*TRIALS, "--verify", "h4:17", "--card", "card.txt"), "for the mounting that --verify comes after"),
+        (("4=17",), "was hole 4 meant? h4"),
+        ((*TRIALS, "--verify", "h4=17", "--card", "card.txt"), "for the mounting that --verify comes after"),
         ((*TRIALS, "--weights", "1,2"), "weights must be 1 positive"),
         ((*TRIALS, "--criterion", "best"), "invalid criterion"),
         ((*TRIALS, "--set", "tolerances.e_hb=0"), "unknown size of the cam offset"),
@@ -174,15 +174,15 @@ def test_wrong_usage_is_told_before_any_work(arguments, words):
 
 @pytest.mark.parametrize("option", ["--trial", "--verify", "--trial-torque", "--noise", "--reseat"])
 def test_mount_names_the_command_that_takes_trials(option):
-    done = run("mount", SMALL, option, "h0:73")
+    done = run("mount", SMALL, option, "h0=73")
     assert done.returncode == 2
-    assert "hdassist trials PRESET h0:28.1" in done.stderr
+    assert "hdassist trials PRESET h0=28.1" in done.stderr
     assert option not in run("mount", "--help").stdout
 
 
 def test_trials_that_nothing_explains_have_no_answer(tmp_path: Path):
     figures = tmp_path / "none.csv"
-    done = run(*ONE, "h0:20", "h4:500", "--csv", str(figures))
+    done = run(*ONE, "h0=20", "h4=500", "--csv", str(figures))
     assert done.returncode == 5
     assert "no cam offset up to 60 um explains the trials" in done.stderr
     assert done.stdout == ""

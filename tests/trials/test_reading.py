@@ -16,34 +16,34 @@ def test_holes_of_trials_are_the_positions_of_the_seat(holes: int) -> None:
 
 
 def test_an_outcome_in_a_hole_that_is_not_allowed_is_none() -> None:
-    assert read_trial("h4:17", 12, [3, 4]) == Trial(120.0, 17.0)
+    assert read_trial("h4=17", 12, [3, 4]) == Trial(120.0, 17.0)
     with pytest.raises(UsageError, match=r"hole 5 is not one of mounting\.allowed"):
-        read_trial("h5:17", 12, [3, 4])
+        read_trial("h5=17", 12, [3, 4])
 
 
 def test_reading_trials() -> None:
-    assert read_trial("120:17.3", 12) == Trial(120.0, 17.3)
-    assert read_trial("h4:17.3", 12) == read_trial("H4:17.3", 12) == Trial(120.0, 17.3)
-    assert read_trial("4:17.3", 0) == Trial(4.0, 17.3)
-    assert read_trial("-30:17.3", 12) == Trial(330.0, 17.3)
+    assert read_trial("120=17.3", 12) == Trial(120.0, 17.3)
+    assert read_trial("h4=17.3", 12) == read_trial("H4=17.3", 12) == Trial(120.0, 17.3)
+    assert read_trial("4=17.3", 0) == Trial(4.0, 17.3)
+    assert read_trial("-30=17.3", 12) == Trial(330.0, 17.3)
 
 
 NO_TRIALS = [
     "",
     "120",
-    "120:",
-    ":17",
-    "h:17",
-    "h12:17",
-    "h-1:17",
-    "h1.5:17",
-    "x:17",
-    "30:0",
-    "30:-3",
-    "30:nan",
-    "inf:3",
-    "4:17",
-    "h4:run.csv",
+    "120=",
+    "=17",
+    "h=17",
+    "h12=17",
+    "h-1=17",
+    "h1.5=17",
+    "x=17",
+    "30=0",
+    "30=-3",
+    "30=nan",
+    "inf=3",
+    "4=17",
+    "h4=run.csv",
 ]
 
 
@@ -53,9 +53,16 @@ def test_what_is_no_trial(text: str) -> None:
         read_trial(text, 12)
 
 
+@pytest.mark.parametrize(("old", "new"), [("h4:17.3", "h4=17.3"), ("120:17.3", "120=17.3")])
+def test_the_old_form_has_the_new_one_in_its_hint(old: str, new: str) -> None:
+    with pytest.raises(UsageError, match=f"invalid trial '{old}': expected HOLE=VALUE") as refused:
+        read_trial(old, 12)
+    assert refused.value.hint == new
+
+
 def test_holes_of_a_seat_without_holes() -> None:
     with pytest.raises(UsageError, match="has none"):
-        read_trial("h1:17", 0)
+        read_trial("h1=17", 0)
 
 
 @pytest.mark.parametrize("rig", [(0.0,), (4.0, 0.0), (4.0, -1.0), (4.0, 1.0, -1.0), (float("nan"),)])

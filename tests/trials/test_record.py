@@ -38,36 +38,36 @@ def record(tmp_path):
 
 def test_a_record_gives_the_value_and_the_uncertainty_that_measure_gives(record):
     drive, file = load_preset(SMALL), record(CYCLE)
-    found = read_trial_or_record(f"h4:{file}", drive)
+    found = read_trial_or_record(f"h4={file}", drive)
     assert found.rotation_deg == 120
     greatest = measure(read_trace(file), drive=drive).directions[0]
     assert (found.F_ior_arcsec, found.noise_arcsec) == (greatest.range.value, greatest.uncertainty_arcsec)
     assert found.F_ior_arcsec == pytest.approx(12, abs=0.5)
     stated = read_trial_or_record(f"120:{file}", drive, RecordReading(stated={"encoder": 3.0}))
     assert stated.noise_arcsec == pytest.approx(np.hypot(3.0, found.noise_arcsec), rel=0.01)
-    assert read_trial_or_record("h4:17.3", drive) == Trial(120, 17.3)
+    assert read_trial_or_record("h4=17.3", drive) == Trial(120, 17.3)
 
 
 def test_a_record_of_less_than_the_cycle_is_no_trial(record):
     with pytest.raises(UntrustedError, match=r"3 of the 30 cam turns of the full cycle: F'_ior is a lower bound"):
-        read_trial_or_record(f"h4:{record(3)}", load_preset(SMALL))
+        read_trial_or_record(f"h4={record(3)}", load_preset(SMALL))
 
 
 @pytest.mark.parametrize(
     ("trial", "code", "words"),
     [
-        ("h4:{missing}", 4, "no such file"),
-        ("h4:{empty}", 4, "the file is empty"),
-        ("h4:{short}", 4, "less than one cam turn in one direction"),
-        ("h4:17,3", 2, "is no trial"),
-        ("h12:{short}", 2, "the seat's holes are h0 to h11"),
-        ("x:{short}", 2, "is no trial"),
+        ("h4={missing}", 4, "no such file"),
+        ("h4={empty}", 4, "the file is empty"),
+        ("h4={short}", 4, "less than one cam turn in one direction"),
+        ("h4=17,3", 2, "expected HOLE=VALUE"),
+        ("h12={short}", 2, "the seat's holes are h0 to h11"),
+        ("x={short}", 2, "expected HOLE=VALUE"),
     ],
 )
 def test_what_is_no_trial_is_told_before_any_work(record, tmp_path, trial, code, words):
     (tmp_path / "empty.csv").touch()
     files = {"missing": tmp_path / "no.csv", "empty": tmp_path / "empty.csv", "short": record(0.5)}
-    done = run("trials", SMALL, "--torque", "4", "h0:20", trial.format(**files))
+    done = run("trials", SMALL, "--torque", "4", "h0=20", trial.format(**files))
     assert (done.returncode, done.stdout) == (code, "")
     assert words in " ".join(done.stderr.split())
 
