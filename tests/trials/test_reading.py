@@ -11,8 +11,8 @@ from hdassist.trials.prior import Rig
 @pytest.mark.parametrize("holes", [12, 14, 25, 49])
 def test_holes_of_trials_are_the_positions_of_the_seat(holes: int) -> None:
     for hole, rotation in enumerate(usable_positions(holes, "all")):
-        assert read_trial(f"h{hole}:17", holes).rotation_deg == rotation
-        assert read_trial(f"{rotation!r}:17", holes).rotation_deg == rotation
+        assert read_trial(f"h{hole}=17", holes).rotation_deg == rotation
+        assert read_trial(f"{rotation!r}=17", holes).rotation_deg == rotation
 
 
 def test_an_outcome_in_a_hole_that_is_not_allowed_is_none() -> None:

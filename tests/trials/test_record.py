@@ -15,7 +15,7 @@ from hdassist.trials.posterior import drawn, prediction, require_reachable
 from hdassist.trials.prior import Rig, trial_prior
 from hdassist.trials.record import RecordReading, read_trial_or_record
 from tests.process import SMALL, run
-from tests.trials.test_trials import COARSE, M_G, told
+from tests.trials.drives import COARSE, M_G, told
 
 CYCLE = 30  # cam turns of the drive's full cycle
 RIG = Rig(M_G, noise_arcsec=2.0)
