@@ -25,6 +25,7 @@ from hdassist.pages import accept as page
 from hdassist.pages import accept_lot as lot_page
 from hdassist.pages.accept_junit import junit
 from hdassist.preset.overrides import parse
+from hdassist.report.report import Report
 from hdassist.run.kept import Kept, KeptOwner, open_kept
 from hdassist.run.processes import count, workers
 from hdassist.run.run import Run
@@ -34,8 +35,7 @@ from hdassist.terminal.answers import combine, json_text
 from hdassist.terminal.files import write_text
 from hdassist.terminal.output import complain, note
 from hdassist.terminal.page import report_page
-from hdassist.terminal.runs import Answer as RunAnswer
-from hdassist.terminal.runs import answer_of, give, run_each
+from hdassist.terminal.runs import give, run_each
 from hdassist.terminal.wheels import say_notes
 from hdassist.verdict import worst_exit_code
 
@@ -48,7 +48,7 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
     out = options.open()
     answers: list[AcceptAnswer] = []
 
-    def one(preset: str) -> RunAnswer:
+    def one(preset: str) -> Report:
         request = replace(base, preset=preset)
         drive = request.load()
         inputs = request.read(drive)
@@ -58,8 +58,8 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
             predictions = request.predict(drive, inputs.wheels, Run(executor, progress))
         answer = accept(request, inputs, predictions, fail_on=options.fail_on)
         answers.append(answer)
-        report = answer_of(page.accept_report(answer, predictions, drive), details=options.details)
-        return replace(report, page=None) if options.takes_stdout else report
+        report = page.accept_report(answer, predictions, drive)
+        return replace(report, head="") if options.takes_stdout else report
 
     def failed(preset: str, error: HdassistError) -> Json:
         answers.append(failure_of(replace(base, preset=preset), error))

@@ -51,7 +51,7 @@ class AllocateCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
         from hdassist.error.self_error import self_error
         from hdassist.errors import UsageError
         from hdassist.pages.allocate import Allocated, allocate_report
-        from hdassist.terminal.runs import answer_of, give
+        from hdassist.terminal.runs import give
         from hdassist.tolerance.allocation import Allocator
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.sensitivity import to_measure
@@ -85,4 +85,4 @@ class AllocateCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
                     ways.append(allocator.in_classes(ways[-1]))
         gains = to_measure(law, samples, 0) if samples else ()
         found = Allocated(law, self.wanted, self.sure, limits, own, allocator.choices, ways, self.seed, gains)
-        return give("allocate", [answer_of(allocate_report(found))], self, out)
+        return give("allocate", [allocate_report(found)], self, out)

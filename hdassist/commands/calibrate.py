@@ -12,7 +12,7 @@ from hdassist.run.run import Run
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
-    from hdassist.terminal.runs import Answer
+    from hdassist.report.report import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +75,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         from hdassist.run.stops import at_stop
         from hdassist.terminal.files import take_output, write_text
         from hdassist.terminal.output import note
-        from hdassist.terminal.runs import answer_of, give, run_each
+        from hdassist.terminal.runs import give, run_each
         from hdassist.textfile import read_bytes
 
         o.stdin_once(self.preset, str(self.targets))
@@ -85,7 +85,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
             if self.preset == "-" or self.overrides:
                 raise UsageError("--write changes the preset as it stands in its file: no stdin, no --set with it")
 
-        def one(name: str) -> Answer:
+        def one(name: str) -> Report:
             nonlocal changed
             drive = self.load(name)
             text, _ = read_bytes(self.targets, READ_AT_MOST)
@@ -112,7 +112,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
                 ref = f"hdassist calibrate, {wanted.name or self.targets.name}"
                 model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
                 changed = with_found_values(given, name, best, ref, others, model)
-            return answer_of(calibrate_report(result), details=self.details)
+            return calibrate_report(result)
 
         code = give("calibrate", run_each("calibrate", [self.preset], one, self, keep_failures=False), self, out)
         if self.write is not None:

@@ -13,8 +13,8 @@ from hdassist.terminal.options import AnswerOptions, CardOptions
 
 if TYPE_CHECKING:
     from hdassist.pages.card import CardFacts
+    from hdassist.report.report import Report
     from hdassist.terminal.output import Output
-    from hdassist.terminal.runs import Answer
     from hdassist.terminal.texts import Texts
 
 CARD_SUFFIXES = (".txt", ".md", ".html")
@@ -78,25 +78,25 @@ class CardFile:
 
 def give_with_card(
     command: str,
-    answer: Answer,
+    report: Report,
     card: CardFile | None,
     facts: Callable[[Texts], CardFacts] | None,
     options: AnswerOptions,
     out: Output,
 ) -> int:
-    """Say the warnings of an answer, write it and its card; returns the exit code.
+    """Say the warnings of a report, write it and its card; returns the exit code.
 
-    Arguments: command, for the schema; answer; card that was asked for; facts that it tells, in the language of its
+    Arguments: command, for the schema; report; card that was asked for; facts that it tells, in the language of its
     texts, None where the work was interrupted or nothing can be ordered: then there is no card; options; out.
     """
     from hdassist.terminal.output import note, warn
     from hdassist.terminal.runs import give
 
-    for text in answer.warnings:
+    for text in report.warnings:
         warn(text)
     if card and card.path == out.target == "-":  # the card in place of the page
-        answer = replace(answer, page=None)
-    code = give(command, [answer], options, out)
+        report = replace(report, head="")
+    code = give(command, [report], options, out)
     if card and facts:
         card.write(facts(card.say))
     elif card:

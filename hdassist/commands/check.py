@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
-    from hdassist.terminal.runs import Answer
+    from hdassist.report.report import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,13 +41,13 @@ class CheckCommand(o.FigureOptions, o.SamplingOptions, o.PitchOptions, o.Limited
 
     def run(self) -> int:
         """Check the drives; returns the exit code."""
-        from hdassist.terminal.runs import answer_of, give, run_each
+        from hdassist.terminal.runs import give, run_each
         from hdassist.terminal.wheels import PitchFiles
 
         out = self.open()
         files = PitchFiles.asked(self.presets, self)
 
-        def one(name: str) -> Answer:
+        def one(name: str) -> Report:
             with out.progress(name) as progress:
                 drive = self.load(name)
                 measured = files.read(drive)
@@ -67,6 +67,6 @@ class CheckCommand(o.FigureOptions, o.SamplingOptions, o.PitchOptions, o.Limited
                         check, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run
                     )
                     result = in_wide_enough_window(drive, analysis)
-            return answer_of(check_report(result, self.seed), plots=self.plot, details=self.details)
+            return check_report(result, self.seed)
 
         return give("check", run_each("check", self.presets, one, self), self, out)

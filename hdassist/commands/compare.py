@@ -12,7 +12,7 @@ from hdassist.errors import UsageError
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
-    from hdassist.terminal.runs import Answer
+    from hdassist.report.report import Report
 
 PRESET_SUFFIXES = (".yaml", ".yml")
 OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options that say nothing of presets, beside TraceOptions
@@ -84,7 +84,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.answers import failure
         from hdassist.terminal.output import warn
-        from hdassist.terminal.runs import answer_of, give, run_each
+        from hdassist.terminal.runs import give, run_each
 
         o.stdin_once(*self.files, self.preset)
         out = self.open()
@@ -96,7 +96,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         M_g, form = torque_of(drive), self.form()
         warnings = dict.fromkeys((*drive.origin.warnings, *unknown_notes(drive)))
 
-        def one(name: str) -> Answer:
+        def one(name: str) -> Report:
             trace = read_trace(name, form, abs(Kinematics.of(drive).u))
             convention = asked if self.zero else replace(asked, zero_deg=zero_of(trace, drive, asked.start_deg))
             with out.progress(f"{drive.name}, {trace.file}", FIT_STATES) as progress:
@@ -104,7 +104,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
                 analysis = partial(how, trace, M_g=M_g, convention=convention, run=run)
                 result = in_wide_enough_window(drive, analysis)
             warnings.update(dict.fromkeys(result.drive.origin.warnings))
-            return answer_of(comparison_report(result), plots=self.plot, details=self.details)
+            return comparison_report(result)
 
         answers = run_each("compare", self.files, one, self, failed=lambda name, e: failure("compare", e, file=name))
         for text in warnings:
@@ -123,7 +123,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         from hdassist.run.run import Run
         from hdassist.terminal.answers import failure
         from hdassist.terminal.output import warn
-        from hdassist.terminal.runs import answer_of, give, run_each
+        from hdassist.terminal.runs import give, run_each
 
         if traces := [name for name in self.files if not is_preset(name)]:
             words = f"{traces[0]} is taken for a trace, and {next(filter(is_preset, self.files))} for a preset"
@@ -135,7 +135,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         o.stdin_once(*names)
         out = self.open()
 
-        def one(_: str) -> Answer:
+        def one(_: str) -> Report:
             loaded = [self.load(name) for name in names]
             if self.torque is not None and not (self.torque and loaded[0].allows("operation.M_g", self.torque)):
                 raise UsageError(f"invalid --torque {self.torque:g}: expected a torque in N*m up to 1e7, and not 0")
@@ -147,7 +147,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
                 result = compare_drives(loaded, torques, draws=self.draws, run=run)
             for text in comparison_warnings(result):
                 warn(text)
-            return answer_of(drives_report(result, self.seed), details=self.details)
+            return drives_report(result, self.seed)
 
         schema = "compare-presets"
         answers = run_each(schema, [""], one, self, failed=lambda _, e: failure(schema, e, preset=names[0]))

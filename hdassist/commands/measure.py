@@ -11,7 +11,7 @@ from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.measuring.measure import Measurement
-    from hdassist.terminal.runs import Answer
+    from hdassist.report.report import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +51,7 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions):
         from hdassist.pages.measure import measure_report, repeats, repeats_line
         from hdassist.readers.trace import read_trace
         from hdassist.terminal.answers import failure
-        from hdassist.terminal.runs import answer_of, give, run_each
+        from hdassist.terminal.runs import give, run_each
 
         o.stdin_once(*self.files, self.preset)
         out = self.open()
@@ -61,13 +61,13 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions):
         form = self.form()
         done: list[Measurement] = []
 
-        def one(name: str) -> Answer:
+        def one(name: str) -> Report:
             trace = read_trace(name, form, gearing.ratio if gearing else None)
             result = measure(
                 trace, drive=drive, ratio=self.ratio, orders=orders, drift=self.drift, stated=stated, seed=self.seed
             )
             done.append(result)
-            return answer_of(measure_report(result, drive), plots=self.plot, details=self.details)
+            return measure_report(result, drive)
 
         answers = run_each("measure", self.files, one, self, failed=lambda name, e: failure("measure", e, file=name))
         several = repeats(done)

@@ -75,7 +75,6 @@ class MountCommand(
         from hdassist.solve.answers import EMPTY
         from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.output import note
-        from hdassist.terminal.runs import answer_of
         from hdassist.terminal.wheels import PitchFiles
 
         out = self.open()
@@ -109,8 +108,7 @@ class MountCommand(
         ordered = not advice.curve.interrupted and advice.order != "none"
         facts = (lambda say: mount_card_facts(advice, say)) if ordered else None
         report = mount_report(advice, self.seed, carded=card is not None)
-        answer = answer_of(report, plots=self.plot, details=self.details)
-        return give_with_card("mount", answer, card, facts, self, out)
+        return give_with_card("mount", report, card, facts, self, out)
 
 
 def _rotations(drive: Drive, step: float | None) -> list[float]:

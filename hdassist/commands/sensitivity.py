@@ -38,7 +38,7 @@ class SensitivityCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
         from dataclasses import replace
 
         from hdassist.pages.sensitivity import sensitivity_report
-        from hdassist.terminal.runs import answer_of, give
+        from hdassist.terminal.runs import give
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.sensitivity import sensitivities
 
@@ -54,5 +54,4 @@ class SensitivityCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
             production, samples = drives.with_designs(production, self.count)
             assert samples
             found = sensitivities(production, samples, drives.records)
-        answer = answer_of(sensitivity_report(replace(found, law=law)), details=self.details)
-        return give("sensitivity", [answer], self, out)
+        return give("sensitivity", [sensitivity_report(replace(found, law=law))], self, out)

@@ -11,7 +11,7 @@ from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
-    from hdassist.terminal.runs import Answer
+    from hdassist.report.report import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,19 +50,19 @@ class StiffnessCommand(o.FigureOptions, o.DriveOptions):
         from hdassist.pages.stiffness import stiffness_report
         from hdassist.run.run import Run
         from hdassist.solve.window import in_wide_enough_window
-        from hdassist.terminal.runs import answer_of, give, run_each
+        from hdassist.terminal.runs import give, run_each
 
         out = self.open()
 
-        def one(name: str) -> Answer:
+        def one(name: str) -> Report:
             return in_wide_enough_window(self.load(name), of)
 
-        def of(drive: Drive) -> Answer:
+        def of(drive: Drive) -> Report:
             end = curve_end(drive, self.t2, self.to)
             torques = self.at or [M_g for M_g in drive.operation.M_g if abs(M_g) <= end]
             with out.progress(drive.name, stiffness_states()) as progress:
                 run = Run(progress=progress, cross_check=self.cross_check)
                 result = stiffness(drive, T_1=self.t1, T_2=self.t2, T_max=self.to, tangents_at=torques, run=run)
-            return answer_of(stiffness_report(drive, result), plots=self.plot, details=self.details)
+            return stiffness_report(drive, result)
 
         return give("stiffness", run_each("stiffness", [self.preset], one, self, keep_failures=False), self, out)

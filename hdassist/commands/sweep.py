@@ -13,10 +13,10 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from hdassist.design.sweep import Sweep, SweepRow
     from hdassist.preset.fields import Drive
+    from hdassist.report.report import Report
     from hdassist.run.cluster import Pool
     from hdassist.run.kept import Kept, KeptOwner
     from hdassist.terminal.output import Output
-    from hdassist.terminal.runs import Answer
 
 JSON_ROWS = 100_000  # that --json holds in memory, at most
 
@@ -67,7 +67,7 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
         from hdassist.terminal.files import take_output, write_bytes
         from hdassist.terminal.output import note
         from hdassist.terminal.parquet import PARQUET_SUFFIX, parquet_bytes, require_pyarrow
-        from hdassist.terminal.runs import answer_of, give, run_each
+        from hdassist.terminal.runs import give, run_each
 
         out = replace(self, output="-").open()
         file = None if self.output == "-" else self.output
@@ -77,7 +77,7 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
             take_output(packed, self.force)
         streamed = self._takes_stdout()
 
-        def one(_: str) -> Answer:
+        def one(_: str) -> Report:
             sweep, drive, owner = self._sweep()
             pool = stack.enter_context(self.pools())
             if file is not None and not packed:
@@ -98,8 +98,7 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
             report = page.sweep_report(swept, results.records() if self.json else ())
             if report.exit_code:
                 note(f"error: no row has an answer: {swept.reason}")
-            answer = answer_of(report, plots=self.plot, details=self.details)
-            return replace(answer, page=None) if streamed else answer
+            return replace(report, head="") if streamed else report
 
         with ExitStack() as stack:  # JSON is made of the rows that the file of results has
             return give("sweep", run_each("sweep", [self.preset], one, self), self, out)

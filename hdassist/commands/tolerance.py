@@ -60,7 +60,7 @@ class ToleranceCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
         from hdassist.run.stream import stream
         from hdassist.runfiles import claim_output
         from hdassist.terminal.output import note
-        from hdassist.terminal.runs import answer_of, give
+        from hdassist.terminal.runs import give
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.yields import AtTorque, Summary, rooms
 
@@ -116,4 +116,4 @@ class ToleranceCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
                 return 130
             raise UntrustedError(f"no random drive has an answer: {summary.reason}", "narrow what scatters")
         report = tolerance_report(law, self.seed, summary, samples, interrupted=interrupted)
-        return give("tolerance", [answer_of(report, plots=self.plot, details=self.details)], self, out)
+        return give("tolerance", [report], self, out)

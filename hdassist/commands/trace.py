@@ -12,7 +12,7 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from hdassist.model.wheels import MeasuredTeeth
     from hdassist.preset.fields import Drive
-    from hdassist.terminal.runs import Answer
+    from hdassist.report.report import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,18 +53,18 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
         from hdassist.pages.trace import trace_report
         from hdassist.run.run import Run
         from hdassist.solve.window import in_wide_enough_window
-        from hdassist.terminal.runs import answer_of, give, run_each
+        from hdassist.terminal.runs import give, run_each
         from hdassist.terminal.wheels import PitchFiles
 
         out = self.open()
         files = PitchFiles.asked([self.preset], self)
 
-        def one(name: str) -> Answer:
+        def one(name: str) -> Report:
             drive = self.load(name)
             measured = files.read(drive)
             return in_wide_enough_window(drive, lambda drive: of(drive, measured))
 
-        def of(drive: Drive, measured: MeasuredTeeth | None) -> Answer:
+        def of(drive: Drive, measured: MeasuredTeeth | None) -> Report:
             with out.progress(drive.name, self.revolutions * Kinematics.of(drive).teeth_fixed) as progress:
                 result = trace(
                     drive,
@@ -75,6 +75,6 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
                     solver=self.solver,
                     run=Run(None, progress, self.seed, self.cross_check),
                 )
-            return answer_of(trace_report(drive, result, self.seed), plots=self.plot, details=self.details)
+            return trace_report(drive, result, self.seed)
 
         return give("trace", run_each("trace", [self.preset], one, self, keep_failures=False), self, out)

@@ -65,7 +65,6 @@ class TrialsCommand(
         from hdassist.run.processes import workers
         from hdassist.run.run import Run
         from hdassist.terminal.output import note
-        from hdassist.terminal.runs import answer_of
         from hdassist.trials.advice import advise_from_trials
         from hdassist.trials.prior import Rig, TrialEffort, trial_states
         from hdassist.trials.record import RecordReading, read_trial_or_record
@@ -100,5 +99,4 @@ class TrialsCommand(
             note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.prior.certificate}")
         facts = (lambda say: trials_card_facts(advice, say)) if advice.settled else None
         report = trials_report(advice, carded=card is not None)
-        answer = answer_of(report, plots=self.plot, details=self.details)
-        return give_with_card("trials", answer, card, facts, self, out)
+        return give_with_card("trials", report, card, facts, self, out)

@@ -21,7 +21,8 @@ CsvTable = tuple[Sequence[str], Sequence[Sequence[Any]]]  # header and rows
 class Report:
     """The answer of a command about one drive or file.
 
-    command; drive, None where there is none; head, what the answer is about; verdict, a word; why, sentences below it.
+    command; drive, None where there is none; head, what the answer is about, empty where there is no page; verdict, a
+    word; why, sentences below it.
     blocks of the page, and those that only --details shows; certificate and cross-checks of the states behind it, or
     proof, words in their place.
     values: keys of JSON beside those that all answers have; csv; line: the answer alone.

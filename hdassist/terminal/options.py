@@ -109,7 +109,10 @@ class PageOptions(OptionGroup):
         from hdassist.terminal.output import Output
 
         csv = getattr(self, "csv", None)
-        return Output.open(self.output, csv, force=self.force, ascii=self.ascii, no_color=self.no_color)
+        plots, details = getattr(self, "plot", True), getattr(self, "details", False)
+        return Output.open(
+            self.output, csv, force=self.force, ascii=self.ascii, no_color=self.no_color, plots=plots, details=details
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

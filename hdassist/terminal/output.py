@@ -28,13 +28,18 @@ REDRAWN = 0.1  # s between two of its pictures
 
 @dataclass(frozen=True)
 class Output:
-    """Streams and files of one command: target takes the answer, csv the figures; "-" is stdout."""
+    """Streams and files of one command: target takes the answer, csv the figures; "-" is stdout.
+
+    plots, details: whether pages have figures and all that they can show.
+    """
 
     style: Style
     target: str = "-"
     csv: str | None = None
     force: bool = False
     no_color: bool = False
+    plots: bool = True
+    details: bool = False
 
     @classmethod
     def open(
@@ -45,12 +50,15 @@ class Output:
         force: bool = False,
         ascii: bool = False,
         no_color: bool = False,
+        plots: bool = True,
+        details: bool = False,
     ) -> Output:
         """Output of a command; refuses files that cannot be written before anything is computed."""
         for path in filter(None, (target, csv)):
             take_output(path, force)
         style = Style.of(sys.stdout, ascii=ascii, no_color=no_color)
-        return cls(style if target == "-" else Style(style.ascii, False, PIPE_WIDTH), target, csv, force, no_color)
+        style = style if target == "-" else Style(style.ascii, False, PIPE_WIDTH)
+        return cls(style, target, csv, force, no_color, plots, details)
 
     def human(self, answer: RenderableType) -> None:
         """Give the answer for people; silent where the figures take stdout."""

@@ -43,7 +43,7 @@ def test_a_record_gives_the_value_and_the_uncertainty_that_measure_gives(record)
     greatest = measure(read_trace(file), drive=drive).directions[0]
     assert (found.F_ior_arcsec, found.noise_arcsec) == (greatest.range.value, greatest.uncertainty_arcsec)
     assert found.F_ior_arcsec == pytest.approx(12, abs=0.5)
-    stated = read_trial_or_record(f"120:{file}", drive, RecordReading(stated={"encoder": 3.0}))
+    stated = read_trial_or_record(f"120={file}", drive, RecordReading(stated={"encoder": 3.0}))
     assert stated.noise_arcsec == pytest.approx(np.hypot(3.0, found.noise_arcsec), rel=0.01)
     assert read_trial_or_record("h4=17.3", drive) == Trial(120, 17.3)
 
