@@ -87,7 +87,8 @@ class ActiveSet:
         return forces, free, fallbacks
 
     def _near(self, q: Array) -> tuple[Array, Array] | None:
-        for contact in (self.contact, np.ones_like(self.contact)):
+        none = np.zeros_like(self.contact)  # half the steps of a start from all, from which some never end
+        for contact in (none,) if self.contact.all() else (self.contact, none):
             answer = self._solve_near(self._formulation, q, self._right, contact)
             if answer:
                 self.contact = answer[0] > 0

@@ -75,6 +75,25 @@ def test_candidates_that_would_change_sides_in_a_circle_do_so_one_at_a_time(way)
     assert residuals(system, system.delta_p[None], torque, forces, free).worst.max() < 1e-10
 
 
+FROM_ALL = {  # drawn from a data sheet: from all candidates in contact no step leads to the end
+    "gears.m": 0.35, "gears.h_a": 0.5763, "gears.h_f": 1.268, "gears.j_n": 2.954, "material.E": 200300.0,
+    "material.nu": 0.3012, "flexspline.h_1": 0.5209, "flexspline.h_3": 0.4675, "flexspline.b_w": 8.499,
+    "flexspline.l": 37.64, "flexspline.k_t": 1.053, "bearing.ring_b": 9.36, "bearing.ring_h": 1.946,
+    "bearing.d_ball": 6.393, "bearing.g_b": 4.396, "bearing.beta": 0.9312, "cam.W_0": 0.3755,
+    "supports.C_1": 143100.0, "supports.C_2": 13900.0, "supports.C_3": 9538.0, "contact.k_face": 9.138,
+    "contact.c_ball": 5.522e-05, "contact.c_bore": 6.25e-08, "operation.dT": 10.24,
+}  # fmt: skip
+
+
+def test_a_state_that_no_way_from_all_contacts_leads_to_needs_no_model(monkeypatch):
+    system = contact_system(load_preset("size-25-100").with_values(FROM_ALL))
+    monkeypatch.setattr(ActiveSet, "_set_up", lambda *_: pytest.fail("half a second each"))
+    for compiled in (True, False):
+        forces, free, fallbacks = ActiveSet(formulate(system), 6.7e3, compiled=compiled).solve(system.delta_p[None])
+        assert fallbacks == 0
+        assert residuals(system, system.delta_p[None], 6.7e3, forces, free).worst.max() < 1e-10
+
+
 def test_a_model_is_set_up_once_for_many_states(formulation, system, monkeypatch):
     set_up, made = ActiveSet._set_up, []
     monkeypatch.setattr(ActiveSet, "_set_up", lambda self, *a: made.append(1) or set_up(self, *a))
