@@ -169,15 +169,15 @@ def compare(
     sweep = measurement.directions[0]
     doubt = partial(doubtful_waves, M_g=M_g, torus=torus, run=run)
 
-    def fitter_of(there: RecordConvention) -> VectorFitter:
-        record = RecordedOrders(sweep, torus, Kinematics.of(drive), alignment_of(trace, drive, there))
-        return VectorFitter(drive, record, torus, doubt, there.free)
+    def fitter_of(convention: RecordConvention) -> VectorFitter:
+        record = RecordedOrders(sweep, torus, Kinematics.of(drive), alignment_of(trace, drive, convention))
+        return VectorFitter(drive, record, torus, doubt, convention.free)
 
     changes = doubt(drive)
     fitter, base = fitter_of(convention).doubted(changes)
     unchanged = explanation(base, base, fitter.record, drive)
     others = [] if unchanged.sufficient else _swapped(convention, error=not trace.sense)
-    mirrored = [(there, *fitter_of(there).doubted(changes)) for there in others]
+    mirrored = [(other, *fitter_of(other).doubted(changes)) for other in others]
     singles, joint, mirror = _explanations(fitter, base, unchanged, mirrored)
 
     # every range and every residual from solved states
@@ -262,21 +262,23 @@ def _explanations(
 
 
 def _solved(
-    found: Explanation, drive: Drive, record: RecordedOrders, solved: SolvedStates, *, curve: bool
+    explained: Explanation, drive: Drive, record: RecordedOrders, solved: SolvedStates, *, curve: bool
 ) -> Explanation:
     """An explanation with its F'_ior and, where curve, with its residual within the orders, from solved states."""
-    if not found.overrides:
-        return found
-    there = drive.with_values({path: float(value) for path, value in (text.split("=") for text in found.overrides)})
-    found = replace(found, F_ior_arcsec=solved.F_ior(there))
+    if not explained.overrides:
+        return explained
+    changed = drive.with_values(
+        {path: float(value) for path, value in (text.split("=") for text in explained.overrides)}
+    )
+    explained = replace(explained, F_ior_arcsec=solved.F_ior(changed))
     if not curve:
-        return found
-    residual = record.measured - record.of_curve(solved.curve(there, record.sweep.bins.turns, found.alignment))
+        return explained
+    residual = record.measured - record.of_curve(solved.curve(changed, record.sweep.bins.turns, explained.alignment))
     pairs = sorted(record.pairs(residual, residual), key=lambda pair: -pair.difference.amplitude_arcsec)
     clear = [
         p for p in pairs if p.difference.amplitude_arcsec > CHI_SQUARE_CLEAR * (p.difference.uncertainty_arcsec or 0.0)
     ]
-    return replace(found, difference_left_arcsec=rms(residual), orders_left=tuple(clear[:RESIDUAL_ORDERS]))
+    return replace(explained, difference_left_arcsec=rms(residual), orders_left=tuple(clear[:RESIDUAL_ORDERS]))
 
 
 def _angle_uncertainties(

@@ -94,11 +94,11 @@ class DrivesComparison:
 def common_torques(drives: Sequence[Drive]) -> tuple[float, ...]:
     """Torques [N*m] that all drives have, in the order of the first. Raises UsageError where there are none."""
     first, *others = (drive.operation.M_g for drive in drives)
-    found = tuple(M_g for M_g in first if all(M_g in other for other in others))
-    if not found:
+    torques = tuple(M_g for M_g in first if all(M_g in other for other in others))
+    if not torques:
         lists = "; ".join(f"{d.name}: {', '.join(f'{M_g:g}' for M_g in d.operation.M_g)} N*m" for d in drives)
         raise UsageError(f"no torque that all presets have ({lists})", "--torque says at which to compare them")
-    return found
+    return torques
 
 
 def field_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
@@ -149,9 +149,9 @@ def compare_drives(
     """
     sheets = tuple(sheet_of(drive, torques=torques, draws=draws, run=run) for drive in drives)
     pairs = min(draws, DRAWN_PAIRS)
-    found = [drive_changes(drives[0], each, torques, pairs=pairs, run=run) for each in drives[1:]]
-    proofs = [sheet.certificate for sheet in sheets] + [proof for _, proof in found]
-    changes = tuple(each for each, _ in found)
+    compared = [drive_changes(drives[0], other, torques, pairs=pairs, run=run) for other in drives[1:]]
+    proofs = [sheet.certificate for sheet in sheets] + [proof for _, proof in compared]
+    changes = tuple(change for change, _ in compared)
     return DrivesComparison(sheets, tuple(torques), field_rows(drives), changes, reduce(add, proofs))
 
 
@@ -188,8 +188,8 @@ def drive_changes(
         moved = [one.with_values({path: other.value(path)}) for one, other in zip(before, after, strict=True)][:count]
         if not all(map(_is_drive, moved, before)):
             return None
-        found = F_ior(moved)
-        return None if np.isnan(found).any() else ErrorChange.of(path, errors[:count], found)
+        changed = F_ior(moved)
+        return None if np.isnan(changed).any() else ErrorChange.of(path, errors[:count], changed)
 
     single = {path: alone(path, SCREENED_PAIRS) for path in paths}
     chosen = _largest_first(single.values())[:REPORTED_FIELDS]
@@ -240,7 +240,7 @@ def _is_drive(moved: Drive, before: Drive) -> bool:
 def _searched(task: tuple[Drive, float, bool]) -> tuple[float, Certificate]:
     drive, M_g, required = task
     try:
-        (extremes,) = in_wide_enough_window(drive, lambda there: extremes_of(there, [M_g]))
+        (extremes,) = in_wide_enough_window(drive, lambda wider: extremes_of(wider, [M_g]))
     except HdassistError:
         if required:
             raise

@@ -170,8 +170,8 @@ class VectorFitter:
 
     def _waves(self, unknowns: Array, fitted: Sequence[int], points: int = WAVE_POINTS, *steps: Array) -> Complex:
         """Waves of the drive with fitted vectors as the unknowns have them, and a step on, shape (1 + steps, waves)."""
-        there = [complex_of(unknowns + step) for step in (np.zeros_like(unknowns), *steps)]
-        return self.torus.waves([with_vectors(self.drive, vectors, fitted) for vectors in there], points)
+        moved = [complex_of(unknowns + step) for step in (np.zeros_like(unknowns), *steps)]
+        return self.torus.waves([with_vectors(self.drive, vectors, fitted) for vectors in moved], points)
 
     def _starts(self, vector: int, base: VectorFit) -> Iterator[Array]:
         """The unknowns of the drive as it is, and with one vector scaled and, if its direction matters, turned."""

@@ -137,9 +137,9 @@ class RecordedOrders:
             uncertainty = float(np.sqrt(unit @ self.covariance[np.ix_(own, own)] @ unit))
             measured = OrderAmplitude(order.amplitude_arcsec, order.uncertainty_arcsec, order.phase_deg)
             phase = float(np.degrees(np.arctan2(-sine, cosine)))
-            there = OrderAmplitude(float(np.hypot(cosine, sine)), phase_deg=phase)
+            prediction = OrderAmplitude(float(np.hypot(cosine, sine)), phase_deg=phase)
             apart = OrderAmplitude(size, uncertainty)
-            pairs.append(OrderPair(order.per_cam_rev, order.cause, measured, there, apart))
+            pairs.append(OrderPair(order.per_cam_rev, order.cause, measured, prediction, apart))
         return tuple(pairs)
 
     def scan(self, waves: Complex, angles: Array, free: tuple[bool, bool]) -> tuple[Array, float]:

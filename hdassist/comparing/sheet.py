@@ -66,17 +66,19 @@ def sheet_of(
     Raises UntrustedError where an answer cannot be trusted; KeyboardInterrupt, as half an advice is none here.
     """
 
-    def advised(there: Drive) -> Advice:
-        at, turns = there.operation.M_g, seat_positions(there)
-        return advise(there, at, turns, draws=draws, run=run)
+    def advised(wider: Drive) -> Advice:
+        return advise(wider, wider.operation.M_g, seat_positions(wider), draws=draws, run=run)
 
-    def checked(there: Drive) -> DesignCheck:
-        samples = advice.samples if advice.drive == there else None  # not those of a wider window
-        return check(there, draws=draws, samples=samples, run=run)
+    def checked(wider: Drive) -> DesignCheck:
+        samples = advice.samples if advice.drive == wider else None  # not those of a wider window
+        return check(wider, draws=draws, samples=samples, run=run)
 
     loaded = drive if torques is None else at_torques(drive, torques)
     advice = in_wide_enough_window(loaded, advised)
     if advice.curve.interrupted:
         raise KeyboardInterrupt
-    found = in_wide_enough_window(loaded, checked)
-    return DriveSheet(found, advice, in_wide_enough_window(drive, lambda there: stiffness(there, run=run)))
+    return DriveSheet(
+        in_wide_enough_window(loaded, checked),
+        advice,
+        in_wide_enough_window(drive, lambda wider: stiffness(wider, run=run)),
+    )

@@ -55,12 +55,12 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
         sets.apply(document, parsed)
     drive = _drive(document)
     if document.findings or drive is None:
-        found = ordered_findings(document.findings)
-        if not all(finding.file == OVERRIDE for finding in found):
+        findings = ordered_findings(document.findings)
+        if not all(finding.file == OVERRIDE for finding in findings):
             own = yamltext.read_yaml(text, file)
             if not overrides or not _drive(own) or own.findings:
-                raise PresetError(found)
-        raise UsageError("\n".join(map(str, found)))
+                raise PresetError(findings)
+        raise UsageError("\n".join(map(str, findings)))
     _warn(drive, document)
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     drive._origin = Origin(

@@ -253,8 +253,8 @@ def _written(tables: Any, file: str, wanted: Drive, model: Mapping[str, str | in
     _editor().dump(tables, stream)
     text, loose = stream.getvalue(), {f"numerics.{name}" for name in model or {}}
     with suppress(DataError):
-        found = load_text(text, file)
-        same = all(found.value(path) == wanted.value(path) for path in field_table() if path not in loose)
-        if same and (found.uncertainty, found.alternatives) == (wanted.uncertainty, wanted.alternatives):
+        read = load_text(text, file)
+        same = all(read.value(path) == wanted.value(path) for path in field_table() if path not in loose)
+        if same and (read.uncertainty, read.alternatives) == (wanted.uncertainty, wanted.alternatives):
             return text
     raise DataError(f"{file} cannot be changed in place", "change it by hand; hdassist presets new shows the form")

@@ -153,7 +153,7 @@ def measure(
     require_drift(drift)
     gearing = gearing_of(drive, ratio)
     notes, warnings = list(trace.notes), []
-    found: list[SweepResult] = []
+    directions: list[SweepResult] = []
     for sign in (0,) if together else (1, -1):
         sweeps = [sweep for sweep in trace.sweeps if together or sweep.direction == sign]
         longest = max((abs(trace.cam_deg[s.stop - 1] - trace.cam_deg[s.start]) / 360 for s in sweeps), default=0.0)
@@ -183,14 +183,14 @@ def measure(
         if not fit.unmodelled < UNMODELLED * result.range.value:
             size = f"{fit.unmodelled:.2g} arcsec"
             warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
-        found.append(result)
-    if not found:
+        directions.append(result)
+    if not directions:
         hint = "F'_ior is looked for over whole turns; check that the angle is that of the cam, and its unit"
         raise DataError(f"{trace.file}: less than one cam turn in one direction", hint)
-    reversal = _reversal(*found) if len(found) == 2 else None
-    found.sort(key=lambda each: -each.range.value)
+    reversal = _reversal(*directions) if len(directions) == 2 else None
+    directions.sort(key=lambda each: -each.range.value)
     notes, warnings = list(dict.fromkeys(notes)), list(dict.fromkeys(warnings))
-    return Measurement(trace, gearing, tuple(found), reversal, tuple(notes), tuple(warnings), seed)
+    return Measurement(trace, gearing, tuple(directions), reversal, tuple(notes), tuple(warnings), seed)
 
 
 def require_drift(kind: str) -> None:

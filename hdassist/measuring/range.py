@@ -52,13 +52,13 @@ class Range:
 def visited_angles(bins: Bins, highest: float, cycle: int | None) -> Array:
     """Cam angles [turns] of a fine grid that lie between neighbouring readings, once in a cycle (None: no cycle)."""
     per_turn = POINTS_PER_PERIOD * int(np.ceil(highest))
-    found = []
+    visited = []
     for index in range(bins.sweeps):
         turns = bins.turns[bins.sweep == index]
         grid = np.arange(np.ceil(turns[0] * per_turn), np.floor(turns[-1] * per_turn) + 1)
         after = np.clip(np.searchsorted(turns, grid / per_turn), 1, len(turns) - 1)
-        found.append(grid[turns[after] - turns[after - 1] <= GAP_PERIODS / highest])
-    every = np.concatenate(found)
+        visited.append(grid[turns[after] - turns[after - 1] <= GAP_PERIODS / highest])
+    every = np.concatenate(visited)
     if cycle is not None:
         every = np.mod(every, cycle * per_turn)
     return np.asarray(np.unique(every) / per_turn)
@@ -81,9 +81,9 @@ def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator, *, draws: i
     for start in range(0, len(turns), DESIGN_CHUNK):
         rows = slice(start, start + DESIGN_CHUNK)
         values = order_columns(turns[rows], fit.orders) @ curves
-        found, first = np.unique(part[rows], return_index=True)
-        high[found] = np.maximum(high[found], np.maximum.reduceat(values, first))
-        low[found] = np.minimum(low[found], np.minimum.reduceat(values, first))
+        places, first = np.unique(part[rows], return_index=True)
+        high[places] = np.maximum(high[places], np.maximum.reduceat(values, first))
+        low[places] = np.minimum(low[places], np.minimum.reduceat(values, first))
     whole = high.max(axis=0) - low.min(axis=0)
     turn = [high[k : k + TURN_PARTS].max(axis=0) - low[k : k + TURN_PARTS].min(axis=0) for k in begins]
     return _range(whole, lines), _range(np.max(turn, axis=0), lines)

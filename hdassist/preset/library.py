@@ -50,8 +50,8 @@ def _library() -> dict[str, Traversable]:
     places: list[Traversable] = [files("hdassist") / "presets", Path(__file__).parents[2] / "presets"]
     for place in places:
         if place.is_dir():
-            found = (item for item in place.iterdir() if item.name.endswith(".yaml"))
-            return {item.name.removesuffix(".yaml"): item for item in found}
+            items = (item for item in place.iterdir() if item.name.endswith(".yaml"))
+            return {item.name.removesuffix(".yaml"): item for item in items}
     return {}
 
 

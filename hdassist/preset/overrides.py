@@ -102,8 +102,8 @@ def overridden(drive: Drive, path: str, value: float, warning: str) -> Drive:
 
     The new value is not validated.
     """
-    there, origin = drive.with_values({path: value}), drive.origin
-    there._origin = replace(
+    changed, origin = drive.with_values({path: value}), drive.origin
+    changed._origin = replace(
         origin, overrides=(*origin.overrides, f"{path}={plain(value)}"), warnings=(*origin.warnings, warning)
     )
-    return there
+    return changed

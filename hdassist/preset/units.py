@@ -143,7 +143,7 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
     match = None if _is_long(text) else _SPREAD.fullmatch(text.strip())
     if match is None:
         raise UnitError("must be a number and its uncertainty", "like 260 ± 10")
-    units = [found[2] if (found := _SPLIT.fullmatch(part)) else "" for part in match.groups()]
+    units = [number[2] if (number := _SPLIT.fullmatch(part)) else "" for part in match.groups()]
     common = units[0] or units[1]
     value, spread = (
         convert(part if own else f"{part} {common}", unit) if common or not re.fullmatch(NUMBER, part) else float(part)

@@ -176,9 +176,9 @@ def _decode(text: bytes | str) -> str:
         before = data[: error.start].decode()
         got = f"byte 0x{data[error.start]:02x}"
         raise _EndError(_mark_at_end(before), "not UTF-8 text", got, "save the file as UTF-8") from None
-    if found := _UNPRINTABLE.search(decoded):
-        mark = _mark_at_end(decoded[: found.start()])
-        raise _EndError(mark, "a control character, which YAML does not allow", shown(found.group()))
+    if control := _UNPRINTABLE.search(decoded):
+        mark = _mark_at_end(decoded[: control.start()])
+        raise _EndError(mark, "a control character, which YAML does not allow", shown(control.group()))
     return decoded
 
 
