@@ -14,7 +14,7 @@ from hdassist.json_parts import influence_objects, measure_objects, pitch_object
 from hdassist.model.geometry import Geometry
 from hdassist.model.unknown import unknown_names
 from hdassist.report.blocks import Block, Curve, Facts, Paragraph, Table
-from hdassist.report.quantities import Quantity, as_object
+from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import influence_words, measure_words, samples_words
@@ -342,9 +342,7 @@ def _at_zero(check: DesignCheck) -> list[str]:
 
 def check_csv(check: DesignCheck) -> CsvTable:
     """One row per torque."""
-    shown = (*POINT_QUANTITIES, *BELIEF, *SLOPES)
-    rows = [[check.drive.name, *(q.value(point) for q in shown)] for point in check.points]
-    return ["preset", *(q.key for q in shown)], rows
+    return csv_table(check.drive.name, (*POINT_QUANTITIES, *BELIEF, *SLOPES), check.points)
 
 
 def _line(check: DesignCheck) -> str:

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from hdassist.json_parts import influence_objects, measure_objects
 from hdassist.pages.tolerance import law_warnings
 from hdassist.report.blocks import Facts, Table
-from hdassist.report.quantities import Quantity
+from hdassist.report.quantities import Quantity, csv_table
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again, proof_words
 from hdassist.terminal.influence_words import measure_words, named
@@ -91,10 +91,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
             "seed": samples.seed,
             "certificate": {"states": found.states, "max_residual": found.max_residual},
         },
-        csv=(
-            ["preset", *(q.key for q in EFFECT_CSV)],
-            [[law.drive.name, *(q.value(each) for q in EFFECT_CSV)] for at_torque in effects for each in at_torque],
-        ),
+        csv=csv_table(law.drive.name, EFFECT_CSV, [each for at_torque in effects for each in at_torque]),
         line=f"tighten first: {verdict}; {reason}",
         warnings=law_warnings(law),
     )

@@ -13,7 +13,7 @@ from hdassist.model.geometry import Array
 from hdassist.preset.fields import field_table
 from hdassist.preset.kinds import unit_of
 from hdassist.report.blocks import Curve, Facts, Table, TwoCurves
-from hdassist.report.quantities import Quantity, as_object
+from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again, proof_words
 from hdassist.terminal.influence_words import measure_words
@@ -89,6 +89,9 @@ YIELD_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
     Quantity("limit", "limit", "", "g", lambda d: d.point.limit),
     Quantity("yield", "yield, %", "", _yield_cell, lambda d: d.yield_belief),
 )
+YIELD_SHARE: Quantity[MountedDrives] = Quantity(
+    "yield", "yield", "", ".3f", lambda d: d.yield_belief and d.yield_belief.share
+)
 
 
 def tolerance_report(
@@ -114,7 +117,6 @@ def tolerance_report(
         words=(1,),
     )
     plots = [_share_below(drives[k : k + len(ways)]) for k in range(0, len(drives), len(ways))]
-    columns = (*MOUNTING_COLUMNS, *F_IOR_COLUMNS)
     return Report(
         command="tolerance",
         drive=drive,
@@ -133,13 +135,7 @@ def tolerance_report(
             "operating_points": [_point_object(point, summary) for point in points],
             "to_measure": measure_objects(gains),
         },
-        csv=(
-            ["preset", *(q.key for q in columns), "yield"],
-            [
-                [drive.name, *(q.value(d) for q in columns), d.yield_belief.share if d.yield_belief else None]
-                for d in drives
-            ],
-        ),
+        csv=csv_table(drive.name, (*MOUNTING_COLUMNS, *F_IOR_COLUMNS, YIELD_SHARE), drives),
         line=f"{_yields(summary)}: {summary.verdict}"
         if summary.has_limit
         else "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]} arcsec" for row in F_ior_table.rows),
@@ -166,13 +162,15 @@ def _yields(summary: Summary) -> str:
 
 
 def _reasons(summary: Summary, law: ProductionLaw) -> Iterator[str]:
+    """Probability of the yield wanted, and the yields; without a limit, the gain of turning."""
+    over = f"{100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over what is not known of the design"
     if summary.has_limit and summary.wanted is not None:
         sure = probability_words(summary.yield_of(True).probability(summary.wanted))
         yield f"probability that the yield reaches {100 * summary.wanted:g} %: {sure}; {summary.sure:g} needed"
-    if summary.has_limit:
-        over = f"{100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over what is not known of the design"
-        yield _yields(summary) * (summary.wanted is not None) + f" ({over})" * bool(law.shared)
-    elif summary.positions > 1:
+        yield _yields(summary) + f" ({over})" * bool(law.shared)
+    elif summary.has_limit and law.shared:
+        yield f"range of a yield: {over}"
+    elif summary.positions > 1 and not summary.has_limit:
         off = []
         for point in summary.points:
             low, median, high = 100 * np.quantile(point.gains(), (0.05, 0.5, 0.95))

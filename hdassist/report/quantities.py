@@ -39,6 +39,12 @@ class Quantity(Generic[T]):
         return f"{self.label}, {self.unit}" if self.unit else self.label
 
 
+def csv_table(preset: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> tuple[list[str], list[list[Any]]]:
+    """Header and rows of CSV: a row for each thing, the preset's name in its first column."""
+    columns = tuple(quantities)
+    return ["preset", *(q.key for q in columns)], [[preset, *(q.value(thing) for q in columns)] for thing in things]
+
+
 def as_object(quantities: Iterable[Quantity[T]], thing: T) -> dict[str, Any]:
     """The quantities of a thing as a JSON object, dotted keys nested."""
     result: dict[str, Any] = {}

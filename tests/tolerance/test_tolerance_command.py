@@ -84,6 +84,8 @@ def test_a_yield_that_hangs_on_what_is_not_known_of_the_design_is_a_range() -> N
     words = " ".join(open_.stdout.split())
     assert open_.returncode == 6, open_.stdout + open_.stderr
     assert words.startswith("tiny, 100 random drives of 10 designs: INCONCLUSIVE")
+    alone = run("tolerance", TINY, *few[:5], *few[7:], *sizes, *soft).stdout.splitlines()
+    assert "range of a yield: 5 to 95 % over what is not known of the design" in alone
     assert re.search(r"yield as built [\d.]+ to 100.0 %, median [\d.]+ % \(5 to 95 % over what is not known", words)
     assert "more drives (-n)" in words
 
