@@ -124,8 +124,14 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
     if found.coverage is None or result.gearing is None:
         yield f"a lower bound: {found.bins.span:.2f} cam turns; without --drive or --ratio the cycle is unknown"
     elif found.is_bound:
-        turns = f"{found.coverage.cam_turns:.4g} of {result.gearing.cycle} cam turns"
-        yield f"a lower bound: {100 * found.coverage.share:.1f} % of the full cycle visited, {turns}"
+        yield f"a lower bound: {100 * found.coverage.share:.1f} % visited of the {_cycle(result.gearing)}"
+
+
+def _cycle(gearing: Gearing) -> str:
+    """The full cycle in words."""
+    return (
+        f"full cycle: {gearing.cycle} cam turns, {gearing.cycle_output} output turn{'s' * (gearing.cycle_output != 1)}"
+    )
 
 
 def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]]:
@@ -170,10 +176,8 @@ def _details(found: SweepResult, gearing: Gearing | None) -> Iterator[ReportSect
     budget = Table.by_row(title, BUDGET, [*found.sources, together], words=(0, 2))
     cycle: list[Table] = []
     if found.coverage and gearing:
-        output = f"{gearing.cycle_output} output turn{'s' * (gearing.cycle_output != 1)}"
-        title = f"full cycle: {gearing.cycle} cam turns, {output}"
         cells = tuple((quantity.words, quantity.text(found.coverage)) for quantity in COVERAGE)
-        cycle.append(Table(title, ("", ""), cells, header=False))
+        cycle.append(Table(_cycle(gearing), ("", ""), cells, header=False))
     yield ReportSection(f"{DIRECTION_NAMES[found.direction]} cam angle", (*cycle, orders, budget))
 
 
