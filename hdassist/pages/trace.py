@@ -19,7 +19,7 @@ from hdassist.terminal.brief import again, not_known, on_what
 from hdassist.terminal.wheels_page import heading
 
 LISTED_ORDERS, NAMED_ORDERS = 12, 2  # with --details and without, the greatest
-PLOTTED_ROWS = 6
+CURVE_ROWS = 6
 MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
 ORDER_QUANTITIES: tuple[Quantity[Order], ...] = (
@@ -28,7 +28,7 @@ ORDER_QUANTITIES: tuple[Quantity[Order], ...] = (
     Quantity("phase_deg", "phase", "deg", ".1f", lambda o: o.phase_deg),
     Quantity("cause", "cause", "", "", lambda o: o.cause),
 )
-ON_PAGE: tuple[Quantity[Order], ...] = (
+BRIEF_ORDER_COLUMNS: tuple[Quantity[Order], ...] = (
     Quantity("order", "order", "", ".2f", lambda o: o.per_cam_rev),
     Quantity("amplitude", "arcsec", "", ".2f", lambda o: o.amplitude_arcsec),
     ORDER_QUANTITIES[-1],
@@ -51,7 +51,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
         verdict=f"range {error.range_arcsec:.2f} arcsec",
         why=tuple(_part_of_cycle(trace)),
         blocks=(
-            Table.by_row("", ON_PAGE, orders[:NAMED_ORDERS], words=(2,)),
+            Table.by_row("", BRIEF_ORDER_COLUMNS, orders[:NAMED_ORDERS], words=(2,)),
             Facts.of(_facts(drive, trace)),
             curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, words),
         ),
@@ -83,7 +83,7 @@ def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
     """The error over cam turns; words: of the error, with its unit."""
     over = float(np.ptp(turns) > MANY_TURNS)
     around = ": least and greatest around each cam turn" if over else ""
-    return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over, rows=PLOTTED_ROWS)
+    return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over, rows=CURVE_ROWS)
 
 
 def _part_of_cycle(trace: Trace) -> Iterator[str]:
