@@ -20,12 +20,12 @@ from hdassist.terminal.brief import again, not_known, on_what
 from hdassist.terminal.influence_words import named
 from hdassist.textfile import STDIN
 
-TWO_CURVES_ROWS = 6
+_PLOTTED_ROWS = 6
 PLOTTED_TURNS = 1.0  # of the cam, to either side of the largest difference
 TABLED_ORDERS = 12  # the greatest
 SHORT_PAGE = 5  # numbers on a short page
 MOST_OPTIONS = 6  # words of options in a short page's command
-CONCLUSION_WORDS = {
+_VERDICT_WORDS = {
     "agrees": "agrees, no change of the preset is needed",
     "mirrored": "mirrored, the file fits clearly better read the other way round",
     "one": "explained by one deviation",
@@ -62,7 +62,7 @@ def comparison_report(result: Comparison) -> Report:
         command="compare",
         drive=result.drive,
         head=f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m",
-        verdict=CONCLUSION_WORDS[result.conclusion.kind],
+        verdict=_VERDICT_WORDS[result.conclusion.kind],
         why=(_why(result),),
         blocks=(shown, Facts.of(_facts(result)), _curves(result)),
         details=(Table.by_column("", (FILE, *COMPARED_NUMBERS), [result]), *_tables(result), Facts.of(_more(result))),
@@ -175,7 +175,7 @@ def _curves(result: Comparison) -> TwoCurves:
     return TwoCurves(
         bins.turns[shown], predicted + result.residual_arcsec[shown], predicted, ("measured", "predicted"),
         x_label="cam angle, turns: around the largest difference", y_label="error, arcsec",
-        rows=TWO_CURVES_ROWS,
+        rows=_PLOTTED_ROWS,
     )  # fmt: skip
 
 

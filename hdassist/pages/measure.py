@@ -13,7 +13,7 @@ from hdassist.measuring.cycle import Coverage, Gearing
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import MeasuredOrder
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED, UncertaintySource
-from hdassist.pages.trace import LISTED_ORDERS, curve_of_turns
+from hdassist.pages.trace import curve_of_turns
 from hdassist.preset.fields import Drive
 from hdassist.report.blocks import Curve, Facts, ReportSection, Table
 from hdassist.report.quantities import NO_VALUE, Quantity, as_object
@@ -21,7 +21,7 @@ from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.brief import again
 from hdassist.textfile import STDIN
 
-ORDERS_IN_LINE = 3  # the greatest
+_LISTED_ORDERS, _NAMED_ORDERS = 12, 3  # in the table, and in a line: the greatest
 DIRECTION_NAMES = {1: "growing", -1: "falling"}
 
 ORDER_COLUMNS: tuple[Quantity[MeasuredOrder], ...] = (
@@ -31,7 +31,7 @@ ORDER_COLUMNS: tuple[Quantity[MeasuredOrder], ...] = (
     Quantity("phase_deg", "phase", "deg", ".1f", lambda o: o.phase_deg),
     Quantity("cause", "cause", "", "", lambda o: o.cause or None),
 )
-COVERAGE_QUANTITIES: tuple[Quantity[Coverage], ...] = (
+_COVERAGE: tuple[Quantity[Coverage], ...] = (
     Quantity("share", "share of the cycle visited", "%", lambda share: f"{100 * share:.1f}", lambda c: c.share),
     Quantity("visited_cam_revolutions", "visited", "cam turns", ".4g", lambda c: c.cam_turns),
     Quantity("step_cam_deg", "a reading every", "deg of the cam", ".3g", lambda c: c.step_deg),
@@ -69,12 +69,12 @@ SWEEP_QUANTITIES: tuple[Quantity[SweepResult], ...] = (
     Quantity("residuals.correlated_steps", "  correlated over", "steps", ".3g", lambda s: s.fit.correlated),
     Quantity("residuals.condition", "condition of the fit", "", ".3g", lambda s: s.fit.design.condition),
 )  # fmt: skip
-BUDGET_COLUMNS: tuple[Quantity[UncertaintySource], ...] = (
+_BUDGET: tuple[Quantity[UncertaintySource], ...] = (
     Quantity("source", "source", "", "", lambda source: source.name),
     Quantity("standard_uncertainty_arcsec", "u", "arcsec", ".3f", lambda source: source.arcsec),
     Quantity("origin", "from", "", "", lambda source: source.origin),
 )
-SWEEP_COLUMNS: tuple[Quantity[SweepResult], ...] = (
+_ON_PAGE: tuple[Quantity[SweepResult], ...] = (
     SWEEP_QUANTITIES[0],
     SWEEP_QUANTITIES[1],
     Quantity("interval", "95 %", "", "{0[0]:.2f} to {0[1]:.2f}".format, lambda s: s.interval_arcsec),
@@ -88,7 +88,7 @@ def measure_report(result: Measurement, drive: Drive | None) -> Report:
     """F'_ior of a measured trace with its uncertainty, by direction; drive, None where it is not known."""
     found, *others = result.directions
     trace, gearing, reversal = result.trace, result.gearing, result.reversal
-    table = Table.by_row("", SWEEP_COLUMNS, result.directions, words=(0,))
+    table = Table.by_row("", _ON_PAGE, result.directions, words=(0,))
     return Report(
         command="measure",
         drive=drive,
@@ -137,7 +137,7 @@ def _cycle(gearing: Gearing) -> str:
 def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]]:
     """Largest orders, what is missing, how the file was read and the next command, a label and a text each."""
     found, file = result.directions[0], result.trace.file
-    first, *others = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:ORDERS_IN_LINE]
+    first, *others = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:_NAMED_ORDERS]
     cause = f" ({first.cause})" if first.cause else ""
     more = "".join(f"; {o.per_cam_rev:.2f}: {o.amplitude_arcsec:.2f}" for o in others)
     yield "orders", f"{first.per_cam_rev:.2f} a cam turn, {first.amplitude_arcsec:.2f} arcsec{cause}{more}"
@@ -165,7 +165,7 @@ def _curve(found: SweepResult) -> Curve:
 def _details(found: SweepResult, gearing: Gearing | None) -> Iterator[ReportSection]:
     """Coverage, orders and budget of uncertainty of a direction."""
     shown = ORDER_COLUMNS if any(order.cause for order in found.orders) else ORDER_COLUMNS[:-1]
-    greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:LISTED_ORDERS]
+    greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:_LISTED_ORDERS]
     title = f"orders: amplitude·cos(order·angle + phase), the {len(greatest)} greatest of {len(found.orders)}"
     orders = Table.by_row(title, shown, sorted(greatest, key=lambda o: o.per_cam_rev), words=(4,))
     stated = all(source.arcsec is not None for source in found.sources if source.name in STATED)
@@ -173,10 +173,10 @@ def _details(found: SweepResult, gearing: Gearing | None) -> Iterator[ReportSect
         "combined", found.uncertainty_arcsec, "" if stated else f"without those with {NO_VALUE}"
     )
     title = f"standard uncertainty of F'_ior; 95 %: k = {COVERAGE_FACTOR:g}"
-    budget = Table.by_row(title, BUDGET_COLUMNS, [*found.sources, together], words=(0, 2))
+    budget = Table.by_row(title, _BUDGET, [*found.sources, together], words=(0, 2))
     cycle: list[Table] = []
     if found.coverage and gearing:
-        cells = tuple((quantity.words, quantity.text(found.coverage)) for quantity in COVERAGE_QUANTITIES)
+        cells = tuple((quantity.words, quantity.text(found.coverage)) for quantity in _COVERAGE)
         cycle.append(Table(_cycle(gearing), ("", ""), cells, header=False))
     yield ReportSection(f"{DIRECTION_NAMES[found.direction]} cam angle", (*cycle, orders, budget))
 
@@ -185,10 +185,10 @@ def _sweep(found: SweepResult) -> Json:
     """One direction as a JSON object."""
     return {
         **as_object(SWEEP_QUANTITIES, found),
-        "coverage": found.coverage and as_object(COVERAGE_QUANTITIES, found.coverage),
+        "coverage": found.coverage and as_object(_COVERAGE, found.coverage),
         "orders": [as_object(ORDER_COLUMNS, order) for order in found.orders],
         "lines": [as_object(ORDER_COLUMNS, line) for line in found.lines],
-        "budget": [as_object(BUDGET_COLUMNS, source) for source in found.sources],
+        "budget": [as_object(_BUDGET, source) for source in found.sources],
     }
 
 

@@ -18,8 +18,8 @@ from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.brief import again, not_known, on_what
 from hdassist.terminal.wheels_page import heading
 
-LISTED_ORDERS, NAMED_ORDERS = 12, 2  # with --details and without, the greatest
-CURVE_ROWS = 6
+_LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
+_PLOTTED_ROWS = 6
 MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
 ORDER_QUANTITIES: tuple[Quantity[Order], ...] = (
@@ -28,7 +28,7 @@ ORDER_QUANTITIES: tuple[Quantity[Order], ...] = (
     Quantity("phase_deg", "phase", "deg", ".1f", lambda o: o.phase_deg),
     Quantity("cause", "cause", "", "", lambda o: o.cause),
 )
-BRIEF_ORDER_COLUMNS: tuple[Quantity[Order], ...] = (
+_ON_PAGE: tuple[Quantity[Order], ...] = (
     Quantity("order", "order", "", ".2f", lambda o: o.per_cam_rev),
     Quantity("amplitude", "arcsec", "", ".2f", lambda o: o.amplitude_arcsec),
     ORDER_QUANTITIES[-1],
@@ -42,7 +42,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     title = "orders: amplitude·cos(order·phi_h + phase)"
     orders = sorted(trace.orders, key=lambda o: -o.amplitude_arcsec)
-    listed = sorted(orders[:LISTED_ORDERS], key=lambda o: o.per_cam_rev)
+    listed = sorted(orders[:_LISTED_ORDERS], key=lambda o: o.per_cam_rev)
     words = f"error F_kpp, arcsec, at {error.M_g:g} N·m"
     return Report(
         command="trace",
@@ -51,12 +51,12 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
         verdict=f"range {error.range_arcsec:.2f} arcsec",
         why=tuple(_part_of_cycle(trace)),
         blocks=(
-            Table.by_row("", BRIEF_ORDER_COLUMNS, orders[:NAMED_ORDERS], words=(2,)),
+            Table.by_row("", _ON_PAGE, orders[:_NAMED_ORDERS], words=(2,)),
             Facts.of(_facts(drive, trace)),
             curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, words),
         ),
         details=(
-            Table.by_row(f"{title}, the {LISTED_ORDERS} greatest", ORDER_QUANTITIES, listed, words=(3,)),
+            Table.by_row(f"{title}, the {_LISTED_ORDERS} greatest", ORDER_QUANTITIES, listed, words=(3,)),
             Paragraph(order_legend(drive)),
         ),
         certificate=error.certificate,
@@ -83,7 +83,7 @@ def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
     """The error over cam turns; words: of the error, with its unit."""
     over = float(np.ptp(turns) > MANY_TURNS)
     around = ": least and greatest around each cam turn" if over else ""
-    return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over, rows=CURVE_ROWS)
+    return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over, rows=_PLOTTED_ROWS)
 
 
 def _part_of_cycle(trace: Trace) -> Iterator[str]:

@@ -16,7 +16,6 @@ import pytest
 
 from tests.process import CLEAN, COMMAND, SMALL, run
 from tests.rigs import drive_error, text, whole_range
-from tests.tutorial import told_by
 
 ROOT = Path(__file__).parents[2]
 REAL = ROOT.parent / "shared/data/dhem_csf17_100_digitized.csv"
@@ -238,11 +237,3 @@ def test_the_real_trace():
     assert found["F_ior_is_lower_bound"] is True
     assert found["coverage"]["share"] < 0.03
     assert "2 columns of errors" in run("measure", str(REAL)).stderr
-
-
-@pytest.mark.slow  # .ci/run runs it
-def test_the_tutorial_runs(tmp_path):
-    told = told_by("measure.md", tmp_path)
-    assert "at least" in told
-    assert "2.0 % visited of the full cycle: 100 cam turns, 1 output turn" in told
-    assert json.loads((tmp_path / "cycle.json").read_text())["schema"] == "hdassist.measure/1"
