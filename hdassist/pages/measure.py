@@ -124,14 +124,9 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
     if found.coverage is None or result.gearing is None:
         yield f"a lower bound: {found.bins.span:.2f} cam turns; without --drive or --ratio the cycle is unknown"
     elif found.is_bound:
-        yield f"a lower bound: {100 * found.coverage.share:.1f} % visited of the {_cycle(result.gearing)}"
-
-
-def _cycle(gearing: Gearing) -> str:
-    """The full cycle in words."""
-    return (
-        f"full cycle: {gearing.cycle} cam turns, {gearing.cycle_output} output turn{'s' * (gearing.cycle_output != 1)}"
-    )
+        cycle, output = result.gearing.cycle, result.gearing.cycle_output
+        turns = f"{cycle} cam turns, {output} output turn{'s' * (output != 1)}"
+        yield f"a lower bound: {100 * found.coverage.share:.1f} % visited of the full cycle: {turns}"
 
 
 def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]]:
@@ -176,8 +171,10 @@ def _details(found: SweepResult, gearing: Gearing | None) -> Iterator[ReportSect
     budget = Table.by_row(title, _BUDGET, [*found.sources, together], words=(0, 2))
     cycle: list[Table] = []
     if found.coverage and gearing:
+        output = f"{gearing.cycle_output} output turn{'s' * (gearing.cycle_output != 1)}"
+        title = f"full cycle: {gearing.cycle} cam turns, {output}"
         cells = tuple((quantity.words, quantity.text(found.coverage)) for quantity in _COVERAGE)
-        cycle.append(Table(_cycle(gearing), ("", ""), cells, header=False))
+        cycle.append(Table(title, ("", ""), cells, header=False))
     yield ReportSection(f"{DIRECTION_NAMES[found.direction]} cam angle", (*cycle, orders, budget))
 
 
