@@ -124,8 +124,9 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
     if found.coverage is None or result.gearing is None:
         yield f"a lower bound: {found.bins.span:.2f} cam turns; without --drive or --ratio the cycle is unknown"
     elif found.is_bound:
-        turns = f"{found.coverage.cam_turns:.4g} of {result.gearing.cycle} cam turns"
-        yield f"a lower bound: {100 * found.coverage.share:.1f} % of the full cycle visited, {turns}"
+        cycle, output = result.gearing.cycle, result.gearing.cycle_output
+        turns = f"{cycle} cam turns, {output} output turn{'s' * (output != 1)}"
+        yield f"a lower bound: {100 * found.coverage.share:.1f} % visited of the full cycle: {turns}"
 
 
 def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]]:

@@ -72,7 +72,7 @@ def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
     (rig / "part.csv").write_text(text([360 * TURNS[:600], ERROR[:600]], "cam_deg,error_arcsec"))
     lines = run("measure", "part.csv", "--ratio", "30", "--ascii", cwd=rig).stdout.splitlines()
     assert lines[0].startswith("part.csv, 600 rows: F'_ior at least ")
-    assert lines[1] == "a lower bound: 16.7 % of the full cycle visited, 5 of 30 cam turns"
+    assert lines[1] == "a lower bound: 16.7 % visited of the full cycle: 30 cam turns, 1 output turn"
     assert len(lines) <= 24
     assert "".join(lines).isascii()
     alone = run("measure", "part.csv", "--no-plot", cwd=rig).stdout
@@ -110,7 +110,7 @@ def test_a_gap_longer_than_a_cam_turn_is_drawn(rig):
     (rig / "gap.csv").write_text(text([360 * TURNS[kept], ERROR[kept]], "cam_deg,error_arcsec"))
     page = run("measure", "gap.csv", "--ratio", "30", cwd=rig)
     assert (page.returncode, page.stderr) == (0, "")
-    assert "70.0 % of the full cycle visited, 21 of 30 cam turns" in page.stdout
+    assert "70.0 % visited of the full cycle: 30 cam turns, 1 output turn" in page.stdout
 
 
 def test_a_plot_or_a_page_that_fails_takes_no_answer_with_it(rig, monkeypatch):
