@@ -31,7 +31,8 @@ HEAD = """\
 
 What the model is compared with, what comes out, and what that is worth. Made by `python -m tests.validation` from the
 cases that the tests run; CI fails when the two differ, and where a row that is said to miss ceases to. *note*: reason
-of a tolerance, and of a miss. An empty source is that of the row above. In brackets: 5 to 95 % over parameter sets.
+of a tolerance, and of a miss. An empty source is that of the row above; *got* is in the unit of *expected*, in
+brackets 5 to 95 % over parameter sets.
 
 |worth|meaning|
 |---|---|

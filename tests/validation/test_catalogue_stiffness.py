@@ -16,7 +16,7 @@ from tests.validation.case import Case, Information, Kind, about, parameters
 TITLE = "Catalogue stiffness"
 ABOUT = (
     "Held back: all but the rows called fitted. `vzp160` is compared with sizes 58 and 65 (40, 61, 71 and 54, 88, "
-    "98·10⁴ N·m/rad) by the cube of the diameter; the rows below are of sizes 17 to 65, as the catalogue of 14 falls "
+    "98·10⁴ N·m/rad) by the cube of the diameter; all other rows are of sizes 17 to 65, as the catalogue of 14 falls "
     "off from that cube. No catalogue's lost motion is at hand."
 )
 SIZES = {58: (40, 61, 71), 65: (54, 88, 98)}
@@ -97,7 +97,7 @@ def over_sizes(k: int, words: str, get: Callable[[Array], float], miss: str = ""
 
 
 SOFT_START = (
-    "the first load bears too stiffly. One clearance for all sizes, 0.014 modules a flank, takes it away (rows below); "
+    "the first load bears too stiffly. One clearance for all sizes, 0.014 modules a flank, takes it away ; "
     "Fig. 3 asks for 0.001. A softer k_face gives 7 %; tip relief was not computed; friction is not in the model"
 )
 CASES = [
