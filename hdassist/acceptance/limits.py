@@ -18,7 +18,6 @@ from hdassist.run.kept import ClosedRecord
 ORDER_PREFIX = "order_"
 LIMIT_KINDS = {check.field: check.kind for check in CHECKS if check != ORDER_CHECK}
 HINT = f"NAME one of {', '.join(LIMIT_KINDS)}, or order_2 and so on"
-OLD_LIMIT = re.compile(r"([-+.\deE]+):([-+.\deE]+)")  # as `tolerance` and `allocate` had it: TORQUE:VALUE
 _OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: ", re.MULTILINE)
 
 Option = Literal["--limit", "--value"]
@@ -103,9 +102,10 @@ class LimitText:
         """
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals and option == "--limit":
-            if old := OLD_LIMIT.fullmatch(text):
+            torque, colon, bound = name.partition(":")
+            if colon:  # the old form of `tolerance` and `allocate`
                 raise UsageError(
-                    f"invalid --limit {text}: expected NAME@TORQUE=VALUE", f"--limit F_ior@{old[1]}={old[2]}"
+                    f"invalid --limit {text}: expected NAME@TORQUE=VALUE", f"--limit F_ior@{torque}={bound}"
                 )
             if name[:1] in "+-.0123456789":
                 name, value = F_IOR.field, name

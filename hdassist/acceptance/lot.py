@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from hdassist.acceptance.limits import LimitText
+from hdassist.acceptance.limits import LimitText, named_limits
 from hdassist.acceptance.request import TEXTS, Request, TraceFile
 from hdassist.errors import Finding, HdassistError, PresetError, UsageError
 from hdassist.preset.fields import REMOVED, field_table
@@ -74,7 +74,8 @@ class LotRow:
         """The message of an error, naming cells of the row in place of options."""
         message = error.message
         if not self.fault:
-            lines = self.request.named(message, overrides=True).splitlines()
+            request = self.request
+            lines = named_limits(message, request.overrides, request.limits, overrides=True).splitlines()
             found = [next(filter(None, (cell.of_option(line) for cell in self.cells)), "") for line in lines]
             files = [cell for cell in self.cells if cell.file and cell.file in message]
             if any(found):

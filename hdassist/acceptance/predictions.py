@@ -177,7 +177,7 @@ class Predictions:
 
     def is_open(self, limit: Limit) -> bool:
         """Whether anything that is not known exactly moves the value of a limit."""
-        return bool(_open_fields(self.prior, limit))
+        return _is_open(self.prior, limit)
 
     def belief(self, limit: Limit) -> Belief | None:
         """The value of a limit over all that is not known exactly; None where nothing moves it, or was not drawn."""
@@ -216,7 +216,7 @@ def prediction_states(drive: Drive, limits: Sequence[Limit], draws: int = EFFECT
         states += len(torques_of(some, "self error")) * drive.numerics.n_phase**2
         return states + stiffness_states(1) * any("stiffness" in limit.check.needs for limit in some)
 
-    if not (searchable(drive) and any(_open_fields(prior_of(drive), limit) for limit in limits)):
+    if not (searchable(drive) and any(_is_open(prior_of(drive), limit) for limit in limits)):
         return once(limits)
     drawn = len(_torques(drive, limits)) * SAMPLE_STATES + once([limit for limit in limits if limit.check is not F_IOR])
     return once(limits) + draws * drawn
@@ -284,10 +284,9 @@ def _is_of_check(drive: Drive, limit: Limit) -> bool:
     return limit.check is F_IOR and limit.M_g_Nm in drive.operation.M_g
 
 
-def _open_fields(prior: DrivePrior, limit: Limit) -> tuple[str, ...]:
-    """Fields that are not known exactly and move the value of a limit, by path: deviations move the cycle alone."""
-    cycle = "cycle" in limit.check.needs
-    return tuple(each.path for each in prior.fields if cycle or not each.path.startswith(TABLE_SECTIONS))
+def _is_open(prior: DrivePrior, limit: Limit) -> bool:
+    """Whether an input that is not known exactly moves the value of a limit: deviations move the cycle alone."""
+    return any("cycle" in limit.check.needs or not each.path.startswith(TABLE_SECTIONS) for each in prior.fields)
 
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:

@@ -159,11 +159,7 @@ class Request(ClosedRecord):
         try:
             return load_preset(self.preset, [*self.overrides, *(limit.override for limit in self.limits)])
         except UsageError as error:
-            raise UsageError(self.named(error.message), error.hint) from None
-
-    def named(self, message: str, *, overrides: bool = False) -> str:
-        """A message about overrides of the preset that names limits as they were given; with overrides, those too."""
-        return named_limits(message, self.overrides, self.limits, overrides=overrides)
+            raise UsageError(named_limits(error.message, self.overrides, self.limits), error.hint) from None
 
     def read(self, drive: Drive) -> Inputs:
         """The inputs of the request, read, with the drive.
