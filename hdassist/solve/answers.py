@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +18,7 @@ from hdassist.solve.sums import StateSums
 from hdassist.solve.window import EdgeOfWindowError
 
 STATES_AT_A_TIME = 1024  # states between two reports of progress
+LOOKED_AT_FIRST = 64  # states
 EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
 ARCSEC = float(np.degrees(3600))  # arcsec in a radian
 N_MM = 1e3  # N*mm in a N*m
@@ -111,7 +113,9 @@ def solve_states(
     Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
     outside the limits of the linear model.
     """
-    chunks = (solver.solve(gaps[first : first + chunk], pull=pull) for first in range(0, len(gaps), chunk))
+    # the first ones alone: in too narrow a window of flanks it is they that mostly say so
+    bounds = pairwise(dict.fromkeys([0, *range(min(LOOKED_AT_FIRST, chunk), len(gaps), chunk), len(gaps)]))
+    chunks = (solver.solve(gaps[first:end], pull=pull) for first, end in bounds)
     return proven_answers(system, torque, chunks, place, progress, pull=pull)
 
 
