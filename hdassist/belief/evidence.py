@@ -121,7 +121,12 @@ def log_likelihood(evidence: Sequence[Evidence], predictions: Mapping[str, float
     errors = [each for each in heard if each.M_g]
     if not errors:
         return alone
-    f, y, spreads = np.array([(predictions[e.figure], e.value, e.spread) for e in errors]).T
-    torques, turns = np.array([e.M_g for e in errors]), [e.rotation_deg for e in errors]
+    return alone + float(errors_log_likelihood(errors, np.array([[predictions[each.figure] for each in errors]]))[0])
+
+
+def errors_log_likelihood(errors: Sequence[Evidence], f: Array) -> Array:
+    """Log likelihood of measured F'_ior of samples with f [arcsec], shape (samples, errors), 0 where they agree."""
+    y, spreads = np.array([(each.value, each.spread) for each in errors]).T
+    torques, turns = np.array([each.M_g for each in errors]), [each.rotation_deg for each in errors]
     correlation = kernel(turns, turns) * np.equal.outer(torques, torques)  # at another torque the misfit is another
-    return alone + float(log_likelihood_of_errors(f[None], y, spreads, correlation)[0])
+    return log_likelihood_of_errors(f, y, spreads, correlation)

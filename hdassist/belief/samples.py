@@ -18,7 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betaincinv
 
-from hdassist.belief.evidence import ACCURACY, STIFFNESS_FIGURES, Evidence, log_likelihood, stiffness_figures
+from hdassist.belief.evidence import (
+    ACCURACY,
+    STIFFNESS_FIGURES,
+    Evidence,
+    errors_log_likelihood,
+    log_likelihood,
+    stiffness_figures,
+)
 from hdassist.belief.kept import Draw, KeptDraws
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.proposal import PILOT_DRAWS, proposed_draws
@@ -45,6 +52,7 @@ RESOLVED_ERROR = 1e-3  # arcsec
 SAMPLE_STATES = 520  # that a sample solves at a torque, about
 HOPELESS = 256  # draws of which none has an answer: no more are made
 CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
+UNSHOWN = -9.0  # log likelihood of measured F'_ior below which a draw does not show it, 0 where it agrees
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
 
 
@@ -252,10 +260,12 @@ def draw_samples(
                 seen(samples)
             effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
             if effective >= effort.effective and (effective >= effort.most_effective or enough(samples)):
+                _require_shown(draws, evidence)
                 return samples
             if len(draws) >= effort.most_draws or (len(draws) >= HOPELESS and not len(samples.weights)):
                 if effective < effort.effective:
                     raise _too_few(samples, draws, evidence, effort.effective)
+                _require_shown(draws, evidence)
                 return samples
     finally:
         if len(draws) > len(earlier) and (further_name or not further):
@@ -430,6 +440,20 @@ def _collected(
         np.array([each.turned_arcsec for each in kept]).reshape(len(kept), len(torques), len(rotations_deg)),
         tuple(draws),
     )
+
+
+def _require_shown(draws: Sequence[Draw], evidence: tuple[Evidence, ...]) -> None:
+    """Raise UntrustedError where no draw comes near F'_ior as measured: of equally bad ones all weigh the same."""
+    errors = [each for each in evidence if each.M_g]
+    kept = [each.figures or {} for each in draws if each.F_ior_arcsec is not None]
+    if not errors or not kept:
+        return
+    f = np.array([[figures[each.figure] for each in errors] for figures in kept])
+    if errors_log_likelihood(errors, f).max() < UNSHOWN:
+        rows = zip(errors, f.min(axis=0), f.max(axis=0), strict=True)
+        words = "; ".join(f"{each.path} = {each.value:g}, drawn {low:.4g} to {high:.4g}" for each, low, high in rows)
+        hint = "check values, torque and holes, then the ranges of what is assumed"
+        raise UntrustedError(f"no draw shows F'_ior as measured, arcsec: {words}", hint)
 
 
 def _too_few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...], needed: int) -> UntrustedError:

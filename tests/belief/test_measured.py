@@ -110,6 +110,13 @@ def test_a_measured_figure_that_contradicts_is_named(hidden):
         believed(drive, (4.0,), SamplingEffort(48, 48, 48, 48))
 
 
+def test_errors_that_no_draw_shows_are_refused():
+    drive = tiny("phases.phi_hb=unknown", "mounting.holes=6", "measured.F_ior={h0@4: 5 ± 1, h2@4: 4 ± 1}")
+    words = r"no draw shows F'_ior as measured, arcsec: measured\.F_ior\.h0@4 = 5, drawn \d+.* to \d+.*h2@4 = 4, drawn"
+    with pytest.raises(UntrustedError, match=words):
+        believed(drive, (4.0,), SamplingEffort(4, 4, 16, 4))
+
+
 def test_evidence_that_is_only_narrow_contradicts_nothing(hidden):
     readings = ", ".join(f"h{hole}@4: {value} ± 0.5" for hole, value in hidden.items())
     drive = tiny(*UNKNOWN, f"measured.F_ior={{{readings}}}", "catalogue.accuracy=1000")

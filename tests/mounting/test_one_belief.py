@@ -32,7 +32,7 @@ def drive_of(*overrides: str):
 
 
 @pytest.mark.parametrize(
-    "more", ["name=any", "acceptance.F_ior=28", "acceptance.F_ior=40", "measured.F_ior={h0@4: 30 ± 2, h2@4: 25 ± 2}"]
+    "more", ["name=any", "acceptance.F_ior=28", "acceptance.F_ior=40", "measured.F_ior={h0@4: 120 ± 20, h2@4: 95 ± 20}"]
 )
 def test_F_ior_as_mounted_is_the_same_number_on_check_mount_and_a_sheet(more):
     drive = drive_of(more)
