@@ -24,7 +24,7 @@ from hdassist.verdict import Verdict
 
 LAW_WORDS = {"rayleigh": f"Rayleigh (tolerance = {RAYLEIGH_TAIL:g} standard deviations)"}
 PLOTTED_SHARES = np.linspace(0, 100, 201)  # of drives, %
-_PLOTTED_ROWS = 6
+_PLOTTED_ROWS = 5
 MORE_DRIVES = "more drives (-n) may decide it"
 
 
@@ -51,18 +51,12 @@ class MountedDrives:
         return None if self.point.limit is None else self.summary.yield_of(self.best, self.point)
 
 
-def yield_words(found: YieldBelief) -> str:
-    """A yield as a range over the designs, or that of the only one with its interval."""
-    low, middle, high = (100 * found.percentile(share) for share in (YIELD_TAIL, 0.5, 1 - YIELD_TAIL))
-    if len(found.weights) == 1:
-        return f"{100 * found.share:.1f} % ({low:.1f} to {high:.1f})"
-    return f"{low:.1f} to {high:.1f} %, median {middle:.1f} %"
-
-
-def _yield_cell(found: YieldBelief) -> str:
+def yield_words(found: YieldBelief, digits: str = ".0f") -> str:
+    """A yield in the middle of its range over the designs, or that of the only one, with its interval."""
     middle = found.share if len(found.weights) == 1 else found.percentile(0.5)
-    low, high = (100 * found.percentile(share) for share in (YIELD_TAIL, 1 - YIELD_TAIL))
-    return f"{100 * middle:.0f} ({low:.0f} to {high:.0f})"
+    ends = (100 * found.percentile(share) for share in (YIELD_TAIL, 1 - YIELD_TAIL))
+    low, high = (format(end, digits) for end in ends)
+    return f"{100 * middle:{digits}} % ({low} to {high})"
 
 
 PERCENTILES = (("low", "5 %", 0.05), ("median", "median", 0.5), ("high", "95 %", 0.95))
@@ -87,7 +81,7 @@ INTERVAL_COLUMNS: tuple[Quantity[MountedDrives], ...] = tuple(
 )  # fmt: skip
 YIELD_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
     Quantity("limit", "limit", "", "g", lambda d: d.point.limit),
-    Quantity("yield", "yield, %", "", _yield_cell, lambda d: d.yield_belief),
+    Quantity("yield", "yield", "", yield_words, lambda d: d.yield_belief),
 )
 YIELD_SHARE: Quantity[MountedDrives] = Quantity(
     "yield", "yield", "", ".3f", lambda d: d.yield_belief and d.yield_belief.share
@@ -104,8 +98,9 @@ def tolerance_report(
     worst = min(range(len(points)), key=lambda k: summary.yield_of(True, points[k]).share)
     gains = to_measure(law, samples, worst) if samples else ()
     measure = summary.verdict is Verdict.INCONCLUSIVE and (measure_words(gains, False) or MORE_DRIVES)
+    of_designs = f"; yield: {100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over designs"
     F_ior_table = Table.by_row(
-        "F'_ior, arcsec: percentiles over the drives",
+        "F'_ior, arcsec: percentiles over the drives" + of_designs * bool(summary.has_limit and law.shared),
         (*MOUNTING_COLUMNS, *F_IOR_COLUMNS[:3], *YIELD_COLUMNS[: 2 * summary.has_limit]),
         drives,
         words=(1,),
@@ -122,7 +117,7 @@ def tolerance_report(
         drive=drive,
         head=f"{drive.name}, {summary.count} random drives" + f" of {summary.design_count} designs" * bool(law.shared),
         verdict=_yields(summary) if summary.has_limit and summary.wanted is None else str(summary.verdict),
-        why=tuple(_reasons(summary, law)),
+        why=tuple(_reasons(summary)),
         blocks=(
             F_ior_table,
             Facts.of([("measure", measure or ""), ("next", again("sensitivity", drive))]),
@@ -136,7 +131,7 @@ def tolerance_report(
             "to_measure": measure_objects(gains),
         },
         csv=csv_table(drive.name, (*MOUNTING_COLUMNS, *F_IOR_COLUMNS, YIELD_SHARE), drives),
-        line=f"{_yields(summary)}: {summary.verdict}"
+        line=_yields(summary) + f": {summary.verdict}" * (summary.wanted is not None)
         if summary.has_limit
         else "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]} arcsec" for row in F_ior_table.rows),
         warnings=(*law_warnings(law), *_refused(summary)),
@@ -156,20 +151,17 @@ def law_warnings(law: ProductionLaw) -> tuple[str, ...]:
 
 
 def _yields(summary: Summary) -> str:
-    words = f"yield as built {yield_words(summary.yield_of(False))}"
-    turned = f"; each wheel in its best position {yield_words(summary.yield_of(True))}"
+    words = f"yield as built {yield_words(summary.yield_of(False), '.1f')}"
+    turned = f", best mounted {yield_words(summary.yield_of(True), '.1f')}"
     return words + turned * (summary.positions > 1)
 
 
-def _reasons(summary: Summary, law: ProductionLaw) -> Iterator[str]:
+def _reasons(summary: Summary) -> Iterator[str]:
     """Probability of the yield wanted, and the yields; without a limit, the gain of turning."""
-    over = f"{100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over what is not known of the design"
     if summary.has_limit and summary.wanted is not None:
         sure = probability_words(summary.yield_of(True).probability(summary.wanted))
         yield f"probability that the yield reaches {100 * summary.wanted:g} %: {sure}; {summary.sure:g} needed"
-        yield _yields(summary) + f" ({over})" * bool(law.shared)
-    elif summary.has_limit and law.shared:
-        yield f"range of a yield: {over}"
+        yield _yields(summary)
     elif summary.positions > 1 and not summary.has_limit:
         off = []
         for point in summary.points:

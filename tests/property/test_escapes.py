@@ -15,16 +15,27 @@ from pathlib import Path
 from xml.dom.minidom import parseString
 
 import numpy as np
-from hdassist.pages.report_blocks import Figure, Paragraph, Report, ReportSection, Tile
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from hdassist.pages import card_render, report_render
-from hdassist.pages.report import UNCUT
-from hdassist.pages.report_charts import Dot, chart
+from hdassist.report.blocks import (
+    Curve,
+    CurveMark,
+    Facts,
+    HeatMap,
+    Paragraph,
+    ReportSection,
+    Table,
+    Tiles,
+    TwoCurves,
+)
+from hdassist.report.report import Report
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
-from hdassist.terminal.console import TextTable
+from hdassist.terminal.answers import csv_text, json_text, report_object
+from hdassist.terminal.console import Style, console
+from hdassist.terminal.page import report_page
 from tests.advices import advice_of, card
 from tests.process import TINY, on_terminal, run
 from tests.test_visible import EVERY_HIDDEN, hidden
@@ -193,20 +204,33 @@ def test_cards(word: str, ascii: bool) -> None:
 
 
 def report_of(word: str) -> Report:
-    """A report with a word wherever text may stand."""
-    x = np.arange(3.0)
-    drawn = chart(x, x, x_label=word, y_label=word, dots=[Dot(1, 1, word, "now")])
+    """A report of a drive with a word wherever text may stand."""
+    x, advice = np.arange(3.0), advice_of([30.0, 20.0, 25.0])
+    drive = advice.drive.model_copy(update={"name": word})
+    drive._origin = advice.drive.origin
     blocks = (
         Paragraph(word),
-        TextTable(UNCUT, f"{word}\n{word}", (word, word), (False, True), rows=[(word, word)]),
-        Figure(word, drawn, word),
-        Figure(word, replace(CARD.seat, title=word), word),
+        Facts(((word, word),)),
+        Table(f"{word}\n{word}", (word, word), ((word, word),), notes=(word,)),
+        Curve(x, x, word, word, caption=word, marks=(CurveMark(1, 1, f"b{word}", "now"),)),
+        replace(CARD.seat, title=word, legend=word),
     )
+    drawn = (TwoCurves(x, x, -x, (word, word), word, word, limit=2.0), HeatMap((1, 2), (1, 2), np.eye(2), word, word))
     return Report(
-        word, word, word, (word,), (Tile(word, word, word),), (word,), (ReportSection(word, blocks),), (word,)
+        command="report",
+        drive=drive,
+        head=word,
+        verdict=word,
+        why=(word,),
+        blocks=(Tiles(((word, word, word),)), ReportSection(word, blocks)),
+        details=drawn,
+        csv=((word, word), ((word, word),)),
+        line=word,
+        warnings=(word,),
     )
 
 
+STYLES = [Style(ascii=ascii, codes=False, width=200) for ascii in (False, True)]
 PLAIN = [*map(report_render.report_html(report_of("a")).count, "<>")]
 
 
@@ -216,10 +240,17 @@ PLAIN = [*map(report_render.report_html(report_of("a")).count, "<>")]
 @example("</title><svg onload=x> | `a` ```")
 @given(WORDS)
 def test_reports(word: str) -> None:
-    page, text = (make(report_of(word)) for make in (report_render.report_html, report_render.report_markdown))
+    report = report_of(word)
+    page, text = report_render.report_html(report), report_render.report_markdown(report, STYLES[0])
     assert not hidden(page + text)
     assert [*map(page.count, "<>")] == PLAIN  # no more elements than with a word of letters
-    assert text.count("\n```") == 4
+    assert report.csv
+    assert not hidden(json_text(report_object(report)) + csv_text(*report.csv))
+    for style in STYLES:
+        shown = io.StringIO()
+        console(shown, style).print(report_page(report, style, details=True))
+        assert not hidden(shown.getvalue())
+        assert shown.getvalue().isascii() or not style.ascii
 
 
 def test_a_true_terminal_is_sent_our_colours_alone() -> None:
