@@ -26,7 +26,7 @@ WIDTH, ROW, LEFT, MOST = 720, 44, 250, 190.0  # of the figure; MOST arcsec at it
 
 def rows(draws: int):
     """A row for each evidence: its words, 5th, 50th and 95th percentile of F'_ior and W_0, effective samples of all."""
-    from hdassist.preset.wishes import read_wish
+    from hdassist.preset.requirements import read_requirements
 
     from hdassist import load_preset
     from hdassist.belief.evidence import evidence_of
@@ -36,7 +36,7 @@ def rows(draws: int):
     from hdassist.loading.write import similar_preset
 
     like = load_preset("vzp160")
-    text = similar_preset("own", like, read_wish(like, ratio=100.0, diameter="63.5 mm", torque="67"))
+    text = similar_preset("own", like, read_requirements(like, ratio=100.0, diameter="63.5 mm", torque="67"))
     for words, overrides in EVIDENCE.items():
         drive = load_text(text, "own.yaml", [f"operation.M_g={M_G}", *overrides])
         prior = prior_of(drive)

@@ -178,7 +178,7 @@ def test_csv_of_the_curve(rig):
         (["run.csv", "--drive", "nothing"], 4, "no such preset"),
         (["run.csv", "--orders", "a"], 2, "invalid --orders a"),
         (["run.csv", "--orders", "1-100"], 5, "too long for order 100"),
-        (["run.csv", "--drift", "cubic"], 2, "--drift must be"),
+        (["run.csv", "--drift", "cubic"], 2, "invalid --drift cubic"),
         (["run.csv", "--angle-of", "motor"], 2, "'--angle-of': 'motor' is not one of 'cam', 'output'"),
         (["run.csv", "--angle-unit", "mm"], 2, "expected a unit of angle"),
         (["run.csv", "--wrap", "-1"], 2, "invalid --wrap -1"),
