@@ -26,14 +26,13 @@ WIDTH, ROW, LEFT, MOST = 720, 44, 250, 190.0  # of the figure; MOST arcsec at it
 
 def rows(draws: int):
     """A row for each evidence: its words, 5th, 50th and 95th percentile of F'_ior and W_0, effective samples of all."""
-    from hdassist.preset.requirements import read_requirements
-
     from hdassist import load_preset
     from hdassist.belief.evidence import evidence_of
     from hdassist.belief.prior import prior_of
     from hdassist.belief.samples import SamplingEffort, draw_samples, weighted_quantile
     from hdassist.loading.load import load_text
     from hdassist.loading.write import similar_preset
+    from hdassist.preset.requirements import read_requirements
 
     like = load_preset("vzp160")
     text = similar_preset("own", like, read_requirements(like, ratio=100.0, diameter="63.5 mm", torque="67"))

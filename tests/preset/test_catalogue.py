@@ -37,7 +37,9 @@ def test_targets_start_from_the_preset(size: object) -> None:
 
 
 def test_the_example_of_the_page_is_the_table_of_its_size() -> None:
-    (example,) = re.findall(r"```yaml\n(catalogue:.*?)```", (ROOT / "docs/design.md").read_text(encoding="utf-8"), re.DOTALL)
+    (example,) = re.findall(
+        r"```yaml\n(catalogue:.*?)```", (ROOT / "docs/design.md").read_text(encoding="utf-8"), re.DOTALL
+    )
     drive = load_text(Path(TINY).read_text(encoding="utf-8") + example, "page")
     assert drive.catalogue == load_preset("size-25-100").catalogue
 
