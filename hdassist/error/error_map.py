@@ -245,8 +245,7 @@ class _Solved:
 
     def every_state(self) -> None:
         """Solve every state of the cycle."""
-        points = np.stack(np.divmod(np.flatnonzero(self._search.board.ravel() >= 0), self._search.board.shape[1]), -1)
-        self._at(np.arange(len(self._batch))[:, None], points[None])
+        self._at(np.arange(len(self._batch))[:, None], np.argwhere(self._search.board >= 0))
 
     def near(self, alike: Array) -> Array:
         """Rotation [arcsec] at the points of the map of drives that are alike, by its difference at some of them."""

@@ -31,8 +31,7 @@ class Residuals:
     @property
     def worst(self) -> Array:
         """Greatest of the four residuals of each state; infinite where one is not a number."""
-        rows = np.array([self.negative_force, self.negative_gap, self.complementarity, self.equilibrium])
-        worst = rows.max(axis=0)
+        worst = np.max([*vars(self).values()], axis=0)
         return np.where(np.isnan(worst), np.inf, worst)
 
 

@@ -27,7 +27,6 @@ _ARRAYS = (
     *("by_places", "law", "place", "contact", "gain", "constant", "weight", "own", "value_force", "other_force"),
     *("dual_unit", "compliance", "local", "G", "C", "freedom", "delta_p", "map", "lever", "zone", "edge"),
 )
-_FOUND = ("rotation", "moment", "tooth_force", "edge_force", "residual", "pull")
 
 
 class _System(ctypes.Structure):
@@ -43,7 +42,9 @@ class _System(ctypes.Structure):
 class _Answers(ctypes.Structure):
     """answers of walk.c."""
 
-    _fields_ = [(name, ctypes.c_void_p) for name in _FOUND]
+    _fields_ = [
+        (name, ctypes.c_void_p) for name in ("rotation", "moment", "tooth_force", "edge_force", "residual", "pull")
+    ]
 
 
 @cache
@@ -66,14 +67,14 @@ def walk_library() -> tuple[Any, str]:
 def _load(path: Path) -> Any:
     """A library with the types of its functions."""
     loaded: Any = ctypes.CDLL(str(path))
-    pointer, integer, real = ctypes.c_void_p, ctypes.c_int, ctypes.c_double
+    pointer, integer = ctypes.c_void_p, ctypes.c_int
     loaded.walk_source.restype = ctypes.c_char_p
     loaded.walk_new.argtypes, loaded.walk_new.restype = [pointer], pointer
     loaded.walk_free.argtypes, loaded.walk_free.restype = [pointer], None
     loaded.walk_solve.argtypes = [pointer, ctypes.c_long, pointer, pointer, pointer, pointer]
     loaded.walk_solve.restype = loaded.walk_pivots.restype = ctypes.c_long
     loaded.walk_pivots.argtypes = [pointer]
-    loaded.walk_near.argtypes = [integer] * 3 + [pointer] * 6 + [real, integer] + [pointer] * 3
+    loaded.walk_near.argtypes = [integer] * 3 + [pointer] * 6 + [ctypes.c_double, integer] + [pointer] * 3
     loaded.walk_near.restype = integer
     return loaded
 
@@ -121,8 +122,8 @@ class Walk:
         moment, residual = np.empty((count, 2)), np.empty((count, 4))
         pulls = np.empty((count, self._system.columns)) if pull else None
         out = _Answers(*map(_address, (rotation, moment, tooth_force, edge_force, residual, pulls)))
-        teeth_and_values = (_address(teeth), _address(values))
-        lost = self._library.walk_solve(self._walk, count, _address(scalars), *teeth_and_values, ctypes.byref(out))
+        given = map(_address, (scalars, teeth, values))
+        lost = self._library.walk_solve(self._walk, count, *given, ctypes.byref(out))
         return StateSums(rotation, moment, tooth_force, edge_force, Residuals(*residual.T), pulls, lost)
 
 
@@ -135,10 +136,10 @@ def walk_near_state(
     held, forces, duals = contact.astype(np.uint8), np.empty(len(gaps)), np.empty(len(right))
     data = (formulation.H, formulation.local, ends, formulation.A_places, np.ascontiguousarray(gaps), right)
     sizes = len(gaps), len(system.first), len(right)
-    given, made = ([_address(array) for array in some] for some in (data, (held, forces, duals)))
-    found = walk_library()[0].walk_near(*sizes, *given, SOFT, NEAR_STEPS, *made)
+    made = map(_address, (held, forces, duals))
+    found = walk_library()[0].walk_near(*sizes, *map(_address, data), SOFT, NEAR_STEPS, *made)
     return (forces, duals) if found else None
 
 
-def _address(array: NDArray[Any] | None) -> int | None:
+def _address(array: Any) -> int | None:
     return None if array is None else array.ctypes.data
