@@ -49,7 +49,7 @@ def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> T
 def read_trial_position(where: str, text: str, holes: int, allowed: Sequence[int] | str = "all") -> float:
     """Turn [deg] of the position in a trial's text: degrees, or a hole of the seat. Raises UsageError for else."""
     rotation = turn_of(where, holes)
-    if rotation != rotation:
+    if rotation != rotation and not (where.startswith("h") and where[1:].isdecimal()):
         raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE=VALUE", TRIAL_HINT)
     if fault := position_fault(where, holes):
         raise UsageError(f"{text!r}: {fault[0]}", fault[1] or TRIAL_HINT)

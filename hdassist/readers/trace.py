@@ -25,6 +25,7 @@ MAX_TRACE_BYTES = 100_000_000
 ARCSEC_PER_DEG = 3600.0
 LARGEST_ERROR = 7200.0  # arcsec, range of an error
 SLIP = 0.02  # of the ratio: greatest disagreement of the two encoders with it
+LEAST_WRAP = 1e-3  # deg, of encoders that restart
 FEWEST_ROWS = 20  # rows
 ROUNDED_STEP = 0.01  # of a step: rounding by printed digits
 
@@ -48,14 +49,14 @@ class TraceForm:
     wrap: float | None = None
 
     def require_sound(self) -> None:
-        """Raise UsageError for an unknown unit, a wrap that is not above 0, or both error and second."""
+        """Raise UsageError for an unknown unit, a wrap that is none, or both error and second."""
         if self.error is not None and self.second is not None:
             raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
         for option, unit in (("--angle-unit", self.angle_unit), ("--error-unit", self.error_unit)):
             if unit is not None and (fault := angle_fault(unit)):
                 raise UsageError(f"invalid {option} {unit}: expected a unit of angle", fault)
-        if self.wrap is not None and not (np.isfinite(self.wrap) and self.wrap > 0):
-            raise UsageError(f"invalid --wrap {self.wrap:g}: expected an angle above 0 deg")
+        if self.wrap is not None and not (np.isfinite(self.wrap) and self.wrap >= LEAST_WRAP):
+            raise UsageError(f"invalid --wrap {self.wrap:g}: expected an angle of at least {LEAST_WRAP:g} deg")
 
 
 @dataclass(frozen=True)

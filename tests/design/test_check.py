@@ -116,7 +116,7 @@ def test_the_short_page_fits_a_screen_and_ends_in_a_command():
     assert re.match(r"4 N·m: open, F'_ior \+ self error keep 2050 arcsec: \d+ % sure \(\d+ to \d+\)", lines[1])
     assert len(lines) <= 24
     assert lines[-1].endswith("(more: --details)")
-    labels = "influence|measure|coupling|next|proof"
+    labels = "influence|measure|next|proof"
     found = [match for line in lines if (match := re.match(rf"({labels})  +(\S.*)", line))]
     assert [match[1] for match in found] == labels.split("|")
     told = {match[1]: match[2] for match in found}

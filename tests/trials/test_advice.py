@@ -57,8 +57,8 @@ def test_losses_and_what_decides_between_positions() -> None:
     # a position that is mostly the best and at times far off
     values = np.full((1, 100, 2), 10.0)
     values[0, :, 1], values[0, :3, 1] = 9.5, 12.0
-    by = {c: statistics_of(values, c).best for c in ("expected", "worst", "quantile:0.9")}
-    assert by == {"expected": 1, "worst": 0, "quantile:0.9": 1}
+    by = {c: statistics_of(values, c).best for c in ("expected", "worst", "quantile=0.9")}
+    assert by == {"expected": 1, "worst": 0, "quantile=0.9": 1}
 
 
 def test_the_torque_served_worst_decides_and_weights_move_it() -> None:
