@@ -29,8 +29,8 @@ class CardFile:
     kind: str
     say: Texts
     serial: str
-    ascii: bool
-    force: bool
+    ascii: bool = False
+    force: bool = False
 
     @classmethod
     def asked(cls, asked: CardOptions, options: AnswerOptions, out: Output) -> CardFile | None:
@@ -48,32 +48,38 @@ class CardFile:
         from hdassist.terminal.texts import HOME, texts
 
         say = texts(HOME if asked.lang is None else asked.lang)
+        card = cls.named(path, say, asked.serial or "")
+        if path == "-" and (out.csv == "-" or (out.target == "-" and (options.json or options.quiet))):
+            raise UsageError("--card - leaves no standard output for --json, -q or --csv -")
+        take_output(path, out.force)
+        ascii = options.ascii or (path == "-" and out.style.ascii)
+        return replace(card, ascii=ascii, force=out.force)
+
+    @classmethod
+    def named(cls, path: str, say: Texts, serial: str) -> CardFile:
+        """The card that a file's name asks for. Raises UsageError for a name or serial number that no card has."""
         kind = ".txt" if path == "-" else Path(path).suffix.lower()
         if kind not in CARD_SUFFIXES:
             raise UsageError(f"a card cannot be written as {path!r}", f"its name ends in {', '.join(CARD_SUFFIXES)}")
-        if path == "-" and (out.csv == "-" or (out.target == "-" and (options.json or options.quiet))):
-            raise UsageError("--card - leaves no standard output for --json, -q or --csv -")
-        serial = asked.serial or ""
-        if not (serial == "" or serial.isprintable()) or len(serial) > SERIAL:
+        if len(serial) > SERIAL or (serial and not serial.isprintable()):
             raise UsageError(f"a serial number has up to {SERIAL} printable characters")
-        take_output(path, out.force)
-        ascii = options.ascii or (path == "-" and out.style.ascii)
-        return cls(path, kind, say, serial.strip(), ascii, out.force)
+        return cls(path, kind, say, serial.strip())
 
     def write(self, facts: CardFacts) -> None:
         """Make the card and write it."""
-        from hdassist.pages import card_render
-        from hdassist.pages.card import card_of
         from hdassist.terminal.files import write_text
 
+        write_text(self.path, self.text(facts), self.force)
+
+    def text(self, facts: CardFacts) -> str:
+        """The card as its file has it."""
+        from hdassist.pages import card_render
+        from hdassist.pages.card import card_of
+
         card = card_of(facts, self.say, serial=self.serial, made=date.today())
-        if self.kind == ".html":
-            text = card_render.html(card)
-        elif self.kind == ".md":
-            text = card_render.markdown(card)
-        else:
-            text = card_render.plain_text(card, ascii=self.ascii)
-        write_text(self.path, text, self.force)
+        if self.kind == ".txt":
+            return card_render.plain_text(card, ascii=self.ascii)
+        return card_render.html(card) if self.kind == ".html" else card_render.markdown(card)
 
 
 def give_with_card(

@@ -33,6 +33,7 @@ from hdassist.explorer.service import Question, Service
 from hdassist.explorer.session_file import SessionFile
 from hdassist.explorer.state import Session, Step
 from hdassist.mounting.advice import Advice
+from hdassist.report.report import Report
 from hdassist.terminal.console import PLAIN_CHARACTERS, Style
 from hdassist.trials.advice import TrialAdvice
 from hdassist.visible import visible
@@ -50,6 +51,7 @@ class Known:
     headline: Headline | None = None
     old: Headline | None = None
     advice: Advice | TrialAdvice | None = None
+    report: Report | None = None  # of the advice
     effects: LeverEffects | None = None
     trace: Trace | None = None
     traced: tuple[float, float] | None = None  # turn of the wheel [deg] and torque [N*m] of the trace
@@ -66,6 +68,8 @@ class Known:
                 self.effects = answer
             case Trace():
                 self.trace = answer
+            case Report():
+                self.report = answer
             case Failed():
                 self.failed = answer
             case _:

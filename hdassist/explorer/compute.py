@@ -29,14 +29,16 @@ from hdassist.mounting.advice import Advice, advise
 from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.mounting.trial import read_trial
+from hdassist.pages.check import check_report
+from hdassist.pages.mount import mount_report
+from hdassist.pages.trials import trials_report
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
+from hdassist.report.report import Report
 from hdassist.run.processes import workers
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.formulation import formulate
 from hdassist.solve.window import in_wide_enough_window
-from hdassist.terminal.brief import proof
-from hdassist.terminal.influence_words import influence_words, measure_words
 from hdassist.trials.advice import TrialAdvice, advise_from_trials
 from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort
 from hdassist.verdict import Verdict, verdict_by_probability
@@ -124,15 +126,19 @@ class ErrorRange:
 class Headline:
     """The answer of `check`, a row a torque.
 
-    samples: effective ones so far, 0 where all is known; whole: whether it is the whole answer; notes: what drives
-    F'_ior, what to measure, warnings and proof; typical: values by path of the sample nearest to the median.
+    samples: effective ones so far, 0 where all is known; report, that of the whole answer; typical: values by path of
+    the sample nearest to the median.
     """
 
     rows: tuple[ErrorRange, ...]
     samples: float
-    whole: bool = False
-    notes: tuple[str, ...] = ()
+    report: Report | None = None
     typical: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def whole(self) -> bool:
+        """Whether it is the whole answer, not one of the samples so far."""
+        return self.report is not None
 
 
 @dataclass(frozen=True)
@@ -142,7 +148,7 @@ class LeverEffects:
     steps: Mapping[str, tuple[float, tuple[float, ...]]]
 
 
-ExplorerAnswer = SeatCurve | Headline | LeverEffects | Advice | TrialAdvice | Trace | Failed
+ExplorerAnswer = SeatCurve | Headline | LeverEffects | Report | Advice | TrialAdvice | Trace | Failed
 Tell = Callable[[ExplorerAnswer], None]
 
 
@@ -172,6 +178,7 @@ def drive_answers(drive: Drive, effort: Effort, tell: Tell) -> None:
         advice = in_wide_enough_window(drive, analysis)
     if not advice.any_hole:
         tell(_mount_curve(advice))
+    tell(mount_report(advice, SEED))
     tell(advice)
 
 
@@ -188,6 +195,7 @@ def trial_answers(session: Session, effort: Effort, tell: Tell) -> None:
             run=Run(executor, seed=SEED),
         )
     tell(_statistics_curve(advice.losses))
+    tell(trials_report(advice))
     tell(advice)
 
 
@@ -301,7 +309,7 @@ def _checked(drive: Drive, effort: Effort, run: Run, tell: Tell) -> Headline:
         samples = drive_samples(prior, held, draws=effort.draws, run=run, seen=seen)
     found = check(drive, draws=effort.draws, samples=samples, run=run)
     rows = tuple(map(_of_point, found.points))
-    return Headline(rows, samples.effective if samples else 0.0, True, tuple(_notes(found)), _typical(found))
+    return Headline(rows, samples.effective if samples else 0.0, check_report(found, SEED), _typical(found))
 
 
 def _sampled(samples: Samples, torque: int, own: float, limit: float | None) -> ErrorRange:
@@ -318,16 +326,6 @@ def _of_point(point: OperatingPoint) -> ErrorRange:
     percentiles = (belief.p5, belief.p50, belief.p95) if belief else (value,) * 3
     own, kept = point.self_error.range_arcsec, point.probability
     return ErrorRange(point.M_g, *percentiles, own, point.limit_arcsec, kept.value if kept else None, point.verdict)
-
-
-def _notes(found: DesignCheck) -> Iterator[str]:
-    point = found.points[found.least_sure]
-    if found.influences:
-        yield f"influence at {point.M_g:g} N·m: {influence_words(found.influences)}"
-    if measure := measure_words(found.to_measure, point.limit_arcsec is not None):
-        yield f"measure: {measure}"
-    yield from found.warnings
-    yield f"proof: {proof(found.certificate, found.cross_checks)}"
 
 
 def _typical(found: DesignCheck) -> Mapping[str, float]:

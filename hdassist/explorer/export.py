@@ -5,29 +5,23 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import date
 from functools import partial
 from pathlib import Path
 
-from hdassist.commands.card import CARD_SUFFIXES, SERIAL
+from hdassist.commands.card import CARD_SUFFIXES, CardFile
 from hdassist.errors import HdassistError, UsageError
 from hdassist.explorer.asking import Asking
-from hdassist.explorer.compute import SEED
 from hdassist.explorer.screens import Confirm
 from hdassist.explorer.words import why_no_card
 from hdassist.loading.write import with_changes
 from hdassist.mounting.advice import Advice
-from hdassist.pages import card_render
-from hdassist.pages.card import card_of
-from hdassist.pages.mount import mount_card_facts, mount_report
-from hdassist.pages.trials import trials_card_facts, trials_report
+from hdassist.pages.mount import mount_card_facts
+from hdassist.pages.trials import trials_card_facts
 from hdassist.terminal.answers import json_text, report_object
 from hdassist.terminal.files import put_text, require_writable
 from hdassist.terminal.texts import texts
 from hdassist.trials.advice import TrialAdvice
 from hdassist.visible import visible
-
-RENDERED = {".html": card_render.html, ".md": card_render.markdown, ".txt": card_render.plain_text}
 
 
 class Exporting(Asking):
@@ -49,24 +43,24 @@ class Exporting(Asking):
             self.notify(f"no card: {why_no_card(advice)}", severity="warning")
             return
         hint = f"{', '.join(CARD_SUFFIXES)}; from {'the prediction' if isinstance(advice, Advice) else 'these trials'}"
-        fields = [("file", self.named("-card.html")), ("serial number", "")]
+        fields, say = [("file", self.named("-card.html")), ("serial number", "")], texts()
+        facts = mount_card_facts(advice, say) if isinstance(advice, Advice) else trials_card_facts(advice, say)
+
+        def card(values: tuple[str, ...]) -> CardFile:
+            return CardFile.named(values[0], say, values[1])
+
         self.fill_in(
-            "assembly card", fields, hint, lambda v: self.write(v[0], partial(card, advice, *v)), _require_card
+            "assembly card", fields, hint, lambda values: self.write(values[0], lambda: card(values).text(facts)), card
         )
 
     def action_json(self) -> None:
         """Write the JSON of the command that gives the same answer."""
-        if (advice := self.advice) is None:
+        if (report := (self.of_trials or self.known).report) is None:
             self.notify("no JSON yet: the answer is being computed", severity="warning")
             return
-        of_mount = isinstance(advice, Advice)
-
-        def text() -> str:
-            report = mount_report(advice, SEED) if isinstance(advice, Advice) else trials_report(advice)
-            return json_text(report_object(report))
-
-        fields = [("file", self.named("-mount.json" if of_mount else "-trials.json"))]
-        self.fill_in("JSON", fields, f"as {self.session.command()} --json", lambda values: self.write(values[0], text))
+        text, fields = json_text(report_object(report)), [("file", self.named(f"-{report.command}.json"))]
+        hint = f"as {self.session.command()} --json"
+        self.fill_in("JSON", fields, hint, lambda values: self.write(values[0], lambda: text))
 
     def action_save(self) -> None:
         """Write the preset with the changes, its comments and order as they are."""
@@ -123,23 +117,6 @@ class Exporting(Asking):
             self.push_screen(Confirm(f"{path} exists. Replace it?"), put)
         else:
             put(True)
-
-
-def card(advice: Advice | TrialAdvice, path: str, serial: str) -> str:
-    """The assembly card of an advice, in the form that a file's name asks for."""
-    say = texts()
-    facts = mount_card_facts(advice, say) if isinstance(advice, Advice) else trials_card_facts(advice, say)
-    made = card_of(facts, say, serial=serial, made=date.today())
-    return RENDERED[Path(path).suffix.lower()](made)
-
-
-def _require_card(values: tuple[str, ...]) -> None:
-    """Raise UsageError for a name or a serial number that a card cannot have."""
-    path, serial = values
-    if Path(path).suffix.lower() not in CARD_SUFFIXES:
-        raise UsageError(f"a card cannot be written as {path!r}", f"its name ends in {', '.join(CARD_SUFFIXES)}")
-    if len(serial) > SERIAL or (serial and not serial.isprintable()):
-        raise UsageError(f"a serial number has up to {SERIAL} printable characters")
 
 
 def without_fonts(svg: str) -> str:

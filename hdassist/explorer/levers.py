@@ -11,6 +11,7 @@ from pydantic.fields import FieldInfo
 
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import bounds_of, kind_of, plain, range_of, unit_of
+from hdassist.preset.schema import resolved_fields
 
 SETTING_SECTIONS = (
     "mounting",
@@ -42,15 +43,11 @@ class Lever:
 
 def levers(drive: Drive, changed: set[str]) -> Iterator[Lever]:
     """The fields of a drive in the order in which a preset has them; changed: paths that differ from the preset."""
-    for path, info in field_table().items():
-        source = drive.source.get(path)
-        section, name = path.split(".")
-        left_out = name not in getattr(drive, section).model_fields_set
-        by_default = left_out and section not in SETTING_SECTIONS and drive.value(path) is not None
-        assumed = source.kind == "assumed" if source is not None else by_default
-        mark = "*" if path in changed else "?" if assumed else ""
-        unit = unit_of(info)
-        yield Lever(path, text_of(drive.value(path)), unit, range_of(info, unit), str(info.description), mark)
+    for row in resolved_fields(drive):
+        by_default = row.kind == "default" and row.value is not None and row.path.split(".")[0] not in SETTING_SECTIONS
+        mark = "*" if row.path in changed else "?" * (by_default or row.kind == "assumed")
+        reach = range_of(field_table()[row.path], row.unit)
+        yield Lever(row.path, text_of(row.value), row.unit, reach, row.meaning, mark)
 
 
 def text_of(value: Any) -> str:

@@ -16,7 +16,8 @@ from hdassist.explorer.levers import Lever
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
 from hdassist.mounting.trial import Trial
-from hdassist.report.blocks import Hole, Seat, SeatMark
+from hdassist.pages.seat import seat_holes
+from hdassist.report.blocks import Seat, SeatMark
 from hdassist.terminal.console import Style
 from hdassist.terminal.plot import curve, ticks
 from hdassist.terminal.seat import seat_in_characters
@@ -154,12 +155,10 @@ def _bar(
 
 def seat_pane(session: Session, letters: Mapping[float, str]) -> Text:
     """The seat from the cam side: holes by number, letters of positions, and a pointer to the one looked at."""
-    mounting = session.drive.mounting
-    first, holes = mounting.first_hole, mounting.holes
-    usable = [mounting.allowed == "all" or k in mounting.allowed for k in range(holes)]
+    first = session.drive.mounting.first_hole
     named = [(at, sign) for at, signs in letters.items() for sign in signs if sign in LETTER_KINDS]
     seat = Seat(
-        "", tuple(Hole(k, first + 360 * k / holes, usable[k]) for k in range(holes)), first, session.turn_deg,
+        "", seat_holes(session.drive), first, session.turn_deg,
         tuple(SeatMark(LETTER_KINDS[sign], first + at, sign, "") for at, sign in named),
         (SeatMark("now", first + session.turn_deg, "o", ""),), "x", "",
     )  # fmt: skip

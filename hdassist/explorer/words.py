@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from rich.text import Text
 
@@ -13,9 +13,9 @@ from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknowns
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import hole_words
-from hdassist.pages import mount as mount_page
-from hdassist.pages import trials as trials_page
-from hdassist.terminal.texts import texts
+from hdassist.report.blocks import Facts
+from hdassist.report.report import Report
+from hdassist.terminal.brief import proof
 from hdassist.trials.advice import TrialAdvice
 from hdassist.verdict import Verdict
 from hdassist.visible import visible
@@ -119,27 +119,32 @@ def trials_text(session: Session) -> Text:
 
 
 def advice_text(known: Known, of_trials: Known | None, any_hole: bool) -> Text:
-    """The order with its reasons, or why there is none yet; below it the notes of `check`."""
+    """The order with its reasons, or why there is none yet; below it what the pages of it and of `check` note."""
     here, text, notes = of_trials or known, Text(), []
     if failed := here.failed or known.failed:
         text.append(visible(failed.message), "red")
         notes.append(failed.hint)
-    elif isinstance(advice := here.advice, Advice):
-        text.append(visible(mount_page.what_to_do(advice)), "bold" * is_order_settled(advice))
-        notes += [f"{label}: {fact}" for label, fact in mount_page.gain_lines(advice)]
-        notes += mount_page.mount_warnings(advice)
-    elif advice:
-        text.append(visible(trials_page.trials_instruction(advice)), "bold" * is_order_settled(advice))
-        notes.append(f"P(good) {advice.losses.chosen[1]:.0%}, {advice.needed:.0%} wanted")
-        notes += trials_page.trials_warnings(advice, texts())
+    elif here.report and here.advice:
+        text.append(visible(" ".join(here.report.why)), "bold" * is_order_settled(here.advice))
+        why = why_no_card(here.advice)
+        text.append(f"\n{f'no card: {why}' if why else 'c writes the card'}", "dim")
+        notes += report_notes(here.report)
     elif of_trials is not None:
         text.append("Weighing the trials …", "dim")
     elif any_hole:
         text.append("Directions are not known: any hole may be the best one. Measure in three holes (t).")
     else:
         text.append("Computing: nothing is ordered before it is proven …", "dim")
-    if here.advice:
-        why = why_no_card(here.advice)
-        text.append(f"\n{f'no card: {why}' if why else 'c writes the card'}", "dim")
-    notes += known.headline.notes if known.headline else ()
-    return text.append(visible("".join(f"\n{note}" for note in notes)), "dim")
+    if known.headline and known.headline.report:
+        notes += report_notes(known.headline.report)
+    return text.append(visible("".join(f"\n{note}" for note in dict.fromkeys(notes))), "dim")
+
+
+def report_notes(report: Report) -> Iterator[str]:
+    """The labelled facts of a report's page, its warnings and proof; not the command to type next."""
+    for block in report.blocks:
+        if isinstance(block, Facts):
+            yield from (f"{label}: {text}" for label, text in block.rows if label != "next")
+    yield from report.warnings
+    if report.certificate:
+        yield f"proof of {report.command}: {proof(report.certificate, report.cross_checks)}"

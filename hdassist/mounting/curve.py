@@ -223,8 +223,7 @@ class _Job:
 def _coarse_first(count: int) -> list[int]:
     """0 to count - 1 in an order that is spread out wherever it is cut off."""
     bits = max(count - 1, 1).bit_length()
-    mirrored = (int(f"{n:0{bits}b}"[::-1], 2) for n in range(2**bits))
-    return [n for n in mirrored if n < count]
+    return sorted(range(count), key=lambda n: f"{n:0{bits}b}"[::-1])
 
 
 def _searched(drive: Drive, M_g: float, rotations: Array) -> tuple[list[float], Certificate]:

@@ -135,16 +135,6 @@ class MountingCurve:
         return [self.at(place) for place in self._ranked]
 
     @property
-    def worst(self) -> Position:
-        """The usable position that is worst for some torque."""
-        return self.at(self._ranked[-1])
-
-    def extremes(self, torque: int) -> tuple[Position, Position]:
-        """Best and worst position for one torque alone, by its place."""
-        values = self.F_ior_arcsec[torque]
-        return self.at(int(np.argmin(values))), self.at(int(np.argmax(values)))
-
-    @property
     def decisive(self) -> set[int]:
         """Places of the present and of the recommended position."""
         return {0, self._ranked[0]}

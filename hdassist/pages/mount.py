@@ -77,7 +77,7 @@ def mount_report(advice: Advice, seed: int, *, carded: bool = False) -> Report:
         verdict=ORDER_WORDS[advice.order],
         why=(what_to_do(advice),),
         blocks=(*table, Facts.of((*gain_lines(advice), *_facts(advice, carded=carded))), *plot),
-        details=(*others, *advice_tables(advice), Facts.of(_more_facts(advice))),
+        details=(*others, *_samples_table(advice), Facts.of(_more_facts(advice))),
         certificate=advice.curve.certificate + (advice.samples.certificate if advice.samples else EMPTY),
         cross_checks=tuple(advice.curve.cross_checks),
         values=_values(advice, seed),
@@ -125,10 +125,8 @@ def _interval(found: Probability, say: Texts) -> str:
     return f"{say.percent(found.value)} ({100 * found.low:.0f}-{100 * found.high:.0f})"
 
 
-def advice_tables(advice: Advice) -> Iterator[Table]:
-    """Each torque alone, and the positions over the samples."""
-    if advice.has_curve:
-        yield _torques_table(advice)
+def _samples_table(advice: Advice) -> Iterator[Table]:
+    """The positions over the samples, if there are such."""
     if found := advice.positions:
         notes = []
         for M_g, ratios in zip(advice.curve.torques, found.ratios, strict=True):
@@ -255,17 +253,6 @@ def positions_table(advice: Advice) -> Table:
             change = f"{100 * position.change_from(choice.current):+.0f} %"
             rows.append((words, hole, f"{position.rotation_deg:g}", *cells, change))
     return Table(title, ("position", "hole", "turn, deg", *heads, "against now"), tuple(rows))
-
-
-def _torques_table(advice: Advice) -> Table:
-    result, now = advice.curve, () if advice.any_hole else ("now",)
-    heads = ("torque, N·m", *now, "best", "phase, deg", "worst", "phase, deg")
-    title = "F'_ior at each torque alone, arcsec" + ", by values as given, the unknown as 0" * bool(advice.positions)
-    rows = []
-    for k, M_g in enumerate(result.torques):
-        ends = [cell for p in result.extremes(k) for cell in (f"{p.F_ior_arcsec[k]:.2f}", f"{p.phase_deg:g}")]
-        rows.append((f"{M_g:g}", *([f"{result.current.F_ior_arcsec[k]:.2f}"] if now else []), *ends))
-    return Table(title, heads, tuple(rows), words=())
 
 
 def _values(advice: Advice, seed: int) -> Json:

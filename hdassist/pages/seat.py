@@ -58,6 +58,13 @@ def instruction(choice: Choice, say: Texts | None = None, *, room: float = inf) 
     return say("instruction.turn", wheel=fixed, turn=turn(choice.chosen, say), gains=gains)
 
 
+def seat_holes(drive: Drive) -> tuple[Hole, ...]:
+    """The holes of a drive's seat, none where the angle is free."""
+    at = drive.mounting
+    turns = [360 * k / at.holes for k in range(at.holes)]
+    return tuple(Hole(k, at.first_hole + t, at.allowed == "all" or k in at.allowed) for k, t in enumerate(turns))
+
+
 def seat_of(choice: Choice, say: Texts, goal: Position | None, pointers: Sequence[SeatMark] = ()) -> Seat:
     """The seat of a drive with the position now, the worst one, and the one to go to.
 
@@ -72,10 +79,7 @@ def seat_of(choice: Choice, say: Texts, goal: Position | None, pointers: Sequenc
         for kind, p in named.items()
         if p
     ]
-    holes = tuple(
-        Hole(k, first + 360 * k / mounting.holes, mounting.allowed == "all" or k in mounting.allowed)
-        for k in range(mounting.holes)
-    )
+    holes = seat_holes(choice.drive)
     words = ", ".join(f"{p.letter} {p.words}" for p in places)
     legend = say("seat.legend" if holes else "seat.legend_free", places=words)
     if not all(hole.usable for hole in holes):

@@ -30,7 +30,7 @@ def turn_of(where: str, holes: int) -> float:
     """Turn [deg] of the fixed wheel to a hole of its seat ("h4"), or by an angle ("120"); NaN for any other text."""
     number = number_of(where.removeprefix("h"))
     turn = number * 360 / holes if where.startswith("h") and holes else number
-    return turn if abs(turn) <= FARTHEST_TURN else nan
+    return turn if where.startswith("h") or abs(turn) <= FARTHEST_TURN else nan
 
 
 def position_fault(where: str, holes: int) -> tuple[str, str] | None:

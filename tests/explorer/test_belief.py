@@ -14,6 +14,7 @@ from hdassist.explorer.compute import ErrorRange, ExplorerAnswer, Headline, Leve
 from hdassist.explorer.failed import Failed
 from hdassist.explorer.words import headline
 from hdassist.loading.load import load_preset
+from hdassist.report.report import Report
 from hdassist.verdict import Verdict
 from tests.explorer.rig import QUICK, tiny
 from tests.process import TINY, no_processes
@@ -56,7 +57,7 @@ def test_a_contradiction_and_rolling_balls_are_said() -> None:
     with pytest.raises(HdassistError, match="contradicts the other evidence"):
         believed(*OPEN, "catalogue.K_1=1e9", "catalogue.K_2=1", "catalogue.K_3=1")
     (found,) = believed(*OPEN, "bearing.ball_motion=rolling", "bearing.d_ball=5")
-    assert any("no range over them" in note for note in found.notes)
+    assert found.report and any("no range over them" in note for note in found.report.warnings)
 
 
 def test_an_old_answer_and_one_that_is_not_whole_are_called_so() -> None:
@@ -65,7 +66,11 @@ def test_an_old_answer_and_one_that_is_not_whole_are_called_so() -> None:
     first, second = shown(Known(headline=found)).plain.split("\n")
     assert first.endswith("(5-50-95 %, 16 samples …)")
     assert second == "4 N·m 1.00 - 2.00 - 3.00″, limit 2.5: kept 70 %, INCONCLUSIVE (-0.75″ to the limit)"
-    assert shown(Known(headline=replace(found, whole=True))).plain.split("\n")[0].endswith("16 samples)")
+    assert (
+        shown(Known(headline=replace(found, report=Report("check", None, ""))))
+        .plain.split("\n")[0]
+        .endswith("16 samples)")
+    )
     assert "(old, computing …)" in shown(Known(old=found)).plain
     assert shown(Known(old=found, failed=Failed("edge"))).plain == "F'_ior: no answer"
 

@@ -119,7 +119,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
         sheet.drive.origin.sha256,
         "; ".join(sheet.drive.origin.overrides),
         f"proof: {proof(sheet.certificate, sheet.cross_checks)}",
-        "each torque alone",
+        "all positions over the samples",
     ):
         assert words in text
 
