@@ -7,10 +7,9 @@ from dataclasses import replace
 
 from hdassist.comparing.sheet import DriveSheet
 from hdassist.model.kinematics import Kinematics
-from hdassist.model.unknown import unknown_names
-from hdassist.pages.check import check_report, verdict_reason
+from hdassist.pages.check import check_report
 from hdassist.pages.compare_presets import F_ior_words, sheet_warnings
-from hdassist.pages.mount import mount_report, what_to_do
+from hdassist.pages.mount import mount_report
 from hdassist.pages.seat import TRADE, hole_place
 from hdassist.pages.stiffness import ARCMIN, stiffness_report
 from hdassist.preset.catalogue import of_catalogue
@@ -21,8 +20,7 @@ from hdassist.preset.schema import ResolvedField, origin_counts, resolved_fields
 from hdassist.report.blocks import Block, Curve, Facts, Paragraph, ReportSection, Seat, Table, Tiles
 from hdassist.report.report import Report
 from hdassist.terminal.answers import report_object
-from hdassist.terminal.brief import again
-from hdassist.terminal.influence_words import influence_words, measure_words, named, samples_words
+from hdassist.terminal.influence_words import named, samples_words
 from hdassist.verdict import Verdict, worst_exit_code
 from hdassist.version import __version__
 
@@ -48,7 +46,7 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     drive, verdict = sheet.drive, sheet.check.verdict
     check, mount = check_report(sheet.check, seed), mount_report(sheet.advice, seed)
     stiff = stiffness_report(drive, sheet.stiffness)
-    k = Kinematics.of(drive)
+    k, facts = Kinematics.of(drive), next(block for block in check.blocks if isinstance(block, Facts))
     curves = [block for block in (*mount.blocks, *mount.details) if isinstance(block, Curve)]
     seats = [] if sheet.advice.order == "none" else [b for b in (*mount.blocks, *mount.details) if isinstance(b, Seat)]
     others = [b for b in (*mount.blocks, *mount.details) if not isinstance(b, Curve | Seat)]
@@ -57,13 +55,11 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
         drive=drive,
         head=f"{k.z_g}/{k.z_b} teeth, module {drive.gears.m:g} mm, ratio {abs(k.u):g}, fixed: {TRADE[k.fixed]}",
         verdict=f"{verdict}: {VERDICT_WORDS[verdict]}",
-        why=tuple(_reasons(sheet)),
+        why=(*check.why, *mount.why, *(f"{label}: {text}" for label, text in facts.rows)),
         blocks=(
             Tiles(tuple(_tiles(sheet))),
             ReportSection("Kinematic error", tuple(_figures_first([*check.blocks, *check.details]))),
-            ReportSection(
-                "Mounting the fixed wheel", (Paragraph(mount.why[0]), *seats, *_held(sheet, curves), *others)
-            ),
+            ReportSection("Mounting the fixed wheel", (*seats, *_held(sheet, curves), *others)),
             ReportSection("Torsional stiffness", tuple(_figures_first([*stiff.blocks, *stiff.details]))),
             ReportSection("What it rests on, and what is not known", tuple(_basis(sheet))),
             ReportSection("Where its values come from", tuple(_values(drive))),
@@ -98,28 +94,6 @@ def _held(sheet: DriveSheet, curves: Sequence[Curve]) -> Iterator[Curve]:
             yield curve
         else:
             yield replace(curve, limit=limit, caption=f"{curve.caption}; dashed: the limit less the self error")
-
-
-def _reasons(sheet: DriveSheet) -> Iterator[str]:
-    """Why the verdict is what it is; what to do with the wheel; what it rests on most; what to do next."""
-    for point in sheet.check.points:
-        words = f"{point.M_g:g} N·m: F'_ior {F_ior_words(point)}, self error {point.self_error.range_arcsec:.2f} arcsec"
-        limit = (
-            "" if point.limit_arcsec is None else f"; both together may have {point.limit_arcsec:g}: {point.verdict}"
-        )
-        yield words + limit
-        if why := verdict_reason(point):
-            yield why
-    yield what_to_do(sheet.advice)
-    if shares := sheet.check.influences:
-        yield f"The spread of F'_ior comes from {influence_words(shares)}."
-    if gains := sheet.check.to_measure:
-        held = sheet.check.points[sheet.check.least_sure].limit_arcsec is not None
-        yield f"Measure next: {measure_words(gains, held)}."
-    if sheet.check.unknown:
-        yield f"Not known: {unknown_names(sheet.check.unknown)}."
-    if sheet.advice.order != "none":
-        yield f"Next: {again('mount', sheet.drive, '--card', 'card.html')}"
 
 
 def _tiles(sheet: DriveSheet) -> Iterator[tuple[str, str, str]]:
