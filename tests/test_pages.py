@@ -79,7 +79,7 @@ def test_start(tmp_path: Path):
     card = words_of(tmp_path / "card.txt")
     assert "Turn the rigid wheel by 3 holes (90 deg) clockwise" in card
     assert "Values of the preset: 4 given, 0 identified, 29 assumed." in card
-    assert "By the trials this position is good (within 5 % of the best one) with a probability of" in card
+    assert "By the trials this position loses less than 5 % against the best one with a probability of" in card
     assert "hole 9: 22.1 arcsec" in card
 
 
