@@ -205,7 +205,7 @@ def test_faults_of_both_files_come_at_once(tmp_path):
         (["check", SMALL, SMALL, "--pitch-b", "wheel.csv"], "those of one drive"),
         (["mount", SMALL, "--mark-b", "20"], "--mark-b is the mark of a measured wheel"),
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-g", "20"], "--mark-g is the mark of a measured wheel"),
-        (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-b", "nan"], "must be an angle"),
+        (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-b", "nan"], "expected an angle in deg"),
         (["trace", SMALL, "--pitch-sense", "cw"], "say how to read"),
     ],
 )
