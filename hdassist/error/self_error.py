@@ -67,5 +67,14 @@ def self_error(drive: Drive, torques: Sequence[float], *, run: Run = Run()) -> l
     return [SelfError(M_g, rotation[t], certificates[t]) for t, M_g in enumerate(torques)]
 
 
+def limits_left(drive: Drive, torques: Sequence[float]) -> list[float | None]:
+    """What the limits of a drive leave F'_ior beside the self error [arcsec] at torques [N*m]; None without a limit."""
+    limits = [drive.limit(M_g) for M_g in torques]
+    if limits.count(None) == len(limits):
+        return limits
+    own = zip(limits, self_error(drive, torques), strict=True)
+    return [None if limit is None else limit - each.range_arcsec for limit, each in own]
+
+
 def _place(tau: float, beta: float, M_g: float, _: int) -> str:
     return f"tau = {tau:g}, beta = {beta:g}, M_g = {M_g:g} N*m, without deviations"

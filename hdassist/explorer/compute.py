@@ -14,7 +14,7 @@ from hdassist.belief.prior import FieldPrior, prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, ErrorBelief, Samples, errors_by_turn
 from hdassist.design.check import DesignCheck, OperatingPoint, check, drive_samples
 from hdassist.error.error_map import Batch, ErrorMap, searchable
-from hdassist.error.self_error import self_error
+from hdassist.error.self_error import limits_left
 from hdassist.error.trace import Trace, trace
 from hdassist.errors import HdassistError
 from hdassist.explorer.failed import Failed
@@ -103,15 +103,16 @@ class SeatCurve:
 class ErrorRange:
     """F'_ior [arcsec] at a torque M_g [N*m] with the wheel as it stands, and the limit that it is held against.
 
-    p5, p50, p95: percentiles over all that is not known exactly, all alike where all is known; self_error_arcsec comes
-    on top of it; probability of keeping the limit, None where all is known; verdict by the rule of `check`.
+    p5, p50, p95: percentiles over all that is not known exactly, all alike where all is known; left_arcsec, what the
+    limit leaves F'_ior beside the self error; probability of keeping the limit, None where all is known; verdict by
+    the rule of `check`.
     """
 
     M_g: float
     p5: float
     p50: float
     p95: float
-    self_error_arcsec: float
+    left_arcsec: float | None
     limit_arcsec: float | None
     probability: float | None
     verdict: Verdict
@@ -119,7 +120,7 @@ class ErrorRange:
     @property
     def margin_arcsec(self) -> float | None:
         """What the limit leaves above the 95th percentile with the self error [arcsec]."""
-        return None if self.limit_arcsec is None else self.limit_arcsec - self.p95 - self.self_error_arcsec
+        return None if self.left_arcsec is None else self.left_arcsec - self.p95
 
 
 @dataclass(frozen=True)
@@ -297,35 +298,33 @@ def _checked(drive: Drive, effort: Effort, run: Run, tell: Tell) -> Headline:
     """The answer of `check`; told on the way, by the samples so far."""
     prior, torques, samples = prior_of(drive), drive.operation.M_g, None
     if prior.fields and effort.draws and searchable(drive):
-        limits = [drive.limit(M_g) for M_g in torques]
-        own = [each.range_arcsec for each in self_error(drive, torques)]
-        held = [None if limit is None else limit - each for limit, each in zip(limits, own, strict=True)]
+        left = limits_left(drive, torques)
 
         def seen(samples: Samples) -> None:
             if samples.effective:
-                rows = (_sampled(samples, k, own[k], limits[k]) for k in range(len(torques)))
-                tell(Headline(tuple(rows), samples.effective))
+                rows = tuple(_sampled(samples, k, each, drive.limit(torques[k])) for k, each in enumerate(left))
+                tell(Headline(rows, samples.effective))
 
-        samples = drive_samples(prior, held, draws=effort.draws, run=run, seen=seen)
+        samples = drive_samples(prior, left, draws=effort.draws, run=run, seen=seen)
     found = check(drive, draws=effort.draws, samples=samples, run=run)
     rows = tuple(map(_of_point, found.points))
     return Headline(rows, samples.effective if samples else 0.0, check_report(found, SEED), _typical(found))
 
 
-def _sampled(samples: Samples, torque: int, own: float, limit: float | None) -> ErrorRange:
+def _sampled(samples: Samples, torque: int, left: float | None, limit: float | None) -> ErrorRange:
     belief = ErrorBelief(samples, torque)
-    kept = None if limit is None else belief.probability_within(limit - own)
+    kept = None if left is None else belief.probability_within(left)
     verdict = verdict_by_probability(kept.low, kept.high) if kept else Verdict.NO_LIMIT
     return ErrorRange(
-        samples.torques[torque], belief.p5, belief.p50, belief.p95, own, limit, kept.value if kept else None, verdict
+        samples.torques[torque], belief.p5, belief.p50, belief.p95, left, limit, kept.value if kept else None, verdict
     )
 
 
 def _of_point(point: OperatingPoint) -> ErrorRange:
     belief, value = point.belief, point.error.F_ior_arcsec
     percentiles = (belief.p5, belief.p50, belief.p95) if belief else (value,) * 3
-    own, kept = point.self_error.range_arcsec, point.probability
-    return ErrorRange(point.M_g, *percentiles, own, point.limit_arcsec, kept.value if kept else None, point.verdict)
+    left, kept = point.left_arcsec, point.probability
+    return ErrorRange(point.M_g, *percentiles, left, point.limit_arcsec, kept.value if kept else None, point.verdict)
 
 
 def _typical(found: DesignCheck) -> Mapping[str, float]:

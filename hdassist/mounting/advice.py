@@ -22,7 +22,7 @@ from hdassist.belief.samples import (
     limits_settled,
 )
 from hdassist.error.error_map import searchable
-from hdassist.error.self_error import self_error
+from hdassist.error.self_error import limits_left
 from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
 from hdassist.model.wheels import MeasuredTeeth
@@ -249,11 +249,7 @@ def advise(
         return advice
     positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
     shares = None if weights is None else tuple(weights)
-    limits = [drive.limit(M_g) for M_g in torques]
-    left: list[float | None] = [None] * len(limits)
-    if any(limit is not None for limit in limits):
-        own = [each.range_arcsec for each in self_error(drive, torques)]
-        left = [None if limit is None else limit - each for limit, each in zip(limits, own, strict=True)]
+    left = limits_left(drive, torques)
     draw = partial(draw_samples, prior, torques, evidence=evidence_of(drive), effort=SamplingEffort.of(draws), run=run)
     first = draw(rotations_deg=sorted({0.0, *positions}), enough=partial(limits_settled, left))  # as `check` draws them
     found = PositionStatistics.of(first, positions, criterion, shares)

@@ -28,7 +28,7 @@ from hdassist.solve.throughcvxpy import CrossCheck
 SAMPLED_STATES = 1  # random states solved again at each position, besides those of the extremes
 AGAIN = 12  # positions of which one task solves states again
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
-POSITIONS_A_TASK = 6  # positions that one task searches
+POSITIONS_A_TASK = 3  # positions that one task searches
 FREE_TOLERANCE = 0.3  # deg, of the bottom of a valley
 HOLES = 24  # positions of which every state is solved
 PROVEN = 2  # positions where every state is solved
@@ -132,10 +132,9 @@ class _Job:
         """Search the extremes at every position."""
         order = _coarse_first(len(self.rotations))
         groups = [order[first : first + POSITIONS_A_TASK] for first in range(0, len(order), POSITIONS_A_TASK)]
-        places = [(t, group) for group in groups for t in range(len(self.torques))]
-        tasks = [(self.drive, self.torques[t], self.rotations[group]) for t, group in places]
-        for (t, group), (values, proof) in zip(places, self._run(_searched, tasks), strict=False):
-            self.values[t, group] = values
+        tasks = [(self.drive, self.torques, self.rotations[group]) for group in groups]
+        for group, (values, proof) in zip(groups, self._run(_searched, tasks), strict=False):
+            self.values[:, group] = values
             self._take(proof)
 
     def refine(self) -> None:
@@ -145,9 +144,8 @@ class _Job:
         value = merit(self.values, self.values[:, 0], self.weights)
         step = 360 / len(self.rotations)
         valleys = np.flatnonzero((value <= np.roll(value, 1)) & (value <= np.roll(value, -1)))
-        tasks = [
-            (self.drive, self.torques, self.weights, tuple(self.values[:, 0]), self.rotations[k], step) for k in valleys
-        ]
+        now = self.values[:, 0]
+        tasks = [(self.drive, self.torques, self.weights, now, self.rotations[k], step) for k in valleys]
         for rotation, values, proof in self._run(_bottom, tasks):
             self.rotations = np.append(self.rotations, rotation)
             self.values = np.column_stack([self.values, values])
@@ -156,8 +154,8 @@ class _Job:
 
     def solve(self, places: Iterable[tuple[int, int]]) -> None:
         """Solve every state at some places (torque, rotation)."""
-        places = list(places)
-        drives, found = [self._there(self.rotations[r]) for _, r in places], []
+        places, found = list(places), []
+        drives = [_with_teeth(*self._there(self.rotations[r])) for _, r in places]
         tasks = [(*drive, self.torques[t], self.run.of_task) for drive, (t, _) in zip(drives, places, strict=True)]
         for place, drive, (value, error) in zip(places, drives, self._run(_solved, tasks), strict=False):
             self.values[place], self.solved[place] = value, True
@@ -169,16 +167,10 @@ class _Job:
             for checks in self._run(_again, [(part, self.run.of_task) for part in parts]):
                 self.cross_checks += checks
 
-    def _there(self, rotation: float) -> tuple[Drive, ToothDeviations | None]:
-        """The drive and its measured teeth at a rotation [deg]."""
+    def _there(self, rotation: float) -> tuple[Drive, MeasuredTeeth | None]:
+        """The drive and its measured wheels at a rotation [deg]."""
         drive = rotated(self.drive, rotation)
-        if self.measured is None:
-            return drive, None
-        return self.measured.rotated(drive, rotation).in_drive(drive)
-
-    def _phase_deg(self, rotation: float) -> float:
-        drive = rotated(self.drive, rotation)
-        return phase_deg(drive, self.measured and self.measured.rotated(drive, rotation))
+        return drive, self.measured and self.measured.rotated(drive, rotation)
 
     def unsolved(self) -> list[tuple[int, int]]:
         """Places (torque, rotation) where not every state was solved."""
@@ -198,7 +190,7 @@ class _Job:
         return MountingCurve(
             torques=self.torques,
             rotation_deg=self.rotations[done],
-            phase_deg=np.array([self._phase_deg(r) for r in self.rotations[done]]),
+            phase_deg=np.array([phase_deg(*self._there(r)) for r in self.rotations[done]]),
             F_ior_arcsec=self.values[:, done],
             every_state=self.solved[:, done],
             holes=self.drive.mounting.holes,
@@ -226,33 +218,38 @@ def _coarse_first(count: int) -> list[int]:
     return sorted(range(count), key=lambda n: f"{n:0{bits}b}"[::-1])
 
 
-def _searched(drive: Drive, M_g: float, rotations: Array) -> tuple[list[float], Certificate]:
-    error_map = ErrorMap(drive, M_g)
-    found = [error_map.many_extremes(Batch.of(rotated(drive, rotation))) for rotation in rotations]
-    return [f.first for f in found], sum((f.certificate for f in found), EMPTY)
+def _with_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, ToothDeviations | None]:
+    return measured.in_drive(drive) if measured else (drive, None)
+
+
+def _searched(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> tuple[Array, Certificate]:
+    """F'_ior [arcsec] of extremes that were proposed and proven, shape (torques, rotations)."""
+    maps = [ErrorMap(drive, M_g) for M_g in torques]
+    found = [[each.many_extremes(Batch.of(rotated(drive, rotation))) for rotation in rotations] for each in maps]
+    values = np.array([[one.first for one in row] for row in found])
+    return values, sum((one.certificate for row in found for one in row), EMPTY)
 
 
 def _bottom(
     drive: Drive,
     torques: tuple[float, ...],
     weights: tuple[float, ...] | None,
-    now: tuple[float, ...],
+    now: Array,
     middle: float,
     step: float,
-) -> tuple[float, list[float], Certificate]:
+) -> tuple[float, Array, Certificate]:
     """Rotation [deg] at the bottom of a valley of the merit, F'_ior there at each torque."""
-    maps = [ErrorMap(drive, M_g) for M_g in torques]
     proofs: list[Certificate] = []
 
-    def at(rotation: float) -> list[float]:
-        found = [error_map.many_extremes(Batch.of(rotated(drive, rotation))) for error_map in maps]
-        proofs.extend(f.certificate for f in found)
-        return [f.first for f in found]
+    def at(rotation: float) -> Array:
+        values, proof = _searched(drive, torques, [rotation])
+        proofs.append(proof)
+        return values[:, 0]
 
     from scipy.optimize import minimize_scalar  # holes need none of it
 
     answer = minimize_scalar(
-        lambda rotation: float(merit(np.array(at(rotation)), np.array(now), weights)),
+        lambda rotation: float(merit(at(rotation), now, weights)),
         bounds=(middle - step, middle + step),
         method="bounded",
         options={"xatol": FREE_TOLERANCE},

@@ -100,7 +100,7 @@ def test_searched_curves_are_those_of_every_state(every_state):
 
 def test_a_search_that_missed_is_not_used(every_state, monkeypatch):
     real = making._searched
-    monkeypatch.setattr(making, "_searched", lambda *task: ([v - 0.5 for v in real(*task)[0]], real(*task)[1]))
+    monkeypatch.setattr(making, "_searched", lambda *task: (real(*task)[0] - 0.5, real(*task)[1]))
     some = slice(None, None, 3)
     curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS[some], proposed_from=0, run=UNCHECKED)
     assert curve.every_state.all()

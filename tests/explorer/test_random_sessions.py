@@ -1,0 +1,60 @@
+"""Sessions of random keys: whatever is pressed, the explorer goes on, and its command line gives the same drive."""
+
+from __future__ import annotations
+
+import random
+import shlex
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from hdassist.explorer.app import Explorer
+from hdassist.explorer.asking import REST
+from hdassist.explorer.state import opened_state, redone, undone
+from tests.explorer.rig import explored, said, screen, settled, tiny
+
+LENGTH = 12  # keys of a session
+MOVES = ("left", "right", "up", "down", "home", "end", "pageup", "pagedown", "tab", "shift+tab", "h", "l", "b", "0")
+VIEWS = ("1", "2", "3", "4", "m", "d", "p", "question_mark", "slash")
+CHANGES = ("plus", "minus", "t", "x", "u", "r", "ctrl+z", "ctrl+y", "enter", "enter", "backspace")
+ANSWERS = ("escape", "escape", "y", "n", "q", "c", "s", "j", "g")
+TEXT = ("h", "1", "5", "full_stop", "equals_sign", "slash", "space", "a", "é", "left_square_bracket")
+KEYS = (*MOVES, *MOVES, *VIEWS, *CHANGES, *CHANGES, *ANSWERS, *TEXT)
+SIZES = ((80, 24), (100, 30), (140, 44), (60, 18), (40, 12))
+DRIVES = ((), ("phases.xi_b=unknown",), ("mounting.holes=0",), ("mounting.allowed=[1, 2]",))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(500))
+def test_no_key_is_a_fault(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    chance = random.Random(seed)
+    overrides, size = chance.choice(DRIVES), chance.choice(SIZES)
+
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        for _ in range(LENGTH):
+            await pilot.press(chance.choice(KEYS))
+            if not app.is_running:
+                break
+            if chance.random() < 0.05:
+                await pilot.resize_terminal(*chance.choice(SIZES))
+            if chance.random() < 0.02:
+                await pilot.pause(REST + 0.1)
+        if app.is_running:
+            await settled(app, pilot)
+            assert {len(row) for row in screen(app).splitlines()} == {app.size.width}
+
+    app = explored(act, tiny(*overrides), size)
+    session = app.session
+    assert app.return_code in (0, None) and "internal error" not in said(app)
+    words = shlex.split(session.command("check"))
+    again = opened_state(words[2], tuple(words[4::2]))
+    assert again.drive.model_dump(exclude={"source"}) == session.drive.model_dump(exclude={"source"})
+    back = session
+    while back.past:
+        back = undone(back)
+    assert back.changes == () and back.drive == tiny(*overrides).drive
+    while back.future:
+        back = redone(back)
+    assert back.drive == session.drive or session.future
