@@ -152,8 +152,8 @@ class Predictions:
     def least_sure(self) -> Limit | None:
         """The limit of F'_ior whose verdict is least sure; None where none was drawn."""
         held = ((limit, self.belief(limit)) for limit in self.limits if limit.check is F_IOR)
-        doubts = [(min(found.probability, 1 - found.probability), limit) for limit, found in held if found]
-        return max(doubts, key=lambda each: each[0], default=(0.0, None))[1]
+        doubts = {limit: min(found.probability, 1 - found.probability) for limit, found in held if found}
+        return max(doubts, key=lambda limit: doubts[limit], default=None)
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
@@ -169,11 +169,9 @@ class Predictions:
         if limit is None or samples is None:
             return ()
         M_g = limit.M_g_Nm or 0.0
-        figures = {name: values for name, values in samples.figures.items() if name in STIFFNESS_FIGURES}
         left = limit.limit - self.quantities.self_errors[M_g].range_arcsec
-        if left <= 0:
-            return ()
-        return measurements(replace(samples, figures=figures), samples.torques.index(M_g), left)
+        figures = {name: values for name, values in samples.figures.items() if name in STIFFNESS_FIGURES}
+        return measurements(replace(samples, figures=figures), samples.torques.index(M_g), left) if left > 0 else ()
 
     def is_open(self, limit: Limit) -> bool:
         """Whether anything that is not known exactly moves the value of a limit."""

@@ -249,8 +249,9 @@ class VectorFitter:
     def _linearized(
         self, unknowns: Array, fitted: tuple[int, ...], waves: Complex
     ) -> tuple[Array, Array, Array, Array]:
-        """Slopes J, shape (2 orders, f), identifiable directions, (f, i), unidentifiable ones, (f, f - i), and singular
-        values of J along the identifiable ones, (i,).
+        """Slopes J, directions that are identifiable and that are not, and singular values of J along the first.
+
+        Shapes: (2 orders, f), (f, i), (f, f - i), (i,).
         """
         jacobian, gauges = self._jacobian(unknowns, fitted, waves), self._gauges(unknowns, fitted)
         others = null_space(gauges.T) if gauges.shape[1] else np.eye(len(gauges))
