@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import isnan
 from typing import Literal
 
-from hdassist.acceptance.checks import CHECKS, F_IOR, ORDER_CHECK, Check, check_of
+from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, ORDER_CHECK, Check
 from hdassist.errors import DataError, UsageError
 from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
@@ -36,7 +36,10 @@ class Limit(ClosedRecord):
     @property
     def check(self) -> Check:
         """The check of the limit. Raises DataError: none has the code."""
-        return check_of(self.code)
+        found = CODES.get(self.code)
+        if not isinstance(found, Check):
+            raise DataError(f"no check has the code {self.code}")
+        return found
 
     @property
     def label(self) -> str:

@@ -330,7 +330,7 @@ class _TargetsReader:
             self.findings.refuse(at, read)
             return None
         else:
-            tolerance = read
+            tolerance = float(read)
         if not 0 < tolerance < inf:
             self.findings.add(at, f"must be above 0: {SHARE_HINT}")
             return None
