@@ -25,7 +25,6 @@ from hdassist.acceptance.checks import (
     RECORD,
     UNCERTAINTY,
     UNKNOWN_REMARK,
-    Explained,
 )
 from hdassist.acceptance.decision import GUARD, AcceptedValue, Decision, decide
 from hdassist.acceptance.limits import Limit, limits_of
@@ -67,15 +66,17 @@ def accept(
         )
     decisions = []
     for limit in limits:
-        values = [inputs.stated[limit]] if limit in inputs.stated else []
-        if limit in left:
-            values = [AcceptedValue.predicted(limit, predictions)] if predictions else []
-        elif not values:
+        if limit in inputs.stated:
+            values = [inputs.stated[limit]]
+        elif limit not in left:
             found = (AcceptedValue.measured(limit, direction) for direction in measured[limit.M_g_Nm or 0.0].directions)
             values = sorted((each for each in found if each.value is not None), key=lambda each: -(each.value or 0.0))
             values = values or [AcceptedValue()]
-        if values:
-            decisions.append(_decisive([decide(limit, value, rule, request.sure) for value in values]))
+        elif predictions:
+            values = [AcceptedValue.predicted(limit, predictions)]
+        else:
+            continue
+        decisions.append(_decisive([decide(limit, value, rule, request.sure) for value in values]))
     left_out = [] if predictions else left
     remarks = [*_of_traces(inputs, decisions), *_of_decisions(inputs, decisions, left_out, predictions)]
     verdict = worst(decision.verdict for decision in decisions)
@@ -123,22 +124,18 @@ def _decisive(found: Sequence[Decision]) -> Decision:
 def _of_traces(inputs: Inputs, decisions: Sequence[Decision]) -> Iterator[Note]:
     """Remarks on traces."""
     for M_g, measurement in inputs.measurements.items():
-        where, directions = f"{measurement.trace.file}, {M_g:g} N*m: ", measurement.directions
-
-        def note(remark: Explained, text: str, where: str = where) -> Note:
-            return Note(remark.code, where + text)
-
+        where, directions = f"{measurement.trace.file}, {M_g:g} N*m", measurement.directions
         if any(d.M_g_Nm == M_g and d.extent not in (None, "whole") for d in decisions):
             shares = [each.coverage.share for each in directions if each.is_bound and each.coverage]
             visited = [f"{100 * share:.3g} % of the full cycle visited" for share in shares]
-            yield note(COVERAGE, " and ".join(visited) or "unknown cycle")
+            yield Note(COVERAGE.code, f"{where}: {' and '.join(visited) or 'unknown cycle'}")
         if missing := [source.name for source in directions[0].sources if source.arcsec is None]:
-            yield note(BUDGET, f"nothing stated of {', '.join(missing)}")
+            yield Note(BUDGET.code, f"{where}: nothing stated of {', '.join(missing)}")
         if lines := dict.fromkeys(f"{line.per_cam_rev:.3f}" for each in directions for line in each.lines):
             rise = max(each.rise_arcsec for each in directions)
             more = f"; F'_ior may be {rise:.3g} arcsec greater in another cycle" if rise else ""
-            yield note(LINES_CHECK, f"{', '.join(lines)} per cam turn{more}")
-        yield from (note(RECORD, text) for text in measurement.warnings)
+            yield Note(LINES_CHECK.code, f"{where}: {', '.join(lines)} per cam turn{more}")
+        yield from (Note(RECORD.code, f"{where}: {text}") for text in measurement.warnings)
 
 
 def _of_decisions(

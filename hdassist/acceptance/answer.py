@@ -157,9 +157,9 @@ class AcceptAnswer(ClosedRecord):
 
     @property
     def missing(self) -> str:
-        """Name of a required part that is missing; empty where the answer is complete or has an error."""
+        """The first required part that is missing, in words; empty where the answer is complete or has an error."""
         needed = {"preset.sha256": self.preset.sha256, "request": self.request, "rule": self.rule}
-        return "" if self.error else next((name for name, value in needed.items() if value is None), "")
+        return "" if self.error else next((f"{name}: missing" for name, value in needed.items() if value is None), "")
 
     @property
     def contradiction(self) -> str:
@@ -167,7 +167,7 @@ class AcceptAnswer(ClosedRecord):
         if self.error:
             return ""
         if self.rule is None or self.missing:
-            return f"{self.missing}: missing"
+            return self.missing
         for check in self.checks:
             try:
                 if decide(check, check, self.rule.measured, self.rule.sure) != check:
@@ -287,7 +287,7 @@ def _read(fields: Any, place: str) -> AcceptAnswer:
         )
     try:
         answer = ANSWER.validate_python(fields)
-        fault = f"{answer.missing}: missing" if answer.missing else ""
+        fault = answer.missing
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(key) or "''" for key in first["loc"])

@@ -7,10 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Literal
 
-from hdassist.errors import DataError
 from hdassist.preset.fields import Acceptance
 from hdassist.preset.kinds import FieldKind, kind_of, unit_of
 
@@ -67,11 +65,6 @@ def _amplitude(found: SweepResult, order: float) -> tuple[float, float, float] |
     near = [o for o in found.orders if abs(o.per_cam_rev - order) <= 0.5 / found.bins.span]
     best = min(near, key=lambda o: abs(o.per_cam_rev - order), default=None)
     return (best.amplitude_arcsec, best.uncertainty_arcsec, 0.0) if best else None
-
-
-def _weaker_side(segment: int, of: PredictedQuantities, *_: float) -> float:
-    """Stiffness of a segment on the side where it is less: the limit is the least."""
-    return of.twist.weaker(segment)
 
 
 F_IOR = Check(
@@ -140,7 +133,7 @@ STIFFNESSES = K1, K2, K3 = tuple(
         "A stiffer shell or ring, more teeth in mesh (wave, clearance), larger balls or more of them.",
         f"K_{k}",
         ("stiffness",),
-        partial(_weaker_side, k),
+        lambda of, *_, k=k: of.twist.weaker(k),  # the limit is the least
         upper=False,
     )
     for k, which in ((1, "first"), (2, "second"), (3, "third"))
@@ -210,11 +203,3 @@ NOT_TESTED = Explained(
 )
 REMARKS = (COVERAGE, UNCERTAINTY, BUDGET, LINES_CHECK, RECORD, RATED, UNKNOWN_REMARK, NOT_TESTED)
 CODES: dict[str, Explained] = {item.code: item for item in (*CHECKS, *REMARKS)}
-
-
-def check_of(code: str) -> Check:
-    """The check of a code as files have it. Raises DataError: there is none."""
-    found = CODES.get(code)
-    if not isinstance(found, Check):
-        raise DataError(f"no check has the code {code}")
-    return found

@@ -6,10 +6,11 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isnan
-from typing import Literal
+from typing import Literal, TypeVar
 
-from hdassist.acceptance.checks import CHECKS, F_IOR, ORDER_CHECK, Check, check_of
+from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, ORDER_CHECK, Check
 from hdassist.errors import DataError, UsageError
+from hdassist.model.geometry import Array
 from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
 from hdassist.preset.yamltext import OVERRIDE
@@ -21,6 +22,7 @@ HINT = f"NAME one of {', '.join(LIMIT_KINDS)}, or order_2 and so on"
 _OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: ", re.MULTILINE)
 
 Option = Literal["--limit", "--value"]
+Values = TypeVar("Values", float, Array)
 USE: dict[Option, str] = {"--limit": "[NAME[@TORQUE]=]VALUE", "--value": "NAME[@TORQUE]=VALUE±U"}
 
 
@@ -36,7 +38,10 @@ class Limit(ClosedRecord):
     @property
     def check(self) -> Check:
         """The check of the limit. Raises DataError: none has the code."""
-        return check_of(self.code)
+        found = CODES.get(self.code)
+        if not isinstance(found, Check):
+            raise DataError(f"no check has the code {self.code}")
+        return found
 
     @property
     def label(self) -> str:
@@ -45,8 +50,8 @@ class Limit(ClosedRecord):
         words = self.check.words if order is None else f"amplitude of order {order:g}"
         return words if self.M_g_Nm is None else f"{words} at {self.M_g_Nm:g} N·m"
 
-    def room(self, value: float) -> float:
-        """Room that a value leaves to the limit, in the unit of the check: negative beyond it."""
+    def room(self, value: Values) -> Values:
+        """Room that a value or an array of values leaves to the limit, in the unit of the check: negative beyond it."""
         return self.limit - value if self.check.upper else value - self.limit
 
 

@@ -109,18 +109,6 @@ class Belief(ClosedRecord):
     probability_low: float
     probability_high: float
 
-    @classmethod
-    def of(cls, limit: Limit, samples: Samples, own: float) -> Belief:
-        """Percentiles and probability of a limit over samples; own, the self error [arcsec] that F'_ior has on top."""
-        if limit.check is F_IOR:
-            values = samples.F_ior_arcsec[:, samples.torques.index(limit.M_g_Nm or 0.0)]
-        else:
-            values, own = samples.figures[limit.label], 0.0
-        kept = values <= limit.limit - own if limit.check.upper else values >= limit.limit
-        p5, p50, p95 = (weighted_quantile(values, samples.weights, share) + own for share in (0.05, 0.5, 0.95))
-        found = probability_of(kept, samples.weights)
-        return cls(p5, p50, p95, found.value, found.low, found.high)
-
     @property
     def percent(self) -> str:
         """The probability with its interval, in words."""
@@ -152,8 +140,8 @@ class Predictions:
     def least_sure(self) -> Limit | None:
         """The limit of F'_ior whose verdict is least sure; None where none was drawn."""
         held = ((limit, self.belief(limit)) for limit in self.limits if limit.check is F_IOR)
-        doubts = [(min(found.probability, 1 - found.probability), limit) for limit, found in held if found]
-        return max(doubts, key=lambda each: each[0], default=(0.0, None))[1]
+        doubts = {limit: min(found.probability, 1 - found.probability) for limit, found in held if found}
+        return max(doubts, key=lambda limit: doubts[limit], default=None)
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
@@ -169,11 +157,9 @@ class Predictions:
         if limit is None or samples is None:
             return ()
         M_g = limit.M_g_Nm or 0.0
-        figures = {name: values for name, values in samples.figures.items() if name in STIFFNESS_FIGURES}
         left = limit.limit - self.quantities.self_errors[M_g].range_arcsec
-        if left <= 0:
-            return ()
-        return measurements(replace(samples, figures=figures), samples.torques.index(M_g), left)
+        figures = {name: values for name, values in samples.figures.items() if name in STIFFNESS_FIGURES}
+        return measurements(replace(samples, figures=figures), samples.torques.index(M_g), left) if left > 0 else ()
 
     def is_open(self, limit: Limit) -> bool:
         """Whether anything that is not known exactly moves the value of a limit."""
@@ -181,11 +167,18 @@ class Predictions:
 
     def belief(self, limit: Limit) -> Belief | None:
         """The value of a limit over all that is not known exactly; None where nothing moves it, or was not drawn."""
-        if not self.is_open(limit):
-            return None
         samples = self.error_samples if _is_of_check(self.prior.drive, limit) else self.samples
-        own = self.quantities.self_errors.get(limit.M_g_Nm or 0.0)
-        return Belief.of(limit, samples, own.range_arcsec if own else 0.0) if samples else None
+        if samples is None or not self.is_open(limit):
+            return None
+        if limit.check is F_IOR:
+            M_g = limit.M_g_Nm or 0.0
+            own = self.quantities.self_errors[M_g].range_arcsec  # on top of F'_ior
+            values = samples.F_ior_arcsec[:, samples.torques.index(M_g)] + own
+        else:
+            values = samples.figures[limit.label]
+        p5, p50, p95 = (weighted_quantile(values, samples.weights, share) for share in (0.05, 0.5, 0.95))
+        kept = probability_of(limit.room(values) >= 0, samples.weights)
+        return Belief(p5, p50, p95, kept.value, kept.low, kept.high)
 
 
 def quantities(

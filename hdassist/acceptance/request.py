@@ -17,7 +17,6 @@ from hdassist.acceptance.predictions import Predictions, order_place, predict
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.errors import DataError, UsageError
 from hdassist.loading.load import load_preset
-from hdassist.measuring.cycle import gearing_of
 from hdassist.measuring.measure import Measurement, measure
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
@@ -174,17 +173,15 @@ class Request(ClosedRecord):
             if torque in files:
                 raise UsageError(f"two traces at {torque:g} N*m", "one trace a torque: join repeated runs in one file")
             files[torque] = trace.file
-        reading, gearing = self.reading, gearing_of(drive, None)
-        looked_at = partial(
-            measure,
-            drive=drive,
-            orders=parse_orders(reading.orders or None),
-            drift=reading.drift,
-            stated=parse_stated(reading.budget),
-            seed=self.seed,
-        )
-        ratio = gearing.ratio if gearing else None
-        measurements = {torque: looked_at(read_trace(path, reading, ratio)) for torque, path in files.items()}
+        reading, ratio = self.reading, abs(Kinematics.of(drive).u)
+        orders, stated = parse_orders(reading.orders or None), parse_stated(reading.budget)
+        measurements = {
+            M_g: measure(
+                read_trace(file, reading, ratio), drive=drive, orders=orders, drift=reading.drift, stated=stated,
+                seed=self.seed,
+            )
+            for M_g, file in files.items()
+        }  # fmt: skip
         return Inputs(drive, measurements, stated_values(self.values, drive), self.read_wheels(drive))
 
     def read_wheels(self, drive: Drive) -> MeasuredTeeth | None:

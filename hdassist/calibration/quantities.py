@@ -71,8 +71,8 @@ class TargetQuantities:
         return self._off_trace(target) if target.trace else np.array([self._value(target)])
 
     def _value(self, target: CalibrationTarget) -> float:
-        asked = target.asked
-        match target.quantity:
+        asked, quantity = target.asked, target.quantity
+        match quantity:
             case "F_ior":
                 return self.F_ior(asked["M_g"], asked.get("phase", phase_deg(self._drive)))
             case "F_ior_max":
@@ -88,11 +88,9 @@ class TargetQuantities:
                 return float((asked["to"] - asked["from"]) / self._twist.between(asked["from"], asked["to"]) * ARCSEC)
             case "lost_motion" if "M_g" in asked:
                 return self._twist.between(-asked["M_g"], asked["M_g"])
-            case "lost_motion":
-                return self._stiffness(T_1=None, T_2=None).lost_motion_arcsec
-            case _:  # K_1 to K_3
-                ends = self._stiffness(T_1=asked.get("T_1"), T_2=asked.get("T_2"))
-                return ends.weaker(int(target.quantity[-1]))
+            case _:  # lost motion, or K_1 to K_3
+                found = self._stiffness(T_1=asked.get("T_1"), T_2=asked.get("T_2"))
+                return found.weaker(int(quantity[-1])) if quantity.startswith("K_") else found.lost_motion_arcsec
 
     def F_ior(self, M_g: float, phase: float) -> float:
         """F'_ior [arcsec] at a torque [N*m] and a mounting phase [deg]."""

@@ -188,7 +188,8 @@ class _TargetsReader:
         if not isinstance(data, dict):
             add((), "targets must be a table of keys", f"schema: {TARGETS_SCHEMA}, unknowns, targets", "")
             return None
-        head = self._values((), {"schema": None, **data}, {"name": TEXT, "unknowns": None, "targets": None}, ["schema"])
+        units = {"name": TEXT, "unknowns": None, "targets": None, "schema": None}
+        head = self._values((), {"schema": None, **data}, units, ())
         if head and data.get("schema") != TARGETS_SCHEMA:
             add(("schema",), f"must be {TARGETS_SCHEMA}")
         unknowns, targets = data.get("unknowns"), data.get("targets")
@@ -212,7 +213,6 @@ class _TargetsReader:
         need, words behind "missing key".
         """
         values: dict[str, Any] = {}
-        units = {**units, **{key: None for key in needs if key not in units}}
         for key in needs:
             if key not in table:
                 self.findings.add((*path, key), f"missing key{need}", got="")
@@ -308,32 +308,32 @@ class _TargetsReader:
 
     def _limits(self, path: Path, given: dict[str, Any], unit: str) -> tuple[float | None, float, float, float] | None:
         """Value, low, high and tolerance of a target."""
-        value, low, high, stated = map(given.get, ("value", "low", "high", "tolerance"))
-        at = (*path, "tolerance")
-        if (value is None) == (low is None and high is None):
+        value, stated, at = given.get("value"), given.get("tolerance"), (*path, "tolerance")
+        low, high = given.get("low", -inf), given.get("high", inf)
+        if (value is None) == given.keys().isdisjoint(("low", "high")):
             self.findings.add(path, "needs either a value with its tolerance, or low, high or both", got="")
             return None
         if value is not None and stated is None:
             self.findings.add(at, "missing key", SHARE_HINT, "")
             return None
-        if low is not None and high is not None and not low < high:
+        if not low < high:
             self.findings.add(path, "low must be below high", got=f"{low:g} to {high:g}")
             return None
-        whole: float = value or 0.0  # what a share is of
-        if value is None:
-            whole = high - low if low is not None and high is not None else low or high or 0.0
-        tolerance: float | InvalidValue = RANGE_SHARE * abs(whole) or 1.0
-        if stated is not None:
-            is_share = isinstance(stated, str) and stated.strip().endswith("%")
-            tolerance = read_number(stated, "%" if is_share else unit)
-            if isinstance(tolerance, InvalidValue) and not is_share:
-                self.findings.refuse(at, tolerance)
-                return None
-            if is_share and not isinstance(tolerance, InvalidValue):
-                tolerance = tolerance / 100 * abs(whole)
-        if isinstance(tolerance, InvalidValue) or not 0 < tolerance < inf:
+        width = high - low if high - low < inf else min(abs(low), abs(high))
+        whole = width if value is None else abs(value)  # what a share is of
+        if stated is None:
+            tolerance = RANGE_SHARE * whole or 1.0
+        elif isinstance(stated, str) and stated.strip().endswith("%"):
+            share = read_number(stated, "%")
+            tolerance = 0.0 if isinstance(share, InvalidValue) else share / 100 * whole
+        elif isinstance(read := read_number(stated, unit), InvalidValue):
+            self.findings.refuse(at, read)
+            return None
+        else:
+            tolerance = float(read)
+        if not 0 < tolerance < inf:
             self.findings.add(at, f"must be above 0: {SHARE_HINT}")
             return None
         if value is not None:
-            return value, value - tolerance, value + tolerance, float(tolerance)
-        return None, -inf if low is None else low, inf if high is None else high, float(tolerance)
+            low, high = value - tolerance, value + tolerance
+        return value, low, high, tolerance

@@ -217,9 +217,9 @@ def _difference(sweep: SweepResult, apart: Array) -> tuple[Array, Array, float]:
     of a drift in it that was not taken off, 0 where there is none: a drift of the prediction, too, is a beat.
     """
     design = sweep.fit.design
-    orders, level, drift = design.split(design.project(lambda rows: apart[rows, None])[:, 0])
+    orders, level, drift = design.split(design.project(lambda rows: apart[rows]))
     residual = apart - (level[sweep.bins.sweep] + design.drift_at(drift, sweep.bins.travel))
-    slope = 0.0 if len(drift) else drift_of(design, design.rest(apart[:, None])[:, 0], sweep.range.value)
+    slope = 0.0 if len(drift) else drift_of(design, design.residual(apart), sweep.range.value)
     return orders, residual, slope
 
 
@@ -286,6 +286,6 @@ def _angle_uncertainties(
 ) -> tuple[float | None, float | None]:
     """Standard uncertainties [deg] of start and zero of the alignment, None of one that is given."""
     blind = (base.unidentifiable**2).sum(axis=1) > BLIND_SHARE
-    fitted = np.where(blind, UNIDENTIFIABLE_ANGLE, np.sqrt(unchanged.excess * np.diag(base.covariance))).tolist()
-    start = fitted.pop(0) if free[0] else None
-    return start, fitted.pop(0) if free[1] else None
+    fitted = iter(np.where(blind, UNIDENTIFIABLE_ANGLE, np.sqrt(unchanged.excess * np.diag(base.covariance))).tolist())
+    start, zero = (next(fitted) if each else None for each in free)
+    return start, zero

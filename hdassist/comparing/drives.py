@@ -106,13 +106,12 @@ def field_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
     rows = list(zip(*map(resolved_fields, drives), strict=True))
     units = {row[0].path: row[0].unit for row in rows}
     paths = dict.fromkeys(path for drive in drives for path in drive.uncertainty)
-    return (*rows, *(tuple(_uncertainty(drive, path, units[path]) for drive in drives) for path in paths))
-
-
-def _uncertainty(drive: Drive, path: str, unit: str) -> ResolvedField:
-    value = drive.uncertainty.get(path)
-    kind = "default" if value is None else "given"
-    return ResolvedField(f"uncertainty.{path}", value, unit, kind, "", "expanded uncertainty (k = 2)", None)
+    for path in paths:
+        values = (drive.uncertainty.get(path) for drive in drives)
+        kinds = ((value, "default" if value is None else "given") for value in values)
+        name, words = f"uncertainty.{path}", "expanded uncertainty (k = 2)"
+        rows.append(tuple(ResolvedField(name, value, units[path], kind, "", words, None) for value, kind in kinds))
+    return tuple(rows)
 
 
 def differs(row: FieldRow) -> bool:

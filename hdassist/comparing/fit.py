@@ -82,7 +82,7 @@ class VectorFitter:
     def base(self) -> VectorFit:
         """The drive as it is, with start and zero fitted as far as they are free."""
         given = self.record.alignment
-        unknowns = np.array([*_components(vectors_of(self.drive)), given.start_deg, given.zero_deg])
+        unknowns = np.array([*vectors_of(self.drive).view(float), given.start_deg, given.zero_deg])
         unknowns[-2:], _ = self.record.scan(self._waves(unknowns, ())[0], unknowns[-2:], self.angles)
         return self._descend(unknowns, ())
 
@@ -197,8 +197,7 @@ class VectorFitter:
         free = self._free(fitted)
         residual, waves = self._residual(unknowns, fitted, points)
         for _ in range(MOST_STEPS if len(free) else 0):
-            jacobian = self._jacobian(unknowns, fitted, waves)
-            directions, _, sizes = self._split(jacobian, self._gauges(unknowns, fitted))
+            jacobian, directions, _, sizes = self._linearized(unknowns, fitted, waves)
             step = np.zeros_like(unknowns)
             step[free] = directions @ ((directions.T @ jacobian.T @ residual) / sizes**2)  # (15)
             step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
@@ -210,8 +209,7 @@ class VectorFitter:
                     break
             if before - float(residual @ residual) < max(SMALLEST_GAIN, SMALLEST_GAIN_SHARE * before):
                 break
-        jacobian = self._jacobian(unknowns, fitted, waves)
-        directions, others, sizes = self._split(jacobian, self._gauges(unknowns, fitted))
+        _, directions, others, sizes = self._linearized(unknowns, fitted, waves)
         covariance = np.asarray((directions / sizes**2) @ directions.T)  # (16), shape (f, f)
         return VectorFit(unknowns, fitted, free, float(residual @ residual), others, covariance)
 
@@ -248,23 +246,23 @@ class VectorFitter:
         directions = np.concatenate([components[free[: 2 * len(fitted)]], gauges])
         return np.asarray(np.linalg.qr(directions)[0])
 
-    def _split(self, jacobian: Array, gauges: Array) -> tuple[Array, Array, Array]:
-        """Identifiable directions, shape (f, i), unidentifiable ones, (f, f - i), and singular values of the first."""
-        if not jacobian.shape[1]:
-            return np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0)
+    def _linearized(
+        self, unknowns: Array, fitted: tuple[int, ...], waves: Complex
+    ) -> tuple[Array, Array, Array, Array]:
+        """Slopes J, directions that are identifiable and that are not, and singular values of J along the first.
+
+        Shapes: (2 orders, f), (f, i), (f, f - i), (i,).
+        """
+        jacobian, gauges = self._jacobian(unknowns, fitted, waves), self._gauges(unknowns, fitted)
         others = null_space(gauges.T) if gauges.shape[1] else np.eye(len(gauges))
         _, sizes, directions = np.linalg.svd(jacobian @ others, full_matrices=False)  # J = U s V'
         blind = max(LEAST_BLIND, BLIND * float(np.abs(vectors_of(self.drive)).max()))
         sharp = (sizes * blind > 1) & (sizes > DIFFERENCE_ERROR * sizes.max(initial=0.0))
         directions = others @ directions.T
-        return directions[:, sharp], np.concatenate([directions[:, ~sharp], gauges], axis=1), sizes[sharp]
+        blurred = np.concatenate([directions[:, ~sharp], gauges], axis=1)
+        return jacobian, directions[:, sharp], blurred, sizes[sharp]
 
 
 def complex_of(unknowns: Array) -> Complex:
     """Vectors of unknowns, shape (vectors,)."""
-    return np.asarray(unknowns[:-2:2] + 1j * unknowns[1:-2:2])
-
-
-def _components(vectors: Complex) -> Array:
-    """X and y of vectors, one after the other, shape (2 vectors,)."""
-    return np.stack([vectors.real, vectors.imag], axis=1).ravel()
+    return unknowns[:-2].view(complex)

@@ -124,7 +124,7 @@ class RecordedOrders:
 
     def of_curve(self, values: Array) -> Array:
         """Coefficients [arcsec] of a curve with values at the bins."""
-        return self.sweep.fit.design.project(lambda rows: values[rows, None])[: len(self.measured), 0]
+        return self.sweep.fit.design.project(lambda rows: values[rows])[: len(self.measured)]
 
     def pairs(self, predicted: Array, difference: Array) -> tuple[OrderPair, ...]:
         """Each order beside predicted coefficients and the difference of both [arcsec], shape (2 orders,) each."""

@@ -66,15 +66,14 @@ def sheet_of(
     Raises UntrustedError where an answer cannot be trusted; KeyboardInterrupt, as half an advice is none here.
     """
 
-    def advised(wider: Drive) -> Advice:
-        return advise(wider, wider.operation.M_g, seat_positions(wider), draws=draws, run=run)
-
     def checked(wider: Drive) -> DesignCheck:
         samples = advice.samples if advice.drive == wider else None  # not those of a wider window
         return check(wider, draws=draws, samples=samples, run=run)
 
     loaded = drive if torques is None else at_torques(drive, torques)
-    advice = in_wide_enough_window(loaded, advised)
+    advice = in_wide_enough_window(
+        loaded, lambda wider: advise(wider, wider.operation.M_g, seat_positions(wider), draws=draws, run=run)
+    )
     if advice.curve.interrupted:
         raise KeyboardInterrupt
     return DriveSheet(

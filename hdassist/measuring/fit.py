@@ -67,12 +67,9 @@ class TraceDesign:
             )
         self._parts = [slice(k, min(k + DESIGN_CHUNK, len(bins))) for k in range(0, len(bins), DESIGN_CHUNK)]
         gram = np.zeros((columns, columns))
-        self._moment = np.zeros(columns)
         for rows in self._parts:
             matrix = self._rows(rows.start)
-            weighted = matrix * bins.weight[rows, None]
-            gram += weighted.T @ matrix
-            self._moment += weighted.T @ bins.error[rows]
+            gram += (matrix * bins.weight[rows, None]).T @ matrix
         scale = 1 / np.sqrt(np.diag(gram))
         values, vectors = np.linalg.eigh(gram * scale * scale[:, None])
         self.condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
@@ -92,23 +89,13 @@ class TraceDesign:
         drift = (bins.travel[rows, None] / self.reach) ** np.arange(1, self._degree + 1)
         return np.concatenate([order_columns(bins.turns[rows], self.orders), levels, drift], axis=1)
 
-    def solution(self) -> Array:
-        """Unknowns that fit the error of the bins best, shape (columns,)."""
-        return np.asarray(self.root @ (self.root.T @ self._moment))
-
-    def residual(self, solution: Array) -> Array:
-        """Residual of the bins' error [arcsec], shape (bins,)."""
-        return np.asarray(self.bins.error - self._at_bins(solution))
-
-    def rest(self, curves: Array) -> Array:
-        """Residuals of curves at the bins after their own least squares, shape (bins, curves)."""
-        return np.asarray(curves - self._at_bins(self.project(lambda rows: curves[rows])))
-
-    def _at_bins(self, solution: Array) -> Array:
-        return np.concatenate([self._rows(rows.start) @ solution for rows in self._parts])
+    def residual(self, curves: Array) -> Array:
+        """Curves at the bins, shape (bins, ...), less their own least squares."""
+        solution = self.project(lambda rows: curves[rows])
+        return np.asarray(curves - np.concatenate([self._rows(rows.start) @ solution for rows in self._parts]))
 
     def project(self, curves: Callable[[slice], Array]) -> Array:
-        """Unknowns that fit other curves best, shape (columns, curves), from their values at a slice of the bins."""
+        """Unknowns that fit curves best, shape (columns, ...), from their values at a slice of the bins."""
         moments = [(self._rows(rows.start) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
         return np.asarray(self.root @ (self.root.T @ sum(moments)))
 
@@ -214,8 +201,8 @@ def fit_orders(bins: Bins, orders: Array, degree: int = 0, lines: Array | None =
     lines = np.sort(lines) if lines is not None else np.array([])
     orders = np.sort(np.concatenate([orders, lines]))
     design = TraceDesign(bins, orders, degree)
-    solution = design.solution()
-    residual, columns = design.residual(solution), design.columns
+    solution, residual = design.project(lambda rows: bins.error[rows]), design.residual(bins.error)
+    columns = design.columns
     variance = float((bins.weight * residual**2).sum()) / (len(bins) - columns)
     correlated, unmodelled = _memory(residual, variance, columns, bins)
     coefficients, level, drift = design.split(solution)
@@ -232,7 +219,7 @@ def linear_drift(design: TraceDesign, residual: Array) -> tuple[float, float]:
     a drift does not. Argument: residual, shape (bins,), of a design without drift.
     """
     bins = design.bins
-    own = design.rest(bins.travel[:, None] / design.reach)[:, 0]
+    own = design.residual(bins.travel / design.reach)
     square = float(bins.weight @ own**2)
     slope = float((bins.weight * own) @ residual) / square
     left = residual - slope * own

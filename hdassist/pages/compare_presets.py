@@ -34,7 +34,8 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
     """Drives beside each other, the first as what the others are held against; seed, of draws and samples."""
     names = ", ".join(f"{letter} {sheet.drive.origin.file}" for letter, sheet in _lettered(result).items())
     rows = tuple(_drive_rows(result))
-    differing = ((_named(row), *map(_cell, row)) for row in result.fields if differs(row))
+    fields = [row for row in result.fields if differs(row)]
+    differing = ((f"{row[0].path}, {row[0].unit}".removesuffix(", "), *map(_cell, row)) for row in fields)
     return Report(
         command="compare-presets",
         drive=result.sheets[0].drive,
@@ -152,11 +153,6 @@ def _rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
         yield f"K{k}, 1e4 N·m/rad", *ends
     for whole in WHOLE_QUANTITIES:
         yield whole.words, *(whole.text(sheet.stiffness) for sheet in sheets)
-
-
-def _named(row: Sequence[ResolvedField]) -> str:
-    """Path and unit of a field."""
-    return f"{row[0].path}, {row[0].unit}".removesuffix(", ")
 
 
 def _cell(field: ResolvedField) -> str:
