@@ -22,7 +22,7 @@ HINT = f"NAME one of {', '.join(LIMIT_KINDS)}, or order_2 and so on"
 _OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: ", re.MULTILINE)
 
 Option = Literal["--limit", "--value"]
-Values = TypeVar("Values", float, Array)
+ValueT = TypeVar("ValueT", float, Array)
 USE: dict[Option, str] = {"--limit": "[NAME[@TORQUE]=]VALUE", "--value": "NAME[@TORQUE]=VALUE±U"}
 
 
@@ -50,7 +50,7 @@ class Limit(ClosedRecord):
         words = self.check.words if order is None else f"amplitude of order {order:g}"
         return words if self.M_g_Nm is None else f"{words} at {self.M_g_Nm:g} N·m"
 
-    def room(self, value: Values) -> Values:
+    def room(self, value: ValueT) -> ValueT:
         """Room that a value or an array of values leaves to the limit, in the unit of the check: negative beyond it."""
         return self.limit - value if self.check.upper else value - self.limit
 

@@ -330,10 +330,10 @@ class _TargetsReader:
             self.findings.refuse(at, read)
             return None
         else:
-            tolerance = float(read)
+            tolerance = read
         if not 0 < tolerance < inf:
             self.findings.add(at, f"must be above 0: {SHARE_HINT}")
             return None
         if value is not None:
             low, high = value - tolerance, value + tolerance
-        return value, low, high, tolerance
+        return value, low, high, float(tolerance)

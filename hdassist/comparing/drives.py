@@ -90,6 +90,11 @@ class DrivesComparison:
     changes: tuple[DriveChanges, ...]
     certificate: Certificate
 
+    @property
+    def differing(self) -> list[FieldRow]:
+        """The fields in which the drives differ."""
+        return [row for row in self.fields if differs(row)]
+
 
 def common_torques(drives: Sequence[Drive]) -> tuple[float, ...]:
     """Torques [N*m] that all drives have, in the order of the first. Raises UsageError where there are none."""

@@ -34,8 +34,7 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
     """Drives beside each other, the first as what the others are held against; seed, of draws and samples."""
     names = ", ".join(f"{letter} {sheet.drive.origin.file}" for letter, sheet in _lettered(result).items())
     rows = tuple(_drive_rows(result))
-    fields = [row for row in result.fields if differs(row)]
-    differing = ((f"{row[0].path}, {row[0].unit}".removesuffix(", "), *map(_cell, row)) for row in fields)
+    differing = ((f"{row[0].path}, {row[0].unit}".removesuffix(", "), *map(_cell, row)) for row in result.differing)
     return Report(
         command="compare-presets",
         drive=result.sheets[0].drive,
@@ -172,7 +171,7 @@ def _facts(result: DrivesComparison) -> Iterator[tuple[str, str]]:
         yield f"{letter} unknown", unknown_names(sheet.check.unknown)
         yield f"{letter} measure", measure_words(sheet.check.to_measure[:1], held=False)
         yield f"{letter} influence", ", ".join(each.group for each in sheet.check.influences[:3])
-    yield "differs", _some([row[0].path for row in result.fields if differs(row)])
+    yield "differs", _some([row[0].path for row in result.differing])
     if any(NOT_KNOWN in changes.F_ior_is for changes in result.changes):
         yield "open", "unknown inputs could reverse this change"
     yield "next", again("report", result.sheets[-1].drive, "-o", "report.html")
@@ -208,8 +207,7 @@ def _values(result: DrivesComparison, seed: int) -> Json:
                 "unit": row[0].unit,
                 "values": [{"value": cell.value, "origin": cell.kind, "reference": cell.ref} for cell in row],
             }
-            for row in result.fields
-            if differs(row)
+            for row in result.differing
         ],
         "same_value_other_origin": _other_origins(result),
         "changes": [{"from": 0, "to": k, **asdict(changes)} for k, changes in enumerate(result.changes, 1)],
