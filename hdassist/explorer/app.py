@@ -196,11 +196,15 @@ class Explorer(Exporting):
         """Letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
         shown, drive = self.of_trials or self.known, self.session.drive
         allowed, letters = usable_positions(drive.mounting.holes, drive.mounting.allowed), defaultdict(str, {0.0: "N"})
-        if curve := shown.curve:
+        if (curve := shown.curve) and shown.advice:
+            ranked = [position.rotation_deg for position in shown.advice.choice.ranked]
+        elif curve:
             merits = dict(zip(curve.rotations_deg, curve.merits, strict=True))
             usable = [at for at in merits if not drive.mounting.holes or at in allowed]
-            letters[words.best_deg(shown.advice) if shown.advice else min(usable, key=merits.__getitem__)] += "B"
-            letters[max(usable, key=merits.__getitem__)] += "W"
+            ranked = sorted(usable, key=merits.__getitem__)
+        if curve:
+            letters[ranked[0]] += "B"
+            letters[ranked[-1]] += "W"
         if shown.advice and (following := words.next_deg(shown.advice)) is not None:
             letters[following] += "?"
         for at in {*self.session.positions} - {*allowed}:
