@@ -8,6 +8,7 @@ from collections import defaultdict
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any, ClassVar
 
 from rich.text import Text
@@ -20,7 +21,7 @@ from textual.widgets import DataTable, Footer, Input, Static
 from hdassist.errors import HdassistError
 from hdassist.explorer import state, words
 from hdassist.explorer.asking import THEMES
-from hdassist.explorer.compute import Sure, is_any_hole
+from hdassist.explorer.compute import LeverEffects, Sure, cam_turn, is_any_hole, lever_effects
 from hdassist.explorer.export import Exporting
 from hdassist.explorer.levers import Lever, levers, stepped
 from hdassist.explorer.panes import MARKS, TORQUE_STYLES, Holes, Levers, Turn, seat_pane
@@ -30,6 +31,7 @@ from hdassist.model.unknown import unknowns
 from hdassist.mounting.positions import hole_words, usable_positions
 from hdassist.mounting.trial import read_trial
 from hdassist.run.stops import STOPS, end_at_stops
+from hdassist.terminal.console import Style
 from hdassist.visible import visible
 
 LINE_WIDGETS = ("head", "headline", "about", "looked-at", "trials", "advice-text", "command")
@@ -153,9 +155,16 @@ class Explorer(Exporting):
         """Draw with the new room."""
         self.call_after_refresh(self.draw)
 
-    def is_wanted(self, pane: str) -> bool:
-        """Whether a pane (levers, turn) is on the screen."""
-        return bool({"levers": self.levers, "turn": self.turn}[pane].region.width)
+    def ask_of_panes(self) -> None:
+        """Ask for steps of levers and a cam turn, where they are on the screen and not there yet."""
+        known, drive, headline = self.known, self.session.drive, self.known.headline
+        if self.levers.region.width and known.effects is None and headline and headline.whole:
+            known.effects = LeverEffects({})
+            self.follow(partial(lever_effects, drive, headline.typical, self.effort), known, "levers")
+        wanted = self.session.turn_deg, self.M_g
+        if self.turn.region.width and known.traced != wanted:
+            known.trace, known.traced = None, wanted
+            self.follow(partial(cam_turn, drive, *wanted), known, "turn")
 
     def draw(self) -> None:
         """Show the session and its answers."""
@@ -178,7 +187,7 @@ class Explorer(Exporting):
         self.side.border_subtitle = f"step: change at {self.M_g:g} N·m, ″"
         unknown = ", unknown as 0" if unknowns(session.drive) else ""
         self.turn.border_title = f"cam turn at {self.M_g:g} N·m, ″{unknown}"
-        self.turn.show(known.trace, self.style(self.turn.content_size.width))
+        self.turn.show(known.trace, Style(ascii=self.ascii, codes=False, width=self.turn.content_size.width))
         self.lines["trials"].update(words.trials_text(session))
         self.lines["advice-text"].update(words.advice_text(known, of_trials, any_hole))
         self.lines["command"].update(visible(f"= {self.command_line()}"))
@@ -187,11 +196,15 @@ class Explorer(Exporting):
         """Letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
         shown, drive = self.of_trials or self.known, self.session.drive
         allowed, letters = usable_positions(drive.mounting.holes, drive.mounting.allowed), defaultdict(str, {0.0: "N"})
-        if curve := shown.curve:
+        if (curve := shown.curve) and shown.advice:
+            ranked = [position.rotation_deg for position in shown.advice.choice.ranked]
+        elif curve:
             merits = dict(zip(curve.rotations_deg, curve.merits, strict=True))
             usable = [at for at in merits if not drive.mounting.holes or at in allowed]
-            letters[words.best_deg(shown.advice) if shown.advice else min(usable, key=merits.__getitem__)] += "B"
-            letters[max(usable, key=merits.__getitem__)] += "W"
+            ranked = sorted(usable, key=merits.__getitem__)
+        if curve:
+            letters[ranked[0]] += "B"
+            letters[ranked[-1]] += "W"
         if shown.advice and (following := words.next_deg(shown.advice)) is not None:
             letters[following] += "?"
         for at in {*self.session.positions} - {*allowed}:

@@ -22,9 +22,7 @@ from hdassist.explorer.compute import (
     Headline,
     LeverEffects,
     SeatCurve,
-    cam_turn,
     drive_answers,
-    lever_effects,
     trial_answers,
 )
 from hdassist.explorer.failed import Failed
@@ -34,7 +32,7 @@ from hdassist.explorer.session_file import SessionFile
 from hdassist.explorer.state import Session, Step
 from hdassist.mounting.advice import Advice
 from hdassist.report.report import Report
-from hdassist.terminal.console import PLAIN_CHARACTERS, Style
+from hdassist.terminal.console import PLAIN_CHARACTERS
 from hdassist.trials.advice import TrialAdvice
 from hdassist.visible import visible
 
@@ -123,14 +121,8 @@ class Asking(App[int]):
     def draw(self) -> None:
         """Show the session and its answers."""
 
-    def is_wanted(self, pane: str) -> bool:
-        """Whether a pane (levers, turn) is on the screen."""
-        del pane
-        return False
-
-    def style(self, width: int) -> Style:
-        """The style of drawings in characters."""
-        return Style(ascii=self.ascii, codes=False, width=width)
+    def ask_of_panes(self) -> None:
+        """Ask for what else is on the screen."""
 
     @property
     def known(self) -> Known:
@@ -239,17 +231,6 @@ class Asking(App[int]):
         if self._rest:
             self._rest.stop()
         self._rest = self.set_timer(REST, self.ask_of_panes)
-
-    def ask_of_panes(self) -> None:
-        """Ask for steps of levers and a cam turn, where they are on the screen and not there yet."""
-        known, drive, headline = self.known, self.session.drive, self.known.headline
-        if self.is_wanted("levers") and known.effects is None and headline and headline.whole:
-            known.effects = LeverEffects({})
-            self.follow(partial(lever_effects, drive, headline.typical, self.effort), known, "levers")
-        wanted = self.session.turn_deg, self.M_g
-        if self.is_wanted("turn") and known.traced != wanted:
-            known.trace, known.traced = None, wanted
-            self.follow(partial(cam_turn, drive, *wanted), known, "turn")
 
     @property
     def busy(self) -> bool:

@@ -165,18 +165,17 @@ def drive_answers(drive: Drive, effort: Effort, tell: Tell) -> None:
     """
     if searchable(drive) and not is_any_hole(drive):
         rotations = tuple(seat_positions(drive))
-        tell(
-            _seat_curve(
-                rotations, in_wide_enough_window(drive, partial(_estimates, rotations, effort.grid)), Sure.COARSE
-            )
-        )
-        tell(_seat_curve(rotations, in_wide_enough_window(drive, partial(_searched, rotations)), Sure.REFINED))
+        estimate = partial(_estimates, rotations, effort.grid)
+        search = partial(_searched, rotations)
+        for analysis, sure in ((estimate, Sure.COARSE), (search, Sure.REFINED)):
+            F_ior = in_wide_enough_window(drive, analysis)
+            tell(SeatCurve(rotations, np.stack([F_ior] * 3), (sure,) * len(rotations)))
     with workers(effort.jobs) as executor:
         run = Run(executor, seed=SEED)
         tell(in_wide_enough_window(drive, partial(_checked, effort=effort, run=run, tell=tell)))
         torques, rotations_deg = drive.operation.M_g, seat_positions(drive)
-        analysis = partial(advise, torques=torques, rotations_deg=rotations_deg, draws=effort.draws, run=run)
-        advice = in_wide_enough_window(drive, analysis)
+        mounting = partial(advise, torques=torques, rotations_deg=rotations_deg, draws=effort.draws, run=run)
+        advice = in_wide_enough_window(drive, mounting)
     if not advice.any_hole:
         tell(_mount_curve(advice))
     tell(mount_report(advice, SEED))
@@ -267,10 +266,6 @@ def _estimates(rotations_deg: tuple[float, ...], grid: int, drive: Drive) -> Arr
 
 def _searched(rotations_deg: tuple[float, ...], drive: Drive) -> Array:
     return errors_by_turn(drive, drive.operation.M_g, rotations_deg)[1]
-
-
-def _seat_curve(rotations_deg: tuple[float, ...], F_ior_arcsec: Array, sure: Sure) -> SeatCurve:
-    return SeatCurve(rotations_deg, np.stack([F_ior_arcsec] * 3), (sure,) * len(rotations_deg))
 
 
 def _statistics_curve(found: PositionStatistics) -> SeatCurve:

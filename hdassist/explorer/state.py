@@ -80,8 +80,8 @@ class Session:
 
     @property
     def overrides(self) -> tuple[str, ...]:
-        """What stands on top of the preset's text, as --set takes it: of one field the last one counts."""
-        return _last_of_each((*self.source.overrides, *(f"{path}={value}" for path, value in self.changes)))
+        """What stands on top of the preset's text, as --set takes it."""
+        return self._overrides(self.changes)
 
     @property
     def here(self) -> str:
@@ -97,9 +97,9 @@ class Session:
 
     def turned_changes(self) -> tuple[Change, ...]:
         """The changes, and the fixed wheel as it is looked at: its directions that are known, turned."""
-        moved = {path for path in carried(self.drive) if self.turn_deg and self.drive.value(path) is not None}
-        turned = tuple((path, f"{self.drive.number(path) + self.turn_deg:g}") for path in sorted(moved))
-        return (*(change for change in self.changes if change[0] not in moved), *turned)
+        moved = sorted(path for path in carried(self.drive) if self.turn_deg and self.drive.value(path) is not None)
+        turned = tuple((path, f"{self.drive.number(path) + self.turn_deg:g}") for path in moved)
+        return (*self.changes, *turned)
 
     def command(self, name: str = "", *more: str) -> str:
         """The command line that gives the same answer.
@@ -110,14 +110,14 @@ class Session:
         if name in ("trials", "explore"):
             behind = [*self.trials, *self.rig.words()]
         changes = self.turned_changes() if name in ("trace", "compare") else self.changes
-        for text in _last_of_each((*self.source.overrides, *(f"{path}={value}" for path, value in changes))):
+        for text in self._overrides(changes):
             behind += ["--set", text]
         return " ".join(map(quote, ["hdassist", name, self.source.name, *behind]))
 
-
-def _last_of_each(overrides: tuple[str, ...]) -> tuple[str, ...]:
-    """Of overrides of one field the last one."""
-    return tuple({text.partition("=")[0]: text for text in overrides}.values())
+    def _overrides(self, changes: tuple[Change, ...]) -> tuple[str, ...]:
+        """Overrides of the source and changes, as --set takes them: of one field the last one."""
+        texts = (*self.source.overrides, *(f"{path}={value}" for path, value in changes))
+        return tuple({text.partition("=")[0]: text for text in texts}.values())
 
 
 def opened_state(name: str, overrides: tuple[str, ...] = (), rig: TrialOptions = USUAL) -> Session:

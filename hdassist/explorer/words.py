@@ -28,11 +28,6 @@ def is_order_settled(advice: Advice | TrialAdvice) -> bool:
     return advice.order != "none" if isinstance(advice, Advice) else advice.settled
 
 
-def best_deg(advice: Advice | TrialAdvice) -> float:
-    """The turn [deg] at which the wheel would be best."""
-    return advice.chosen.rotation_deg if isinstance(advice, Advice) else advice.losses.chosen[0]
-
-
 def next_deg(advice: Advice | TrialAdvice) -> float | None:
     """The turn [deg] at which to measure next; None where it is settled."""
     if is_order_settled(advice):
@@ -76,7 +71,8 @@ def headline(session: Session, known: Known, pinned: Known | None) -> Text:
     )
     text = Text(f"F'_ior, arcsec, as it stands ({'old, computing …' if is_old else size})", "dim")
     before = {row.M_g: row for row in pinned.headline.rows} if pinned and pinned.headline else {}
-    place = known.curve.place(best_deg(advice)) if known.curve and advice else None
+    best_deg = advice.choice.chosen.rotation_deg if advice else 0.0
+    place = known.curve.place(best_deg) if known.curve else None
     for k, row in enumerate(found.rows):
         text.append(f"\n{row.M_g:g} N·m {_values((row.p5, row.p50, row.p95))}", "dim" if is_old else "")
         if row.limit_arcsec is not None:
@@ -86,7 +82,7 @@ def headline(session: Session, known: Known, pinned: Known | None) -> Text:
         if row.M_g in before:
             text.append(f"; {'pinned' if session.pinned else 'preset'} {row.p50 - before[row.M_g].p50:+.2f}″", "cyan")
         if known.curve and advice and place:
-            best = hole_words(best_deg(advice), session.drive.mounting.holes)
+            best = hole_words(best_deg, session.drive.mounting.holes)
             text.append(f"; best, {best}: {_values(known.curve.F_ior_arcsec[:, k, place].tolist())}", "green")
     return text
 

@@ -82,6 +82,17 @@ def test_holes_that_are_not_allowed_are_marked_and_never_the_best() -> None:
     explored(act, tiny("mounting.allowed=[1, 2, 5]"), size=(140, 40))
 
 
+def test_the_best_and_the_worst_hole_are_those_of_mount() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        assert app.known.advice is not None
+        ranked = [position.hole for position in app.known.advice.choice.ranked]
+        signs = {k: str(app.holes.get_row(key)[0]) for k, key in enumerate(app.holes.rows)}
+        assert [k for k, text in signs.items() if "B" in text] == ranked[:1]
+        assert [k for k, text in signs.items() if "W" in text] == ranked[-1:]
+
+    explored(act, tiny("uncertainty.phases.phi_hb=60", "mounting.holes=12"), size=(140, 40))
+
+
 def test_trials_are_entered_dropped_undone_and_weighed() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("right", "t")
