@@ -29,7 +29,8 @@ def rows(draws: int):
     from hdassist import load_preset
     from hdassist.belief.evidence import evidence_of
     from hdassist.belief.prior import prior_of
-    from hdassist.belief.samples import SamplingEffort, draw_samples, weighted_quantile
+    from hdassist.belief.samples import SamplingEffort, draw_samples
+    from hdassist.belief.statistics import weighted_quantile
     from hdassist.loading.load import load_text
     from hdassist.loading.write import similar_preset
     from hdassist.preset.requirements import read_requirements

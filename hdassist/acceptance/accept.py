@@ -29,7 +29,7 @@ from hdassist.acceptance.checks import (
 from hdassist.acceptance.decision import GUARD, AcceptedValue, Decision, decide
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.predictions import Predictions
-from hdassist.acceptance.request import FailOn, Inputs, Request, limits_left
+from hdassist.acceptance.request import FailOn, Inputs, Request, limits_to_predict
 from hdassist.errors import DataError
 from hdassist.measuring.measure import Measurement
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
@@ -58,7 +58,7 @@ def accept(
     """
     drive = with_window(inputs.drive, predictions.prior.drive.numerics.window) if predictions else inputs.drive
     limits, measured, rule = limits_of(drive), inputs.measurements, drive.acceptance.rule
-    left = limits_left(drive, list(measured), list(inputs.stated))
+    left = limits_to_predict(drive, list(measured), list(inputs.stated))
     if predictions is None and len(left) == len(limits):
         raise DataError(
             f"{drive.name}: nothing was measured that has a limit",

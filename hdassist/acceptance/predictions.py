@@ -18,15 +18,8 @@ from hdassist.belief.evidence import STIFFNESS_FIGURES, evidence_of
 from hdassist.belief.influence import Influence, influences
 from hdassist.belief.measure import MeasurementGain, measurements
 from hdassist.belief.prior import DrivePrior, prior_of
-from hdassist.belief.samples import (
-    EFFECTIVE_SAMPLES,
-    SAMPLE_STATES,
-    Samples,
-    SamplingEffort,
-    draw_samples,
-    probability_of,
-    weighted_quantile,
-)
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, SAMPLE_STATES, Samples, SamplingEffort, draw_samples
+from hdassist.belief.statistics import probability_of, weighted_quantile
 from hdassist.design.check import beside_measured_teeth
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.error_map import searchable

@@ -195,7 +195,7 @@ class Request(ClosedRecord):
         """
         limits = limits_of(drive)
         torques, stated = [each.at(drive) for each in self.measured], [each.limit_of(limits) for each in self.values]
-        left = [] if self.measured_only else limits_left(drive, torques, stated)
+        left = [] if self.measured_only else limits_to_predict(drive, torques, stated)
         run = replace(run, seed=self.seed, cross_check=self.cross_check)
         analysis = partial(predict, limits=left, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
         return in_wide_enough_window(drive, analysis) if left else None
@@ -216,7 +216,7 @@ def stated_values(texts: Sequence[LimitText], drive: Drive) -> dict[Limit, Accep
     return found
 
 
-def limits_left(drive: Drive, torques: Sequence[float], stated: Sequence[Limit]) -> list[Limit]:
+def limits_to_predict(drive: Drive, torques: Sequence[float], stated: Sequence[Limit]) -> list[Limit]:
     """Limits of a drive that neither a trace at one of the torques [N*m] nor a stated value is for.
 
     Raises DataError: no limit, something measured that no limit is for, or an order that the full cycle does not have;

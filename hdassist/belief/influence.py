@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from hdassist.belief.samples import Samples, effective_number, log_error
+from hdassist.belief.samples import Samples
+from hdassist.belief.statistics import effective_number, log_error
 from hdassist.model.geometry import Array
 
 CHANCE_OF_INFLUENCE = 0.05  # of any group at all to enter where none has an influence

@@ -13,7 +13,8 @@ import numpy as np
 
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.influence import CHANCE_OF_INFLUENCE, chance_probability, columns_of, groups_of
-from hdassist.belief.samples import Samples, effective_number, log_error
+from hdassist.belief.samples import Samples
+from hdassist.belief.statistics import effective_number, log_error
 from hdassist.model.geometry import Array
 
 FIELD_ERROR = 0.05  # standard uncertainty of a measured field, as a share of its probability

@@ -16,7 +16,6 @@ from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betaincinv
 
 from hdassist.belief.evidence import (
     ACCURACY,
@@ -29,6 +28,7 @@ from hdassist.belief.evidence import (
 from hdassist.belief.kept import Draw, KeptDraws
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.proposal import PILOT_DRAWS, proposed_draws
+from hdassist.belief.statistics import Probability, effective_number, probability_of, weighted_quantile
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.contacts import contact_system
@@ -48,21 +48,10 @@ FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a d
 EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
 COARSE_POINTS = 20  # positions of each wheel at which the error of a sample is solved first: 0.05 arcsec may be missed
-RESOLVED_ERROR = 1e-3  # arcsec
 SAMPLE_STATES = 520  # that a sample solves at a torque, about
 HOPELESS = 256  # draws of which none has an answer: no more are made
 CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
 UNSHOWN = -9.0  # log likelihood of measured F'_ior below which a draw does not show it, 0 where it agrees
-CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
-
-
-@dataclass(frozen=True)
-class Probability:
-    """A probability from samples with its Monte Carlo interval (5 % beyond each end, Jeffreys)."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -180,35 +169,6 @@ class ErrorBelief:
     def probability_within(self, limit_arcsec: float) -> Probability:
         """Probability that F'_ior is at most a limit [arcsec]."""
         return self.samples.probability_within(limit_arcsec, self.torque)
-
-
-def log_error(arcsec: Array) -> Array:
-    """Logarithm of errors, shape (...,); what is less than a search can see counts as RESOLVED_ERROR."""
-    return np.asarray(np.log(np.maximum(arcsec, RESOLVED_ERROR)))
-
-
-def effective_number(weights: Array) -> float:
-    """Effective number of weighted samples (Kish); 0 of none."""
-    shares = weights / weights.max() if weights.any() else weights  # squares of tiny ones are 0
-    return float(shares.sum() ** 2 / (shares**2).sum()) if weights.any() else 0.0
-
-
-def weighted_quantile(values: Array, weights: Array, share: float) -> float:
-    """Quantile of weighted values, straight between the middles of their weights (Hazen where all weigh the same)."""
-    order = np.argsort(values, kind="stable")
-    middles = (np.cumsum(weights[order]) - weights[order] / 2) / weights.sum()
-    return float(np.interp(share, middles, values[order]))
-
-
-def probability_of(inside: NDArray[np.bool_], weights: Array) -> Probability:
-    """Probability of an outcome that some weighted samples have, shape (samples,) each, with its Jeffreys interval."""
-    count = effective_number(weights)
-    value = float(weights[inside].sum() / weights.sum())
-    hits, misses = value * count, (1 - value) * count
-    tail = (1 - CONFIDENCE) / 2
-    low = float(betaincinv(hits + 0.5, misses + 0.5, tail)) if value > 0 else 0.0
-    high = float(betaincinv(hits + 0.5, misses + 0.5, 1 - tail)) if value < 1 else 1.0
-    return Probability(value, low, high)
 
 
 def draw_samples(

@@ -17,12 +17,12 @@ from hdassist.belief.samples import (
     EFFECTIVE_SAMPLES,
     SAMPLE_STATES,
     ErrorBelief,
-    Probability,
     Samples,
     SamplingEffort,
     draw_samples,
     limits_settled,
 )
+from hdassist.belief.statistics import Probability
 from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
 from hdassist.error.error_map import extremes_of, searchable
 from hdassist.error.self_error import SelfError, self_error

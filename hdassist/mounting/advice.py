@@ -15,12 +15,12 @@ from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import (
     EFFECTIVE_SAMPLES,
     SAMPLE_STATES,
-    Probability,
     Samples,
     SamplingEffort,
     draw_samples,
     limits_settled,
 )
+from hdassist.belief.statistics import Probability
 from hdassist.error.error_map import searchable
 from hdassist.error.self_error import limits_left
 from hdassist.model.deviations import standing_offset

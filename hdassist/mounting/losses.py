@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from hdassist.belief.samples import Probability, Samples, probability_of, weighted_quantile
+from hdassist.belief.samples import Samples
+from hdassist.belief.statistics import Probability, probability_of, weighted_quantile
 from hdassist.errors import UsageError
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import date
 from math import inf
 
-from hdassist.belief.samples import Probability
+from hdassist.belief.statistics import Probability
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.positions import FREE_STEP, Choice, Position
 from hdassist.mounting.trial import Tried

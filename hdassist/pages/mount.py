@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from hdassist.belief.samples import Probability
+from hdassist.belief.statistics import Probability
 from hdassist.json_parts import (
     Json,
     influence_objects,

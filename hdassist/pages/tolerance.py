@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from hdassist.belief.samples import Probability, Samples
+from hdassist.belief.samples import Samples
+from hdassist.belief.statistics import Probability
 from hdassist.json_parts import Json, measure_objects
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import field_table

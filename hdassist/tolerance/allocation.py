@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import minimize
 
-from hdassist.belief.samples import Probability, weighted_quantile
+from hdassist.belief.statistics import Probability, weighted_quantile
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import pitch_deviation
 from hdassist.preset.deviations import COMPOSITES

@@ -13,7 +13,8 @@ import numpy as np
 
 from hdassist.belief.influence import Influence, influences
 from hdassist.belief.measure import MeasurementGain, measurements
-from hdassist.belief.samples import Samples, weighted_quantile
+from hdassist.belief.samples import Samples
+from hdassist.belief.statistics import weighted_quantile
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.preset.deviations import DEVIATION_FIELDS

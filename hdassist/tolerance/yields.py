@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import betainc
 from scipy.stats import beta, betabinom
 
-from hdassist.belief.samples import Probability, effective_number, weighted_quantile
+from hdassist.belief.statistics import Probability, effective_number, weighted_quantile
 from hdassist.model.geometry import Array
 from hdassist.tolerance.production import RandomDrive
 from hdassist.verdict import SURE, Verdict, verdict_by_probability

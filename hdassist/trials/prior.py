@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from hdassist.belief.evidence import ACCURACY, Evidence, evidence_of, log_likelihood, measured_errors
 from hdassist.belief.misfit import kernel, log_likelihood_of_errors
 from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
-from hdassist.belief.samples import COARSE_POINTS, HOPELESS, conflict_of, effective_number, going_on, log_error
+from hdassist.belief.samples import COARSE_POINTS, HOPELESS, conflict_of, going_on
 from hdassist.belief.sobol import sobol_points
+from hdassist.belief.statistics import effective_number, log_error
 from hdassist.error.error_map import Batch, ErrorMap, searchable
 from hdassist.error.table import TABLE_SECTIONS, ErrorTable, Mesh, Reach, error_table
 from hdassist.errors import HdassistError, UntrustedError, UsageError

@@ -12,14 +12,8 @@ from hdassist.belief.evidence import Evidence, evidence_of, log_likelihood, stif
 from hdassist.belief.influence import influences, shares_of_variance
 from hdassist.belief.measure import measurements
 from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import (
-    KEPT_LIKELIHOOD,
-    SamplingEffort,
-    draw_samples,
-    effective_number,
-    probability_of,
-    weighted_quantile,
-)
+from hdassist.belief.samples import KEPT_LIKELIHOOD, SamplingEffort, draw_samples
+from hdassist.belief.statistics import effective_number, probability_of, weighted_quantile
 from hdassist.calibration.quantities import REPORTING, TargetQuantities
 from hdassist.calibration.targets import CalibrationTarget
 from hdassist.error.stiffness import stiffness

@@ -5,7 +5,8 @@ import pytest
 
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import SamplingEffort, draw_samples, weighted_quantile
+from hdassist.belief.samples import SamplingEffort, draw_samples
+from hdassist.belief.statistics import weighted_quantile
 from hdassist.loading.load import load_text
 from tests.process import run
 

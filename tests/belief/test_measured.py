@@ -9,7 +9,8 @@ from hdassist.belief.evidence import Evidence, evidence_of, log_likelihood, stif
 from hdassist.belief.measure import measurements
 from hdassist.belief.misfit import MISFITS, MISREAD, MISREAD_SHARE, SCALE, kernel, log_likelihood_of_errors
 from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import SamplingEffort, draw_samples, weighted_quantile
+from hdassist.belief.samples import SamplingEffort, draw_samples
+from hdassist.belief.statistics import weighted_quantile
 from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UntrustedError
 from hdassist.mounting.positions import rotated

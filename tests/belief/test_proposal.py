@@ -11,7 +11,8 @@ from hdassist.belief.evidence import STIFFNESS_FIGURES, Evidence, log_likelihood
 from hdassist.belief.kept import Draw
 from hdassist.belief.prior import prior_of
 from hdassist.belief.proposal import PILOT_DRAWS, Proposal, proposal_of
-from hdassist.belief.samples import SamplingEffort, draw_samples, weighted_quantile
+from hdassist.belief.samples import SamplingEffort, draw_samples
+from hdassist.belief.statistics import weighted_quantile
 from tests.process import TINY
 
 W_0 = "source.cam.W_0={kind: assumed, range: [1.6, 1.8], ref: judged}"

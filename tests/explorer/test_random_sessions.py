@@ -11,8 +11,9 @@ from textual.pilot import Pilot
 
 from hdassist.explorer.app import Explorer
 from hdassist.explorer.asking import REST
-from hdassist.explorer.state import opened_state, redone, undone
-from tests.explorer.rig import explored, said, screen, settled, tiny
+from hdassist.explorer.state import Session, opened_state, redone, undone
+from tests.explorer.rig import FEW, explored, said, screen, settled
+from tests.process import TINY
 
 LENGTH = 12  # keys of a session
 MOVES = ("left", "right", "up", "down", "home", "end", "pageup", "pagedown", "tab", "shift+tab", "h", "l", "b", "0")
@@ -25,10 +26,21 @@ SIZES = ((80, 24), (100, 30), (140, 44), (60, 18), (40, 12))
 DRIVES = ((), ("phases.xi_b=unknown",), ("mounting.holes=0",), ("mounting.allowed=[1, 2]",))
 
 
+@pytest.fixture(scope="module")
+def preset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One place for the preset of all sessions: keys save it, and answers are computed once."""
+    return tmp_path_factory.mktemp("sessions") / "tiny.yaml"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(500))
-def test_no_key_is_a_fault(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_key_is_a_fault(seed: int, preset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    preset.write_bytes(Path(TINY).read_bytes())
+
+    def tiny(*overrides: str) -> Session:
+        return opened_state(str(preset), (*FEW, *overrides))
+
     chance = random.Random(seed)
     overrides, size = chance.choice(DRIVES), chance.choice(SIZES)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.belief.samples import weighted_quantile
+from hdassist.belief.statistics import weighted_quantile
 from hdassist.pages.sensitivity import sensitivity_report
 from hdassist.tolerance.law import production_law
 from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive

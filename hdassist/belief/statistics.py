@@ -1,0 +1,52 @@
+"""Statistics of weighted samples: effective number, quantiles, probabilities with their Monte Carlo interval."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import betaincinv
+
+from hdassist.model.geometry import Array
+
+RESOLVED_ERROR = 1e-3  # arcsec
+CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
+
+
+@dataclass(frozen=True)
+class Probability:
+    """A probability from samples with its Monte Carlo interval (5 % beyond each end, Jeffreys)."""
+
+    value: float
+    low: float
+    high: float
+
+
+def log_error(arcsec: Array) -> Array:
+    """Logarithm of errors, shape (...,); what is less than a search can see counts as RESOLVED_ERROR."""
+    return np.asarray(np.log(np.maximum(arcsec, RESOLVED_ERROR)))
+
+
+def effective_number(weights: Array) -> float:
+    """Effective number of weighted samples (Kish); 0 of none."""
+    shares = weights / weights.max() if weights.any() else weights  # squares of tiny ones are 0
+    return float(shares.sum() ** 2 / (shares**2).sum()) if weights.any() else 0.0
+
+
+def weighted_quantile(values: Array, weights: Array, share: float) -> float:
+    """Quantile of weighted values, straight between the middles of their weights (Hazen where all weigh the same)."""
+    order = np.argsort(values, kind="stable")
+    middles = (np.cumsum(weights[order]) - weights[order] / 2) / weights.sum()
+    return float(np.interp(share, middles, values[order]))
+
+
+def probability_of(inside: NDArray[np.bool_], weights: Array) -> Probability:
+    """Probability of an outcome that some weighted samples have, shape (samples,) each, with its Jeffreys interval."""
+    count = effective_number(weights)
+    value = float(weights[inside].sum() / weights.sum())
+    hits, misses = value * count, (1 - value) * count
+    tail = (1 - CONFIDENCE) / 2
+    low = float(betaincinv(hits + 0.5, misses + 0.5, tail)) if value > 0 else 0.0
+    high = float(betaincinv(hits + 0.5, misses + 0.5, 1 - tail)) if value < 1 else 1.0
+    return Probability(value, low, high)
