@@ -72,9 +72,8 @@ class MountCommand(
         from hdassist.pages.mount import mount_card_facts, mount_report
         from hdassist.run.processes import workers
         from hdassist.run.run import Run
-        from hdassist.solve.answers import EMPTY
         from hdassist.solve.window import in_wide_enough_window
-        from hdassist.terminal.output import note
+        from hdassist.terminal.runs import note_time
         from hdassist.terminal.wheels import PitchFiles
 
         out = self.open()
@@ -102,12 +101,11 @@ class MountCommand(
                 run=Run(executor, progress, self.seed, self.cross_check),
             )
             advice = in_wide_enough_window(drive, analysis)
-        if self.verbose:
-            proof = advice.curve.certificate + (advice.samples.certificate if advice.samples else EMPTY)
-            note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {proof}")
         ordered = not advice.curve.interrupted and advice.order != "none"
         facts = (lambda say: mount_card_facts(advice, say)) if ordered else None
         report = mount_report(advice, self.seed, carded=card is not None)
+        if self.verbose:
+            note_time(report, begun)
         return give_with_card("mount", report, card, facts, self, out)
 
 

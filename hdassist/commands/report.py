@@ -39,7 +39,8 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
         from hdassist.run.processes import workers
         from hdassist.run.run import Run
         from hdassist.terminal.answers import json_text, report_object
-        from hdassist.terminal.output import note, warn
+        from hdassist.terminal.output import warn
+        from hdassist.terminal.runs import note_time
 
         kind = self._kind()
         out, begun = self.open(), time.monotonic()
@@ -50,7 +51,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
         for text in report.warnings:
             warn(f"{drive.name}: {text}")
         if self.verbose:
-            note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {sheet.certificate}")
+            note_time(report, begun)
         if self.json:
             out.text(json_text(report_object(report)))
         elif self.quiet:

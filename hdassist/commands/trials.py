@@ -64,7 +64,7 @@ class TrialsCommand(
         from hdassist.pages.trials import trials_card_facts, trials_report
         from hdassist.run.processes import workers
         from hdassist.run.run import Run
-        from hdassist.terminal.output import note
+        from hdassist.terminal.runs import note_time
         from hdassist.trials.advice import advise_from_trials
         from hdassist.trials.prior import Rig, TrialEffort, trial_states
         from hdassist.trials.record import RecordReading, read_trial_or_record
@@ -95,8 +95,8 @@ class TrialsCommand(
         states = trial_states(drive, len({*torques, rig.M_g}), effort)
         with out.progress(drive.name, states) as progress, workers(self.jobs) as executor:
             advice = analysis(run=Run(executor, progress, self.seed))
-        if self.verbose:
-            note(f"{drive.name}: {time.monotonic() - begun:.1f} s, {advice.prior.certificate}")
         facts = (lambda say: trials_card_facts(advice, say)) if advice.settled else None
         report = trials_report(advice, carded=card is not None)
+        if self.verbose:
+            note_time(report, begun)
         return give_with_card("trials", report, card, facts, self, out)

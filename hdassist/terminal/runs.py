@@ -54,9 +54,17 @@ def run_each(
         for text in report.warnings:
             warn(f"{about}: {text}" if about else text)
         if options.verbose:
-            proof = report.certificate or report.proof
-            note(f"{about or name}: {time.monotonic() - begun:.1f} s" + (f", {proof}" if proof else ""))
+            note_time(report, begun, name)
     return reports
+
+
+def note_time(report: Report, begun: float, name: str = "") -> None:
+    """Note on stderr how long a report took since begun [s], its residuals, and the engine that solved its states."""
+    from hdassist.solve.walk import walk_library
+
+    about = report.about or (report.drive.name if report.drive else "") or name
+    proof = report.certificate or report.proof
+    note(f"{about}: {time.monotonic() - begun:.1f} s" + (f", {proof}; engine: {walk_library()[1]}" if proof else ""))
 
 
 def give(
