@@ -181,11 +181,11 @@ def _goes_on(before: bytes, now: bytes) -> bool:
 
 
 @contextmanager
-def unsolved() -> Iterator[None]:
-    """Commands that stop where the first state would be solved."""
+def unsolved(*, at_once: bool = False) -> Iterator[None]:
+    """Commands that stop where the first state would be solved; at_once: those too that would draw another drive."""
 
     def refuse(*_: object, **__: object) -> None:
-        raise UntrustedError("not solved here", "")
+        raise SystemExit(UntrustedError.exit_code) if at_once else UntrustedError("not solved here", "")
 
     with mock.patch("hdassist.solve.loadcase.LoadCase.__init__", refuse):
         yield

@@ -119,7 +119,7 @@ def test_every_command_is_looked_at() -> None:
 
 @pytest.mark.parametrize("command", [command for command in LINES if declared(command)])
 def test_no_value_of_an_option_is_a_bug(folder: Path, command: str) -> None:
-    with unsolved():
+    with unsolved(at_once=True):
         for option in declared(command):
             for value in option.values():
                 code_of(command, folder, option.flag, value)
