@@ -3,7 +3,6 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,18 +35,6 @@ ROOT = Path(__file__).parents[1]
 def pytest_sessionfinish() -> None:
     if not IS_WORKER:
         shutil.rmtree(os.environ[FOLDER], ignore_errors=True)
-
-
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[str]:
-    """Address of a scheduler on loopback that has two workers."""
-    from distributed import LocalCluster  # half a second, which few tests need
-
-    with LocalCluster(
-        n_workers=2, threads_per_worker=1, host="127.0.0.1", protocol="tcp://", dashboard_address=None,
-        scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}, silence_logs=100,
-    ) as here:  # fmt: skip
-        yield here.scheduler_address
 
 
 @pytest.fixture(scope="session")

@@ -57,7 +57,7 @@ def test_no_version_of_jinja2_with_known_advisories_is_let_in() -> None:
 def test_each_extra_is_told() -> None:
     page = (ROOT / "docs/developers.md").read_text(encoding="utf-8")
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
-    assert {"cluster", "docs"} <= set(extras)
+    assert {"fuzz", "docs"} <= set(extras)
     assert set(re.findall(r"`hdassist\[(\w+)\]`", page)) == set(extras)
 
 

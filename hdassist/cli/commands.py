@@ -68,6 +68,7 @@ REMOVED_COMMANDS = {"self-error": "hdassist check --details has the self error"}
 REMOVED_OPTIONS = {
     "--rule": "--set acceptance.rule=simple",
     "--samples": "--draws N",
+    **dict.fromkeys(("--scheduler", "--scheduler-file"), "--jobs N works with N processes of this machine"),
     **dict.fromkeys(
         ("--trial", "--verify", "--trial-torque", "--noise", "--reseat"), "hdassist trials PRESET h0=28.1 h4=17.3"
     ),

@@ -14,7 +14,7 @@ DRIVES_PER_DESIGN = 5  # of many designs few drives each tell more than the reve
 
 
 @dataclass(frozen=True, kw_only=True)
-class AllocateCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
+class AllocateCommand(o.FigureOptions, DrawOptions):
     """The cheapest tolerances with which enough drives pass, as built and with each fixed wheel in its best hole.
 
     \b
@@ -74,15 +74,14 @@ class AllocateCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
             raise UsageError(
                 "no tolerance to choose: none that the preset gives is drawn", "set tolerances.F_i2 above 0"
             )
-        with self.pools() as pool:
-            drives = ProductionRun(drive.name, pool, out)
-            production, samples = drives.with_designs(production, self.count)
-            allocator = Allocator(production, tuple(room), self.wanted, self.sure, drives.records, self.count)
-            ways = []
-            for turned in (False, True) if self.mounting else (False,):
-                ways.append(allocator.cheapest(turned))
-                if self.classes and ways[-1].fits:
-                    ways.append(allocator.in_classes(ways[-1]))
+        drives = ProductionRun(drive.name, self.jobs, out)
+        production, samples = drives.with_designs(production, self.count)
+        allocator = Allocator(production, tuple(room), self.wanted, self.sure, drives.records, self.count)
+        ways = []
+        for turned in (False, True) if self.mounting else (False,):
+            ways.append(allocator.cheapest(turned))
+            if self.classes and ways[-1].fits:
+                ways.append(allocator.in_classes(ways[-1]))
         gains = to_measure(law, samples, 0) if samples else ()
         found = Allocated(law, self.wanted, self.sure, limits, own, allocator.choices, ways, self.seed, gains)
         return give("allocate", [allocate_report(found)], self, out)

@@ -9,7 +9,6 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from hdassist.belief.samples import Samples
     from hdassist.preset.fields import Drive
-    from hdassist.run.cluster import Pool
     from hdassist.terminal.output import Output
     from hdassist.tolerance.law import ProductionLaw, SizeLaw
     from hdassist.tolerance.production import Production, RandomDrive
@@ -37,6 +36,7 @@ class DrawOptions(o.LimitedDriveOptions):
         ),
     ]
     seed: o.SeedOption = 0
+    jobs: o.Jobs = 0
 
     def law(self, drive: "Drive", *, chosen: bool = False) -> "ProductionLaw":
         """Distributions of the random drives; chosen, whether sizes that are assumed are tolerances to choose too.
@@ -56,26 +56,31 @@ class DrawOptions(o.LimitedDriveOptions):
 
 @dataclass(frozen=True)
 class ProductionRun:
-    """Where drives of a production are computed: workers, progress shown under the name of the drive."""
+    """Where drives of a production are computed: so many processes, progress shown under the name of the drive."""
 
     name: str
-    pool: "Pool"
+    jobs: int
     out: "Output"
 
     def with_designs(self, production: "Production", count: int) -> "tuple[Production, Samples | None]":
         """A production with the designs of so many drives, and the samples that they are of, if they differ."""
+        from hdassist.run.processes import workers
         from hdassist.run.run import Run
 
         states = production.design_states(count)
-        with self.pool() as (executor, _), self.out.progress("designs", states) as progress:
+        with workers(self.jobs) as executor, self.out.progress("designs", states) as progress:
             return production.with_designs(count, run=Run(executor, progress))
 
     def records(self, production: "Production", count: int) -> "list[RandomDrive]":
         """Records of so many drives of a production."""
-        from hdassist.run.stream import collected
+        from hdassist.run.stream import stream
 
+        found: list[RandomDrive] = []
         with self.out.progress(self.name, count) as progress:
-            return collected(production.records, count, self.pool, progress)
+            for records in stream(production.records, count, jobs=self.jobs):
+                found += records
+                progress(len(records))
+        return found
 
 
 def require_limits(drive: "Drive") -> list[float]:

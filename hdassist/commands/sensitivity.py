@@ -12,7 +12,7 @@ from hdassist.terminal import options as o
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensitivityCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
+class SensitivityCommand(o.FigureOptions, DrawOptions):
     """Which tolerance to tighten first, and how much a step takes off F'_ior; or what to measure before.
 
     \b
@@ -49,9 +49,8 @@ class SensitivityCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
         production = Production.of(
             each_its_own, drive.operation.M_g, mounting=False, seed=self.seed, per_design=1, steps=True
         )
-        with self.pools() as pool:
-            drives = ProductionRun(drive.name, pool, out)
-            production, samples = drives.with_designs(production, self.count)
-            assert samples
-            found = sensitivities(production, samples, drives.records)
+        drives = ProductionRun(drive.name, self.jobs, out)
+        production, samples = drives.with_designs(production, self.count)
+        assert samples
+        found = sensitivities(production, samples, drives.records)
         return give("sensitivity", [sensitivity_report(replace(found, law=law))], self, out)

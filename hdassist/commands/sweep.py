@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from hdassist.design.sweep import Sweep, SweepRow
     from hdassist.preset.fields import Drive
     from hdassist.report.report import Report
-    from hdassist.run.cluster import Pool
     from hdassist.run.kept import Kept, KeptOwner
     from hdassist.terminal.output import Output
 
@@ -22,7 +21,7 @@ JSON_ROWS = 100_000  # that --json holds in memory, at most
 
 
 @dataclass(frozen=True, kw_only=True)
-class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
+class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
     """F'_ior over a grid of values of any numeric fields of a preset, row by row.
 
     \b
@@ -32,14 +31,11 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
           --vary operation.M_g=40:800:5
       hdassist sweep vzp160 --vary gears.j_n=0,5,10 | column -s, -t
       hdassist sweep my-drive.yaml --vary cam.W_0=0.9:1.0:201 -o rows.jsonl
-      hdassist sweep vzp160 --vary supports.C_2=1e4:4e4:101 -o rows.parquet \\
-          --scheduler tcp://10.0.0.5:8786
 
     A row is a point of the grid at one torque: that of the row where operation.M_g is varied, else each of the preset.
     In a pipe rows come as CSV, as they are computed; --csv FILE writes them to a file. -o FILE.jsonl keeps them as JSON
-    Lines: when a run was stopped, the same command goes on behind the last row that is there. -o FILE.parquet writes
-    Parquet (extra hdassist[parquet]). A row without an answer stays, with its reason; the exit code is 0 where any row
-    has one.
+    Lines: when a run was stopped, the same command goes on behind the last row that is there. A row without an answer
+    stays, with its reason; the exit code is 0 where any row has one.
     """
 
     preset: o.Preset
@@ -50,9 +46,9 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
     plot: o.Plot = True
     details: o.Details = False
     output: Annotated[
-        str,
-        o.answer_option("--output", "-o", metavar="FILE", help="Keep rows as JSON Lines to go on from; or .parquet."),
+        str, o.answer_option("--output", "-o", metavar="FILE", help="Keep rows as JSON Lines, to go on from.")
     ] = "-"
+    jobs: o.Jobs = 0
 
     def run(self) -> int:
         """Compute the rows; returns the exit code."""
@@ -64,35 +60,25 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
         from hdassist.run.stops import at_stop
         from hdassist.runfiles import claim_output
         from hdassist.terminal.answers import csv_text
-        from hdassist.terminal.files import take_output, write_bytes
         from hdassist.terminal.output import note
-        from hdassist.terminal.parquet import PARQUET_SUFFIX, parquet_bytes, require_pyarrow
         from hdassist.terminal.runs import give, run_each
 
         out = replace(self, output="-").open()
         file = None if self.output == "-" else self.output
-        packed = file if file is not None and file.endswith(PARQUET_SUFFIX) else None
-        if packed is not None:
-            require_pyarrow()
-            take_output(packed, self.force)
         streamed = self._takes_stdout()
 
         def one(_: str) -> Report:
             sweep, drive, owner = self._sweep()
-            pool = stack.enter_context(self.pools())
-            if file is not None and not packed:
+            if file is not None:
                 claim_output(file, is_kept=True)
-            results = stack.enter_context(open_kept(None if packed else file, owner, sweep.kind, force=self.force))
-            rows = _rows(sweep, drive.name, results, pool, out)
-            kept = f"are kept in {file}: the same command goes on" if file and not packed else "are done, none is kept"
+            results = stack.enter_context(open_kept(file, owner, sweep.kind, force=self.force))
+            rows = _rows(sweep, drive.name, results, self.jobs, out)
+            kept = f"are kept in {file}: the same command goes on" if file else "are done, none is kept"
             with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
                 swept = collect(sweep, drive, _printed(rows, sweep) if streamed else rows)
             if out.csv not in (None, "-"):
                 out.figures(csv_text(list(page.columns(sweep)), map(page.cells, results.records())))
-            if packed is not None:
-                data = parquet_bytes(page.columns(sweep), map(page.cells, results.records()), asdict(owner))
-                write_bytes(packed, data, self.force)
-            elif file is not None:
+            if file is not None:
                 results.require_there()
                 note(f"wrote {file}")
             report = page.sweep_report(swept, results.records() if self.json else ())
@@ -134,14 +120,14 @@ class SweepCommand(o.FigureOptions, o.WorkOptions, o.LoadedDriveOptions):
         return sweep, drive, owner
 
 
-def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], pool: Pool, out: Output) -> Iterator[SweepRow]:
+def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], jobs: int, out: Output) -> Iterator[SweepRow]:
     """Records of all rows: those that are kept, then the others as they are computed and kept."""
     from contextlib import closing
 
     from hdassist.run.stream import stream
 
     yield from results.records()
-    chunks = stream(sweep, sweep.rows, done=results.done, pool=pool)
+    chunks = stream(sweep, sweep.rows, done=results.done, jobs=jobs)
     with out.progress(name, sweep.rows - results.done) as progress, closing(chunks):
         for records in chunks:
             results.append(records)

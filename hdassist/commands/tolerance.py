@@ -14,7 +14,7 @@ from hdassist.terminal import options as o
 
 
 @dataclass(frozen=True, kw_only=True)
-class ToleranceCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
+class ToleranceCommand(o.FigureOptions, DrawOptions):
     """Yield of random drives inside their tolerances, as built and with each fixed wheel in its best hole.
 
     \b
@@ -95,13 +95,13 @@ class ToleranceCommand(o.FigureOptions, o.WorkOptions, DrawOptions):
             where = f"are kept in {results}: the same command goes on"
             return f"{kept.done} of {count} drives {where if results else 'are done, none is kept: --results FILE'}"
 
-        with self.pools() as pool, open_kept(results, owner, production.kind, force=self.force) as kept:
+        with open_kept(results, owner, production.kind, force=self.force) as kept:
             summary.add(islice(kept.records(), count))
             if kept.done < count:
-                production, samples = ProductionRun(drive.name, pool, out).with_designs(production, count)
+                production, samples = ProductionRun(drive.name, self.jobs, out).with_designs(production, count)
             with (
                 out.progress(drive.name, count - kept.done) as progress,
-                closing(stream(production.records, count, done=kept.done, pool=pool)) as chunks,
+                closing(stream(production.records, count, done=kept.done, jobs=self.jobs)) as chunks,
                 at_stop(progress_words),
             ):
                 for records in until_interrupted(chunks):

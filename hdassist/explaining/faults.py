@@ -40,10 +40,6 @@ FAULTS: dict[Fault, FaultWords] = {
         "A preset or a table has faults; each stands with its file, line and column. Exit code 4.",
         "Mend the lines; hdassist presets validate looks at a preset again, hdassist explain gears.z_g at a field.",
     ),
-    Fault.SCHEDULER_LOST: FaultWords(
-        "The cluster's scheduler cannot be reached, has gone, or has no workers. Exit code 4.",
-        "Start it; the same command goes on with what is kept.",
-    ),
     Fault.SYSTEM_LIMITS: FaultWords(
         "The system gives this process too little: memory, files or processes. Exit code 4.",
         "ulimit -a shows the limits.",

@@ -6,7 +6,6 @@ them in the module of each command.
 """
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, fields
 from functools import partial
 from math import isfinite, isnan
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
     from hdassist.readers.trace import TraceForm
     from hdassist.readers.wheels import WheelFiles
-    from hdassist.run.cluster import Pool
     from hdassist.terminal.output import Output
 
 GroupT = TypeVar("GroupT", bound="OptionGroup")
@@ -348,29 +346,6 @@ class TrialOptions(OptionGroup):
         """The options as a shell takes them, where they are not the usual ones."""
         values = ((f"--{one.name.replace('_', '-')}", getattr(self, one.name), one.default) for one in fields(self))
         return [word for name, value, usual in values if value != usual for word in (name, f"{value:g}")]
-
-
-@dataclass(frozen=True, kw_only=True)
-class WorkOptions(OptionGroup):
-    """Where the work of many items is done."""
-
-    jobs: Jobs = 0
-    scheduler: Annotated[
-        str | None, advanced_option(metavar="ADDRESS", help="Dask cluster: tls://HOST:PORT or tcp://HOST:PORT.")
-    ] = None
-    scheduler_file: Annotated[
-        str | None, advanced_option(metavar="FILE", help="Its address, in the file that its scheduler wrote.")
-    ] = None
-
-    def pools(self) -> "AbstractContextManager[Pool]":
-        """Factory of executors, for `stream`. Raises UsageError and DataError: a cluster that cannot be used."""
-        from hdassist.run.cluster import pools, scheduler_address
-        from hdassist.terminal.output import warn
-
-        address = scheduler_address(self.scheduler, self.scheduler_file)
-        if address is not None and not address.startswith("tls:"):
-            warn(f"{address} asks for no key: whoever reaches it can run programs as you; tls:// keeps strangers out")
-        return pools(address, self.jobs)
 
 
 def limits_of_options(texts: Sequence[str], only: str = "") -> "tuple[LimitText, ...]":

@@ -47,7 +47,7 @@ def test_what_few_need_stands_in_a_section_of_its_own(name: str) -> None:
     usual, _, advanced = run(name, "--help").stdout.partition("\nAdvanced:\n")
     options = usual[usual.index("Arguments:" if "Arguments:" in usual else "Options:") :]
     assert "--debug" in advanced
-    for option in ("--solver", "--cross-check", "--draws", "--seed", "--jobs", "--scheduler", "--ascii", "--debug"):
+    for option in ("--solver", "--cross-check", "--draws", "--seed", "--jobs", "--ascii", "--debug"):
         assert f"  {option}" not in options
 
 

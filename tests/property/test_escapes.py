@@ -181,8 +181,8 @@ def test_words_of_the_command_line(word: str) -> None:
     say("check", TINY, "--torque", word)
     say("accept", TINY, "--measured-only", "--value", word)
     say("mount", TINY, "--card", f"a{word}")
-    say("sweep", TINY, "--vary", word, "--scheduler", word)
-    say("sweep", TINY, "--vary", "gears.j_n=1," + word, "--scheduler-file", word.replace("\x00", "") + "/none")
+    say("sweep", TINY, "--vary", word)
+    say("sweep", TINY, "--vary", "gears.j_n=1," + word)
 
 
 CARD = card(advice_of([30.0, 20.0, 25.0]), serial="17")

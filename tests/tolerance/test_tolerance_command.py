@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.errors import UntrustedError
-from tests.process import CLEAN, COMMAND, TINY, run, run_cold
+from tests.process import CLEAN, COMMAND, TINY, run
 
 FEW = ("--torque", "1", "--as-built", "--jobs", "1")  # the least that a run can do
 
@@ -94,17 +94,6 @@ def test_a_yield_that_hangs_on_what_is_not_known_of_the_design_is_a_range() -> N
 def test_two_processes_write_the_same_bytes_as_one(kept: Path, tmp_path: Path) -> None:
     file = tmp_path / "two.jsonl"
     run("tolerance", TINY, "-n", "12", "--torque", "1", "--jobs", "2", "--results", str(file))
-    assert file.read_bytes() == kept.read_bytes()
-
-
-@pytest.mark.slow  # tests/design/test_sweep.py has a cluster in every run; here are the tables of drives on one
-def test_a_cluster_writes_the_same_bytes_as_one_process(kept: Path, tmp_path: Path, cluster: str) -> None:
-    file = tmp_path / "cluster.jsonl"
-    options = ("--torque", "1", "--scheduler", cluster, "--results", str(file))
-    done = run_cold("tolerance", TINY, "-n", "12", *options)
-    words = "asks for no key: whoever reaches it can run programs as you; tls:// keeps strangers out"
-    assert done.returncode == 0
-    assert done.stderr.splitlines().count(f"warning: {cluster} {words}") == 1
     assert file.read_bytes() == kept.read_bytes()
 
 
