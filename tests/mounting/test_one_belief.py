@@ -64,6 +64,14 @@ def test_the_commands_say_the_same_numbers():
         assert place["F_ior_arcsec"] == positions[place["hole"]]
 
 
+def test_mount_draws_as_many_samples_as_check_with_the_same_sureness():
+    drive, positions = drive_of("acceptance.F_ior=28"), [0.0, 60.0]
+    many, few = (check(drive, draws=8, sure=sure, run=Run(seed=3)).samples.draws for sure in (0.95, 0.7))
+    advices = [advise(drive, (1.0, 4.0), positions, draws=8, needed=sure, run=Run(seed=3)) for sure in (0.95, 0.7)]
+    assert [each.samples.draws for each in advices] == [many, few]
+    assert few < many
+
+
 @pytest.mark.parametrize("fixed", ["rigid", "flexspline"])
 def test_samples_with_the_wheel_turned_are_searches_of_their_drives(fixed):
     drive = drive_of(f"mounting.fixed={fixed}", "tolerances.e_hg=20", "harmonics.a_b2=3", "harmonics.xi_b2=20")
