@@ -221,9 +221,9 @@ def advise(
     wheels in place of first harmonics, for which nothing is drawn; every_state, solve all states of the curve instead
     of searching; weights of the torques, one each; draws, effective samples of what is not known at least, 0 for none,
     and the criterion that chooses among positions in them: expected, worst or quantile=Q; needed, probability of a gain
-    for which a turn is ordered, and of keeping a limit up to which samples are drawn. An interrupt ends the work early: the advice has the curve that was done. Raises UsageError for invalid positions,
-    weights or criterion, UntrustedError where an answer cannot be trusted, or the preset's catalogue contradicts its
-    other values.
+    for which a turn is ordered, to which that of keeping a limit is drawn too, as `check` does. An interrupt ends the
+    work early: the advice has the curve that was done. Raises UsageError for invalid positions, weights or criterion,
+    UntrustedError where an answer cannot be trusted, or the preset's catalogue contradicts its other values.
     """
     Criterion.of(criterion)  # wrong before anything is computed, and without samples too
     known = measured.without_harmonics(drive) if measured else drive
