@@ -221,10 +221,9 @@ def advise(
     wheels in place of first harmonics, for which nothing is drawn; every_state, solve all states of the curve instead
     of searching; weights of the torques, one each; draws, effective samples of what is not known at least, 0 for none,
     and the criterion that chooses among positions in them: expected, worst or quantile=Q; needed, probability of a gain
-    for which a turn is ordered. An
-    interrupt ends the work early: the advice has the curve that was done. Raises UsageError for invalid positions,
-    weights or criterion, UntrustedError where an answer cannot be trusted, or the preset's catalogue contradicts its
-    other values.
+    for which a turn is ordered, to which that of keeping a limit is drawn too, as `check` does. An interrupt ends the
+    work early: the advice has the curve that was done. Raises UsageError for invalid positions, weights or criterion,
+    UntrustedError where an answer cannot be trusted, or the preset's catalogue contradicts its other values.
     """
     Criterion.of(criterion)  # wrong before anything is computed, and without samples too
     known = measured.without_harmonics(drive) if measured else drive
@@ -251,7 +250,8 @@ def advise(
     shares = None if weights is None else tuple(weights)
     left = limits_left(drive, torques)
     draw = partial(draw_samples, prior, torques, evidence=evidence_of(drive), effort=SamplingEffort.of(draws), run=run)
-    first = draw(rotations_deg=sorted({0.0, *positions}), enough=partial(limits_settled, left))  # as `check` draws them
+    as_check = partial(limits_settled, left, sure=needed)  # the same samples as `check` with the same sureness
+    first = draw(rotations_deg=sorted({0.0, *positions}), enough=as_check)
     found = PositionStatistics.of(first, positions, criterion, shares)
     now, place = found.place(0.0), found.challenger
     advice = replace(advice, samples=first, positions=found, all_draws=first.draws)

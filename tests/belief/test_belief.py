@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import norm, qmc
+from scipy.stats import beta, norm, qmc
 
 from hdassist import load_preset
 from hdassist.belief.evidence import Evidence, evidence_of, log_likelihood, stiffness_figures
@@ -219,6 +219,24 @@ def test_a_verdict_needs_a_probability_that_is_clear_of_its_threshold(hits, verd
     assert verdict_by_probability(found.low, found.high) is verdict
     assert is_settled(found.low, found.high) is settled
     assert verdict_by_probability(found.low, found.high, sure=0.999) is Verdict.INCONCLUSIVE
+
+
+@pytest.mark.parametrize("heavy", [0.0, 0.4, -0.4])
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
+def test_the_interval_of_a_probability_holds_the_truth_whichever_samples_weigh_most(heavy, share):
+    """Normal samples weighted to a normal distribution elsewhere: those beyond the limit are heavy, alike or light."""
+    rng, limit = np.random.default_rng(1), norm.ppf(share) + heavy
+    found = [probability_of(x <= limit, np.exp(heavy * x)) for x in rng.standard_normal((1500, 256))]
+    too_high, too_low = np.mean([(each.low > share, each.high < share) for each in found], axis=0)
+    assert max(too_high, too_low) < 0.07  # 5 % beyond each end, and two standard errors of 1500 tries
+    assert all(each.low <= each.value <= each.high for each in found)
+
+
+def test_the_interval_of_samples_that_weigh_the_same_is_that_of_jeffreys():
+    found = probability_of(np.arange(80) < 74, np.full(80, 0.3))
+    assert (found.low, found.high) == pytest.approx(beta(74.5, 6.5).ppf([0.05, 0.95]))
+    all_inside = probability_of(np.arange(80) < 80, np.full(80, 0.3))
+    assert (all_inside.low, all_inside.high) == pytest.approx((beta(80.5, 0.5).ppf(0.05), 1))
 
 
 def test_shares_of_the_variance_are_those_of_a_linear_model():
