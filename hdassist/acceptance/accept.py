@@ -4,18 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from hdassist.acceptance.answer import (
-    ACCEPT_SCHEMA,
-    ANSWER,
-    AcceptAnswer,
-    Note,
-    PresetRecord,
-    RuleRecord,
-    TraceRecord,
-    exit_code,
-    now,
-    of_predictions,
-)
+from hdassist.acceptance.answer import AcceptAnswer, Note, PresetRecord, exit_code, now, of_predictions
 from hdassist.acceptance.checks import (
     BUDGET,
     COVERAGE,
@@ -29,8 +18,9 @@ from hdassist.acceptance.checks import (
 from hdassist.acceptance.decision import GUARD, AcceptedValue, Decision, decide
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.predictions import Predictions
-from hdassist.acceptance.request import FailOn, Inputs, Request, limits_to_predict
+from hdassist.acceptance.request import Inputs, Request, limits_to_predict
 from hdassist.errors import DataError
+from hdassist.json_parts import Json
 from hdassist.measuring.measure import Measurement
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.unknown import unknown_names
@@ -45,14 +35,12 @@ def accept(
     request: Request,
     inputs: Inputs,
     predictions: Predictions | None = None,
-    *,
-    fail_on: FailOn = "fail",
     place: str | None = None,
 ) -> AcceptAnswer:
     """Hold a drive against the limits of its preset.
 
-    Arguments: request; inputs that it names; predictions that it needs, of the same drive and limits; fail_on, what
-    makes the exit code; place of the row of a lot. Raises DataError: no limit, something measured that no limit is for,
+    Arguments: request; inputs that it names; predictions that it needs, of the same drive and limits; place of the row
+    of a lot. Raises DataError: no limit, something measured that no limit is for,
     nothing measured where nothing is predicted, or an order that the full cycle does not have; UsageError: such an
     order on the command line.
     """
@@ -80,34 +68,37 @@ def accept(
     left_out = [] if predictions else left
     remarks = [*_of_traces(inputs, decisions), *_of_decisions(inputs, decisions, left_out, predictions)]
     verdict = worst(decision.verdict for decision in decisions)
-    fields = {
-        "schema": ACCEPT_SCHEMA,
-        "version": __version__,
-        "preset": PresetRecord(drive.name, drive.origin.sha256, drive.origin.overrides),
-        "exit_code": exit_code(verdict, bool(remarks), fail_on),
-        "warnings": drive.origin.warnings,
-        "serial": request.serial,
-        "seed": request.seed,
-        "request": request,
-        "time": now(),
-        "fail_on": fail_on,
-        "verdict": verdict,
-        "checks": decisions,
-        "left_out": [limit.label for limit in left_out],
-        "remarks": remarks,
-        "measured": [_trace_record(M_g, found) for M_g, found in measured.items()],
-        "rule": RuleRecord(rule, GUARD if rule == "guard" else 0.0, request.sure),
-        "place": place,
+    return AcceptAnswer(
+        version=__version__,
+        preset=PresetRecord(drive.name, drive.origin.sha256, drive.origin.overrides),
+        exit_code=exit_code(verdict, bool(remarks), request.fail_on),
+        warnings=drive.origin.warnings,
+        serial=request.serial,
+        seed=request.seed,
+        request=request,
+        time=now(),
+        verdict=verdict,
+        checks=tuple(decisions),
+        left_out=tuple(limit.label for limit in left_out),
+        remarks=tuple(remarks),
+        measured=tuple(_trace_object(M_g, found) for M_g, found in measured.items()),
+        rule={"measured": rule, "guard_standard_uncertainties": GUARD * (rule == "guard"), "sure": request.sure},
+        place=place,
         **of_predictions(predictions, inputs.wheels),
-    }
-    return ANSWER.validate_python(fields)
-
-
-def _trace_record(M_g: float, found: Measurement) -> TraceRecord:
-    trace, first = found.trace, found.directions[0]
-    return TraceRecord(
-        trace.file, trace.sha256, M_g, len(trace.line), found.F_ior_arcsec, first.is_bound, first.uncertainty_arcsec
     )
+
+
+def _trace_object(M_g: float, found: Measurement) -> Json:
+    trace, first = found.trace, found.directions[0]
+    return {
+        "file": trace.file,
+        "sha256": trace.sha256,
+        "M_g_Nm": M_g,
+        "rows": len(trace.line),
+        "F_ior_arcsec": found.F_ior_arcsec,
+        "F_ior_is_lower_bound": first.is_bound,
+        "standard_uncertainty_arcsec": first.uncertainty_arcsec,
+    }
 
 
 def _decisive(found: Sequence[Decision]) -> Decision:

@@ -10,6 +10,7 @@ from typing import Literal, TypeVar
 
 from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, ORDER_CHECK, Check
 from hdassist.errors import DataError, UsageError
+from hdassist.loading.load import load_preset
 from hdassist.model.geometry import Array
 from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
@@ -19,7 +20,7 @@ from hdassist.run.kept import ClosedRecord
 ORDER_PREFIX = "order_"
 LIMIT_KINDS = {check.field: check.kind for check in CHECKS if check != ORDER_CHECK}
 HINT = f"NAME one of {', '.join(LIMIT_KINDS)}, or order_2 and so on"
-_OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: ", re.MULTILINE)
+_OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: (?:\S+: )?", re.MULTILINE)
 
 Option = Literal["--limit", "--value"]
 ValueT = TypeVar("ValueT", float, Array)
@@ -169,16 +170,23 @@ class LimitText:
         return fitting[0]
 
 
-def named_limits(message: str, before: Sequence[str], limits: Sequence[LimitText], *, overrides: bool = False) -> str:
-    """A message about overrides of a preset that names limits as they were given; with overrides, those too.
+def load_limited(preset: str, overrides: Sequence[str], limits: Sequence[LimitText]) -> Drive:
+    """The drive of a preset with overrides and limits on top.
 
-    Arguments: before, overrides that stand before those of the limits.
+    Raises DataError, PresetError or UsageError, the last with limits named as they were given.
     """
+    try:
+        return load_preset(preset, [*overrides, *(limit.override for limit in limits)])
+    except UsageError as error:
+        names = [""] * len(overrides) + [f"--limit {limit}" for limit in limits]
+        raise UsageError(named_overrides(error.message, names), error.hint) from None
+
+
+def named_overrides(message: str, names: Sequence[str]) -> str:
+    """A message about overrides of a preset with the names that some of them have (empty: none), in their order."""
 
     def name(match: re.Match[str]) -> str:
-        place = int(match[1]) - 1
-        if place >= len(before):
-            return f"--limit {limits[place - len(before)]}: "
-        return f"{OVERRIDE} {before[place]}: " if overrides else match[0]
+        found = names[int(match[1]) - 1 : int(match[1])]
+        return f"{found[0]}: " if any(found) else match[0]
 
     return _OVERRIDE.sub(name, message)

@@ -2,33 +2,35 @@
 
 Columns: serial, preset, measured or measured@80 (a file), pitch_b, pitch_g (files of measured teeth),
 mark_b, mark_g (directions of their marks), NAME[@TORQUE] (a value with its uncertainty, measured otherwise), limit
-NAME[@TORQUE], section.key (an override of the preset). Names that begin with # or note are not used. A cell has the
-form of the option, and its faults are reported with the place of the cell.
+NAME[@TORQUE], section.key (an override of the preset). Names that begin with # or note are not used. A column is a
+field of the request, its cells add to that what the option would, and their faults are reported with their places.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from hdassist.acceptance.limits import LimitText, named_limits
-from hdassist.acceptance.request import TEXTS, Request, TraceFile
+from hdassist.acceptance.limits import LimitText, named_overrides
+from hdassist.acceptance.request import Request, torque_and_file
 from hdassist.errors import Finding, HdassistError, PresetError, UsageError
 from hdassist.preset.fields import REMOVED, field_table
 from hdassist.preset.kinds import is_number
 from hdassist.preset.library import preset_names
 from hdassist.preset.overrides import path_of
-from hdassist.preset.yamltext import near_miss, path_text, shown
+from hdassist.preset.yamltext import near_miss, shown
 from hdassist.readers.table import CellTable, read_texts, shortened
+from hdassist.readers.wheels import WheelFiles
 from hdassist.textfile import STDIN
 
 TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
-PLAIN_COLUMNS = ("serial", "preset")
-WHEEL_COLUMNS = ("pitch_b", "pitch_g", "mark_b", "mark_g")
-FILE_COLUMNS = ("preset", "--measured", "pitch_b", "pitch_g")  # whose cells name files
+MARK_COLUMNS = ("mark_b", "mark_g")
+FILE_COLUMNS = ("preset", "pitch_b", "pitch_g", "measured")
+PLAIN_COLUMNS = ("serial", *FILE_COLUMNS[:3], *MARK_COLUMNS)
+LISTS = ("overrides", "limits", "measured", "values")  # fields of a request that cells are added to
 _LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)
 _MEASURED = re.compile(r"measured(?:\s*@\s*(.+))?", re.IGNORECASE)
 _UNUSED = re.compile(r"#|note", re.IGNORECASE)
@@ -36,26 +38,11 @@ _UNUSED = re.compile(r"#|note", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class NamedCell:
-    """A cell that sets an option of a drive.
-
-    name: how a message about it begins (FILE:LINE:COLUMN: heading); text; option: the option in its place ("--value
-    F_ior@4=28"); path, of the override that it is; file that it names; empty for none.
-    """
+    """A cell of a row: its name in messages (FILE:LINE:COLUMN: heading), its text, how messages call what it gives."""
 
     name: str
     text: str
-    option: str = ""
-    path: str = ""
-    file: str = ""
-
-    def of_option(self, line: str) -> str:
-        """A message about the option, with the cell named in its place; empty for any other message."""
-        if not self.option or not line.startswith(f"{self.option}: "):
-            return ""
-        rest = line.removeprefix(f"{self.option}: ")
-        if self.path:
-            return f"{self.name}: {rest.removeprefix(f'{path_text(path_of(self.path))}: ')}"
-        return f"{self.name}: {rest} (got {shown(self.text)})"
+    called: str
 
 
 @dataclass(frozen=True)
@@ -72,17 +59,21 @@ class LotRow:
 
     def message(self, error: HdassistError) -> str:
         """The message of an error, naming cells of the row in place of options."""
-        message = error.message
-        if not self.fault:
-            request = self.request
-            lines = named_limits(message, request.overrides, request.limits, overrides=True).splitlines()
-            found = [next(filter(None, (cell.of_option(line) for cell in self.cells)), "") for line in lines]
-            files = [cell for cell in self.cells if cell.file and cell.file in message]
-            if any(found):
-                message = "\n".join(new or old for new, old in zip(found, message.splitlines(), strict=True))
-            elif len(files) == 1:
-                message = f"{files[0].name}: {message}"
-        return message if not self.place or self.place in message else f"{self.place}: {message}"
+        if self.place is None or error is self.fault:
+            return error.message
+        message = named_overrides(error.message, [f"--set {text}" for text in self.request.overrides])
+        message = "\n".join(map(self._in_cell, message.splitlines()))
+        return message if self.place in message else f"{self.place}: {message}"
+
+    def _in_cell(self, line: str) -> str:
+        """A line of a message, with the cell in place of the option that it names."""
+        named = [cell for cell in self.cells if cell.called in line]
+        if not named:
+            return line
+        cell = max(named, key=lambda cell: len(cell.called))
+        rest = line.partition(f"{cell.called}: ")[2]
+        got = "" if not rest or "(got " in rest else f" (got {shown(cell.text)})"
+        return f"{cell.name}: {rest or line}{got}"
 
 
 @dataclass(frozen=True)
@@ -95,8 +86,7 @@ class Lot:
     notes: tuple[str, ...] = ()
 
 
-# what cells of a column give: an option or a field of a request, and of what: torque, name of a limit, or override
-Column = tuple[str, str]
+Column = tuple[str, str]  # the field of a request (or of its wheels) that a column gives, and what stands before a cell
 
 
 def is_lot(path: str) -> bool:
@@ -121,9 +111,9 @@ def read_lot(path: str, base: Request) -> Lot:
         notes.append(f"left out as remarks: line {shortened(inside, 20)}")
     if base.measured_only and {("pitch_b", ""), ("pitch_g", "")} & set(columns):
         notes.append("measured teeth are not used: --measured-only predicts nothing")
-    left = [name.text for name, column in zip(table.names, columns, strict=True) if column is None]
-    if any(left):
-        notes.append(f"columns not used: {shown(', '.join(filter(None, left)))}")
+    left = [name.text for name, column in zip(table.names, columns, strict=True) if column is None and name.text]
+    if left:
+        notes.append(f"columns not used: {shown(', '.join(left))}")
     return Lot(table.file, table.sha256, tuple(rows), tuple(notes))
 
 
@@ -143,7 +133,7 @@ def _columns(table: CellTable) -> list[Column | None]:
             findings.append(Finding(table.file, table.names_line, name.column, name.text, message, hint=hint))
         columns.append(column)
     if not any(columns) and not findings:
-        hint = ", ".join((*PLAIN_COLUMNS, "measured"))
+        hint = "serial, preset, measured"
         findings.append(Finding(table.file, table.names_line, 1, "", "no column that is used", hint=hint))
     if findings:
         raise PresetError(findings)
@@ -151,20 +141,20 @@ def _columns(table: CellTable) -> list[Column | None]:
 
 
 def _column(name: str) -> Column:
-    """The option or field that a column sets. Raises UsageError with a hint: none."""
-    if name.lower() in (*PLAIN_COLUMNS, *WHEEL_COLUMNS):
+    """What a column gives. Raises UsageError with a hint: nothing."""
+    if name.lower() in PLAIN_COLUMNS:
         return name.lower(), ""
     if at := _MEASURED.fullmatch(name):
         if at[1] and not is_number(at[1]):
             raise UsageError(name, "like measured@80")
-        return "--measured", f"{float(at[1]):g}" if at[1] else ""
+        return "measured", f"{float(at[1]):g}=" if at[1] else ""
     limit = _LIMIT.fullmatch(name)
-    for option, text in (("--limit", limit[1] if limit else ""), ("--value", name)):
+    for gives, text in (("limits", limit[1] if limit else ""), ("values", name)):
         if LimitText(text.strip(), "").is_known:
-            return option, str(TEXTS[option][1](f"{text}=0")).removesuffix("=0")
+            return gives, f"{LimitText.parse(f'{text}=0', '--value').name}="
     if ".".join(map(str, path_of(name)[:2])) in field_table():
-        return "--set", name
-    known = [*PLAIN_COLUMNS, "measured", *WHEEL_COLUMNS, *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
+        return "overrides", f"{name}="
+    known = [*PLAIN_COLUMNS, "measured", *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
     hint = REMOVED.get(name) or near_miss(name, known) or "section.key, limit NAME@TORQUE, or note for what is not used"
     raise UsageError(name, hint)
 
@@ -174,9 +164,9 @@ def _row(
 ) -> LotRow:
     """One row by its place; first: line in which each serial stood first, which is added to."""
     line, cells = table.rows[place]
-    request, named, faults = replace(base, serial="" if ("serial", "") in columns else f"line {line}"), [], []
-    marks: dict[str, int] = {}  # columns of the line in which marks of wheels stand
     folder = Path() if table.file == STDIN else Path(table.file).parent
+    given: dict[str, Any] = {"serial": "" if ("serial", "") in columns else f"line {line}"}
+    named, faults = [], []
 
     def wrong(column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
         faults.append(Finding(table.file, line, column, path, message, shown(got), hint))
@@ -187,46 +177,31 @@ def _row(
             wrong(cell.column, "", "a cell in a column without a name", cell.text, "quotes around a comma?")
         if not cell.text or column is None:
             continue
-        text = cell.text if column[0] in (*PLAIN_COLUMNS, *FILE_COLUMNS) else table.with_points(cell.text)
-        if column[0].startswith("mark"):
-            marks[name] = cell.column
-            if not is_number(text):
-                wrong(cell.column, name, "must be an angle in deg", cell.text)
-                continue
-        request, found = _with_cell(request, *column, text, folder)
-        named.append(replace(found, name=f"{table.file}:{line}:{cell.column}: {shown(name)}", text=cell.text))
-        if found.file == "-":
-            wrong(cell.column, name, "a row cannot read standard input", "-", "name a file")
-    if not request.serial:
+        gives, start = column
+        text = cell.text if gives in ("serial", *FILE_COLUMNS) else table.with_points(cell.text)
+        if gives == "measured" and not start:
+            torque, text = torque_and_file(text)
+            start = f"{torque}=" if torque else ""
+        if gives in FILE_COLUMNS:
+            if text == "-":
+                wrong(cell.column, name, "a row cannot read standard input", "-", "name a file")
+            elif gives != "preset" or text not in preset_names():
+                text = str(folder / text)
+        elif gives in MARK_COLUMNS and not is_number(text):
+            wrong(cell.column, name, "must be an angle in deg", cell.text)
+            continue
+        given[gives] = (*given.get(gives, getattr(base, gives)), start + text) if gives in LISTS else text
+        called = text if gives in FILE_COLUMNS else f"--{gives.replace('_', '-')}" if not start else start + text
+        named.append(NamedCell(f"{table.file}:{line}:{cell.column}: {shown(name)}", cell.text, called))
+    if not given["serial"]:
         wrong(1, "serial", "missing", hint="each drive needs its serial; without the column its line is its name")
-        request = replace(request, serial=f"line {line}")
-    elif first.setdefault(request.serial, line) != line:
-        words = f"stands in line {first[request.serial]} too"
-        wrong(1, "serial", words, request.serial, "one row for each drive")
+        given["serial"] = f"line {line}"
+    elif first.setdefault(given["serial"], line) != line:
+        words = f"stands in line {first[given['serial']]} too"
+        wrong(1, "serial", words, given["serial"], "one row for each drive")
+    given |= {mark: float(given[mark]) for mark in MARK_COLUMNS if mark in given}
+    wheels = {each.name: given.pop(each.name) for each in fields(WheelFiles) if each.name in given}
+    request = replace(base, **given, wheels=replace(base.wheels, **wheels))
     if not request.preset:
         wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")
-    for mark, at in marks.items():
-        if mark[-1].lower() not in request.wheels.files:
-            wrong(at, mark, "the mark of a wheel that is not measured", hint=f"its file in pitch_{mark[-1]}")
     return LotRow(request, f"{table.file}:{line}", PresetError(faults) if faults else None, tuple(named))
-
-
-def _with_cell(request: Request, gives: str, of: str, text: str, folder: Path) -> tuple[Request, NamedCell]:
-    """A request with a cell added, and the cell as messages name it; folder, from which paths count."""
-    trace = TraceFile.recorded(text) if gives == "--measured" and not of else TraceFile(of, text)
-    is_name = trace.file == "-" or (gives == "preset" and text in preset_names())
-    file = trace.file if is_name else str(folder / trace.file)
-    cell = NamedCell("", text, file=file if gives in FILE_COLUMNS else "")
-    change: dict[str, Any]
-    if gives in PLAIN_COLUMNS:
-        change = {gives: file if gives in FILE_COLUMNS else text}
-    elif gives in WHEEL_COLUMNS:
-        wheel: dict[str, Any] = {gives: file if gives in FILE_COLUMNS else float(text)}
-        change = {"wheels": replace(request.wheels, **wheel)}
-    else:
-        into, parse = TEXTS[gives]
-        option: Any = replace(trace, file=file) if gives == "--measured" else parse(f"{of}={text}")
-        change = {into: (*getattr(request, into), option)}
-        path = option.override.partition("=")[0] if gives == "--limit" else of if gives == "--set" else ""
-        cell = replace(cell, option=f"{gives} {option}", path=path)
-    return replace(request, **change), cell

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import isnan
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, PlainSerializer
+from pydantic import Field
 
 from hdassist.acceptance.decision import AcceptedValue
-from hdassist.acceptance.limits import Limit, LimitText, limits_of, named_limits
+from hdassist.acceptance.limits import Limit, LimitText, limits_of, load_limited
 from hdassist.acceptance.predictions import Predictions, order_place, predict
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.errors import DataError, UsageError
-from hdassist.loading.load import load_preset
-from hdassist.measuring.measure import Measurement, measure
+from hdassist.measuring.measure import Measurement, measure, require_drift
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.model.kinematics import Kinematics
@@ -25,7 +23,7 @@ from hdassist.model.wheels import MeasuredTeeth
 from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import OneLine
-from hdassist.preset.overrides import is_overridden
+from hdassist.preset.overrides import is_overridden, parse
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import ClosedRecord
@@ -33,70 +31,7 @@ from hdassist.run.run import Run
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE
 
-TORQUE_AND_FILE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)([=:])(.+)", re.DOTALL)
 FailOn = Literal["warn", "fail", "never"]
-RequestSeed = Annotated[int, Field(ge=0)]  # of what is drawn
-
-
-@dataclass(frozen=True)
-class TraceFile:
-    """A measured trace: its torque as written, empty where the limits of the drive have to tell it, and its file."""
-
-    torque: str
-    file: str
-
-    @classmethod
-    def parse(cls, text: str) -> TraceFile:
-        """Read 80=FILE or FILE. Raises UsageError for the old form 80:FILE."""
-        match = TORQUE_AND_FILE.fullmatch(text)
-        if match and match[2] == ":":
-            raise UsageError(f"invalid --measured {text}: expected [TORQUE=]FILE", f"--measured {match[1]}={match[3]}")
-        return cls(match[1], match[3]) if match else cls("", text)
-
-    @classmethod
-    def recorded(cls, text: str) -> TraceFile:
-        """Read the form in files of answers: 80=FILE, 80:FILE of older ones, or FILE."""
-        return cls.parse(TORQUE_AND_FILE.sub(r"\1=\3", text))
-
-    def __str__(self) -> str:
-        return f"{self.torque}={self.file}" if self.torque else self.file
-
-    def at(self, drive: Drive) -> float:
-        """Torque [N*m]. Raises UsageError: it is none, or the limits of the drive leave it open."""
-        if self.torque:
-            if isnan(M_g := number_of(self.torque)):
-                raise UsageError(f"--measured {self}: {self.torque} is no torque", "like 80=run.csv")
-            return M_g
-        torques = list(dict.fromkeys(each.M_g_Nm for each in limits_of(drive) if each.M_g_Nm is not None))
-        if len(torques) > 1:
-            named = ", ".join(f"{M_g:g}={self}" for M_g in torques)
-            raise UsageError(f"--measured {self}: at which torque was it measured?", f"one of {named}")
-        return (torques or list(drive.operation.M_g))[0]
-
-
-def _as_text(parse: Callable[[str], Any]) -> tuple[BeforeValidator, PlainSerializer]:
-    """Validator and serializer of a parsed text: files have it as it is written."""
-
-    def checked(text: Any) -> Any:
-        if not isinstance(text, str):
-            raise ValueError("must be text")
-        try:
-            return parse(text)
-        except UsageError as error:
-            raise ValueError(error.message) from None
-
-    return BeforeValidator(checked), PlainSerializer(str)
-
-
-# options that may be given several times, and columns of lots: the field of a request that they add to, and their text
-TEXTS: dict[str, tuple[str, Callable[[str], Any]]] = {
-    "--set": ("overrides", str),
-    "--limit": ("limits", lambda text: LimitText.parse(text, "--limit")),
-    "--measured": ("measured", TraceFile.parse),
-    "--value": ("values", lambda text: LimitText.parse(text, "--value")),
-}
-_BOUND, _VALUE = (_as_text(TEXTS[option][1]) for option in ("--limit", "--value"))
-_TRACE = _as_text(TraceFile.recorded)
 
 
 @dataclass(frozen=True)
@@ -106,11 +41,6 @@ class Reading(ClosedRecord, TraceForm):
     orders: str | None = None
     drift: str = "none"
     budget: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Wheels(ClosedRecord, WheelFiles):
-    """Pitch files of the drive's wheels, and how they are read: the options of `hdassist check`."""
 
 
 @dataclass(frozen=True)
@@ -125,40 +55,66 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Request(ClosedRecord):
-    """One drive to accept.
+    """One drive to accept, each part as the options of the command line have it.
 
-    preset, a name, path or -; serial, of the drive, for reports; overrides of the preset, as on the command line;
-    limits, instead of the preset's; measured, traces; values, measured otherwise; reading, how traces are read;
-    measured_only, predict nothing; cross_check, solver of some predicted states again; draws, effective samples of what
-    is not known at least; sure, probability of keeping a limit that PASS of a prediction needs; seed; wheels, with
-    measured teeth, for predictions.
+    preset, a name, path or -; serial, of the drive, for reports; overrides of the preset; limits, instead of the
+    preset's; measured, traces; values, measured otherwise; reading, how traces are read; measured_only, predict
+    nothing; cross_check, solver of some predicted states again; draws, effective samples of what is not known at least;
+    sure, probability of keeping a limit that PASS of a prediction needs; seed; wheels, with measured teeth, for
+    predictions; fail_on, what makes the exit code.
     """
 
     preset: OneLine
     serial: OneLine = ""
     overrides: tuple[str, ...] = ()
-    limits: tuple[Annotated[LimitText, *_BOUND], ...] = ()
-    measured: tuple[Annotated[TraceFile, *_TRACE], ...] = ()
-    values: tuple[Annotated[LimitText, *_VALUE], ...] = ()
+    limits: tuple[str, ...] = ()
+    measured: tuple[str, ...] = ()
+    values: tuple[str, ...] = ()
     reading: Reading = field(default_factory=Reading)
     measured_only: bool = False
     cross_check: str = "highs"
-    seed: RequestSeed = 0
-    wheels: Wheels = field(default_factory=Wheels)
+    seed: Annotated[int, Field(ge=0)] = 0
+    wheels: WheelFiles = field(default_factory=WheelFiles)
     draws: Annotated[int, Field(ge=0)] = EFFECTIVE_SAMPLES
     sure: Annotated[float, Field(ge=0.5, lt=1)] = SURE
+    fail_on: FailOn = "fail"
 
     def files(self) -> list[str]:
         """Paths of all that is read for it; its preset, the first one, may be one of the library."""
         wheels = [] if self.measured_only else self.wheels.files.values()
-        return [self.preset, *(trace.file for trace in self.measured), *wheels]
+        return [self.preset, *(torque_and_file(text)[1] for text in self.measured), *wheels]
 
     def load(self) -> Drive:
         """The drive, its limits included. Raises DataError, PresetError or UsageError (a bad override or limit)."""
-        try:
-            return load_preset(self.preset, [*self.overrides, *(limit.override for limit in self.limits)])
-        except UsageError as error:
-            raise UsageError(named_limits(error.message, self.overrides, self.limits), error.hint) from None
+        return load_limited(self.preset, self.overrides, [LimitText.parse(text, "--limit") for text in self.limits])
+
+    def require_sound(self) -> None:
+        """Raise UsageError for parts that every drive of a lot would be refused for, or the fault of their preset."""
+        parse_stated(self.reading.budget)
+        parse_orders(self.reading.orders or None)
+        require_drift(self.reading.drift)
+        self.reading.require_sound()
+        limits = [LimitText.parse(text, "--limit").override for text in self.limits]
+        for place, text in enumerate((*self.overrides, *limits), 1):
+            parse(text, place)
+        if self.preset:
+            self.load()
+
+    def traces(self, drive: Drive) -> dict[float, str]:
+        """Files of traces by torque [N*m]. Raises UsageError: the limits leave a torque open, or one stands twice."""
+        files: dict[float, str] = {}
+        for text in self.measured:
+            torque, file = torque_and_file(text)
+            held = dict.fromkeys(each.M_g_Nm for each in limits_of(drive) if each.M_g_Nm is not None)
+            torques = [float(torque)] if torque else list(held or drive.operation.M_g[:1])
+            if len(torques) > 1:
+                named = ", ".join(f"{M_g:g}={text}" for M_g in torques)
+                raise UsageError(f"--measured {text}: at which torque was it measured?", f"one of {named}")
+            if torques[0] in files:
+                words = f"two traces at {torques[0]:g} N*m"
+                raise UsageError(words, "one trace a torque: join repeated runs in one file")
+            files[torques[0]] = file
+        return files
 
     def read(self, drive: Drive) -> Inputs:
         """The inputs of the request, read, with the drive.
@@ -167,12 +123,6 @@ class Request(ClosedRecord):
         PresetError or DataError for a file that cannot be used; UntrustedError where a record does not tell its orders
         apart.
         """
-        files: dict[float, str] = {}
-        for trace in self.measured:
-            torque = trace.at(drive)
-            if torque in files:
-                raise UsageError(f"two traces at {torque:g} N*m", "one trace a torque: join repeated runs in one file")
-            files[torque] = trace.file
         reading, ratio = self.reading, abs(Kinematics.of(drive).u)
         orders, stated = parse_orders(reading.orders or None), parse_stated(reading.budget)
         measurements = {
@@ -180,12 +130,13 @@ class Request(ClosedRecord):
                 read_trace(file, reading, ratio), drive=drive, orders=orders, drift=reading.drift, stated=stated,
                 seed=self.seed,
             )
-            for M_g, file in files.items()
+            for M_g, file in self.traces(drive).items()
         }  # fmt: skip
         return Inputs(drive, measurements, stated_values(self.values, drive), self.read_wheels(drive))
 
     def read_wheels(self, drive: Drive) -> MeasuredTeeth | None:
         """Measured wheels; None without any, and where nothing is predicted. Raises what WheelFiles.read does."""
+        self.wheels.require_sound()
         return None if self.measured_only else self.wheels.read(drive)
 
     def predict(self, drive: Drive, wheels: MeasuredTeeth | None, run: Run = Run()) -> Predictions | None:
@@ -193,26 +144,31 @@ class Request(ClosedRecord):
 
         Raises DataError: no limit, or something measured that no limit is for; UntrustedError: no answer to be trusted.
         """
-        limits = limits_of(drive)
-        torques, stated = [each.at(drive) for each in self.measured], [each.limit_of(limits) for each in self.values]
-        left = [] if self.measured_only else limits_to_predict(drive, torques, stated)
+        if self.measured_only:
+            return None
+        left = limits_to_predict(drive, [*self.traces(drive)], [*stated_values(self.values, drive)])
         run = replace(run, seed=self.seed, cross_check=self.cross_check)
         analysis = partial(predict, limits=left, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
         return in_wide_enough_window(drive, analysis) if left else None
 
 
-def stated_values(texts: Sequence[LimitText], drive: Drive) -> dict[Limit, AcceptedValue]:
+def torque_and_file(text: str) -> tuple[str, str]:
+    """Torque as it is written, empty for none, and file of [TORQUE=]FILE."""
+    torque, _, file = text.partition("=")
+    return ("", text) if isnan(number_of(torque)) else (torque, file)
+
+
+def stated_values(texts: Sequence[str], drive: Drive) -> dict[Limit, AcceptedValue]:
     """Values measured otherwise, by the limit of the drive that they are for.
 
     Raises UsageError: a text that is no value, one without its uncertainty, or one that no limit of the drive is for.
     """
-    limits = limits_of(drive) if texts else ()
     found: dict[Limit, AcceptedValue] = {}
-    for text in texts:
-        limit = text.limit_of(limits)
+    for given in (LimitText.parse(text, "--value") for text in texts):
+        limit = given.limit_of(limits_of(drive))
         if limit in found:
-            raise UsageError(f"--value {text}: given twice")
-        found[limit] = AcceptedValue.stated(text, limit)
+            raise UsageError(f"--value {given}: given twice")
+        found[limit] = AcceptedValue.stated(given, limit)
     return found
 
 
@@ -232,7 +188,6 @@ def limits_to_predict(drive: Drive, torques: Sequence[float], stated: Sequence[L
             raise DataError(f"{drive.name}: acceptance.order_amplitude: {error.message}", error.hint) from None
     for M_g in torques:
         if not any(limit.M_g_Nm == M_g and limit.check.measured for limit in limits):
-            raise DataError(
-                f"{drive.name}: measured at {M_g:g} N*m, where it has no limit", f"--limit F_ior@{M_g:g}=30"
-            )
+            words = f"{drive.name}: measured at {M_g:g} N*m, where it has no limit"
+            raise DataError(words, f"--limit F_ior@{M_g:g}=30")
     return [each for each in limits if each not in stated and not (each.check.measured and each.M_g_Nm in torques)]

@@ -10,15 +10,16 @@ from dataclasses import replace
 from itertools import islice
 
 from hdassist.acceptance.accept import accept
-from hdassist.acceptance.answer import AcceptAnswer, ErrorRecord, failure_of
+from hdassist.acceptance.answer import AcceptAnswer, ErrorRecord, PresetRecord, now
 from hdassist.acceptance.lot import LotRow
 from hdassist.acceptance.predictions import Predictions
-from hdassist.acceptance.request import FailOn, Request
+from hdassist.acceptance.request import Request, torque_and_file
 from hdassist.errors import DataError, HdassistError, UsageError
+from hdassist.version import __version__
 
 
 def answer_rows(
-    rows: Sequence[LotRow], executor: Executor, fail_on: FailOn, *, jobs: int, debug: bool = False
+    rows: Sequence[LotRow], executor: Executor, *, jobs: int, debug: bool = False
 ) -> Iterator[AcceptAnswer]:
     """An answer for each row, in their order; the fault of a row is its answer.
 
@@ -31,22 +32,19 @@ def answer_rows(
     to_predict = iter({key: row.request for key, row in zip(keys, rows, strict=True) if key}.items())
     answered: deque[Future[AcceptAnswer]] = deque()
     for key, row in zip(keys, rows, strict=True):
-        while key:
+        while key and not (key in predicted and predicted[key].done()):
             running = [each for each in predicted.values() if not each.done()]
             for name, request in islice(to_predict, jobs - len(running)):
                 predicted[name] = executor.submit(_predict, request)
                 running.append(predicted[name])
-            if key in predicted and predicted[key].done():
-                break
             while answered:  # before a wait that may be long
                 yield answered.popleft().result()
             wait(running, return_when=FIRST_COMPLETED)
-        if row.fault:  # known to be wrong: nothing is asked
+        if row.fault:
             answered.append(Future())
-            answered[-1].set_result(row_failure(row, row.fault))
+            answered[-1].set_result(failure_of(row, row.fault))
         else:
-            predictions = predicted[key].result() if key else None
-            answered.append(executor.submit(_answer, row, fail_on, predictions, debug))
+            answered.append(executor.submit(_answer, row, predicted[key].result() if key else None, debug))
         left[key] -= 1
         if not left[key]:
             predicted.pop(key, None)
@@ -58,8 +56,8 @@ def answer_rows(
 
 def _drive_key(request: Request) -> Hashable:
     """Key of equal predictions: all of a request but the serial, the files and the values measured."""
-    names = tuple(value.name for value in request.values)
-    return replace(request, serial="", measured=(), values=()), tuple(each.torque for each in request.measured), names
+    measured = tuple(torque_and_file(text)[0] for text in request.measured)
+    return replace(request, serial="", measured=measured, values=tuple(text.split("=")[0] for text in request.values))
 
 
 def _predict(request: Request) -> Predictions | None:
@@ -71,14 +69,14 @@ def _predict(request: Request) -> Predictions | None:
         return None
 
 
-def _answer(row: LotRow, fail_on: FailOn, predictions: Predictions | None, debug: bool) -> AcceptAnswer:
+def _answer(row: LotRow, predictions: Predictions | None, debug: bool) -> AcceptAnswer:
     try:
         drive = row.request.load()
         inputs = row.request.read(drive)
         predictions = predictions or row.request.predict(drive, inputs.wheels)
-        return accept(row.request, inputs, predictions, fail_on=fail_on, place=row.place)
+        return accept(row.request, inputs, predictions, row.place)
     except HdassistError as error:
-        return row_failure(row, error)
+        return failure_of(row, error)
     except (MemoryError, OSError):  # what the system refuses is no row's
         raise
     except Exception as bug:  # that row's answer, with the exit code of a bug: the others go on
@@ -86,16 +84,14 @@ def _answer(row: LotRow, fail_on: FailOn, predictions: Predictions | None, debug
             raise
         where = traceback.extract_tb(bug.__traceback__)[-1]
         words = f"internal error: {type(bug).__name__}: {bug} ({where.name})"
-        return row_failure(row, HdassistError(words, "this is a bug in hdassist; --debug shows where"))
+        return failure_of(row, HdassistError(words, "this is a bug in hdassist; --debug shows where"))
 
 
-def row_failure(row: LotRow, error: HdassistError) -> AcceptAnswer:
+def failure_of(row: LotRow, error: HdassistError) -> AcceptAnswer:
     """The answer of a row with an error; the fault of a row is wrong data, not wrong usage."""
-    kind = DataError if isinstance(error, UsageError) else error
-    return replace(
-        failure_of(row.request, error),
+    kind, request = DataError if isinstance(error, UsageError) else error, row.request
+    return AcceptAnswer(
+        version=__version__, preset=PresetRecord(request.preset), exit_code=kind.exit_code, serial=request.serial,
+        seed=request.seed, request=None if row.fault else request, time=now(), place=row.place,
         error=ErrorRecord(row.message(error), error.hint, kind.fault),
-        exit_code=kind.exit_code,
-        request=None if row.fault else row.request,
-        place=row.place,
-    )
+    )  # fmt: skip

@@ -131,7 +131,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         if len(self.presets) > 1 and lots:
             raise UsageError(f"{lots[0]} is a lot: one lot at a time, without other drives")
         base = self.request()
-        wheels = base.wheels
+        wheels, files = base.wheels, base.files()[1:]
         if not lots:
             wheels.require_sound()
         of_one = self.measured or self.value or self.serial or wheels.files or wheels.is_marked
@@ -139,35 +139,35 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             raise UsageError("what was measured belongs to one drive", "one PRESET, or columns of a lot: LOT.csv")
         if (self.preset or self.resume) and not lots:
             raise UsageError(f"{'--preset' if self.preset else '--resume'} is for lots", "hdassist accept LOT.csv")
-        o.stdin_once(*self.presets, *(one.file for one in base.measured), *wheels.files.values(), self.replay)
+        o.stdin_once(*self.presets, *files, self.replay)
         if self.measured_only and wheels.files:
             raise UsageError("--measured-only predicts nothing, and measured teeth are for predictions")
         if self.preset == "-":
             raise UsageError("rows of a lot cannot read standard input", "--preset FILE")
         if self.replay is not None:
-            if lots or self.csv or self.has_lines or self.fail_on != "fail" or base != Request(""):
+            if lots or self.csv or self.has_lines or base != Request(""):
                 words = "no other options than PRESET, --json, -o, --jobs"
                 raise UsageError("--replay does what its answer says", words)
             return replay_answers(self.replay, self.presets, self)
         return accept_lot(lots[0], base, self) if lots else accept_presets(self.presets, base, self)
 
     def request(self) -> Request:
-        """The request that every drive gets. Raises UsageError for an invalid limit, trace or value."""
-        from hdassist.acceptance.limits import LimitText
-        from hdassist.acceptance.request import Reading, Request, TraceFile, Wheels
+        """The request that every drive gets. Raises UsageError for an invalid limit."""
+        from hdassist.acceptance.request import Reading, Request
 
         return Request(
             self.preset,
             self.serial,
             overrides=tuple(self.overrides),
-            limits=o.limits_of_options(self.limit),
-            measured=tuple(map(TraceFile.parse, self.measured)),
-            values=tuple(LimitText.parse(text, "--value") for text in self.value),
+            limits=tuple(map(str, o.limits_of_options(self.limit))),
+            measured=tuple(self.measured),
+            values=tuple(self.value),
             reading=Reading(**asdict(self.form()), orders=self.orders, drift=self.drift, budget=tuple(self.budget)),
             measured_only=self.measured_only,
             cross_check=self.cross_check,
             seed=self.seed,
-            wheels=Wheels(**asdict(self.wheels())),
+            wheels=self.wheels(),
             draws=self.draws,
             sure=self.sure,
+            fail_on=self.fail_on,
         )

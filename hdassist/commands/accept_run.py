@@ -3,35 +3,30 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
 from hdassist.acceptance.accept import accept
-from hdassist.acceptance.answer import ANSWERS, AcceptAnswer, answer_json, failure_of, read_answers, to_lines
+from hdassist.acceptance.answer import ANSWERS, AcceptAnswer, answer_json, read_answers, to_lines
 from hdassist.acceptance.limits import limits_of
 from hdassist.acceptance.lot import Lot, LotRow, read_lot
 from hdassist.acceptance.predictions import prediction_states
-from hdassist.acceptance.replay import Replay, still_stands
+from hdassist.acceptance.replay import require_same_files, still_stands
 from hdassist.acceptance.request import Request
-from hdassist.acceptance.work import answer_rows
+from hdassist.acceptance.work import answer_rows, failure_of
 from hdassist.commands.accept import AcceptOptions
-from hdassist.errors import HdassistError, UsageError
+from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.json_parts import Json
-from hdassist.measuring.measure import require_drift
-from hdassist.measuring.orders import parse_orders
-from hdassist.measuring.uncertainty import parse_stated
 from hdassist.pages import accept as page
 from hdassist.pages import accept_lot as lot_page
 from hdassist.pages.accept_junit import junit
-from hdassist.preset.overrides import parse
 from hdassist.report.report import Report
 from hdassist.run.kept import Kept, KeptOwner, open_kept
 from hdassist.run.processes import count, workers
 from hdassist.run.run import Run
 from hdassist.run.stops import at_stop
 from hdassist.runfiles import note_input
-from hdassist.terminal.answers import combine, json_text
+from hdassist.terminal.answers import json_text
 from hdassist.terminal.files import write_text
 from hdassist.terminal.output import complain, note
 from hdassist.terminal.page import report_page
@@ -56,13 +51,13 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
         states = 0 if request.measured_only else prediction_states(drive, limits_of(drive), request.draws)
         with out.progress(drive.name, states) as progress, workers(options.jobs) as executor:
             predictions = request.predict(drive, inputs.wheels, Run(executor, progress))
-        answer = accept(request, inputs, predictions, fail_on=options.fail_on)
+        answer = accept(request, inputs, predictions)
         answers.append(answer)
         report = page.accept_report(answer, predictions, drive)
         return replace(report, head="") if options.takes_stdout else report
 
     def failed(preset: str, error: HdassistError) -> Json:
-        answers.append(failure_of(replace(base, preset=preset), error))
+        answers.append(failure_of(LotRow(replace(base, preset=preset)), error))
         return answer_json(answers[-1])
 
     kept = options.json or options.has_lines
@@ -81,7 +76,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
     that cannot be read or written; PresetError: names of columns that cannot be meant.
     """
     out, begun = options.open(), time.monotonic()
-    _require_sound(base)
+    base.require_sound()
     lot = read_lot(path, base)
     for text in lot.notes:
         note(f"{lot.file}: {text}")
@@ -107,7 +102,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
             out.progress(lot.file, len(to_do)) as progress,
             workers(options.jobs) as executor,
         ):
-            fresh = answer_rows(to_do, executor, options.fail_on, jobs=count(options.jobs), debug=options.debug)
+            fresh = answer_rows(to_do, executor, jobs=count(options.jobs), debug=options.debug)
             for there in known:
                 answer = there or next(fresh)
                 if there is None:
@@ -115,7 +110,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
                     kept.append([answer])
                 done.append(answer)
                 if error := answer.error:
-                    complain(HdassistError(f"{lot_page.title(answer)}: {error.message}", error.hint, error.code))
+                    complain(HdassistError(f"{page.title(answer)}: {error.message}", error.hint, error.code))
                 if options.jsonl == "-":
                     write_text("-", to_lines([answer]), out.force)
                 if shown:
@@ -149,18 +144,6 @@ def _write_tables(options: AcceptOptions, name: str, answers: Sequence[AcceptAns
         write_text(options.junit, junit(name, answers, facts), options.replaces_suite)
 
 
-def _require_sound(base: Request) -> None:
-    """Raise UsageError for invalid options, or the fault of a common preset, once and not for every row."""
-    parse_stated(base.reading.budget)
-    parse_orders(base.reading.orders or None)
-    require_drift(base.reading.drift)
-    base.reading.require_sound()
-    if base.preset:
-        base.load()
-    for place, text in enumerate((*base.overrides, *(limit.override for limit in base.limits)), 1):
-        parse(text, place)
-
-
 def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[AcceptAnswer | None]:
     """Answers to the rows that are there from before and still stand, None for the others.
 
@@ -170,7 +153,7 @@ def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[A
     found: list[AcceptAnswer | None] = []
     for row in lot.rows:
         answer = before.get(row.request.serial)
-        stands = answer and not row.fault and still_stands(answer, row.request, options.fail_on)
+        stands = answer and not row.fault and still_stands(answer, row.request)
         found.append(replace(answer, place=row.place) if answer and stands else None)
     if before and not any(found) and not options.force:
         words = f"{options.jsonl}: not one of its answers is of these drives, files, options and version"
@@ -191,22 +174,23 @@ def replay_answers(path: str, presets: Sequence[str], options: AcceptOptions) ->
     out, recorded = options.open(), read_answers(path)
     if presets and len(presets) + len(recorded) > 2:
         raise UsageError("a preset for --replay takes the place of that of one answer")
-    replays = [Replay.prepare(answer, *presets) for answer in recorded]
-    to_do = [LotRow(each.request, each.recorded.place) for each in replays if each.request]
-    with out.progress("replay", len(to_do)) as progress, workers(options.jobs) as executor:
-        # --fail-on is not compared
-        fresh = answer_rows(to_do, executor, "fail", jobs=count(options.jobs), debug=options.debug)
-        for place, each in enumerate(replays):
-            if each.request:
-                replays[place] = each.done(next(fresh))
-                progress(1)
-    if options.json:
-        out.text(json_text(combine("accept-replay", [each.to_json() for each in replays])))
-    else:
-        words = Counter(each.outcome[0] for each in replays)
-        short = ", ".join(f"{count} {word}" for word, count in words.items()) if len(words) > 1 else next(iter(words))
-        out.text((short if options.quiet else out.style.text("\n".join(map(str, replays)))) + "\n")
-    for each in replays:
-        if each.fault and each.recorded.request:
-            complain(each.fault)
-    return worst_exit_code(each.outcome[1] for each in replays)
+    rows: list[LotRow] = []
+    faults: list[DataError | None] = []
+    for answer in recorded:
+        fault = None
+        if answer.request:
+            row = LotRow(replace(answer.request, preset=presets[0] if presets else answer.request.preset), answer.place)
+            try:
+                require_same_files(answer, row.request)
+                rows.append(row)
+            except DataError as error:
+                complain(fault := error)
+        faults.append(fault)
+    with out.progress("replay", len(rows)) as progress, workers(options.jobs) as executor:
+        fresh = answer_rows(rows, executor, jobs=count(options.jobs), debug=options.debug)
+        reports = []
+        for answer, fault in zip(recorded, faults, strict=True):
+            now = next(fresh) if answer.request and not fault else None
+            progress(1 if now else 0)
+            reports.append(page.replay_report(answer, now, fault))
+    return give("accept-replay", reports, options, out)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import fields
+from dataclasses import asdict, fields
 from math import floor, log10
 
 from hdassist.acceptance.answer import AcceptAnswer, answer_json, provenance
 from hdassist.acceptance.decision import GUARD, Decision
 from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.predictions import Belief, Predictions
+from hdassist.acceptance.replay import RELATIVE, answer_differences
+from hdassist.errors import DataError
 from hdassist.pages.check import fitted_words
 from hdassist.preset.fields import Drive
 from hdassist.preset.yamltext import shown
@@ -78,7 +80,7 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
     reasons = [f"{check.label}: {check.reason}" if check.reason else sentence(check) for check in worst[:NAMED_CHECKS]]
     reasons[-1] += f"; {len(worst) - NAMED_CHECKS} more" if len(worst) > NAMED_CHECKS else ""
     remarks = [f"{note.code}: {note.text}" for note in answer.remarks]
-    files = [f"{each.file}: sha256 {each.sha256[:12]}" for each in (*answer.measured, *answer.pitch)]
+    files = [f"{each['file']}: sha256 {each['sha256'][:12]}" for each in (*answer.measured, *answer.pitch)]
     samples = predictions.samples if predictions else None
     rest = [
         ("samples", samples_words(samples) if samples else ""),
@@ -113,11 +115,11 @@ def by_severity(checks: Iterable[Decision]) -> list[Decision]:
 def _tables(answer: AcceptAnswer) -> Iterator[Table]:
     """A table of the checks that are known in one way, for each way."""
     assert answer.rule is not None
-    teeth = ", ".join(f"{WHEEL_WORDS[wheel.wheel]} ({shown(wheel.file)})" for wheel in answer.pitch)
+    teeth = ", ".join(f"{WHEEL_WORDS[wheel['wheel']]} ({shown(wheel['file'])})" for wheel in answer.pitch)
     titles = {
-        "measured": f"measured: {RULE_WORDS[answer.rule.measured]}",
-        "stated": f"measured otherwise: {RULE_WORDS[answer.rule.measured]}",
-        "predicted": f"predicted: PASS from {100 * answer.rule.sure:g} % probability; no decision on conformity"
+        "measured": f"measured: {RULE_WORDS[answer.rule['measured']]}",
+        "stated": f"measured otherwise: {RULE_WORDS[answer.rule['measured']]}",
+        "predicted": f"predicted: PASS from {100 * answer.rule['sure']:g} % probability; no decision on conformity"
         + (f"; measured teeth: {teeth}" if teeth else ""),
     }
     for basis, title in titles.items():
@@ -168,6 +170,42 @@ def to_explain(checks: Iterable[Decision]) -> str:
     """The command that explains what failed, or is open where it was measured; empty where nothing is."""
     codes = [each.code for each in checks if each.verdict in ("FAIL", "INCONCLUSIVE") and not is_open(each)]
     return f"hdassist explain {' '.join(dict.fromkeys(codes))}" if codes else ""
+
+
+def replay_report(recorded: AcceptAnswer, now: AcceptAnswer | None, fault: DataError | None) -> Report:
+    """An answer done again: the answer now, None where its row was wrong in itself, or the fault that prevents it."""
+    found = answer_differences(recorded, now) if now else []
+    outcome, code = ("differs", 3) if found else ("agrees", 0) if now else ("left out", 0)
+    if fault:
+        outcome, code = "cannot be replayed", fault.exit_code
+    by = f", by version {recorded.version}" * (recorded.version != __version__)
+    before = answer_json(recorded)
+    return Report(
+        command="accept-replay",
+        drive=None,
+        head=f"{title(recorded)}, {recorded.status} of {recorded.time}{by}",
+        verdict=outcome,
+        why=(fault.message,) if fault else tuple(map(str, found)),
+        values={
+            "preset": before["preset"],
+            "serial": recorded.serial,
+            "agrees": now and not found,
+            "recorded": {key: before[key] for key in ("version", "time", "verdict", "exit_code")},
+            "verdict": now and now.verdict,
+            "time": now and now.time,
+            "tolerance_relative": RELATIVE,
+            "differences": [asdict(each) for each in found],
+            **({"error": {"code": fault.fault, "message": fault.message, "hint": fault.hint}} if fault else {}),
+        },
+        line=outcome,
+        exit_code=code,
+    )
+
+
+def title(answer: AcceptAnswer) -> str:
+    """The name of a drive on a line: its serial, else its preset, with control characters escaped."""
+    name = answer.serial or answer.preset.name
+    return shown(name, len(name))
 
 
 def csv(answers: Sequence[AcceptAnswer]) -> str:

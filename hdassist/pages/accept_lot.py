@@ -13,8 +13,7 @@ from hdassist.acceptance.answer import AcceptAnswer, answer_json
 from hdassist.acceptance.decision import Decision
 from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.lot import Lot
-from hdassist.pages.accept import bound, by_severity, is_open, number, sentence, to_explain
-from hdassist.preset.yamltext import shown
+from hdassist.pages.accept import bound, by_severity, is_open, number, sentence, title, to_explain
 from hdassist.report.blocks import Facts, Table
 from hdassist.report.report import Report
 from hdassist.terminal.answers import together
@@ -39,12 +38,6 @@ def lot_line(answer: AcceptAnswer, width: int, *, is_short: bool = False) -> str
     else:
         words = sentence(by_severity(answer.checks)[0])
     return f"{title(answer):<{width}}  {answer.status:<12}  {words}"
-
-
-def title(answer: AcceptAnswer) -> str:
-    """What a drive is called on a line: its serial, whatever it has of control characters escaped."""
-    name = answer.serial or answer.preset.name
-    return shown(name, len(name))
 
 
 def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:

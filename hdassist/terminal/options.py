@@ -202,12 +202,9 @@ class LimitedDriveOptions(LoadedDriveOptions):
 
         Raises DataError, PresetError or UsageError, the last also for a limit at a torque that the drive does not have.
         """
-        from hdassist.acceptance.limits import named_limits
+        from hdassist.acceptance.limits import load_limited
 
-        try:
-            drive = super().load(preset)
-        except UsageError as error:
-            raise UsageError(named_limits(error.message, super().changes, self.limits), error.hint) from None
+        drive = load_limited(preset, super().changes, self.limits)
         torques = drive.operation.M_g
         for limit in self.limits:
             if limit.torque is not None and limit.torque not in torques:

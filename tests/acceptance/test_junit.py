@@ -48,7 +48,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> list[AcceptAnswer]:
     table.write_text(ROWS, encoding="utf-8")
     lot = read_lot(str(table), Request(SMALL, measured_only=True))
     with ThreadPoolExecutor(1) as executor:
-        return list(answer_rows(lot.rows, executor, "fail", jobs=1))
+        return list(answer_rows(lot.rows, executor, jobs=1))
 
 
 def elements(parent: Element, name: str) -> list[Element]:
@@ -122,7 +122,8 @@ def test_nothing_stands_in_it_that_the_strict_schema_does_not_have(told):
 
 
 def test_remarks_that_fail_a_drive_do_not_look_green(told):
-    remarked = replace(told[0], remarks=(Note("BUDGET", "nothing stated"),), fail_on="warn", exit_code=3)
+    request = replace(told[0].request, fail_on="warn")
+    remarked = replace(told[0], remarks=(Note("BUDGET", "nothing stated"),), request=request, exit_code=3)
     root = parseString(junit("lot", [remarked], {})).documentElement
     assert root is not None
     (failure,) = root.getElementsByTagName("failure")

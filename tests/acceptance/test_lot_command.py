@@ -14,17 +14,14 @@ from xml.dom.minidom import parseString
 
 import numpy as np
 import pytest
-from pydantic import TypeAdapter
 
 from hdassist.acceptance import work as lotwork
 from hdassist.acceptance.answer import ANSWERS, read_answers
-from hdassist.acceptance.limits import LimitText
 from hdassist.acceptance.replay import answer_differences
 from hdassist.acceptance.request import Request
 from hdassist.commands.accept import AcceptOptions
 from hdassist.commands.accept_run import accept_lot
-from hdassist.errors import DataError
-from hdassist.run.kept import KeptOwner, RecordKind, open_kept
+from hdassist.run.kept import KeptOwner, open_kept
 from tests.process import CLEAN, COMMAND, SMALL, TINY, run
 from tests.rigs import drive_error, text
 
@@ -136,7 +133,7 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
 
     monkeypatch.setattr(lotwork, "accept", broken)
     monkeypatch.setattr("hdassist.run.processes._way", lambda: "fork")  # workers have the patch
-    base = Request(SMALL, limits=(LimitText.parse("F_ior=40", "--limit"),), measured_only=True)
+    base = Request(SMALL, limits=("F_ior=40",), measured_only=True)
     found = accept_lot(str(tmp_path / "lot.csv"), base, AcceptOptions(quiet=True, jobs=2))
     assert found == code
     words = [line.split()[1] for line in capsys.readouterr().out.splitlines()]
@@ -184,11 +181,10 @@ def test_replay_agrees_differs_or_says_which_file_changed(folder, here):
     code, out, _ = here("accept", "--replay", "one.json", "--json")
     told = json.loads(out)
     assert (code, told["schema"], told["agrees"]) == (0, "hdassist.accept-replay/1", True)
-    assert [one["recorded_sha256"] == one["sha256"] for one in told["inputs"]] == [True, True]
     code, out, _ = here("accept", "--replay", "lot.jsonl")
     assert code == 0
-    assert [line.split(":")[0] for line in out.splitlines()] == [f"17-{n}" for n in range(1, 6)]
-    assert out.count(": agrees (") == 5
+    assert [line.split(",")[0] for line in out.split("\n\n")] == [f"17-{n}" for n in range(1, 6)]
+    assert out.count(": agrees\n") == 5
     with (folder / "run.csv").open("a") as stream:
         stream.write("10801,1\n")
     code, out, said = here("accept", "--replay", "one.json")
@@ -220,38 +216,6 @@ def test_an_answer_with_a_field_without_a_name_is_refused(folder, here):
     code, out, said = here("accept", "--replay", "a.json")
     assert (code, out) == (4, "")
     assert "a.json:1: an answer is not whole: '': " in said
-
-
-def test_a_kept_answer_that_does_not_follow_from_its_figures_is_refused_though_its_checksum_holds(folder, here):
-    args = (*MEASURED, "--jsonl", "a.jsonl", "-q")
-    assert here(*args)[0] == 4
-    first, second, *_ = (folder / "a.jsonl").read_text().splitlines()[1:]
-    for change in (
-        lambda told: told.update(verdict="PASS", exit_code=0),
-        lambda told: told["checks"][0].update(verdict="PASS"),
-        lambda told: told["checks"][0].update(value=28.0, margin=12.0),
-        lambda told: told["checks"][0].update(expanded_uncertainty=30.0),
-        lambda told: told["checks"][0].update(limit=60.0),
-        lambda told: told["checks"][0].update(code="NONE"),
-        lambda told: told["rule"].update(measured="simple"),
-        lambda told: told.update(certificate=dict.fromkeys(("states", "max_residual"), 0)),
-    ):
-        forge(folder / "a.jsonl", first, second, change)
-        with (
-            pytest.raises(DataError, match=r"a\.jsonl:3: invalid record: "),
-            open_kept(str(folder / "a.jsonl"), KeptOwner(command="accept", inputs={}), ANSWERS, any_inputs=True),
-        ):
-            pass
-
-
-def forge(file, first, second, change):
-    """Write two answers as kept work, the second one changed."""
-    told = [{key: value for key, value in json.loads(line).items() if key not in FORM} for line in (first, second)]
-    change(told[1])
-    with open_kept(
-        str(file), KeptOwner(command="accept", inputs={}), RecordKind(TypeAdapter(dict)), force=True
-    ) as kept:
-        kept.append(told)
 
 
 FORGED = {
@@ -294,12 +258,12 @@ def test_replay_compares_the_whole_answer(folder, here):
     now, *forged = read_answers(str(folder / "all.json"))
     found = [answer_differences(each, now) for each in forged]
     assert all(found), [name for name, each in zip(FORGED, found, strict=True) if not each]
-    assert [each.key for each in found[0]] == ["limit", "margin"]
+    assert [each.key.rpartition(".")[2] for each in found[0]] == ["limit", "margin"]
     (folder / "two.json").write_text(json.dumps({"schema": "hdassist.accept/1", "results": answers[:2]}))
     code, out, _ = here("accept", "--replay", "two.json", "--jobs", "1")
     assert code == 3
-    for words in ("17-1: agrees (", "17-1: differs (", "F_IOR 4.0, limit: 61 then, 60 now"):
-        assert words in out
+    assert re.findall(r"^17-1, .*: (\w+)$", out, re.MULTILINE) == ["agrees", "differs"]
+    assert "F'_ior at 4 N·m.limit: 61 then, 60 now" in out
 
 
 @pytest.mark.parametrize(
