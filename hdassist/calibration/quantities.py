@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
-from math import ceil
+from math import ceil, floor
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -144,7 +144,8 @@ class TargetQuantities:
         phi_h, measured = map(np.array, target.trace)
         kinematics = Kinematics.of(self._drive)
         start = float(np.radians(target.asked.get("phi_g0", 0.0)))
-        index = np.arange(ceil(phi_h[-1] / 360 * kinematics.teeth_fixed) + 1)
+        first, last = phi_h[[0, -1]] / 360 * kinematics.teeth_fixed
+        index = np.arange(floor(first), ceil(last) + 1)
         states = pitch_locked_states(kinematics, index, start)
         error = kinematic_error(self._drive, target.asked["M_g"], states=states, run=UNCHECKED)
         difference = np.interp(phi_h, np.degrees(states.phi_h), error.error_arcsec) - measured

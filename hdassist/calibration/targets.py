@@ -282,28 +282,29 @@ class _TargetsReader:
                 self.findings.add((*path, key), "a torque of 0 leaves the rotation undetermined")
         if not given:
             return None
-        curve, sha256 = self._trace((*path, "file"), given["file"]) if is_trace else ((), "")
+        curve, sha256 = self._trace((*path, "file"), given) if is_trace else ((), "")
         wanted = self._limits(path, {"value": 0.0, **given} if is_trace else given, kind.unit)
         asked = {key: given[key] for key in kind.keys if key in given}
         return CalibrationTarget(quantity, asked, *wanted, curve, sha256) if wanted else None
 
-    def _trace(self, path: Path, name: str) -> tuple[tuple[tuple[float, ...], ...], str]:
-        """Cam angles [deg], ascending, and errors [arcsec] of a file of a trace, and its SHA-256."""
+    def _trace(self, path: Path, given: dict[str, Any]) -> tuple[tuple[tuple[float, ...], ...], str]:
+        """Cam angles phi_h [deg], ascending, and errors [arcsec] of a file of a trace, and its SHA-256."""
         u = Kinematics.of(self.drive).u
         try:
-            trace = read_trace(self.folder / name, ratio=abs(u), fewest=FEWEST_READINGS)
+            trace = read_trace(self.folder / given["file"], ratio=abs(u), fewest=FEWEST_READINGS)
         except DataError as error:
             faults = map(str, error.findings) if isinstance(error, PresetError) else (error.message,)
             for fault in faults:
                 self.findings.add(path, f"cannot be read: {fault}", error.hint)
             return (), ""
         rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in trace.sweeps])
-        rows = rows[np.argsort(trace.cam_deg[rows], kind="stable")]
-        if trace.cam_deg[rows[0]] < 0:
-            self.findings.add(path, f"needs cam angles from 0 on, not {trace.cam_deg[rows[0]]:g} deg")
+        # an angle of the output that grows where the cam's falls, and is phi_g0 where that is 0
+        by_output = trace.angle_of == "output"
+        phi_h = trace.cam_deg * np.sign(u) - u * given.get("phi_g0", 0.0) if by_output else trace.cam_deg
+        rows = rows[np.argsort(phi_h[rows], kind="stable")]
         # two encoders give the opposite of F_kpp where both count the same way round, as they do if sense is that of u
         sign = -trace.sense * np.sign(u) if trace.sense else 1.0
-        curve = tuple(trace.cam_deg[rows].tolist()), tuple((sign * trace.error_arcsec[rows]).tolist())
+        curve = tuple(phi_h[rows].tolist()), tuple((sign * trace.error_arcsec[rows]).tolist())
         return curve, trace.sha256
 
     def _limits(self, path: Path, given: dict[str, Any], unit: str) -> tuple[float | None, float, float, float] | None:

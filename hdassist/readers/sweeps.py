@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 WHOLE_TURN_DEG = 360.0
+COUNTER_BITS = (16, 24, 32)  # of counters that begin again where they are full
 LEAP = 0.4  # of the wrap: the direction of a longer step is ambiguous
 JITTER = 0.5  # deg: moves back that are noise of a shaft that stands or creeps
 TURNING_STEPS, WIDEST_TURNING = 4.0, 5.0  # the same in median steps, at most so many deg, of coarse readings
@@ -34,21 +35,32 @@ class AngleError(ValueError):
         self.row, self.message, self.hint = row, message, hint
 
 
-def looks_wrapped(angle: Angles) -> bool:
-    """Whether angles [deg] begin again after a turn: all within one, with steps of more than half of it."""
-    return bool(
-        len(angle) > 1 and np.ptp(angle) <= WHOLE_TURN_DEG and np.abs(np.diff(angle)).max() > WHOLE_TURN_DEG / 2
-    )
+def guessed_wrap(angle: Angles, count: float) -> float | None:
+    """Angle [deg] after which an encoder begins again: a turn, or what its counter holds; None if it does not.
+
+    All angles lie within it, with steps of more than half of it. Argument: count, size of a count [deg].
+    """
+    span, longest = float(np.ptp(angle)), float(np.abs(np.diff(angle)).max(initial=0.0))
+    wraps = (WHOLE_TURN_DEG, *(2**bits * count for bits in COUNTER_BITS))
+    return next((wrap for wrap in wraps if span <= wrap < 2 * longest), None)
 
 
-def unwrapped(angle: Angles, wrap: float) -> Angles:
+def unwrapped(angle: Angles, wrap: float, other: Angles | None = None) -> Angles:
     """Angles without the jumps of an encoder that begins again after wrap, shape (rows,), in the same unit.
 
+    other: the same angle by another encoder, without jumps and in either sense, which says how far a long step went.
     Raises AngleError: a step that may have gone either way round.
     """
     steps = np.diff(angle)
-    steps -= wrap * np.rint(steps / wrap)
-    far = np.flatnonzero(np.abs(steps) > LEAP * wrap)
+
+    def off(expected: Angles) -> Angles:
+        return np.asarray(steps - expected - wrap * np.rint((steps - expected) / wrap))
+
+    expected = np.zeros(len(steps))
+    if other is not None:
+        expected = min((np.diff(other), -np.diff(other)), key=lambda each: float(np.abs(off(each)).sum()))
+    steps = expected + off(expected)
+    far = np.flatnonzero(np.abs(steps - expected) > LEAP * wrap)
     if len(far):
         row = int(far[0]) + 1
         raise AngleError(row, f"a step of {abs(steps[row - 1]):.4g} of a wrap of {wrap:g}", "record shorter steps")

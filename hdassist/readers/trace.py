@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from hdassist.errors import DataError, Finding, PresetError, UsageError
 from hdassist.model.geometry import Array
+from hdassist.preset.units import UnitError
 from hdassist.preset.yamltext import shown
-from hdassist.readers.sweeps import AngleError, AngleSweep, looks_wrapped, sweeps, unwrapped
+from hdassist.readers.sweeps import AngleError, AngleSweep, guessed_wrap, sweeps, unwrapped
 from hdassist.readers.table import NumberTable, read_numbers
-from hdassist.readers.words import ANGLES, angle_fault, plain_unit, role_in, unit_in
+from hdassist.readers.words import ANGLES, COUNTS, angle_size, plain_unit, role_in, unit_in
 from hdassist.textfile import Readable
 
 MAX_TRACE_BYTES = 100_000_000
@@ -26,6 +27,7 @@ ARCSEC_PER_DEG = 3600.0
 LARGEST_ERROR = 7200.0  # arcsec, range of an error
 SLIP = 0.02  # of the ratio: greatest disagreement of the two encoders with it
 LEAST_WRAP = 1e-3  # deg, of encoders that restart
+ENCODERS = 2
 FEWEST_ROWS = 20  # rows
 ROUNDED_STEP = 0.01  # of a step: rounding by printed digits
 
@@ -36,8 +38,8 @@ Shaft = Literal["cam", "output"]
 class TraceForm:
     """Columns of a trace file by name or number (from 1), their units, and the shaft of the angle; None: by the file.
 
-    At most one of error and second, the column of the output's own encoder; wrap: angle [deg] after which the encoders
-    begin again.
+    At most one of error and second, the column of the output's own encoder; angle_unit: of the angle and, behind a
+    comma, of the second encoder, as angle_size reads them; wrap: angle [deg] after which the encoders begin again.
     """
 
     angle: str | None = None
@@ -50,13 +52,24 @@ class TraceForm:
 
     def require_sound(self) -> None:
         """Raise UsageError for an unknown unit, a wrap that is none, or both error and second."""
+        angles = self.angle_units
         if self.error is not None and self.second is not None:
             raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
-        for option, unit in (("--angle-unit", self.angle_unit), ("--error-unit", self.error_unit)):
-            if unit is not None and (fault := angle_fault(unit)):
-                raise UsageError(f"invalid {option} {unit}: expected a unit of angle", fault)
+        if len(angles) > ENCODERS:
+            raise UsageError(f"invalid --angle-unit {self.angle_unit}: expected one unit for each encoder")
+        error = [] if self.error_unit is None else [self.error_unit]
+        for option, unit in (*(("--angle-unit", unit) for unit in angles), *(("--error-unit", unit) for unit in error)):
+            try:
+                angle_size(unit)
+            except UnitError as fault:
+                raise UsageError(f"invalid {option} {unit}: {fault.message}", fault.hint) from None
         if self.wrap is not None and not (np.isfinite(self.wrap) and self.wrap >= LEAST_WRAP):
             raise UsageError(f"invalid --wrap {self.wrap:g}: expected an angle of at least {LEAST_WRAP:g} deg")
+
+    @property
+    def angle_units(self) -> list[str]:
+        """Units of the angle and of the second encoder, as far as they are given."""
+        return self.angle_unit.split(",") if self.angle_unit is not None else []
 
 
 @dataclass(frozen=True)
@@ -127,14 +140,17 @@ def read_trace(
         raise DataError(message, "--ratio 100, or --drive PRESET")
     angle, readings = (table.values[:, index].copy() for index in (column.angle, column.other))
     table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
-    cam = _angle(table, column.angle, angle * (column.angle_size / ARCSEC_PER_DEG), form.wrap, notes)
+    output = None
+    if column.other_is == "second":
+        output = _angle(table, column.other, readings, column.other_size, form.wrap, notes)
+    turned = None if output is None else output * abs(ratio or 0)
+    cam = _angle(table, column.angle, angle, column.angle_size, form.wrap, notes, turned)
     if ratio and column.angle_of == "output":
         cam *= abs(ratio)
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "check the column of the error")
-    step, in_time = _step(readings) * column.other_size, False
-    if column.other_is == "second":
-        output = _angle(table, column.other, readings * (column.other_size / ARCSEC_PER_DEG), form.wrap, notes)
+    step, in_time = _step(readings) * abs(column.other_size), False
+    if output is not None:
         error, sense = _second(table, column.other, output, cam, abs(ratio or 0), notes)
         if not step:
             step, in_time = _step_in_time(cam, output, abs(ratio or 1))
@@ -158,15 +174,23 @@ def read_trace(
     )  # fmt: skip
 
 
-def _angle(table: NumberTable, column: int, angle: Array, wrap: float | None, notes: list[str]) -> Array:
-    """Angles [deg] of a column without wraps."""
+def _angle(
+    table: NumberTable,
+    column: int,
+    readings: Array,
+    size: float,
+    wrap: float | None,
+    notes: list[str],
+    other: Array | None = None,
+) -> Array:
+    """Angles [deg] of a column without wraps, from readings of a size [arcsec]; other, see `unwrapped`."""
+    angle = readings * (size / ARCSEC_PER_DEG)
     if not np.ptp(angle):
         raise _fault(table, 0, column, "a constant column", "check the column of the angle")
-    if wrap is None and looks_wrapped(angle):
-        wrap = 360.0
-        notes.append(f'"{table.name(column)}" begins again after 360 deg: joined')
+    if wrap is None and (wrap := guessed_wrap(angle, abs(size) / ARCSEC_PER_DEG)):
+        notes.append(f'"{table.name(column)}" begins again after {wrap:g} deg: joined')
     try:
-        return angle if wrap is None else unwrapped(angle, wrap)
+        return angle if wrap is None else unwrapped(angle, wrap, other)
     except AngleError as wrong:
         raise _fault(table, wrong.row, column, wrong.message, wrong.hint) from None
 
@@ -242,12 +266,14 @@ def _roles(table: NumberTable, form: TraceForm, notes: list[str]) -> Roles:
         raise UsageError(f"one column cannot be both: {table.name(angle)}", f"columns: {_listed(table)}")
     if by_second and of == "output":
         raise _unclear(table, "no column of cam angles", "name one: --angle NAME --angle-of cam")
-    angle_unit, angle_size = _unit(table, angle, form.angle_unit, "deg", "--angle-unit", notes)
-    other_unit = (form.error_unit, "arcsec") if not by_second else (None, angle_unit)
-    unit, size = _unit(table, other, *other_unit, "--angle-unit" if by_second else "--error-unit", notes)
+    first, second = (*form.angle_units, None, None)[:ENCODERS]
+    angle_unit = _unit(table, angle, first, "deg", "--angle-unit", notes)
+    other_unit = (form.error_unit, "arcsec") if not by_second else (second, angle_unit.removeprefix("-"))
+    unit = _unit(table, other, *other_unit, "--angle-unit" if by_second else "--error-unit", notes)
     words = "output angle, second encoder" if by_second else "error"
-    notes.append(f'"{table.name(angle)}": {of} angle, {angle_unit}; "{table.name(other)}": {words}, {unit}')
-    return Roles(angle, of, angle_size, other, "second" if by_second else "error", size)
+    units = [each if plain_unit(each) in ANGLES else f"{each} a turn" for each in (angle_unit, unit)]
+    notes.append(f'"{table.name(angle)}": {of} angle, {units[0]}; "{table.name(other)}": {words}, {units[1]}')
+    return Roles(angle, of, angle_size(angle_unit), other, "second" if by_second else "error", angle_size(unit))
 
 
 def _first_of(kinds: Sequence[str], *wanted: str) -> list[int]:
@@ -275,16 +301,17 @@ def _column(table: NumberTable, asked: str | None, candidates: list[int], option
     raise _unclear(table, f"no column of {kinds} by its name", f"name it: --{option} NAME, or its number")
 
 
-def _unit(
-    table: NumberTable, column: int, asked: str | None, default: str, option: str, notes: list[str]
-) -> tuple[str, float]:
-    named = unit_in(table.name(column))
+def _unit(table: NumberTable, column: int, asked: str | None, default: str, option: str, notes: list[str]) -> str:
+    """Unit of a column: the one asked for, that of its name, or the default, with a note."""
+    named = unit_in(table.name(column), ANGLES | COUNTS)
     unit = plain_unit(asked) if asked is not None else named or default
-    if asked is not None and named not in ("", unit):
+    if asked is None and unit not in ANGLES:
+        raise _unclear(table, f'"{table.name(column)}": counts of how many in a turn?', f"like {option} 16384,4194304")
+    if asked is not None and named in ANGLES and named != unit:
         notes.append(f'"{table.name(column)}": {asked} as asked for, though the name says {named}')
     elif asked is None and not named:
         notes.append(f'"{table.name(column)}": no unit given, {default} assumed ({option})')
-    return unit, ANGLES[unit]
+    return unit
 
 
 def _listed(table: NumberTable) -> str:

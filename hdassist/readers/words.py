@@ -6,6 +6,7 @@ import re
 from collections.abc import Container
 from math import pi
 
+from hdassist.numerals import number_of
 from hdassist.preset.units import UnitError, convert
 from hdassist.preset.yamltext import near_miss
 
@@ -13,12 +14,15 @@ ANGLES = {  # size in arcsec
     "deg": 3600.0, "rad": 648000 / pi, "arcsec": 1.0, "arcmin": 60.0, "mdeg": 3.6, "mrad": 648 / pi,
     "urad": 0.648 / pi, "turn": 1296000.0,
 }  # fmt: skip
+FEWEST_COUNTS, MOST_BITS = 8, 48  # of an encoder, in a turn
+COUNTS = {"counts": 0.0}  # whose size a name does not give
 LENGTHS = ("um", "mm", "nm", "cm")
 INCHES = ("in", "inch", "inches", "uin", "uinch", "mil", "mils", "thou")
 _SPELLED = {
     "°": "deg", "degree": "deg", "degrees": "deg", "degs": "deg", "град": "deg", "radian": "rad", "radians": "rad",
     "рад": "rad", "arcsecond": "arcsec", "arcseconds": "arcsec", "arcs": "arcsec", "asec": "arcsec", "″": "arcsec",
     '"': "arcsec", "arcminute": "arcmin", "arcminutes": "arcmin", "amin": "arcmin", "′": "arcmin",
+    "count": "counts", "cts": "counts", "ticks": "counts", "inkremente": "counts", "имп": "counts",
     "millidegree": "mdeg", "microrad": "urad", "turns": "turn", "rev": "turn", "revs": "turn",
     "мкм": "um", "mkm": "um", "micron": "um", "microns": "um", "micrometer": "um", "micrometers": "um",
     "micrometre": "um", "micrometres": "um", "мм": "mm", "millimeter": "mm", "millimetre": "mm", "нм": "nm",
@@ -99,9 +103,20 @@ def plain_unit(unit: str) -> str:
     return _SPELLED.get(low, low)
 
 
-def angle_fault(unit: str) -> str:
-    """A hint for a unit that is not one of an angle; empty for one that is."""
-    return "" if plain_unit(unit) in ANGLES else near_miss(unit, ANGLES) or f"one of {', '.join(ANGLES)}"
+def angle_size(unit: str) -> float:
+    """Size [arcsec] of a unit of angle, or of a count of an encoder by its counts in a turn, like 16384 or 22bit.
+
+    A minus sign turns the sense of the angles round. Raises UnitError: any other text.
+    """
+    sense, text = (-1.0, unit.strip()[1:]) if unit.strip().startswith("-") else (1.0, unit)
+    if (plain := plain_unit(text)) in ANGLES:
+        return sense * ANGLES[plain]
+    number = number_of(plain.removesuffix("s").removesuffix("bit").strip())
+    counts = 2 ** min(number, MOST_BITS + 1) if "bit" in plain else number
+    if not FEWEST_COUNTS <= counts <= 2**MOST_BITS:
+        hint = near_miss(text, ANGLES) or f"one of {', '.join(ANGLES)}, or counts in a turn: 16384 or 14bit"
+        raise UnitError("expected a unit of angle", hint)
+    return sense * ANGLES["turn"] / counts
 
 
 def micrometres(unit: str) -> float:

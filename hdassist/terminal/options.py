@@ -258,7 +258,10 @@ class TraceOptions(OptionGroup):
     angle_of: Annotated[
         Literal["cam", "output"] | None, trace_option(metavar="SHAFT", help="Shaft of that angle: cam or output.")
     ] = None
-    angle_unit: Annotated[str | None, trace_option(metavar="UNIT", help="deg, rad, arcsec, arcmin, turn.")] = None
+    angle_unit: Annotated[
+        str | None,
+        trace_option(metavar="UNIT[,UNIT]", help="deg, rad, arcsec, arcmin, turn, or counts a turn, of each encoder."),
+    ] = None
     error: Annotated[str | None, trace_option(metavar="NAME", help="Column of the error, or its number.")] = None
     error_unit: Annotated[str | None, trace_option(metavar="UNIT", help="arcsec, arcmin, deg, mdeg, rad, urad.")] = None
     second: Annotated[

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
+from hdassist import trace as solved_trace
+from hdassist.calibration.quantities import REPORTING, TargetQuantities
 from hdassist.calibration.targets import SoughtField, read_targets
 from hdassist.errors import PresetError
 from hdassist.model.kinematics import Kinematics
+from hdassist.run.run import UNCHECKED
 from tests.process import SMALL
 from tests.rigs import text as written
 
@@ -119,7 +122,6 @@ def test_a_trace_is_read_beside_the_targets(tmp_path):
     for spoiled, words in (
         (rows.replace("6,2", "6,two"), r"trace\.csv:4:3: error_arcsec: must be a number"),
         (rows.replace("60,0", "6,0"), r"trace\.csv:22:1: phi_h_deg: the angle runs backwards"),
-        ("\n-".join(rows.rstrip().split("\n")), "from 0 on"),
         ("\n".join(rows.split("\n")[:10]), "9 rows"),
         ("x\n", "no rows of numbers"),
     ):
@@ -170,3 +172,17 @@ def test_a_trace_is_read_as_measure_reads_it(tmp_path):
     there = found(written([np.r_[angle, angle[::-1]], np.r_[error, error[::-1]]], "cam,err"))
     assert there[0] == pytest.approx(np.repeat(angle, 2))
     assert there[1] == pytest.approx(np.repeat(error, 2), abs=1e-4)
+
+
+@pytest.mark.parametrize("fixed", ["rigid", "flexspline"])
+def test_a_trace_over_the_angle_of_the_output_is_its_own_drive(tmp_path, fixed):
+    """The cam turns against the output where the rigid wheel is fixed, and the output stands at phi_g0 at first."""
+    drive = load_preset(SMALL, [f"mounting.fixed={fixed}", "tolerances.F_i2=60"])
+    u, start = Kinematics.of(drive).u, 20.0
+    error = solved_trace(drive, 4.0, start_deg=start, revolutions=3, run=UNCHECKED).error
+    output = start + np.degrees(error.states.phi_h) / u
+    (tmp_path / "trace.csv").write_text(written([output, error.error_arcsec], "output_deg,error_arcsec", digits=9))
+    line = "  - {quantity: trace, M_g: 4, file: trace.csv, phi_g0: 20, tolerance: 0.5}\n"
+    target = read_targets((GOOD + line).encode(), str(tmp_path / "rig.yaml"), drive).targets[-1]
+    off = TargetQuantities(drive, REPORTING).predict(target)
+    assert np.abs(off).max() < 1e-3

@@ -100,6 +100,54 @@ def test_two_encoders(sense, wrapped):
     assert "the ratio is needed" in fault(text(columns, "cam_deg,out_deg"))
 
 
+def counted(angle: np.ndarray, per_turn: int, holds: int | None = None) -> np.ndarray:
+    """Readings of an encoder in counts, of a counter that begins again after so many."""
+    return np.mod(np.round(angle / 360 * per_turn), holds or per_turn)
+
+
+@pytest.mark.parametrize("unit", ["16384,4194304", "16384,-4194304", "14bit,22bits", "-16384,22bit"])
+@pytest.mark.parametrize("holds", [None, 65536])
+def test_encoders_in_counts_begin_again_at_their_own_modulus(unit, holds):
+    error = 20 * np.cos(4 * np.pi * TURNS)
+    output = CAM / 100 + error / 3600 + 359
+    signs = [-1.0 if part.startswith("-") else 1.0 for part in unit.split(",")]
+    data = text(
+        [counted(signs[0] * CAM + 40, 16384, holds), counted(signs[1] * output, 4194304)], "enc1,enc2_cts", digits=0
+    )
+    trace = read(data, ratio=100, angle="enc1", second="enc2_cts", angle_unit=unit)
+    assert trace.cam_deg - trace.cam_deg[0] == pytest.approx(CAM, abs=0.03)
+    assert trace.sense == 1
+    assert np.abs(trace.error_arcsec - error + error[0]).max() < 1.5  # a count of the cam is 0.8 arcsec
+    assert len(trace.sweeps) == 1
+    assert any("a turn" in note for note in trace.notes)
+
+
+def test_counts_of_an_unknown_encoder_are_asked_for():
+    data = text([counted(CAM, 16384), counted(CAM / 100, 4194304)], "cam_counts,output_counts", digits=0)
+    assert '"cam_counts": counts of how many in a turn?' in fault(data, ratio=100)
+    assert '"output_counts": counts of how many in a turn?' in fault(data, ratio=100, angle_unit="16384")
+    bare = text([counted(CAM, 16384), CAM / 100], "cam,output", digits=5)
+    assert '"output": counts of how many in a turn?' in fault(bare, ratio=100, angle_unit="16384")
+    assert read(bare, ratio=100, angle_unit="16384,deg").sense == 1
+    assert read(text([CAM, -CAM / 100], "cam,output"), ratio=100, angle_unit="-deg").sense == 1
+    for wrong in ("0", "3bit,7", "-", "99bit", "1,2,3", "nan", "16384,", "mm"):
+        with pytest.raises(UsageError, match="invalid --angle-unit"):
+            read(data, ratio=100, angle_unit=wrong)
+
+
+def test_the_output_says_how_far_the_cam_went_in_a_gap():
+    """Rows lost over half a turn of the cam and more: the output has turned by that over the ratio."""
+    kept = np.random.default_rng(1).random(400) > 0.25
+    kept[100:190] = False  # nine tenths of a turn
+    sparse = np.arange(400) % 60 == 0  # steps of 0.6 of a turn
+    for rows in (kept, sparse):
+        for sense in (1, -1):
+            columns = [np.mod(CAM, 360)[rows], np.mod(sense * CAM / 100 + ERROR / 3600 + 359, 360)[rows]]
+            trace = read_trace(text(columns, "cam_deg,out_deg", digits=7).encode(), TraceForm(), 100, fewest=5)
+            assert trace.cam_deg - trace.cam_deg[0] == pytest.approx(CAM[rows] - CAM[rows][0], abs=1e-4)
+            assert trace.sense == sense
+
+
 def test_angle_of_the_output():
     trace = read(text([CAM / 100, ERROR], "output_deg,error_arcsec", digits=9), ratio=100)
     assert trace.cam_deg == pytest.approx(CAM, abs=1e-5)
