@@ -20,7 +20,7 @@ from hdassist.belief.samples import (
     draw_samples,
     limits_settled,
 )
-from hdassist.belief.statistics import Probability
+from hdassist.belief.statistics import Probability, could_be_sure
 from hdassist.error.error_map import searchable
 from hdassist.error.self_error import limits_left
 from hdassist.model.deviations import standing_offset
@@ -33,9 +33,7 @@ from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.verdict import SURE, Verdict, is_settled, verdict_by_probability
 
-GAIN_DRAWS = (
-    4  # times as many, after which a gain that chance alone leaves open stays so: four times more halve its interval
-)
+GAIN_DRAWS = 4  # times as many, at most, where more could settle whether a turn gains: they halve the interval
 FIRST_TRIALS = 3  # positions to begin trials with
 TURNED_STATES = 700  # that a sample solves for a further position, about
 
@@ -268,17 +266,20 @@ def advise(
             )
         return replace(advice, gain_probability=gain, stay_probability=stay, all_draws=samples.draws)
 
+    def is_open(odds: Probability | None) -> bool:
+        return odds is not None and not is_settled(odds.low, odds.high, needed)
+
     def enough(samples: Samples) -> bool:
-        gain = with_odds(samples).gain_probability
-        enough_for_gain = samples.effective >= GAIN_DRAWS * draws
-        return gain is None or advice.any_hole or enough_for_gain or is_settled(gain.low, gain.high, needed)
+        odds = with_odds(samples)
+        unsettled = [each for each in (odds.gain_probability, odds.stay_probability) if each and is_open(each)]
+        if advice.any_hole or odds.gain_probability not in unsettled:
+            return True
+        return not any(could_be_sure(each, samples.effective, GAIN_DRAWS * draws, needed) for each in unsettled)
 
     advice = with_odds(first)
     if place is None or enough(first):
         return advice
     # a gain needs two positions; whether the present one is nearly as good as the best needs all, unless it is known
-    stay = advice.stay_probability
-    of_gain = stay is None or is_settled(stay.low, stay.high, needed)
-    turns = sorted({0.0, positions[place]}) if of_gain else first.rotations_deg
+    turns = first.rotations_deg if is_open(advice.stay_probability) else sorted({0.0, positions[place]})
     more = draw(rotations_deg=turns, begun=first, enough=enough)
     return replace(with_odds(more), samples=replace(first, certificate=more.certificate))

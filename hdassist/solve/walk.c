@@ -111,7 +111,13 @@ typedef struct {
     double *start;       /* (R) coordinates at the reference */
     double *all;         /* (R) coordinates at the contact set */
     double *input;       /* (m) scratch: what candidates put in at each place */
-    double *values;      /* (M) of all candidates as far as their place decides it */
+    int *first;          /* (m + 1) first candidate at each place */
+    int *touching;       /* candidates that have contact at the reference, -1 behind the last one */
+    double *lower, *upper; /* (m) coordinates of a place between which no value there is negative at the reference */
+    double *least, *most; /* (m) gaps without force of a drive without deviations, least and greatest at a place */
+    double *lever;       /* (2, flanks) of the flanks of each mesh zone, 0 of the other's */
+    double *unloaded;    /* (m) scratch of the certificate: least at places without load, else infinite */
+    int *candidates;     /* (M) scratch of the certificate: candidates at places with load */
     double *panels;      /* compliance in panels of WIDTH columns */
     double *force, *at_place, *moved, *gap, *free, *blocks; /* of a batch */
     int *loaded;
@@ -376,10 +382,26 @@ static double off(const walk *w) {
     return greatest;
 }
 
+/* The next place, from r on, at which a value is negative as far as its coordinate decides it; m behind the last one. */
+static int next_outside(const walk *w, int r) {
+    const int m = w->system->m;
+    for (; r < m && r % 32; r++)
+        if (w->all[r] < w->lower[r] || w->all[r] > w->upper[r]) return r;
+    for (; r + 32 <= m; r += 32) { /* mostly there is none */
+        int outside = 0;
+        SIMD(omp simd reduction(| : outside))
+        for (int i = r; i < r + 32; i++) outside |= (w->all[i] < w->lower[i]) | (w->all[i] > w->upper[i]);
+        if (outside) break;
+    }
+    for (; r < m; r++)
+        if (w->all[r] < w->lower[r] || w->all[r] > w->upper[r]) return r;
+    return m;
+}
+
 /* Find the contact set of the state whose values at the reference are in w->start; 0 where it is given up. */
 static int settle(walk *w) {
     const contact_system *s = w->system;
-    const int M = s->M, R = s->m + s->free;
+    const int R = s->m + s->free;
     long count = 0, made = 0;
     for (;;) {
         enter(w);
@@ -414,12 +436,10 @@ static int settle(walk *w) {
             make_anew(w);
             continue;
         }
-        const double *values = w->values;
-        for (int i = 0; i < M; i++) w->values[i] = s->gain[i] * w->all[s->place[i]] + s->constant[i];
-        if (!(least(M, values) < -ZERO)) return 1;
         int more = 0;
-        for (int i = 0; i < M; i++)
-            if (values[i] < -ZERO && w->position[i] < 0) take_in(w, i), more = 1;
+        for (int r = next_outside(w, 0); r < s->m; r = next_outside(w, r + 1))
+            for (int i = w->first[r]; i < w->first[r + 1]; i++)
+                if (value_at(w, w->all, i) < -ZERO && w->position[i] < 0) take_in(w, i), more = 1;
         if (!more) return 1; /* what is negative is in the tableau, and within rounding */
     }
 }
@@ -478,19 +498,37 @@ static void certify(walk *w, int states, double *residual) {
                 for (int i = 0; i < wide; i++) gap[(size_t)(group * ABREAST + j) * m + first + i] = sum[j][i];
         }
     }
+    int among = 0; /* candidates at places with load in a group of states: elsewhere the least gap at a place decides */
     for (int j = 0; j < states; j++) {
         const double *F = w->force + (size_t)j * M, *closed = gap + (size_t)j * m, *moved = w->moved + (size_t)j * m;
         double force = 2.3e-308, gap_size = 2.3e-308, pushed = 0, pulled = 0, both = 0, off = 0, finite = 0;
-        SIMD(omp simd reduction(max : force, gap_size, pushed, pulled, both) reduction(+ : finite))
-        for (int i = 0; i < M; i++) {
+        if (j % ABREAST == 0) {
+            const int *loaded = w->loaded + (size_t)(j / ABREAST) * m;
+            memcpy(w->unloaded, w->least, sizeof(double) * m);
+            among = 0;
+            for (int l = 0; l < count[j / ABREAST]; l++) {
+                w->unloaded[loaded[l]] = INFINITY;
+                for (int i = w->first[loaded[l]]; i < w->first[loaded[l] + 1]; i++) w->candidates[among++] = i;
+            }
+        }
+        SIMD(omp simd reduction(max : gap_size, pushed) reduction(+ : finite))
+        for (int r = 0; r < m; r++) {
+            const double low = fabs(w->least[r] + moved[r]), high = fabs(w->most[r] + moved[r]);
+            const double widest = low > high ? low : high, negative = -(w->unloaded[r] + moved[r] + closed[r]);
+            gap_size = widest > gap_size ? widest : gap_size;
+            pushed = negative > pushed ? negative : pushed;
+            finite += widest + fabs(closed[r]);
+        }
+        SIMD(omp simd reduction(max : force, pushed, pulled, both) reduction(+ : finite))
+        for (int c = 0; c < among; c++) {
+            const int i = w->candidates[c];
             const double g0 = s->delta_p[i] + moved[s->place[i]], g = g0 + closed[s->place[i]] + F[i] * s->local[i];
-            const double size_F = fabs(F[i]), size_0 = fabs(g0), product = fabs(F[i] * g);
+            const double size_F = fabs(F[i]), product = fabs(F[i] * g);
             force = size_F > force ? size_F : force;
-            gap_size = size_0 > gap_size ? size_0 : gap_size;
             pulled = -F[i] > pulled ? -F[i] : pulled;
             pushed = -g > pushed ? -g : pushed;
             both = product > both ? product : both;
-            finite += size_F + size_0 + fabs(g); /* comparisons pass over what is not a number; a sum does not */
+            finite += size_F + fabs(g); /* comparisons pass over what is not a number; a sum does not */
         }
         for (int f = 0; f < FREEDOMS; f++) {
             finite += fabs(balance[j][f]);
@@ -507,14 +545,17 @@ static void certify(walk *w, int states, double *residual) {
 }
 
 /* Sums of the forces of one state at the places. */
-static void sum_up(const contact_system *s, const double *F, size_t j, answers *out) {
-    double moment[2] = {0, 0}, greatest = 0, at_edge = 0;
+static void sum_up(const walk *w, const double *F, size_t j, answers *out) {
+    const contact_system *s = w->system;
+    double greatest = 0, at_edge = 0;
+    SIMD(omp simd reduction(max : greatest, at_edge))
     for (int flank = 0; flank < s->flanks; flank++) {
-        moment[s->zone[flank]] += F[flank] * s->lever[flank];
+        const double on_edge = s->edge[flank] ? F[flank] : 0.0;
         greatest = F[flank] > greatest ? F[flank] : greatest;
-        if (s->edge[flank] && F[flank] > at_edge) at_edge = F[flank];
+        at_edge = on_edge > at_edge ? on_edge : at_edge;
     }
-    out->moment[2 * j] = moment[0], out->moment[2 * j + 1] = moment[1];
+    for (int zone = 0; zone < 2; zone++)
+        out->moment[2 * j + zone] = product(s->flanks, F, w->lever + (size_t)zone * s->flanks, NULL);
     out->tooth_force[j] = greatest, out->edge_force[j] = at_edge;
     if (out->pull)
         for (int c = 0; c < s->columns; c++)
@@ -544,7 +585,8 @@ void walk_free(walk *w) {
     if (!w) return;
     void *rooms[] = {w->candidate, w->position, w->changed, w->last, w->tableau, w->value, w->correction, w->start,
                      w->rows[0], w->columns[0],
-                     w->all, w->input, w->values, w->panels, w->force, w->at_place, w->moved, w->gap, w->free, w->blocks,
+                     w->all, w->input, w->first, w->touching, w->lower, w->least, w->lever, w->unloaded,
+                     w->candidates, w->panels, w->force, w->at_place, w->moved, w->gap, w->free, w->blocks,
                      w->loaded};
     for (size_t k = 0; k < sizeof rooms / sizeof *rooms; k++) free_aligned(rooms[k]);
     free(w);
@@ -565,20 +607,41 @@ walk *walk_new(const contact_system *s) {
         w->rows[q] = w->rows[0] + q * widest, w->columns[q] = w->columns[0] + q * widest;
     w->value = room(M, sizeof(double)), w->correction = room(M, sizeof(double));
     w->start = room(R, sizeof(double)), w->all = room(R, sizeof(double));
-    w->input = room(m, sizeof(double)), w->values = room(M, sizeof(double));
+    w->input = room(m, sizeof(double)), w->unloaded = room(m, sizeof(double));
+    w->first = room(m + 1, sizeof(int)), w->touching = room(M + 1, sizeof(int)), w->candidates = room(M, sizeof(int));
+    w->lower = room(2 * m, sizeof(double)), w->least = room(2 * m, sizeof(double));
+    w->lever = room(2 * (size_t)s->flanks, sizeof(double));
     w->panels = room(panels * m * WIDTH, sizeof(double));
     w->force = room(BATCH * M, sizeof(double)), w->at_place = room(BATCH * m, sizeof(double));
     w->moved = room(BATCH * m, sizeof(double)), w->gap = room(BATCH * m, sizeof(double));
     w->free = room(BATCH * (size_t)s->free, sizeof(double));
     w->blocks = room((BATCH + ABREAST) * (m + FREEDOMS), sizeof(double));
     if (!(w->candidate && w->position && w->loaded && w->changed && w->last && w->tableau && w->rows[0] && w->columns[0] && w->value && w->correction &&
-          w->start && w->all && w->input && w->values && w->panels && w->force && w->at_place && w->moved && w->gap && w->free &&
+          w->start && w->all && w->input && w->first && w->touching && w->lower && w->least && w->lever && w->unloaded &&
+          w->candidates && w->panels && w->force && w->at_place && w->moved && w->gap && w->free &&
           w->blocks)) {
         walk_free(w);
         return NULL;
     }
     widen(w, FEW);
     for (size_t i = 0; i < M; i++) w->position[i] = -1;
+    w->upper = w->lower + m, w->most = w->least + m;
+    int *touching = w->touching;
+    for (size_t i = 0; i < M; i++) {
+        const int r = s->place[i];
+        if (i == 0 || r != s->place[i - 1]) {
+            w->first[r] = i;
+            w->lower[r] = -INFINITY, w->upper[r] = INFINITY;
+            w->least[r] = w->most[r] = s->delta_p[i];
+        }
+        const double bound = (-ZERO - s->constant[i]) / s->gain[i];
+        if (s->gain[i] > 0) w->lower[r] = fmax(w->lower[r], bound);
+        else w->upper[r] = fmin(w->upper[r], bound);
+        w->least[r] = fmin(w->least[r], s->delta_p[i]), w->most[r] = fmax(w->most[r], s->delta_p[i]);
+        if (s->contact[i]) *touching++ = i;
+    }
+    w->first[m] = M, *touching = -1;
+    for (int flank = 0; flank < s->flanks; flank++) w->lever[s->zone[flank] * s->flanks + flank] = s->lever[flank];
     for (size_t k = 0; k < m; k++)
         for (size_t i = 0; i < m; i++) w->panels[(i / WIDTH * m + k) * WIDTH + i % WIDTH] = s->compliance[k * m + i];
     return w;
@@ -605,6 +668,7 @@ long walk_solve(walk *w, long states, const double *scalars, const double *tooth
         memcpy(w->start, s->law, sizeof(double) * R);
         memset(moved, 0, sizeof(double) * m);
         memset(at_place, 0, sizeof(double) * m);
+        memset(F, 0, sizeof(double) * M);
         add_columns(R, s->p, scalars + (size_t)j * s->p, s->law + R, NULL, w->start);
         add_columns(m, s->p, scalars + (size_t)j * s->p, s->map, NULL, moved);
         if (tooth_gaps) {
@@ -617,22 +681,21 @@ long walk_solve(walk *w, long states, const double *scalars, const double *tooth
         if (!isfinite(sum) || w->lost >= LOST || !settle(w)) {
             back_to_reference(w);
             given_up++;
-            memset(F, 0, sizeof(double) * M);
             memset(free, 0, sizeof(double) * s->free);
             give_up(s, j, out);
         } else {
-            for (int i = 0; i < M; i++) F[i] = w->values[i] > 0 ? w->values[i] * s->value_force[i] : 0.0;
+            for (const int *i = w->touching; *i >= 0; i++) {
+                const double value = value_at(w, w->all, *i);
+                F[*i] = value > 0 ? value * s->value_force[*i] : 0.0;
+            }
             for (int k = 0; k < w->n; k++)
                 if (w->changed[k]) F[w->candidate[k]] = w->value[k] > 0 ? w->value[k] * s->other_force[w->candidate[k]] : 0.0;
-            for (int i = 0; i < M;) {
-                const int here = s->place[i];
-                double sum = 0;
-                for (; i < M && s->place[i] == here; i++) sum += F[i];
-                at_place[here] = sum;
-            }
+            for (const int *i = w->touching; *i >= 0; i++) at_place[s->place[*i]] += F[*i];
+            for (int k = 0; k < w->n; k++)
+                if (w->changed[k] && !s->contact[w->candidate[k]]) at_place[s->place[w->candidate[k]]] += F[w->candidate[k]];
             for (int f = 0; f < s->free; f++) free[f] = w->all[m + f] * s->dual_unit[f];
             out->rotation[j] = free[s->freedom[s->rotation]];
-            sum_up(s, at_place, j, out);
+            sum_up(w, at_place, j, out);
         }
         if (++held == BATCH || j == states - 1) {
             certify(w, held, out->residual + 4 * (size_t)first);

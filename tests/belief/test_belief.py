@@ -13,7 +13,13 @@ from hdassist.belief.influence import influences, shares_of_variance
 from hdassist.belief.measure import measurements
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import KEPT_LIKELIHOOD, SamplingEffort, draw_samples
-from hdassist.belief.statistics import effective_number, probability_of, weighted_quantile
+from hdassist.belief.statistics import (
+    could_be_sure,
+    effective_number,
+    probability_by_share,
+    probability_of,
+    weighted_quantile,
+)
 from hdassist.calibration.quantities import REPORTING, TargetQuantities
 from hdassist.calibration.targets import CalibrationTarget
 from hdassist.error.stiffness import stiffness
@@ -285,3 +291,13 @@ def test_the_interval_of_a_percentile_holds_the_true_one(by_C_3):
         some = replace(by_C_3, F_ior_arcsec=rng.standard_normal((256, 1)) + 10)
         inside.append(abs(some.percentile(0.95, 0) - norm.ppf(0.95) - 10) < 1.96 * some.percentile_error(0.95, 0))
     assert sum(inside) >= 85
+
+
+def test_more_samples_are_worth_drawing_only_as_long_as_they_could_make_sure():
+    def worth(hits: int, of: int = 64, most: int = 256) -> bool:
+        return could_be_sure(probability_by_share(hits / of, of), of, most, 0.95)
+
+    # 256 samples are sure from 249 hits on: 64 with 58 hits would need more than the upper end of their interval
+    assert [worth(hits) for hits in (32, 58, 62, 64)] == [False, False, True, True]
+    assert [worth(64 - hits) for hits in (58, 62, 64)] == [False, True, True]
+    assert not worth(247, of=256)  # all are drawn

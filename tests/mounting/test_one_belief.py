@@ -17,6 +17,7 @@ from hdassist.mounting.advice import advise
 from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.run.run import Run
+from hdassist.verdict import is_settled
 from tests.process import TINY, run
 
 OPEN = (
@@ -147,6 +148,18 @@ def test_further_draws_for_an_open_gain_have_the_two_positions_that_it_lies_betw
     assert advice.gain_probability == gain  # as of draws with all positions
     of_first = every.certificate.states * advice.samples.draws / count
     assert of_first < proof.states < (of_first + every.certificate.states) / 2
+
+
+def test_no_further_draws_where_they_could_not_settle_a_gain():
+    drive = drive_of("phases.xi_b=200±90")
+    turns = seat_positions(drive)
+    gain = advise(drive, (4.0,), turns, draws=40, run=Run(seed=3)).gain_probability
+    needed = 1 - gain.low - 1e-3  # open, as a smaller gain might be as improbable as that
+    assert not is_settled(gain.low, gain.high, needed)
+    advice = advise(drive, (4.0,), turns, draws=40, needed=needed, run=Run(seed=3))
+    assert advice.all_draws == advice.samples.draws
+    assert advice.gain_probability == gain
+    assert advice.order == "none"
 
 
 def test_a_catalogue_is_heard_by_mount():
