@@ -18,18 +18,16 @@ from hdassist.commands.accept import AcceptOptions
 from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.json_parts import Json
 from hdassist.pages import accept as page
-from hdassist.pages import accept_lot as lot_page
 from hdassist.pages.accept_junit import junit
+from hdassist.pages.accept_lot import lot_report
 from hdassist.report.report import Report
 from hdassist.run.kept import Kept, KeptOwner, open_kept
 from hdassist.run.processes import count, workers
 from hdassist.run.run import Run
 from hdassist.run.stops import at_stop
 from hdassist.runfiles import note_input
-from hdassist.terminal.answers import json_text
 from hdassist.terminal.files import write_text
 from hdassist.terminal.output import complain, note
-from hdassist.terminal.page import report_page
 from hdassist.terminal.runs import give, run_each
 from hdassist.terminal.wheels import say_notes
 from hdassist.verdict import worst_exit_code
@@ -82,10 +80,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
         note(f"{lot.file}: {text}")
     for file in (file for row in lot.rows for file in row.request.files()):
         note_input(file)
-    shown = not (options.json or options.takes_stdout or out.csv == "-")
-    width = max(len(row.request.serial) for row in lot.rows)
     done: list[AcceptAnswer] = []
-    lines: list[str] = []
     owner = KeptOwner(command="accept", inputs={"lot": lot.sha256})
     with open_kept(options.lines_file, owner, ANSWERS, force=not options.resume, any_inputs=True) as kept:
         known = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
@@ -113,11 +108,6 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
                     complain(HdassistError(f"{page.title(answer)}: {error.message}", error.hint, error.code))
                 if options.jsonl == "-":
                     write_text("-", to_lines([answer]), out.force)
-                if shown:
-                    words = lot_page.lot_line(answer, width, is_short=options.quiet)
-                    lines.append(out.style.text(words) + "\n")
-                    if out.target == "-":
-                        out.text(lines.pop())
         if options.resume:
             kept.rewrite(done)  # in the order of the rows, each once
         kept.require_there()
@@ -125,13 +115,8 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
         note(f"wrote {options.lines_file}")
     if options.verbose:
         note(f"{lot.file}: {time.monotonic() - begun:.1f} s")
-    if options.json:
-        out.text(json_text(lot_page.accept_lot_json(lot, done)))
-    elif shown:
-        if not options.quiet:
-            summary = report_page(lot_page.lot_report(lot, done), out.style, details=options.details)
-            lines += ["\n", out.page(summary)]
-        out.text("".join(lines))
+    report = lot_report(lot, done)
+    give("accept", [replace(report, head="") if options.takes_stdout else report], options, out)
     _write_tables(options, lot.file, done, {"lot_sha256": lot.sha256, "seed": base.seed})
     return worst_exit_code(answer.exit_code for answer in done)
 
@@ -141,7 +126,7 @@ def _write_tables(options: AcceptOptions, name: str, answers: Sequence[AcceptAns
     if options.csv is not None:
         write_text(options.csv, page.csv(answers), options.force)
     if options.junit is not None:
-        write_text(options.junit, junit(name, answers, facts), options.replaces_suite)
+        write_text(options.junit, junit(name, answers, facts), options.force)
 
 
 def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[AcceptAnswer | None]:

@@ -21,12 +21,12 @@ from hdassist.acceptance.answer import answer_json, read_answers, to_lines
 from hdassist.acceptance.lot import LotRow, is_lot, read_lot
 from hdassist.acceptance.replay import RELATIVE, answer_differences, still_stands
 from hdassist.acceptance.request import Reading, Request
+from hdassist.acceptance.statistics import Z, lot_summary, quantiles, wilson
 from hdassist.acceptance.work import answer_rows, failure_of
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.pages import accept_lot as report
 from hdassist.pages.accept import csv as figures
 from hdassist.pages.accept import title
-from hdassist.pages.accept_lot import Z, quantiles, summary, wilson
 from hdassist.readers.wheels import WheelFiles
 from hdassist.version import __version__
 from tests.paper import on_paper
@@ -223,7 +223,7 @@ def test_a_bug_in_one_row_is_its_own(lot, monkeypatch):
 
 
 def test_summary_counts_and_spreads(told):
-    found = summary(told)
+    found = lot_summary(told)
     assert found["verdicts"] == {"PASS": 4, "FAIL": 1, "INCONCLUSIVE": 0}
     assert (found["drives"], found["broken"], found["broken_share"]) == (6, 1, 1 / 6)
     assert found["yield"]["share"] == 4 / 5
@@ -231,7 +231,7 @@ def test_summary_counts_and_spreads(told):
     assert [stated[key] for key in ("values", "least", "median", "greatest")] == [3, 20, 21, 22]
     assert stated["quantile_05"] == pytest.approx(20.1)
     bound = replace(told[0], checks=(replace(told[0].checks[0], extent="at least"),))
-    (row,) = summary([bound])["checks"]
+    (row,) = lot_summary([bound])["checks"]
     assert (row["values"], row["of_part_only"], row["median"]) == (0, 1, None)
 
 
