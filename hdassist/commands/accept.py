@@ -138,10 +138,10 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         if self.preset == "-":
             raise UsageError("rows of a lot cannot read standard input", "--preset FILE")
         if self.replay is not None:
-            if lots or self.csv or self.has_lines or base != Request(""):
-                words = "no other options than PRESET, --json, -o, --jobs"
+            if self.presets or self.csv or self.has_lines or base != Request(""):
+                words = "no PRESET, and no other options than --json, -o, --jobs"
                 raise UsageError("--replay does what its answer says", words)
-            return replay_answers(self.replay, self.presets, self)
+            return replay_answers(self.replay, self)
         return accept_lot(lots[0], base, self) if lots else accept_presets(self.presets, base, self)
 
     def request(self) -> Request:

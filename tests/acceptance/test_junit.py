@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from xml.dom.minidom import Element, parseString
@@ -15,7 +14,7 @@ from hdassist.acceptance.answer import AcceptAnswer, Note
 from hdassist.acceptance.lot import read_lot
 from hdassist.acceptance.request import Request
 from hdassist.acceptance.statistics import lot_summary
-from hdassist.acceptance.work import answer_rows
+from hdassist.acceptance.work import LotWork
 from hdassist.pages.accept_junit import junit
 
 SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
@@ -47,8 +46,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> list[AcceptAnswer]:
     table = tmp_path_factory.mktemp("lot") / "lot.csv"
     table.write_text(ROWS, encoding="utf-8")
     lot = read_lot(str(table), Request(SMALL, measured_only=True))
-    with ThreadPoolExecutor(1) as executor:
-        return list(answer_rows(lot.rows, executor, jobs=1))
+    return LotWork(lot.rows)(0, len(lot.rows))
 
 
 def elements(parent: Element, name: str) -> list[Element]:
