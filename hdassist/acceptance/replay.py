@@ -22,38 +22,36 @@ ROUNDING = 1e-12  # how far in any case: residuals of another processor
 NOT_COMPARED = ("version", "time", "request", "place", "message", "hint", "max_difference_arcsec")
 
 
-def require_same_files(answer: AcceptAnswer, request: Request) -> None:
-    """Raise DataError where a file of a request is not as it was for an answer, or was standard input.
+def changed_file(answer: AcceptAnswer) -> DataError | None:
+    """The fault of the first file of an answer that is not as it was, or was standard input.
 
     An answer of an error never got as far as its hashes.
     """
+    if answer.request is None:
+        return None
     recorded = {each["file"]: each["sha256"] for each in (*answer.measured, *answer.pitch)}
-    recorded[request.preset] = answer.preset.sha256
-    for file in request.files():
+    recorded[answer.request.preset] = answer.preset.sha256
+    for file in answer.request.files():
         if file == "-":
-            hint = "save it, and name the file; of a preset: hdassist accept --replay RESULT PRESET"
-            raise DataError("the preset or a file was read from standard input, which is gone", hint)
+            words = "the preset or a file was read from standard input, which is gone"
+            return DataError(words, "save it, and accept it as a file")
         if answer.error:
             continue
         try:
-            data = read_preset(file)[0] if file == request.preset else read_bytes(file, MAX_TRACE_BYTES + 1)[0]
+            data = read_preset(file)[0] if file == answer.request.preset else read_bytes(file, MAX_TRACE_BYTES + 1)[0]
         except DataError:
-            hint = "paths count from the folder in which the answer was made"
-            raise DataError(f"{file} cannot be read", hint) from None
+            words = "paths count from the folder in which the answer was made"
+            return DataError(f"{file} cannot be read", words)
         if (now := hashlib.sha256(data).hexdigest()) != recorded.get(file):
             then = f"sha256 {str(recorded.get(file))[:12]}... when the answer was made, {now[:12]}... now"
-            raise DataError(f"{file} has changed: {then}", "hdassist accept makes a new answer")
+            return DataError(f"{file} has changed: {then}", "hdassist accept makes a new answer")
+    return None
 
 
 def still_stands(answer: AcceptAnswer, request: Request) -> bool:
     """Whether an answer is what a request would get again: same version, options and files, and no error."""
-    if (answer.version, answer.request, answer.error) != (__version__, request, None):
-        return False
-    try:
-        require_same_files(answer, request)
-    except DataError:
-        return False
-    return True
+    same = (answer.version, answer.request, answer.error) == (__version__, request, None)
+    return same and changed_file(answer) is None
 
 
 @dataclass(frozen=True)

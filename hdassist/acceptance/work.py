@@ -1,13 +1,10 @@
-"""Drives worked on by several processes: answers come in their order."""
+"""The rows of a lot as work for `run/stream`: each row's answer is that of its drive alone."""
 
 from __future__ import annotations
 
 import traceback
-from collections import Counter, deque
-from collections.abc import Hashable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from dataclasses import replace
-from itertools import islice
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from hdassist.acceptance.accept import accept
 from hdassist.acceptance.answer import AcceptAnswer, ErrorRecord, PresetRecord, now
@@ -18,62 +15,26 @@ from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.version import __version__
 
 
-def answer_rows(
-    rows: Sequence[LotRow], executor: Executor, *, jobs: int, debug: bool = False
-) -> Iterator[AcceptAnswer]:
-    """An answer for each row, in their order; the fault of a row is its answer.
+@dataclass(frozen=True)
+class LotWork:
+    """Rows to answer; debug: whether a bug in a row is raised, and no answer."""
 
-    Each different drive is predicted once, then its rows are answered: an answer says the same as if its drive were
-    alone. jobs: processes of the executor, and so drives that are predicted at a time; an interrupt loses what is done
-    out of order.
-    """
-    keys = [None if row.fault or row.request.measured_only else _drive_key(row.request) for row in rows]
-    left, predicted = Counter(keys), dict[Hashable, Future[Predictions | None]]()
-    to_predict = iter({key: row.request for key, row in zip(keys, rows, strict=True) if key}.items())
-    answered: deque[Future[AcceptAnswer]] = deque()
-    for key, row in zip(keys, rows, strict=True):
-        while key and not (key in predicted and predicted[key].done()):
-            running = [each for each in predicted.values() if not each.done()]
-            for name, request in islice(to_predict, jobs - len(running)):
-                predicted[name] = executor.submit(_predict, request)
-                running.append(predicted[name])
-            while answered:  # before a wait that may be long
-                yield answered.popleft().result()
-            wait(running, return_when=FIRST_COMPLETED)
+    rows: tuple[LotRow, ...]
+    debug: bool = False
+
+    def __call__(self, first: int, last: int) -> list[AcceptAnswer]:
+        """Answers to the rows first ... last - 1."""
+        return [answer_row(row, debug=self.debug) for row in self.rows[first:last]]
+
+
+def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
+    """The answer of a row; whatever is wrong with it is its answer."""
+    try:
         if row.fault:
-            answered.append(Future())
-            answered[-1].set_result(failure_of(row, row.fault))
-        else:
-            answered.append(executor.submit(_answer, row, predicted[key].result() if key else None, debug))
-        left[key] -= 1
-        if not left[key]:
-            predicted.pop(key, None)
-        while answered and (answered[0].done() or len(answered) > jobs):
-            yield answered.popleft().result()
-    while answered:
-        yield answered.popleft().result()
-
-
-def _drive_key(request: Request) -> Hashable:
-    """Key of equal predictions: all of a request but the serial, the files and the values measured."""
-    measured = tuple(torque_and_file(text)[0] for text in request.measured)
-    return replace(request, serial="", measured=measured, values=tuple(text.split("=")[0] for text in request.values))
-
-
-def _predict(request: Request) -> Predictions | None:
-    """Predictions of a drive; None where there are none, which the rows themselves then say."""
-    try:
-        drive = request.load()
-        return request.predict(drive, request.read_wheels(drive))
-    except Exception:  # a bug too: each row meets it again when it is answered, and says it with its place
-        return None
-
-
-def _answer(row: LotRow, predictions: Predictions | None, debug: bool) -> AcceptAnswer:
-    try:
+            raise row.fault
         drive = row.request.load()
         inputs = row.request.read(drive)
-        predictions = predictions or row.request.predict(drive, inputs.wheels)
+        predictions = None if row.request.measured_only else predicted(_prediction_key(row.request))
         return accept(row.request, inputs, predictions, row.place)
     except HdassistError as error:
         return failure_of(row, error)
@@ -85,6 +46,20 @@ def _answer(row: LotRow, predictions: Predictions | None, debug: bool) -> Accept
         where = traceback.extract_tb(bug.__traceback__)[-1]
         words = f"internal error: {type(bug).__name__}: {bug} ({where.name})"
         return failure_of(row, HdassistError(words, "this is a bug in hdassist; --debug shows where"))
+
+
+@lru_cache(maxsize=2)
+def predicted(request: Request) -> Predictions | None:
+    """Predictions of a drive, kept for the next row in this process that needs the same."""
+    drive = request.load()
+    return request.predict(drive, request.read_wheels(drive))
+
+
+def _prediction_key(request: Request) -> Request:
+    """A request without what predictions do not depend on: serial, files and values that were measured."""
+    measured = tuple(f"{torque}=" * bool(torque) for torque, _ in map(torque_and_file, request.measured))
+    values = tuple(f"{text.partition('=')[0]}=0±0" for text in request.values)
+    return replace(request, serial="", measured=measured, values=values)
 
 
 def failure_of(row: LotRow, error: HdassistError) -> AcceptAnswer:

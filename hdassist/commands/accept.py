@@ -42,13 +42,6 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         """Whether there is a file that a drive without an answer stands in too."""
         return self.jsonl is not None or self.junit is not None
 
-    @property
-    def replaces_suite(self) -> bool:
-        """Whether the file of --junit may be replaced: a lot that goes on replaces that of its last run."""
-        from hdassist.pages.accept_junit import is_suite_of_lot
-
-        return self.force or (self.resume and self.junit is not None and is_suite_of_lot(self.junit))
-
     def open(self) -> Output:
         """Where answers go. Raises UsageError and DataError unless each file has its own place, and can be written."""
         from hdassist.terminal.files import take_output
@@ -61,7 +54,7 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         if self.jsonl is not None:
             take_output(self.jsonl, self.force, is_kept=self.resume)
         if self.junit is not None:
-            take_output(self.junit, self.replaces_suite)
+            take_output(self.junit, self.force)
         return out
 
 
@@ -145,10 +138,10 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         if self.preset == "-":
             raise UsageError("rows of a lot cannot read standard input", "--preset FILE")
         if self.replay is not None:
-            if lots or self.csv or self.has_lines or base != Request(""):
-                words = "no other options than PRESET, --json, -o, --jobs"
+            if self.presets or self.csv or self.has_lines or base != Request(""):
+                words = "no PRESET, and no other options than --json, -o, --jobs"
                 raise UsageError("--replay does what its answer says", words)
-            return replay_answers(self.replay, self.presets, self)
+            return replay_answers(self.replay, self)
         return accept_lot(lots[0], base, self) if lots else accept_presets(self.presets, base, self)
 
     def request(self) -> Request:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import closing
 from dataclasses import replace
 
 from hdassist.acceptance.accept import accept
@@ -11,25 +12,25 @@ from hdassist.acceptance.answer import ANSWERS, AcceptAnswer, answer_json, read_
 from hdassist.acceptance.limits import limits_of
 from hdassist.acceptance.lot import Lot, LotRow, read_lot
 from hdassist.acceptance.predictions import prediction_states
-from hdassist.acceptance.replay import require_same_files, still_stands
+from hdassist.acceptance.replay import changed_file, still_stands
 from hdassist.acceptance.request import Request
-from hdassist.acceptance.work import answer_rows, failure_of
+from hdassist.acceptance.work import LotWork, failure_of
 from hdassist.commands.accept import AcceptOptions
-from hdassist.errors import DataError, HdassistError, UsageError
+from hdassist.errors import HdassistError, UsageError
 from hdassist.json_parts import Json
 from hdassist.pages import accept as page
-from hdassist.pages import accept_lot as lot_page
 from hdassist.pages.accept_junit import junit
+from hdassist.pages.accept_lot import lot_report
 from hdassist.report.report import Report
+from hdassist.run.cluster import pools
 from hdassist.run.kept import Kept, KeptOwner, open_kept
-from hdassist.run.processes import count, workers
+from hdassist.run.processes import workers
 from hdassist.run.run import Run
 from hdassist.run.stops import at_stop
+from hdassist.run.stream import stream
 from hdassist.runfiles import note_input
-from hdassist.terminal.answers import json_text
 from hdassist.terminal.files import write_text
-from hdassist.terminal.output import complain, note
-from hdassist.terminal.page import report_page
+from hdassist.terminal.output import Output, complain, note
 from hdassist.terminal.runs import give, run_each
 from hdassist.terminal.wheels import say_notes
 from hdassist.verdict import worst_exit_code
@@ -82,10 +83,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
         note(f"{lot.file}: {text}")
     for file in (file for row in lot.rows for file in row.request.files()):
         note_input(file)
-    shown = not (options.json or options.takes_stdout or out.csv == "-")
-    width = max(len(row.request.serial) for row in lot.rows)
     done: list[AcceptAnswer] = []
-    lines: list[str] = []
     owner = KeptOwner(command="accept", inputs={"lot": lot.sha256})
     with open_kept(options.lines_file, owner, ANSWERS, force=not options.resume, any_inputs=True) as kept:
         known = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
@@ -97,27 +95,16 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
             return f"{is_known + kept.done - before} of {len(lot.rows)} rows {words}"
 
         to_do = [row for row, answer in zip(lot.rows, known, strict=True) if answer is None]
-        with (
-            at_stop(state),
-            out.progress(lot.file, len(to_do)) as progress,
-            workers(options.jobs) as executor,
-        ):
-            fresh = answer_rows(to_do, executor, jobs=count(options.jobs), debug=options.debug)
+        with at_stop(state), closing(_answers(to_do, lot.file, options, out)) as fresh:
             for there in known:
                 answer = there or next(fresh)
                 if there is None:
-                    progress(1)
                     kept.append([answer])
                 done.append(answer)
                 if error := answer.error:
                     complain(HdassistError(f"{page.title(answer)}: {error.message}", error.hint, error.code))
                 if options.jsonl == "-":
                     write_text("-", to_lines([answer]), out.force)
-                if shown:
-                    words = lot_page.lot_line(answer, width, is_short=options.quiet)
-                    lines.append(out.style.text(words) + "\n")
-                    if out.target == "-":
-                        out.text(lines.pop())
         if options.resume:
             kept.rewrite(done)  # in the order of the rows, each once
         kept.require_there()
@@ -125,13 +112,8 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
         note(f"wrote {options.lines_file}")
     if options.verbose:
         note(f"{lot.file}: {time.monotonic() - begun:.1f} s")
-    if options.json:
-        out.text(json_text(lot_page.accept_lot_json(lot, done)))
-    elif shown:
-        if not options.quiet:
-            summary = report_page(lot_page.lot_report(lot, done), out.style, details=options.details)
-            lines += ["\n", out.page(summary)]
-        out.text("".join(lines))
+    report = lot_report(lot, done)
+    give("accept", [replace(report, head="") if options.takes_stdout else report], options, out)
     _write_tables(options, lot.file, done, {"lot_sha256": lot.sha256, "seed": base.seed})
     return worst_exit_code(answer.exit_code for answer in done)
 
@@ -141,7 +123,7 @@ def _write_tables(options: AcceptOptions, name: str, answers: Sequence[AcceptAns
     if options.csv is not None:
         write_text(options.csv, page.csv(answers), options.force)
     if options.junit is not None:
-        write_text(options.junit, junit(name, answers, facts), options.replaces_suite)
+        write_text(options.junit, junit(name, answers, facts), options.force)
 
 
 def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[AcceptAnswer | None]:
@@ -165,32 +147,32 @@ def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[A
     return found
 
 
-def replay_answers(path: str, presets: Sequence[str], options: AcceptOptions) -> int:
-    """Do the answers of a file again; returns the exit code.
-
-    Arguments: path of --json or --jsonl; presets, one at most, in place of the recorded one; options.
-    Raises DataError: no file of answers; UsageError: several presets, or one for several answers.
-    """
+def replay_answers(path: str, options: AcceptOptions) -> int:
+    """Do the answers of a file of --json or --jsonl again; returns the exit code. Raises DataError: no such file."""
     out, recorded = options.open(), read_answers(path)
-    if presets and len(presets) + len(recorded) > 2:
-        raise UsageError("a preset for --replay takes the place of that of one answer")
-    rows: list[LotRow] = []
-    faults: list[DataError | None] = []
-    for answer in recorded:
-        fault = None
-        if answer.request:
-            row = LotRow(replace(answer.request, preset=presets[0] if presets else answer.request.preset), answer.place)
-            try:
-                require_same_files(answer, row.request)
-                rows.append(row)
-            except DataError as error:
-                complain(fault := error)
-        faults.append(fault)
-    with out.progress("replay", len(rows)) as progress, workers(options.jobs) as executor:
-        fresh = answer_rows(rows, executor, jobs=count(options.jobs), debug=options.debug)
-        reports = []
-        for answer, fault in zip(recorded, faults, strict=True):
-            now = next(fresh) if answer.request and not fault else None
-            progress(1 if now else 0)
-            reports.append(page.replay_report(answer, now, fault))
+    faults = list(map(changed_file, recorded))
+    for fault in filter(None, faults):
+        complain(fault)
+    pairs = list(zip(recorded, faults, strict=True))
+    rows = [LotRow(answer.request, answer.place) for answer, fault in pairs if answer.request and not fault]
+    with closing(_answers(rows, "replay", options, out)) as fresh:
+        reports = [
+            page.replay_report(answer, None if fault or not answer.request else next(fresh), fault)
+            for answer, fault in pairs
+        ]
     return give("accept-replay", reports, options, out)
+
+
+def _answers(
+    rows: Sequence[LotRow], words: str, options: AcceptOptions, out: Output
+) -> Generator[AcceptAnswer, None, None]:
+    """Answers to rows, in their order, as they come; words beside the bar."""
+    work = LotWork(tuple(rows), options.debug)
+    with (
+        out.progress(words, len(rows)) as progress,
+        pools(None, options.jobs) as pool,
+        closing(stream(work, len(rows), pool=pool)) as chunks,
+    ):
+        for answers in chunks:
+            yield from answers
+            progress(len(answers))

@@ -77,13 +77,11 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         from hdassist.measuring.orders import parse_orders
         from hdassist.measuring.uncertainty import parse_stated
         from hdassist.model.kinematics import Kinematics
-        from hdassist.model.unknown import unknown_notes
         from hdassist.pages.compare import comparison_report
         from hdassist.readers.trace import read_trace
         from hdassist.run.run import Run
         from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.answers import failure
-        from hdassist.terminal.output import warn
         from hdassist.terminal.runs import give, run_each
 
         o.stdin_once(*self.files, self.preset)
@@ -94,7 +92,6 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         how = partial(compare, orders=orders, drift=self.drift, stated=stated)
         drive = load_preset(self.preset, [*self.changes, *o.torque_overrides(self.torque)])
         M_g, form = torque_of(drive), self.form()
-        warnings = dict.fromkeys((*drive.origin.warnings, *unknown_notes(drive)))
 
         def one(name: str) -> Report:
             trace = read_trace(name, form, abs(Kinematics.of(drive).u))
@@ -103,12 +100,9 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
                 run = Run(progress=progress, seed=self.seed)
                 analysis = partial(how, trace, M_g=M_g, convention=convention, run=run)
                 result = in_wide_enough_window(drive, analysis)
-            warnings.update(dict.fromkeys(result.drive.origin.warnings))
             return comparison_report(result)
 
         answers = run_each("compare", self.files, one, self, failed=lambda name, e: failure("compare", e, file=name))
-        for text in warnings:
-            warn(text)
         return give("compare", answers, self, out)
 
     def _compare_presets(self) -> int:

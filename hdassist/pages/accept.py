@@ -29,10 +29,8 @@ RULE_WORDS = {
     "guard": f"guard bands of {GUARD:g} u on each side of a limit",
     "simple": "simple acceptance up to a limit",
 }
-FIRST_COLUMNS = (
-    "code", "M_g_Nm", "per_cam_rev", "basis", "extent", "value", "expanded_uncertainty", "guard", "limit", "limit_is",
-    "margin", "unit", "verdict", "reason",
-)  # fmt: skip
+CHECK_FIELDS = tuple(each.name for each in fields(Decision) if each.name != "belief")
+BELIEF_FIELDS = tuple(each.name for each in fields(Belief))
 NAMED_CHECKS = 2  # reasons below the verdict
 
 
@@ -208,18 +206,25 @@ def title(answer: AcceptAnswer) -> str:
     return shown(name, len(name))
 
 
+def figures(check: Decision | None) -> dict[str, object]:
+    """All that is known of a check, by its name in files; nothing without a check."""
+    own = {name: getattr(check, name, None) for name in CHECK_FIELDS}
+    belief = {f"belief.{name}": getattr(check and check.belief, name, None) for name in BELIEF_FIELDS}
+    return {**own, "unstated": " ".join(check.unstated) if check else None, **belief}
+
+
 def csv(answers: Sequence[AcceptAnswer]) -> str:
     """One row per drive and check; a drive without an answer has a row with its error."""
-    columns = dict.fromkeys([*FIRST_COLUMNS, *(each.name for each in fields(Decision) if each.name != "belief")])
-    of_belief = [each.name for each in fields(Belief)]
-    rows: list[list[object]] = []
-    for answer in answers:
-        error = answer.error.message if answer.error else None
-        for check in answer.checks or [None]:
-            cells = [getattr(check, name, None) for name in columns]
-            cells += [getattr(check and check.belief, name, None) for name in of_belief]
-            texts = [" ".join(cell) if isinstance(cell, tuple) else cell for cell in cells]
-            start, end = (answer.serial, answer.preset.name), provenance(answer).values()
-            rows.append([*start, *texts, answer.exit_code, error, *end])
-    header = ["serial", "preset", *columns, *(f"belief.{name}" for name in of_belief), "exit_code", "error"]
-    return csv_text([*header, *provenance(answers[0])], rows)
+    rows = [
+        {
+            "serial": answer.serial,
+            "preset": answer.preset.name,
+            **figures(check),
+            "exit_code": answer.exit_code,
+            "error": answer.error and answer.error.message,
+            **provenance(answer),
+        }
+        for answer in answers
+        for check in answer.checks or [None]
+    ]
+    return csv_text([*rows[0]], [[*row.values()] for row in rows])

@@ -10,32 +10,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hdassist.acceptance.answer import AcceptAnswer, provenance
 from hdassist.acceptance.decision import Decision
-from hdassist.pages.accept import is_open, measured_option, sentence
+from hdassist.pages.accept import figures, is_open, measured_option, sentence
 from hdassist.visible import visible
 
-STARTS = 100_000  # bytes in which the first suite of a lot says so
 XML_HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
 COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
-JUNIT_NUMBERS = (
-    "value",
-    "expanded_uncertainty",
-    "rise",
-    "guard",
-    "limit",
-    "margin",
-    "unit",
-    "basis",
-    "extent",
-    "verdict",
-)
 
 
 def junit(name: str, answers: Sequence[AcceptAnswer], facts: Mapping[str, Any]) -> str:
@@ -51,16 +36,6 @@ def junit(name: str, answers: Sequence[AcceptAnswer], facts: Mapping[str, Any]) 
     return XML_HEAD + tostring(root, encoding="unicode") + "\n"
 
 
-def is_suite_of_lot(path: str) -> bool:
-    """Whether a file holds suites that `junit` made of a lot."""
-    try:
-        with Path(path).open("rb") as stream:
-            start = stream.read(STARTS).decode("utf-8", "replace")
-    except (OSError, ValueError):
-        return False
-    return start.startswith(f"{XML_HEAD}<testsuites ") and '<property name="lot_sha256" ' in start
-
-
 def _suite(root: Element, answer: AcceptAnswer, facts: Mapping[str, Any]) -> None:
     preset, serial = answer.preset.name, answer.serial
     name = serial or preset
@@ -68,9 +43,7 @@ def _suite(root: Element, answer: AcceptAnswer, facts: Mapping[str, Any]) -> Non
     place = SubElement(suite, "properties")
     known = {"serial": serial, "preset": preset, "status": answer.status, **provenance(answer), **facts}
     for check in answer.checks:
-        figures = {key: getattr(check, key) for key in JUNIT_NUMBERS}
-        figures |= {f"belief.{key}": value for key, value in (asdict(check.belief) if check.belief else {}).items()}
-        known |= {f"{_key(check)}.{key}": value for key, value in figures.items()}
+        known |= {f"{_key(check)}.{key}": value for key, value in figures(check).items()}
     for key, value in known.items():
         if value is not None and value != "":
             SubElement(place, "property", name=key, value=visible(str(value)))

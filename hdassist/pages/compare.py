@@ -9,7 +9,7 @@ import numpy as np
 
 from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison
 from hdassist.comparing.explanations import Explanation, VectorChange, equally_good
-from hdassist.comparing.record import Alignment, OrderAmplitude, OrderPair
+from hdassist.comparing.record import OrderAmplitude, OrderPair
 from hdassist.json_parts import Json
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_notes
@@ -50,6 +50,15 @@ COMPARED_NUMBERS: tuple[Quantity[Comparison], ...] = (
     Quantity("chi_square", "chi-square", "", ".1f", lambda r: r.unchanged.chi_square),
     Quantity("degrees_of_freedom", "  degrees of freedom", "", "", lambda r: r.unchanged.degrees_of_freedom),
 )  # fmt: skip
+ORDER_QUANTITIES: tuple[Quantity[OrderPair], ...] = (
+    Quantity("per_cam_rev", "order", "", ".2f", lambda p: p.per_cam_rev),
+    Quantity("measured", "measured", "", "", lambda p: _amplitude(p.measured)),
+    Quantity("measured.phase_deg", "phase", "", ".0f", lambda p: p.measured.phase_deg),
+    Quantity("predicted", "predicted", "", "", lambda p: _amplitude(p.predicted)),
+    Quantity("predicted.phase_deg", "phase", "", ".0f", lambda p: p.predicted.phase_deg),
+    Quantity("difference", "difference", "", "", lambda p: _amplitude(p.difference)),
+    Quantity("cause", "cause", "", "", lambda p: p.cause),
+)
 FILE: Quantity[Comparison] = Quantity("file", "", "", "", lambda r: r.measurement.trace.file)
 
 
@@ -71,7 +80,7 @@ def comparison_report(result: Comparison) -> Report:
         csv=_csv(result),
         line=" ".join([result.conclusion.kind, *_options(result)]),
         about=trace.file,
-        warnings=result.warnings,
+        warnings=(*result.drive.origin.warnings, *unknown_notes(result.drive), *result.warnings),
     )
 
 
@@ -86,11 +95,13 @@ def _options(result: Comparison) -> list[str]:
     return [word for text in sets for word in ("--set", text)]
 
 
-def _angles(result: Comparison, alignment: Alignment) -> dict[str, float]:
-    """Start and zero of a record by their names, from -180 to 180 deg."""
+def _angles(result: Comparison) -> Iterator[tuple[str, float, float | None]]:
+    """Start and zero of a record: name, angle from -180 to 180 deg, standard uncertainty [deg], None where given."""
+    alignment = result.unchanged.alignment
     start = "phi_g0" if Kinematics.of(result.drive).fixed == "rigid" else "phi_b0"
-    angles = {start: alignment.start_deg, "cam_zero": alignment.zero_deg}
-    return {name: (angle + 180) % 360 - 180 for name, angle in angles.items()}
+    angles = alignment.start_deg, alignment.zero_deg
+    for name, angle, u in zip((start, "cam_zero"), angles, result.uncertainties_deg, strict=True):
+        yield name, (angle + 180) % 360 - 180, u
 
 
 def _why(result: Comparison) -> str:
@@ -137,13 +148,10 @@ def _facts(result: Comparison) -> Iterator[tuple[str, str]]:
 
 def _starts(result: Comparison) -> Iterator[tuple[str, str]]:
     """Angles where the record begins, a name and a text each."""
-    angles = _angles(result, result.unchanged.alignment)
-    for (name, angle), u in zip(angles.items(), result.uncertainties_deg, strict=True):
+    for name, angle, u in _angles(result):
         sure = "given" if u is None else f"fitted, u = {u:.1f}"
-        yield (
-            name,
-            f"{angle:.4g} deg, {sure}" if (u or 0) < UNIDENTIFIABLE_ANGLE else "the record does not determine it",
-        )
+        is_known = u is None or u < UNIDENTIFIABLE_ANGLE
+        yield name, f"{angle:.4g} deg, {sure}" if is_known else "the record does not determine it"
 
 
 def _next(result: Comparison) -> str:
@@ -186,11 +194,8 @@ def _tables(result: Comparison) -> Iterator[Table]:
         return -max(pair.measured.amplitude_arcsec, pair.predicted.amplitude_arcsec)
 
     title = f"amplitude·cos(order·angle + phase), arcsec and deg: the {TABLED_ORDERS} greatest of {len(result.orders)}"
-    heads = ("order", "measured", "phase", "predicted", "phase", "difference", "cause")
     shown = sorted(sorted(result.orders, key=greatest)[:TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
-    cells = [[c for a in (p.measured, p.predicted, p.difference) for c in _amplitude(a)][:5] for p in shown]
-    orders = ((f"{p.per_cam_rev:.2f}", *row, p.cause) for p, row in zip(shown, cells, strict=True))
-    yield Table(title, heads, tuple(orders), words=(0, 6))
+    yield Table.by_row(title, ORDER_QUANTITIES, shown, words=(0, 6))
     if result.singles:
         title = (
             "deviations fitted alone, the best first, and together; ±: standard; left: chi-square per degree of freedom"
@@ -200,11 +205,8 @@ def _tables(result: Comparison) -> Iterator[Table]:
         yield Table(title, columns, tuple(row for found in (*fits, result.joint) if found for row in _rows(found)))
 
 
-def _amplitude(found: OrderAmplitude) -> Iterator[str]:
-    """Cells of amplitude and, where it is of use, phase of an order."""
-    yield _plus_minus(found.amplitude_arcsec, found.uncertainty_arcsec, 2)
-    if found.phase_deg is not None:
-        yield f"{found.phase_deg:.0f}"
+def _amplitude(found: OrderAmplitude) -> str:
+    return _plus_minus(found.amplitude_arcsec, found.uncertainty_arcsec, 2)
 
 
 def _plus_minus(value: float | None, uncertainty: float | None, digits: int = 1) -> str:
@@ -236,15 +238,14 @@ def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
 def _values(result: Comparison) -> Json:
     trace, conclusion, alignment = result.measurement.trace, result.conclusion, result.unchanged.alignment
     best = conclusion.best
-    place: Json = {}
-    for (name, angle), uncertainty in zip(_angles(result, alignment).items(), result.uncertainties_deg, strict=True):
-        place[f"{name}_deg"] = angle
-        place |= {f"{name}_uncertainty_deg": uncertainty, f"{name}_fitted": uncertainty is not None}
-    place["error_is"] = "cam-output" if alignment.sign > 0 else "output-cam"
-    place["cam_sense"] = "ccw" if alignment.sense > 0 else "cw"
+    place: Json = {
+        "error_is": "cam-output" if alignment.sign > 0 else "output-cam",
+        "cam_sense": "ccw" if alignment.sense > 0 else "cw",
+    }
+    for name, angle, u in _angles(result):
+        place |= {f"{name}_deg": angle, f"{name}_uncertainty_deg": u, f"{name}_fitted": u is not None}
     mirror = result.mirror
     return {
-        "warnings": [*result.drive.origin.warnings, *unknown_notes(result.drive), *result.warnings],
         "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
         "notes": list(result.measurement.notes),
         "M_g_Nm": result.M_g,
@@ -253,28 +254,15 @@ def _values(result: Comparison) -> Json:
         "orders": [asdict(pair) for pair in result.orders],
         "finding": {
             "kind": conclusion.kind,
-            **{key: getattr(best, key) if best else empty for key, empty in FINDING.items()},
+            "deviations": best.deviations if best else (),
+            "overrides": best.overrides if best else (),
+            "F_ior_arcsec": best and best.F_ior_arcsec,
         },
         "mirrored": mirror and {"option": " ".join(_options(result)), "difference_rms_arcsec": mirror.rms_arcsec},
-        "singles": [_fit_object(result, single) for single in result.singles],
-        "joint": result.joint and _fit_object(result, result.joint),
+        "singles": [asdict(single) for single in result.singles],
+        "joint": result.joint and asdict(result.joint),
         "seed": result.measurement.seed,
     }
-
-
-FINDING: Json = {"deviations": [], "overrides": [], "F_ior_arcsec": None}
-
-
-def _fit_object(result: Comparison, found: Explanation) -> Json:
-    """One explanation as a JSON object."""
-    left = [
-        {"per_cam_rev": p.per_cam_rev, "amplitude_arcsec": p.difference.amplitude_arcsec, "cause": p.cause}
-        for p in found.orders_left
-    ]
-    angles = {f"{name}_deg": angle for name, angle in _angles(result, found.alignment).items()}
-    fields = asdict(found)
-    del fields["alignment"]
-    return {**fields, "orders_left": left, **angles}
 
 
 def _csv(result: Comparison) -> CsvTable:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
-from itertools import zip_longest
+from dataclasses import asdict, replace
 from string import ascii_uppercase
 
-from hdassist.comparing.drives import DriveChanges, DrivesComparison, ErrorChange, differs
+from hdassist.comparing.drives import DriveChanges, DrivesComparison, ErrorChange
 from hdassist.comparing.sheet import DriveSheet
 from hdassist.design.check import OperatingPoint
 from hdassist.json_parts import Json
@@ -16,7 +15,7 @@ from hdassist.pages import check as check_page
 from hdassist.pages.check import BELIEF, POINT_QUANTITIES
 from hdassist.pages.mount import mount_warnings
 from hdassist.pages.seat import hole_place
-from hdassist.pages.stiffness import WHOLE_QUANTITIES, segment_objects, stiffness_warnings
+from hdassist.pages.stiffness import WHOLE_QUANTITIES, segment_objects, segments_table, stiffness_warnings
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import ResolvedField, value_text
 from hdassist.report.blocks import Facts, Table
@@ -27,6 +26,7 @@ from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import measure_words
 
 NAMED_PATHS = 6  # in a line
+ERROR_QUANTITIES = (*POINT_QUANTITIES[:6], *BELIEF)
 DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "most by")
 
 
@@ -45,10 +45,9 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
             Facts.of(_facts(result)),
         ),
         details=(
-            Table("side by side", ("", *_lettered(result)), tuple(_rows(result))),
+            *_side_by_side(result),
             *_changes(result),
             Table("fields that differ", ("", *_lettered(result)), tuple(differing)),
-            Facts.of(_more_facts(result)),
         ),
         certificate=result.certificate,
         cross_checks=tuple(cross for sheet in result.sheets for cross in sheet.cross_checks),
@@ -130,28 +129,24 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
     torques = [f"{M_g:g} N·m" for M_g in result.torques]
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
         title = f"each field alone from A to {letter}, change of F'_ior, arcsec"
-        drawn = f"median (least to greatest) of {changes.pairs} pairs drawn from unknown inputs"
         rows = [(each.field or "all together", *_change_cells(each)) for each in (*changes.single, changes.together)]
-        yield Table(title, ("", *torques), tuple(rows), notes=(drawn,) * (changes.pairs > 1))
+        notes = [f"median (least to greatest) of {changes.pairs} pairs drawn from unknown inputs"] * (changes.pairs > 1)
+        paths = _some(changes.not_alone)
+        notes += [f"no drive that can be computed, or one that leaves more unknown: {paths}"] * bool(paths)
+        yield Table(title, ("", *torques), tuple(rows), notes=tuple(notes))
 
 
-def _rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
-    """Rows of errors, holes and stiffness: words, and a cell for each drive."""
-    sheets = result.sheets
+def _side_by_side(result: DrivesComparison) -> Iterator[Table]:
+    """Error at each torque, and stiffness, a column for each drive."""
+    heads = ("", *_lettered(result))
     for k, M_g in enumerate(result.torques):
-        points = [sheet.check.points[k] for sheet in sheets]
-        held, open_ = any(point.limit_arcsec for point in points), any(point.belief for point in points)
-        for quantity in (POINT_QUANTITIES[1], *(BELIEF[:3] if open_ else ()), *(POINT_QUANTITIES[3:6] if held else ())):
-            zero = ", what is not known as 0" if open_ and quantity is POINT_QUANTITIES[1] else ""
-            yield f"{M_g:g} N·m: {quantity.words}{zero}", *map(quantity.text, points)
-        yield f"{M_g:g} N·m: F'_ior, mounted best, arcsec", *(_mounted_best(sheet, k) for sheet in sheets)
-    yield "best hole", *map(_hole, sheets)
-    for k, segments in enumerate(zip_longest(*(sheet.stiffness.positive for sheet in sheets)), 1):
-        # the torques between which a segment lies, as they need not be the same
-        ends = (f"{s.stiffness / 1e4:.3g} ({s.start:.4g} to {s.end:.4g} N·m)" if s else "-" for s in segments)
-        yield f"K{k}, 1e4 N·m/rad", *ends
-    for whole in WHOLE_QUANTITIES:
-        yield whole.words, *(whole.text(sheet.stiffness) for sheet in sheets)
+        points = [sheet.check.points[k] for sheet in result.sheets]
+        yield replace(Table.by_column(f"side by side at {M_g:g} N·m", ERROR_QUANTITIES, points), heads=heads)
+    stiffnesses = [sheet.stiffness for sheet in result.sheets]
+    yield replace(Table.by_column("", (WHOLE_QUANTITIES[0], *WHOLE_QUANTITIES), stiffnesses), heads=heads)
+    for letter, sheet in _lettered(result).items():
+        table = segments_table(sheet.drive, sheet.stiffness)
+        yield replace(table, title=f"{letter}: {table.title}")
 
 
 def _cell(field: ResolvedField) -> str:
@@ -177,19 +172,6 @@ def _facts(result: DrivesComparison) -> Iterator[tuple[str, str]]:
     yield "next", again("report", result.sheets[-1].drive, "-o", "report.html")
 
 
-def _more_facts(result: DrivesComparison) -> Iterator[tuple[str, str]]:
-    """Fields of another origin, and those whose change alone could not be computed, a label and a text each."""
-    origins = _some(_other_origins(result))
-    yield "same value", f"{origins}: from another kind of origin" if origins else ""
-    paths = _some([path for changes in result.changes for path in changes.not_alone])
-    yield "not alone", f"{paths}: no drive that can be computed, or one that leaves more unknown" if paths else ""
-
-
-def _other_origins(result: DrivesComparison) -> list[str]:
-    """Paths of the fields that drives have with the same value, but not by the same kind of origin."""
-    return [row[0].path for row in result.fields if not differs(row) and len({cell.kind for cell in row}) > 1]
-
-
 def _some(paths: Sequence[str]) -> str:
     """The first of some paths, and how many more there are."""
     more = f" and {len(paths) - NAMED_PATHS} more" if len(paths) > NAMED_PATHS else ""
@@ -209,7 +191,6 @@ def _values(result: DrivesComparison, seed: int) -> Json:
             }
             for row in result.differing
         ],
-        "same_value_other_origin": _other_origins(result),
         "changes": [{"from": 0, "to": k, **asdict(changes)} for k, changes in enumerate(result.changes, 1)],
         "seed": seed,
     }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from hdassist.acceptance.answer import AcceptAnswer, read_answers, to_lines
 from hdassist.acceptance.lot import LotRow, read_lot
 from hdassist.acceptance.replay import answer_differences
 from hdassist.acceptance.request import Request
-from hdassist.acceptance.work import answer_rows
+from hdassist.acceptance.work import answer_row
 from hdassist.errors import Fault
 from tests.process import SMALL, run
 
@@ -60,11 +59,11 @@ SAID = {
 @pytest.fixture(scope="module")
 def told(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[AcceptAnswer]]:
     """Answers to a row for each fault, in their folder."""
-    with contextlib.chdir(tmp_path_factory.mktemp("cells")), ThreadPoolExecutor(1) as executor:
+    with contextlib.chdir(tmp_path_factory.mktemp("cells")):
         Path("lot.csv").write_text(FAULTS, encoding="utf-8")
         Path("short.csv").write_text("1;0\n2;1\n", encoding="utf-8")
         rows = read_lot("lot.csv", Request(SMALL, limits=("F_ior@1=30",))).rows
-        yield list(answer_rows(rows, executor, jobs=1))
+        yield list(map(answer_row, rows))
 
 
 def test_each_fault_is_said_of_its_cell(told: list[AcceptAnswer]) -> None:
@@ -79,8 +78,7 @@ def test_a_row_with_a_fault_replays_in_the_words_of_options(told: list[AcceptAns
     recorded = read_answers("a.jsonl")
     assert [answer.serial for answer in recorded if answer.request is None] == ["j", "n"]
     rows = [LotRow(each.request, each.place) for each in recorded if each.request]
-    with ThreadPoolExecutor(1) as executor:
-        again = list(answer_rows(rows, executor, jobs=1))
+    again = list(map(answer_row, rows))
     asked = [answer for answer in recorded if answer.request is not None]
     for was, now in zip(asked, again, strict=True):
         assert answer_differences(was, now) == []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from xml.dom.minidom import Element, parseString
@@ -14,9 +13,9 @@ from junitparser import JUnitXml
 from hdassist.acceptance.answer import AcceptAnswer, Note
 from hdassist.acceptance.lot import read_lot
 from hdassist.acceptance.request import Request
-from hdassist.acceptance.work import answer_rows
+from hdassist.acceptance.statistics import lot_summary
+from hdassist.acceptance.work import LotWork
 from hdassist.pages.accept_junit import junit
-from hdassist.pages.accept_lot import summary
 
 SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
 ROWS = """\
@@ -47,8 +46,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> list[AcceptAnswer]:
     table = tmp_path_factory.mktemp("lot") / "lot.csv"
     table.write_text(ROWS, encoding="utf-8")
     lot = read_lot(str(table), Request(SMALL, measured_only=True))
-    with ThreadPoolExecutor(1) as executor:
-        return list(answer_rows(lot.rows, executor, jobs=1))
+    return LotWork(lot.rows)(0, len(lot.rows))
 
 
 def elements(parent: Element, name: str) -> list[Element]:
@@ -87,7 +85,7 @@ def test_each_verdict_reads_right(told):
     counts = [[int(suite.getAttribute(key)) for key in ("tests", "failures", "errors", "skipped")] for suite in suites]
     assert counts == [[1, 0, 0, 0], [1, 1, 0, 0], [1, 1, 0, 0], [1, 0, 1, 0], [2, 0, 0, 1]]
     assert [int(root.getAttribute(key)) for key in ("tests", "failures", "errors")] == [6, 2, 1]
-    assert summary(told)["verdicts"] == {"PASS": 2, "FAIL": 1, "INCONCLUSIVE": 1}
+    assert lot_summary(told)["verdicts"] == {"PASS": 2, "FAIL": 1, "INCONCLUSIVE": 1}
 
 
 def test_numbers_and_provenance_are_properties(told):

@@ -75,13 +75,14 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     files = ("--jsonl", "a.jsonl", "--csv", "a.csv", "--junit", "a.xml")
     result = run(*MEASURED, *files, "--jobs", "2", cwd=folder)
     assert result.returncode == 4
-    lines = result.stdout.splitlines()
+    head, why, *_ = result.stdout.splitlines()
+    assert head == "lot.csv, 5 drives: 1 PASS, 1 FAIL, 1 INCONCLUSIVE, 2 broken (40 %)"
+    assert why.startswith("yield: 1 of 3 drives with a verdict, 33.3 %")
     verdicts = ["PASS", "FAIL", "INCONCLUSIVE", "BROKEN", "BROKEN"]
-    assert [line.split()[:2] for line in lines[:5]] == [[f"17-{n}", v] for n, v in enumerate(verdicts, 1)]
-    assert "F'_ior at 1 N·m: 55.00 ± 1.00 arcsec, limit ≤ 40, margin -15.00, stated" in lines[1]
-    assert "lot.csv:5:10: measured@4: no such file: gone.csv" in lines[3]
-    assert "lot.csv, 5 drives: 1 PASS, 1 FAIL, 1 INCONCLUSIVE, 2 broken (40 %)" in result.stdout
-    assert "yield: 1 of 3 drives with a verdict, 33.3 %" in result.stdout
+    page = [line for line in result.stdout.splitlines() if line.startswith("17-")]
+    assert [line.split()[:2] for line in page] == [[f"17-{n}", v] for n, v in enumerate(verdicts, 1)]
+    assert "F'_ior at 1 N·m: 55.00 ± 1.00 arcsec, limit ≤ 40, margin" in page[1]
+    assert "lot.csv:5:10: measured@4: no such file: gone.csv" in page[3]
     for words in (
         "error: 17-4: lot.csv:5:10: measured@4: no such file: gone.csv",
         "error: 17-5: lot.csv:6:16: phases.xi_b: must be a number (got here; in deg)\n  hint: hdassist explain DATA",
@@ -315,6 +316,15 @@ def test_a_file_that_is_none_of_ours_is_not_resumed_on(folder, text):
     assert (done.returncode, done.stdout) == (2, "")
     assert "a.jsonl exists, and holds no work that hdassist has kept" in done.stderr
     assert (folder / "a.jsonl").read_text() == text
+
+
+def test_a_lot_without_one_answer_says_so(folder, here):
+    (folder / "lot.csv").write_text("serial;F_ior@1;limit F_ior@1\na;28;40\nb;;x\n")
+    code, page, _ = here("accept", "lot.csv", "--preset", SMALL, "--measured-only")
+    assert code == 4
+    assert page.splitlines()[:2] == [
+        "lot.csv, 2 drives: 2 broken (100 %)", "no drive has an answer: each line says what is wrong with its row"
+    ]  # fmt: skip
 
 
 def test_what_is_wrong_with_a_preset_is_said_to_each_of_its_rows(folder):

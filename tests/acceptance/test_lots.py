@@ -5,11 +5,10 @@ from __future__ import annotations
 import csv
 import io
 import json
+import pickle
 import statistics
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from threading import Barrier
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -21,12 +20,12 @@ from hdassist.acceptance.answer import answer_json, read_answers, to_lines
 from hdassist.acceptance.lot import LotRow, is_lot, read_lot
 from hdassist.acceptance.replay import RELATIVE, answer_differences, still_stands
 from hdassist.acceptance.request import Reading, Request
-from hdassist.acceptance.work import answer_rows, failure_of
+from hdassist.acceptance.statistics import Z, lot_summary, quantiles, wilson
+from hdassist.acceptance.work import LotWork, answer_row, failure_of, predicted
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.pages import accept_lot as report
 from hdassist.pages.accept import csv as figures
 from hdassist.pages.accept import title
-from hdassist.pages.accept_lot import Z, quantiles, summary, wilson
 from hdassist.readers.wheels import WheelFiles
 from hdassist.version import __version__
 from tests.paper import on_paper
@@ -144,9 +143,8 @@ loose,,3000,5,,
 """
 
 
-def worked(rows, jobs=1):
-    with ThreadPoolExecutor(jobs) as executor:
-        return list(answer_rows(rows, executor, jobs=jobs))
+def worked(rows):
+    return list(map(answer_row, rows))
 
 
 def plain(answer):
@@ -169,45 +167,23 @@ def test_rows_answer_in_order_as_if_they_were_alone(lot, told, monkeypatch):
     asked = []
     real = requests.predict
     monkeypatch.setattr(requests, "predict", lambda drive, *a, **k: asked.append(drive) or real(drive, *a, **k))
-    together = worked(lot.rows, jobs=2)
+    predicted.cache_clear()
+    together = LotWork(lot.rows)(0, len(lot.rows))
     assert len(asked) == 3  # the three of a kind, the one with another phase, the one with another limit
     assert list(map(plain, together)) == list(map(plain, told))
+    predicted.cache_clear()
     assert plain(worked(lot.rows[4:5])[0]) == plain(told[4])
     assert len(asked) == 4
 
 
-@pytest.mark.parametrize("jobs", [1, 3])
-def test_rows_are_answered_while_others_are_predicted(lot, monkeypatch, jobs):
-    names = ["a", "b", "c", "a", "d", "e", "b", "f"]  # of drives: some have several rows
-    rows = [
-        replace(lot.rows[0], request=replace(lot.rows[0].request, serial=f"{n}", overrides=(f"phases.xi_b={name}",)))
-        for n, name in enumerate(names)
-    ]
-    begun = []
-    monkeypatch.setattr(lotwork, "_predict", lambda request: begun.append(request.overrides))
-    monkeypatch.setattr(lotwork, "_answer", lambda row, *_: row.request.serial)
-    with ThreadPoolExecutor(jobs) as executor:
-        for place, serial in enumerate(answer_rows(rows, executor, jobs=jobs)):
-            assert serial == rows[place].request.serial
-            # no further than processes go: what is done is known when an interrupt comes
-            assert len(begun) <= len(set(names[: place + 1])) + 2 * jobs
-    assert len(begun) == len(set(names))
-
-
-def test_drives_further_down_are_predicted_while_the_first_one_is(lot, monkeypatch):
-    """A lot in blocks: the second drive is begun beside the first, whose rows are many."""
-    xi_b = [*["a"] * 6, "b"]
-    requests_ = [replace(lot.rows[0].request, serial=f"{n}", overrides=(f"xi={x}",)) for n, x in enumerate(xi_b)]
-    begun, both = [], Barrier(2, timeout=20)
-
-    def predict(request):
-        begun.append(request.overrides)
-        both.wait()  # broken where only one is under way
-
-    monkeypatch.setattr(lotwork, "_predict", predict)
-    monkeypatch.setattr(lotwork, "_answer", lambda row, *_: row.request.serial)
-    assert worked([LotRow(request) for request in requests_], jobs=2) == [str(n) for n in range(7)]
-    assert len(begun) == 2
+def test_a_fault_of_a_row_comes_through_to_another_process(tmp_path):
+    rows = read_lot(table(tmp_path, "serial,preset\nA,\n"), Request("")).rows
+    (answer,) = pickle.loads(pickle.dumps(LotWork(rows)))(0, 1)
+    assert answer.error.message == rows[0].fault.message
+    assert answer.error.message.endswith(
+        "lot.csv:2:1: preset: missing (a column preset, or --preset NAME for all rows)"
+    )
+    assert (answer.exit_code, answer.request) == (4, None)
 
 
 def test_a_bug_in_one_row_is_its_own(lot, monkeypatch):
@@ -223,7 +199,7 @@ def test_a_bug_in_one_row_is_its_own(lot, monkeypatch):
 
 
 def test_summary_counts_and_spreads(told):
-    found = summary(told)
+    found = lot_summary(told)
     assert found["verdicts"] == {"PASS": 4, "FAIL": 1, "INCONCLUSIVE": 0}
     assert (found["drives"], found["broken"], found["broken_share"]) == (6, 1, 1 / 6)
     assert found["yield"]["share"] == 4 / 5
@@ -231,7 +207,7 @@ def test_summary_counts_and_spreads(told):
     assert [stated[key] for key in ("values", "least", "median", "greatest")] == [3, 20, 21, 22]
     assert stated["quantile_05"] == pytest.approx(20.1)
     bound = replace(told[0], checks=(replace(told[0].checks[0], extent="at least"),))
-    (row,) = summary([bound])["checks"]
+    (row,) = lot_summary([bound])["checks"]
     assert (row["values"], row["of_part_only"], row["median"]) == (0, 1, None)
 
 
