@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import difflib
+import gzip
 import hashlib
 import io
 import os
@@ -11,10 +12,11 @@ import re
 import secrets
 import shutil
 import sys
+import zlib
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import IO, BinaryIO
+from typing import IO, BinaryIO, cast
 
 from hdassist.errors import DataError, Fault, Finding, PresetError
 from hdassist.runfiles import note_input
@@ -31,8 +33,9 @@ Readable = str | Path | bytes | IO[bytes] | IO[str]
 class TextFile:
     """Text of a file, read once and part after part, so that its size takes no memory.
 
-    name: its name in messages. When all parts are read, sha256 is that of the bytes (for a stream of text, of its
-    UTF-8), and is_latin says whether there were lines that are not UTF-8; these are read as Latin-1.
+    name: its name in messages. When all parts are read, sha256 is that of the bytes (of a gzip file unpacked; for a
+    stream of text, of its UTF-8), and is_latin says whether there were lines that are not UTF-8, which are
+    read as Latin-1.
     """
 
     def __init__(self, source: Readable, at_most: int) -> None:
@@ -48,7 +51,7 @@ class TextFile:
     def parts(self) -> Iterator[tuple[int, str]]:
         """Whole lines, joined by newlines, and the number of the first of them.
 
-        Raises DataError: a file that cannot be read; PresetError: one that is too large, empty, binary, packed, or not
+        Raises DataError: a file that cannot be read; PresetError: one that is too large, empty, binary, damaged, or not
         in the encoding of its byte order mark.
         """
         line, rest, is_empty = 1, "", True
@@ -78,7 +81,10 @@ class TextFile:
         with self._opened() as stream:
             data = b"start"
             while data:
-                read = stream.read(PART)
+                try:
+                    read = stream.read(PART)
+                except (EOFError, zlib.error, gzip.BadGzipFile):
+                    raise self._refusal("a gzip file that is damaged or cut off") from None
                 data = read.encode("utf-8", "surrogatepass") if isinstance(read, str) else read
                 decoder = decoder or self._decoder(data)
                 digest.update(data)
@@ -94,14 +100,20 @@ class TextFile:
                     raise self._refusal(message, got, "save the file as UTF-8") from None
         self.sha256 = digest.hexdigest()
 
-    def _opened(self) -> AbstractContextManager[IO[bytes] | IO[str]]:
-        if isinstance(self.source, str | Path):
-            return opened(self.source)
-        return nullcontext(io.BytesIO(self.source) if isinstance(self.source, bytes) else self.source)
+    @contextmanager
+    def _opened(self) -> Iterator[IO[bytes] | IO[str]]:
+        """The source to read from, unpacked where it is a gzip file."""
+        source = io.BytesIO(self.source) if isinstance(self.source, bytes) else self.source
+        if not isinstance(source, str | Path | io.BufferedIOBase):
+            yield source
+            return
+        with opened(source) if isinstance(source, str | Path) else nullcontext(source) as stream:
+            buffered = io.BufferedReader(cast(io.RawIOBase, stream))
+            is_packed = buffered.peek(len(GZIP))[: len(GZIP)] == GZIP
+            yield cast(BinaryIO, gzip.GzipFile(fileobj=buffered) if is_packed else buffered)
+            buffered.detach()  # standard input stays open
 
     def _decoder(self, start: bytes) -> io.IncrementalNewlineDecoder:
-        if start.startswith(GZIP):
-            raise self._refusal("a gzip file", hint="unpack it first, as in: zcat FILE | hdassist measure -")
         encoding, errors = "utf-8", "surrogateescape"
         if start.startswith(codecs.BOM_UTF8):
             encoding, errors = "utf-8-sig", "strict"

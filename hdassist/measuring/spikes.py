@@ -1,7 +1,7 @@
 """Single readings of a trace that stand far off all others: faults of the reading, none of the drive.
 
 A shaft does not leap there and back between two readings. Such a reading is left out, and named; many of them are a
-fault of the rig that an answer must not hide.
+fault of the rig that an answer must not hide, unless it is asked to leave them out.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from hdassist.measuring.fit import TraceFit
 from hdassist.readers.sweeps import AngleSweep
 from hdassist.readers.trace import MeasuredTrace
 
-SPIKE_SIGMAS = 10.0  # robust standard deviations of the readings around the fit
+SPIKE_SIGMAS, ROBUST_SIGMAS = 10.0, 5.0  # robust standard deviations of the readings around the fit
 SPIKE_RANGE_SHARE = 0.1  # of the fitted curve: a smaller spike has no effect
 LONGEST_SPIKE = 2  # readings: a longer one may be the drive
 TO_SIGMA = 1.4826  # standard deviation of normal readings over their median departure
-MAX_SPIKE_SHARE = 1 / 200  # of the readings: with more of them the rig is at fault
+MAX_SPIKE_SHARE, MAX_ROBUST_SHARE = 1 / 200, 1 / 10  # of the readings: with more of them the rig is at fault
 NAMED_LINES = 3  # lines in a message
 FEW_SPIKES = 3  # spikes that are no fault of the rig in a short record either
 
@@ -40,7 +40,8 @@ def without_spikes(
     size = np.abs(trace.error_arcsec[rows] - np.concatenate(fits))
     # a spike draws the fit to it, and so its neighbours off: only the farthest are looked at
     noise = TO_SIGMA * float(np.median(size))
-    far = size > max(SPIKE_SIGMAS * noise, SPIKE_RANGE_SHARE * float(np.ptp(fitted)), float(size.max()) / 2)
+    sigmas, share = (ROBUST_SIGMAS, MAX_ROBUST_SHARE) if trace.robust else (SPIKE_SIGMAS, MAX_SPIKE_SHARE)
+    far = size > max(sigmas * noise, SPIKE_RANGE_SHARE * float(np.ptp(fitted)), float(size.max()) / 2)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], far, [0]]))).reshape(-1, 2)
     short = [k for first, last in edges.tolist() if last - first <= LONGEST_SPIKE for k in range(first, last)]
     if not short:
@@ -48,8 +49,8 @@ def without_spikes(
     count, named = len(short), ", ".join(map(str, trace.line[rows[short[:NAMED_LINES]]]))
     where = f"line{'s' * (count > 1)} {named}{f' and {count - NAMED_LINES} more' if count > NAMED_LINES else ''}"
     words = f"{where}: {size[short].max():.2g} arcsec off all readings around"
-    if count > max(FEW_SPIKES, MAX_SPIKE_SHARE * len(trace.line)):
-        hint = "check the encoders' cables and counters, or leave out these rows"
+    if count > max(FEW_SPIKES, share * len(trace.line)):
+        hint = "check the encoders' cables and counters, or leave out these rows: --robust"
         raise UntrustedError(f"{trace.file}: {words}: too many to leave out", hint, Fault.ORDERS_UNTOLD)
     warning = f"{words}, left out; else the curve would span {np.ptp(fit.curve(bins.turns)):.1f} arcsec"
     return trace.without(rows[short]), warning

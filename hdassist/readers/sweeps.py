@@ -12,6 +12,7 @@ COUNTER_BITS = (16, 24, 32)  # of counters that begin again where they are full
 LEAP = 0.4  # of the wrap: the direction of a longer step is ambiguous
 JITTER = 0.5  # deg: moves back that are noise of a shaft that stands or creeps
 TURNING_STEPS, WIDEST_TURNING = 4.0, 5.0  # the same in median steps, at most so many deg, of coarse readings
+WIDEST_TURN_BACK = 2.5  # median steps: how far a reading may lie off those around it where the shaft turns back
 FEW_ROWS = 5  # fewer rows are no move
 SPIKE = 10.0  # median steps: longest first step after a restart
 
@@ -65,6 +66,14 @@ def unwrapped(angle: Angles, wrap: float, other: Angles | None = None) -> Angles
         row = int(far[0]) + 1
         raise AngleError(row, f"a step of {abs(steps[row - 1]):.4g} of a wrap of {wrap:g}", "record shorter steps")
     return np.asarray(np.concatenate([angle[:1], angle[0] + np.cumsum(steps)]))
+
+
+def leaping(angle: Angles) -> NDArray[np.bool_]:
+    """Rows, shape (rows,), whose angle [deg] lies off the median of the five around it, as it never does on its way."""
+    padded = np.pad(angle, 2, mode="reflect", reflect_type="odd")
+    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
+    steps = np.abs(np.diff(around))
+    return np.asarray(np.abs(angle - around) > JITTER + WIDEST_TURN_BACK * float(np.median(steps)))
 
 
 def sweeps(angle: Angles) -> list[AngleSweep]:

@@ -34,6 +34,8 @@ from hdassist.textfile import MAX_LINE, Readable, TextFile
 
 MOST_TABLE_BYTES = 5_000_000
 SAMPLED_LINES = 300  # lines that settle how rows are written
+FOREIGN_ROWS = 20  # that cannot be read, and most of those sampled: the file is no table of numbers
+FOREIGN = {"PHD2": "a guide log of PHD2 has no angle of the cam: write it beside the error, like cam_deg,error_arcsec"}
 GREATEST = 1e30  # magnitude of a number: squares of it are still finite
 MAX_REMARKS = 1000  # remarks that are kept
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
@@ -46,7 +48,7 @@ class NumberTable:
     """A table of numbers with the findings of its file; its values are valid only without findings.
 
     values: shape (rows, columns); lines: line number of each row, shape (rows,); names: of the columns, empty without a
-    line of names; remarks: the first thousand.
+    line of names; remarks: the first thousand; left_out: lines that are no rows of numbers, where that is allowed.
     """
 
     file: str
@@ -60,6 +62,7 @@ class NumberTable:
     findings: list[Finding] = field(default_factory=list)
     sha256: str = ""
     is_latin: bool = False
+    left_out: list[int] = field(default_factory=list)
 
     def name(self, column: int) -> str:
         """Name of a column (from 0), for messages."""
@@ -126,15 +129,17 @@ def read_texts(source: Readable) -> CellTable:
     return CellTable(text.name, text.sha256, separator, names[1], names[0], tuple(rows), tuple(remarks))
 
 
-def read_numbers(source: Readable, needs: Sequence[str] = (), at_most: int = MOST_TABLE_BYTES) -> NumberTable:
+def read_numbers(
+    source: Readable, needs: Sequence[str] = (), at_most: int = MOST_TABLE_BYTES, *, lenient: bool = False
+) -> NumberTable:
     """Read a table of numbers; faults of its text are added to its findings.
 
     Arguments: source, a path, stream or bytes; needs, contents of the columns, at least as many as are needed;
-    at_most, the bytes it may have. Raises DataError: a file that cannot be read.
+    at_most, the bytes it may have; lenient, leave rows with a fault out. Raises DataError: a file that cannot be read.
     """
     text = TextFile(source, at_most)
     table = NumberTable(text.name)
-    rows = _Rows(table, needs)
+    rows = _Rows(table, needs, lenient=lenient)
     try:
         for first, part in text.parts():
             rows.take(first, part)
@@ -153,8 +158,8 @@ def read_numbers(source: Readable, needs: Sequence[str] = (), at_most: int = MOS
 class _Rows:
     """Rows of a table of numbers, read part by part, with separator, decimal mark and width from its first lines."""
 
-    def __init__(self, table: NumberTable, needs: Sequence[str]) -> None:
-        self.table, self.needs = table, needs
+    def __init__(self, table: NumberTable, needs: Sequence[str], *, lenient: bool) -> None:
+        self.table, self.needs, self.lenient = table, needs, lenient
         self.separator, self.decimal, self.width = "", "", 0  # not settled yet
         self.waiting: list[TableLine] = []  # lines until they are settled
         self.above: TableLine | None = None  # the last remark above the rows that is no "key: value"
@@ -218,6 +223,13 @@ class _Rows:
         self._settle_decimal(rows)
         lines, self.waiting = self.waiting[named:], []
         self._read(lines)
+        faulty = {*self.table.left_out, *(finding.line for finding in self.table.findings)}
+        faulty &= {line.number for line in lines}
+        if len(faulty) >= FOREIGN_ROWS and 2 * len(faulty) > len(lines):
+            self.table.findings.clear()
+            message = f"no table of numbers: {len(faulty)} of the first {len(lines)} lines are no rows of {self.width}"
+            hint = next((hint for program, hint in FOREIGN.items() if program in first.text), "a log of a program?")
+            self._refuse(first.number, message, first.text.strip(), hint)
 
     def _refuse(self, line: int, message: str, got: str, hint: str) -> None:
         if not self.table.findings:
@@ -241,7 +253,7 @@ class _Rows:
         if values is None:
             cells = [cells_of(line.text, self.separator) for line in lines]
             self._settle_decimal(cells)
-            read = [self._row(line.number, row) for line, row in zip(lines, cells, strict=True)]
+            read = [self._readable_row(line.number, row) for line, row in zip(lines, cells, strict=True)]
             kept = [row is not None for row in read]
             numbers = numbers[kept]
             values = np.array([row for row in read if row is not None]).reshape(-1, self.width)
@@ -280,6 +292,16 @@ class _Rows:
         if not self.decimal:
             marks = Counter(decimal_mark_in(cell.text) for row in rows for cell in row)
             self.decimal = "," if marks[","] > marks["."] else "." if marks["."] else ""
+
+    def _readable_row(self, line: int, row: Sequence[Cell]) -> list[float] | None:
+        """Numbers of a row; None for one with a fault that is left out, or has no numbers in as many cells."""
+        before = len(self.table.findings)
+        numbers = self._row(line, row)
+        if self.lenient and len(self.table.findings) > before:
+            del self.table.findings[before:]
+            self.table.left_out.append(line)
+            return None
+        return numbers
 
     def _row(self, line: int, row: Sequence[Cell]) -> list[float] | None:
         """Numbers of a row; None, with a finding, for a row that has none or another number of cells."""

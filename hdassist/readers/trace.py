@@ -17,8 +17,8 @@ from hdassist.errors import DataError, Finding, PresetError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.preset.units import UnitError
 from hdassist.preset.yamltext import shown
-from hdassist.readers.sweeps import AngleError, AngleSweep, guessed_wrap, sweeps, unwrapped
-from hdassist.readers.table import NumberTable, read_numbers
+from hdassist.readers.sweeps import AngleError, AngleSweep, guessed_wrap, leaping, sweeps, unwrapped
+from hdassist.readers.table import NumberTable, read_numbers, shortened
 from hdassist.readers.words import ANGLES, COUNTS, angle_size, plain_unit, role_in, unit_in
 from hdassist.textfile import Readable
 
@@ -39,7 +39,8 @@ class TraceForm:
     """Columns of a trace file by name or number (from 1), their units, and the shaft of the angle; None: by the file.
 
     At most one of error and second, the column of the output's own encoder; angle_unit: of the angle and, behind a
-    comma, of the second encoder, as angle_size reads them; wrap: angle [deg] after which the encoders begin again.
+    comma, of the second encoder, as angle_size reads them; wrap: angle [deg] after which the encoders begin again;
+    robust: leave out rows that are no readings, and readings far off all others.
     """
 
     angle: str | None = None
@@ -49,6 +50,7 @@ class TraceForm:
     error_unit: str | None = None
     second: str | None = None
     wrap: float | None = None
+    robust: bool = False
 
     def require_sound(self) -> None:
         """Raise UsageError for an unknown unit, a wrap that is none, or both error and second."""
@@ -93,6 +95,7 @@ class MeasuredTrace:
     cam, as with readings at even angles. sweeps: moves in one direction each. sha256: of the file. angle_of: shaft of
     the recorded angles; those of the output were multiplied by the ratio. sense: of two encoders, 1 where both count
     up, -1 where one counts down, 0 for a column of errors. notes: conversions, assumptions and rows left out.
+    robust: whether readings far off all others are left out.
     """
 
     file: str
@@ -106,6 +109,7 @@ class MeasuredTrace:
     angle_of: Shaft = "cam"
     sense: int = 0
     in_time: bool = False
+    robust: bool = False
 
     def without(self, rows: NDArray[np.int64]) -> MeasuredTrace:
         """The trace without some rows."""
@@ -129,9 +133,11 @@ def read_trace(
     """
     form = form or TraceForm()
     form.require_sound()
-    table = read_numbers(source, ("angle", "error"), MAX_TRACE_BYTES)
+    table = read_numbers(source, ("angle", "error"), MAX_TRACE_BYTES, lenient=form.robust)
     table.require_sound()
     notes = list(table.notes)
+    if table.left_out:
+        notes.append(f"left out, no readings: lines {shortened(table.left_out)}")
     column = _roles(table, form, notes)
     if len(table.lines) < fewest:
         raise _fault(table, 0, column.angle, f"{len(table.lines)} rows", f"a trace has {fewest} rows or more")
@@ -147,6 +153,11 @@ def read_trace(
     cam = _angle(table, column.angle, angle, column.angle_size, form.wrap, notes, turned)
     if ratio and column.angle_of == "output":
         cam *= abs(ratio)
+    if form.robust and (leaps := leaping(cam)).any():
+        named = shortened(table.lines[leaps].tolist())
+        notes.append(f'left out, "{table.name(column.angle)}" leaps there and back: lines {named}')
+        cam, readings, table.lines = cam[~leaps], readings[~leaps], table.lines[~leaps]
+        output = None if output is None else output[~leaps]
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "check the column of the error")
     step, in_time = _step(readings) * abs(column.other_size), False
@@ -170,7 +181,7 @@ def read_trace(
         notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
     return MeasuredTrace(
         table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(notes),
-        column.angle_of, sense, in_time,
+        column.angle_of, sense, in_time, form.robust,
     )  # fmt: skip
 
 

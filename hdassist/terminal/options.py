@@ -270,6 +270,7 @@ class TraceOptions(OptionGroup):
     wrap: Annotated[
         float | None, trace_option(metavar="DEG", help="Angle at which encoders restart.", show_default="guessed")
     ] = None
+    robust: Annotated[bool, trace_option("--robust", help="Leave out faulty rows and readings far off.")] = False
     orders: Annotated[
         str | None, trace_option(metavar="LIST", help="Orders per cam turn to keep.", show_default="1-12")
     ] = None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -203,6 +205,21 @@ def test_a_spike_is_left_out_and_named():
     bump = simulated(0)[1]
     bump[700:760] += 60  # lasts half a turn: no reading of one row
     assert not [text for text in measure(recorded(turns, bump), ratio=RATIO).warnings if "left out" in text]
+
+
+def test_many_outliers_are_left_out_when_asked_and_their_effect_said():
+    turns, error, curve = simulated(0)
+    rng = np.random.default_rng(3)
+    off = rng.random(len(turns)) < 0.05
+    error[off] += rng.normal(0, 80, off.sum())
+    rig = recorded(turns, error)
+    with pytest.raises(UntrustedError, match=r"too many to leave out"):
+        measure(rig, ratio=RATIO)
+    result = measure(replace(rig, robust=True), ratio=RATIO)
+    low, high = result.directions[0].interval_arcsec
+    assert low < whole_range(curve, RATIO) < high < low + 4
+    assert result.warnings
+    assert all("left out; else the curve would span" in text for text in result.warnings)
 
 
 @pytest.mark.parametrize(("turns", "step", "share"), [(69.84, 20, 69.84 / 101), (101, 15, 1.0)])

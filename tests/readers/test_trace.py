@@ -175,7 +175,7 @@ LEAP = np.mod(np.arange(40) * 170.0, 360)
     ("data", "words"),
     [
         (b"", "1:1: the file is empty"),
-        (gzip.compress(PLAIN.encode()), "1:1: a gzip file (unpack it first, as in: zcat FILE | hdassist measure -)"),
+        (gzip.compress(PLAIN.encode())[:-20], "1:1: a gzip file that is damaged or cut off"),
         ("cam,err\n1,2\n", "2:1: cam: 1 rows"),
         ("cam,err\n", "no rows of numbers"),
         (text([CAM], "cam_deg"), "1 column, needs 2: angle, error"),
@@ -190,6 +190,32 @@ LEAP = np.mod(np.arange(40) * 170.0, 360)
 )
 def test_faults_have_their_line(data, words):
     assert words in fault(data)
+
+
+def test_faulty_rows_are_left_out_and_named_when_asked():
+    rows = PLAIN.splitlines()
+    rows[10], rows[20], rows[30:33] = "nan,1", "72.0,", ["gap", "1,2,3", "108;0"]
+    rows[60] = rows[60].replace(",", "1e4,")  # a glitch of the cam's encoder
+    data = "\n".join(rows)
+    assert "11:1: cam_deg: must be a finite number" in fault(data)
+    trace = read(data, robust=True)
+    assert "left out, no readings: lines 11, 21, 31, 32, 33" in trace.notes
+    assert 'left out, "cam_deg" leaps there and back: lines 61' in trace.notes
+    kept = np.setdiff1d(np.arange(400), [9, 19, 29, 30, 31, 59])
+    assert trace.line.tolist() == (kept + 2).tolist()
+    assert trace.error_arcsec == pytest.approx(ERROR[kept], abs=1e-4)
+    there = text([np.r_[CAM, CAM[::-1], CAM], np.r_[ERROR, ERROR, ERROR]], "cam_deg,error_arcsec")
+    assert len(read(there, robust=True).line) == 1200  # a shaft that turns back does not leap
+
+
+def test_a_foreign_log_is_named_in_one_line():
+    row = '{0},{0}.5,"Mount",-0.04,0.1,,0,,,22356,20.1,0'
+    head = "PHD2 version 2.6.11, Log version 2.5. Log enabled at 2022-10-01\n\nEquipment Profile = EQ\n"
+    for robust in (False, True):
+        words = fault(head + "\n".join(row.format(k) for k in range(9000)), robust=robust)
+        assert words.count("\n") == 0
+        assert "no table of numbers" in words
+        assert "a guide log of PHD2 has no angle of the cam" in words
 
 
 def test_words():
