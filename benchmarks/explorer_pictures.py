@@ -22,8 +22,8 @@ def main() -> None:
 
 async def picture() -> str:
     """The SVG of the screen, the wheel in the best hole."""
-    from benchmarks.pictures import without_fonts
     from hdassist.explorer.app import Explorer
+    from hdassist.explorer.export import without_fonts
     from hdassist.explorer.service import Service
     from hdassist.explorer.state import opened_state
 

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.terminal_theme import DIMMED_MONOKAI, TerminalTheme
 from rich.text import Text
 
-from benchmarks.pictures import without_fonts
+from hdassist.explorer.export import without_fonts
 from tests.process import run
 
 PRESET = ("presets", "new", "own", "--ratio", "100", "--pitch-diameter", "63.5", "--torque", "67", "-o", "own.yaml")

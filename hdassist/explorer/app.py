@@ -58,10 +58,13 @@ class Explorer(Exporting):
         Binding("4", "view('turn')", "view a cam turn", show=False),
         Binding("slash", "filter", "filter levers", show=False),
         Binding("m", "torque", "next torque", show=False),
+        Binding("p", "pin", "pin to compare", show=False),
         Binding("u,ctrl+z", "undo", "undo"),
         Binding("r,ctrl+y", "redo", "redo", show=False),
         Binding("c", "card", "card"),
         Binding("s", "save", "save"),
+        Binding("g", "picture", "picture of the screen", show=False),
+        Binding("y", "copy", "copy the command line", show=False),
         Binding("question_mark", "explain", "explain", key_display="?"),
         Binding("q", "quit", "quit"),
     ]
@@ -146,9 +149,9 @@ class Explorer(Exporting):
         shown, any_hole = of_trials or known, is_any_hole(session.drive)
         letters, holes = self._letters(), session.drive.mounting.holes
         trials = [read_trial(text, holes) for text in session.trials]
-        behind = known if of_trials else self.of_preset
+        behind = known if of_trials else self.pinned
         self.lines["head"].update(words.head(session))
-        self.lines["headline"].update(words.headline(session, known, self.of_preset))
+        self.lines["headline"].update(words.headline(session, known, self.pinned))
         self.holes.show(session, shown.curve, behind.curve if behind else None, letters, trials)
         self.lines["looked-at"].update(self._looked_at())
         self.seat.update(seat_pane(session, letters))
@@ -260,6 +263,10 @@ class Explorer(Exporting):
         """Look at the best position by now, or at where the wheel stands."""
         best = next((at for at, signs in self._letters().items() if "B" in signs), self.session.turn_deg)
         self.show(replace(self.session, turn_deg=best if where else 0.0))
+
+    def action_pin(self) -> None:
+        """Compare with the drive as it is now; again: with the preset."""
+        self.show(state.pinned(self.session))
 
     def action_undo(self) -> None:
         """Take the last change back."""

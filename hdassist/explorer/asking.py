@@ -125,9 +125,10 @@ class Asking(App[int]):
         return self.answers.setdefault(self.session.step, Known()) if self.session.trials else None
 
     @property
-    def of_preset(self) -> Known | None:
-        """Answers about the drive as it was opened, None where nothing is changed."""
-        return self.answers.get(Step()) if self.session.changes else None
+    def pinned(self) -> Known | None:
+        """Answers about the variant to compare with, None where it is the one that is shown."""
+        pinned = self.session.pinned
+        return None if pinned == self.session.changes else self.answers.get(Step(pinned))
 
     @property
     def M_g(self) -> float:

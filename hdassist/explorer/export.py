@@ -1,7 +1,8 @@
-"""Files that the explorer writes: cards and presets; never over a file without asking."""
+"""Files that the explorer writes: cards, presets and pictures; never over a file without asking."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -62,6 +63,20 @@ class Exporting(Asking):
         hint = "comments and order of the original are kept"
         self.fill_in("save the preset", fields, hint, lambda values: self.write(values[0], text))
 
+    def action_picture(self) -> None:
+        """Write the screen as SVG."""
+
+        def take(values: tuple[str, ...]) -> None:
+            # once the form has gone
+            self.set_timer(0.1, lambda: self.write(values[0], lambda: without_fonts(self.export_screenshot())))
+
+        self.fill_in("picture", [("file", self.named(".svg"))], "the screen as it is, as SVG", take)
+
+    def action_copy(self) -> None:
+        """Put the command line on the clipboard."""
+        self.copy_to_clipboard(self.session.command())
+        self.notify("the command line is on the clipboard")
+
     def write(self, path: str, text: Callable[[], str]) -> None:
         """Write a text to a file, an existing one only after asking."""
         try:
@@ -87,3 +102,8 @@ class Exporting(Asking):
             self.push_screen(Confirm(f"{path} exists. Replace it?"), put)
         else:
             put(True)
+
+
+def without_fonts(svg: str) -> str:
+    """A picture that loads no fonts from elsewhere: it is shown in those that are there."""
+    return re.sub(r"\s*@font-face \{.*?\}", "", svg, flags=re.DOTALL)

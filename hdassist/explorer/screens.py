@@ -36,7 +36,8 @@ Enter edits; an empty value takes a change back. Numbers of teeth change togethe
 1 holes   2 seat   3 or l levers   4 cam turn   Tab next pane   / filter levers
 ← → ↑ ↓ turn the wheel   b best hole   0 where it stands   m next torque
 t add trials   x drop the last one   Enter edit a field   + - a step
-u undo   r redo   c card   s preset
+u undo   r redo   p pin the drive as it is, to compare
+c card   s preset   g picture   y copy the command line
 q leave: the command that comes back to the session is printed
 """
 

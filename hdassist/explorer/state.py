@@ -54,7 +54,8 @@ class Step:
 class Session:
     """A preset, what was changed of it, trials, and where its fixed wheel is looked at.
 
-    turn_deg: from where it stands; past and future: for undo and redo.
+    turn_deg: from where it stands; pinned: changes of the variant that the others are compared with; past and future:
+    for undo and redo.
     """
 
     source: StateSource
@@ -62,6 +63,7 @@ class Session:
     rig: TrialOptions = USUAL
     step: Step = Step()
     turn_deg: float = 0.0
+    pinned: tuple[Change, ...] = ()
     past: tuple[Step, ...] = ()
     future: tuple[Step, ...] = ()
 
@@ -159,6 +161,11 @@ def turned_state(session: Session, by: int) -> Session:
     positions = session.positions
     here = min(range(len(positions)), key=lambda k: abs((positions[k] - session.turn_deg + 180) % 360 - 180))
     return replace(session, turn_deg=positions[(here + by) % len(positions)])
+
+
+def pinned(session: Session) -> Session:
+    """The session with the drive as it is now to compare with; pinned again, with the preset."""
+    return replace(session, pinned=() if session.pinned == session.changes else session.changes)
 
 
 def undone(session: Session) -> Session:

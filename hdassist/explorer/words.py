@@ -60,7 +60,7 @@ def head(session: Session) -> Text:
     return line
 
 
-def headline(session: Session, known: Known, of_preset: Known | None) -> Text:
+def headline(session: Session, known: Known, pinned: Known | None) -> Text:
     """F'_ior by torque as `check` has it, as it stands and in the best hole; an old answer is called so."""
     found = known.headline or (None if known.failed else known.old)
     if found is None:
@@ -70,7 +70,7 @@ def headline(session: Session, known: Known, of_preset: Known | None) -> Text:
         f"5-50-95 %, {found.samples:.0f} samples{' …' * (not found.whole)}" if found.samples else "every state solved"
     )
     text = Text(f"F'_ior, arcsec, as it stands ({'old, computing …' if is_old else size})", "dim")
-    before = {row.M_g: row for row in of_preset.headline.rows} if of_preset and of_preset.headline else {}
+    before = {row.M_g: row for row in pinned.headline.rows} if pinned and pinned.headline else {}
     best_deg = advice.choice.chosen.rotation_deg if advice else 0.0
     place = known.curve.place(best_deg) if known.curve else None
     for k, row in enumerate(found.rows):
@@ -80,7 +80,7 @@ def headline(session: Session, known: Known, of_preset: Known | None) -> Text:
             text.append(f", limit {row.limit_arcsec:g}{kept}, ").append(row.verdict, VERDICT_STYLES[row.verdict])
             text.append(f" ({row.margin_arcsec:+.2f}″ to the limit)", "dim")
         if row.M_g in before:
-            text.append(f"; preset {row.p50 - before[row.M_g].p50:+.2f}″", "cyan")
+            text.append(f"; {'pinned' if session.pinned else 'preset'} {row.p50 - before[row.M_g].p50:+.2f}″", "cyan")
         if known.curve and advice and place:
             best = hole_words(best_deg, session.drive.mounting.holes)
             text.append(f"; best, {best}: {_values(known.curve.F_ior_arcsec[:, k, place].tolist())}", "green")

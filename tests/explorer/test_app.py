@@ -168,8 +168,10 @@ def test_a_field_is_edited_marked_compared_and_taken_back() -> None:
         change = app.known.headline.rows[0].p50 - before.headline.rows[0].p50
         assert "j_n *" in told and "1 changed" in told and "┄" in told and f"; preset {change:+.2f}″" in told
         assert "--set gears.j_n=8" in app.command_line()
+        await pilot.press("p")
+        assert app.session.pinned == app.session.changes and "┄" not in screen(app)
         await pilot.press("u")
-        assert app.session.changes == () and app.known is before and "┄" not in screen(app)
+        assert app.session.changes == () and app.known is before and f"; pinned {-change:+.2f}″" in screen(app)
 
     explored(act, size=(150, 40))
 
@@ -372,6 +374,18 @@ def test_text_of_a_preset_steers_no_terminal(tmp_path: Path) -> None:
         assert "\u202e" not in screen(app) and "a\\u202eb" in screen(app)
 
     explored(act, opened_state(str(file), FEW))
+
+
+def test_a_picture_is_of_the_screen_and_loads_nothing(tmp_path: Path) -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("g")
+        app.screen.query_one(Input).value = str(tmp_path / "screen.svg")
+        await pilot.press("enter")
+        await pilot.pause(0.3)
+        made = (tmp_path / "screen.svg").read_text()
+        assert made.startswith("<svg") and "TRIALS" in made and "@font-face" not in made
+
+    explored(act)
 
 
 def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp_path: Path) -> None:

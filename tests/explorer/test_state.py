@@ -92,3 +92,9 @@ def test_turning_goes_round_and_free_angles_go_by_steps() -> None:
 def test_of_two_values_of_a_field_the_last_one_counts() -> None:
     there = state.edited(tiny("gears.j_n=7"), "gears.j_n", "8")
     assert there.drive.gears.j_n == 8 and there.command().count("gears.j_n") == 1
+
+
+def test_a_pin_is_what_others_are_compared_with(session: Session) -> None:
+    there = state.edited(session, "gears.j_n", "8")
+    assert state.pinned(there).pinned == there.changes
+    assert state.pinned(state.pinned(there)).pinned == ()
