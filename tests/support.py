@@ -57,3 +57,12 @@ def first_harmonic(F_i: float, xi: float, z: int) -> Array:
     Arguments: F_i, peak to peak; xi, its phase [rad]; z, number of teeth, numbered as in ToothDeviations.
     """
     return np.asarray(F_i / 2 * np.sin(2 * np.pi * np.arange(z) / z + TO_X1 - xi))
+
+
+def fresh_preset(name: str) -> str:
+    """Text of a preset as `hdassist presets new NAME` writes it."""
+    from hdassist.loading.load import load_preset
+    from hdassist.loading.write import similar_preset
+    from hdassist.preset.similarity import Requirements
+
+    return similar_preset(name, load_preset("vzp160"), Requirements())

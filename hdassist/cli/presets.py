@@ -203,9 +203,7 @@ class TextOptions(o.OptionGroup):
 class WishOptions(o.OptionGroup):
     """Known data of a new drive."""
 
-    like: Annotated[
-        str | None, typer.Option(metavar="PRESET", help="Drive to be like; vzp160 if anything else is asked for.")
-    ] = None
+    like: Annotated[str, typer.Option(metavar="PRESET", help="Drive to be like.")] = "vzp160"
     coupling: Annotated[
         str | None,
         typer.Option(metavar="KIND", help="How the cam sits on its shaft: solid, oldham, overhung, unknown."),
@@ -233,7 +231,7 @@ class WishOptions(o.OptionGroup):
 @presets_app.command("new", cls=Command)
 @dataclass(frozen=True, kw_only=True)
 class PresetsNewCommand(TextOptions, WishOptions):
-    """A whole preset of a drive like another one; without options, a form whose numbers are examples.
+    """A whole preset of a drive like another one; without options, that of vzp160 with every value to be replaced.
 
     \b
     Examples:
@@ -257,19 +255,14 @@ class PresetsNewCommand(TextOptions, WishOptions):
     def run(self) -> int:
         """Write the preset; returns the exit code."""
         from hdassist.loading.load import load_preset
-        from hdassist.loading.write import new_preset, similar_preset
+        from hdassist.loading.write import similar_preset
         from hdassist.preset.requirements import read_requirements
         from hdassist.terminal.files import write_text
 
         wish = asdict(self.only(WishOptions))
-        if all(each is None for each in wish.values()):
-            text = new_preset(self.name)
-        else:
-            like = wish.pop("like")
-            other = load_preset("vzp160" if like is None else like)
-            given = read_requirements(other, diameter=wish.pop("pitch_diameter"), **wish)
-            text = similar_preset(self.name, other, given)
-        write_text(self.output, text, self.force)
+        other = load_preset(wish.pop("like"))
+        given = read_requirements(other, diameter=wish.pop("pitch_diameter"), **wish)
+        write_text(self.output, similar_preset(self.name, other, given), self.force)
         return 0
 
 

@@ -18,14 +18,12 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import DataTable, Footer, Input, Static
 
-from hdassist.errors import HdassistError
 from hdassist.explorer import state, words
-from hdassist.explorer.asking import THEMES
 from hdassist.explorer.compute import LeverEffects, Sure, cam_turn, is_any_hole, lever_effects
 from hdassist.explorer.export import Exporting
 from hdassist.explorer.levers import Lever, levers, stepped
 from hdassist.explorer.panes import MARKS, TORQUE_STYLES, Holes, Levers, Turn, seat_pane
-from hdassist.explorer.screens import Confirm, Explain
+from hdassist.explorer.screens import Explain
 from hdassist.explorer.state import Session
 from hdassist.model.unknown import unknowns
 from hdassist.mounting.positions import hole_words, usable_positions
@@ -60,15 +58,13 @@ class Explorer(Exporting):
         Binding("4", "view('turn')", "view a cam turn", show=False),
         Binding("slash", "filter", "filter levers", show=False),
         Binding("m", "torque", "next torque", show=False),
+        Binding("p", "pin", "pin to compare", show=False),
         Binding("u,ctrl+z", "undo", "undo"),
         Binding("r,ctrl+y", "redo", "redo", show=False),
-        Binding("p", "pin", "pin to compare", show=False),
         Binding("c", "card", "card"),
         Binding("s", "save", "save"),
-        Binding("j", "json", "write JSON", show=False),
         Binding("g", "picture", "picture of the screen", show=False),
         Binding("y", "copy", "copy the command line", show=False),
-        Binding("d", "theme", "dark or light", show=False),
         Binding("question_mark", "explain", "explain", key_display="?"),
         Binding("q", "quit", "quit"),
     ]
@@ -112,27 +108,6 @@ class Explorer(Exporting):
         self.ask_of_trials()
         self.when_at_rest()
         self.draw()
-        self._offer_kept()
-
-    def _offer_kept(self) -> None:
-        """Ask whether to go on with the session that was kept, if one was."""
-        try:
-            found = self.kept.read(self.session) if self.kept else None
-        except HdassistError as error:
-            self.complain(error)
-            return
-        if not found:
-            return
-        earlier, same_text = found
-
-        def answered(sure: bool | None) -> None:
-            if sure:
-                self.settled = earlier.step
-                self.show(earlier)
-
-        since = "" if same_text else "\nThe preset has changed since."
-        question = f"A session of this preset was kept:\n\n{earlier.command('explore')}\n{since}"
-        self.push_screen(Confirm(question, "go on with it", "begin anew; the first change replaces it"), answered)
 
     def _end_when_told(self) -> None:
         """End in order at a stop from outside, at once at a second one."""
@@ -257,7 +232,7 @@ class Explorer(Exporting):
     def command_line(self) -> str:
         """The command that gives the same answer."""
         if self.panes.has_class("turn"):
-            return self.session.command("trace", "--torque", f"{self.M_g:g}")
+            return self.session.trace_command(self.M_g)
         return self.session.command()
 
     # --- actions
@@ -289,6 +264,10 @@ class Explorer(Exporting):
         best = next((at for at, signs in self._letters().items() if "B" in signs), self.session.turn_deg)
         self.show(replace(self.session, turn_deg=best if where else 0.0))
 
+    def action_pin(self) -> None:
+        """Compare with the drive as it is now; again: with the preset."""
+        self.show(state.pinned(self.session))
+
     def action_undo(self) -> None:
         """Take the last change back."""
         self.change(state.undone)
@@ -296,10 +275,6 @@ class Explorer(Exporting):
     def action_redo(self) -> None:
         """Make the change again that was taken back."""
         self.change(state.redone)
-
-    def action_pin(self) -> None:
-        """Compare with the drive as it is now; again: with the preset."""
-        self.show(state.pinned(self.session))
 
     def action_trial(self) -> None:
         """Ask for trials."""
@@ -333,27 +308,6 @@ class Explorer(Exporting):
         path = self.levers.key
         if path and (value := stepped(self.session.drive, path, steps)) is not None:
             self.change(lambda s: state.edited(s, path, value))
-
-    def action_theme(self) -> None:
-        """Change between dark and light."""
-        self.theme = THEMES[not self.current_theme.dark]
-
-    async def action_quit(self) -> None:
-        """Leave; where changes or trials are not saved, ask before. Asked again over a question, leave at once."""
-        if self.session.step == self.settled or isinstance(self.screen, Confirm):
-            self.exit()
-            return
-
-        def answered(keep: bool | None) -> None:
-            if keep is False and self.kept:
-                with suppress(HdassistError, OSError):
-                    self.kept.put_back()
-            if keep is not None:
-                self.exit()
-
-        kept = f"They are not kept: {self.unkept}" if self.unkept else "They are kept for next time."
-        question = f"Changes and trials of this session are in no preset. {kept}\nEscape stays, s saves the preset."
-        self.push_screen(Confirm(question, "leave", "leave, and do not keep them"), answered)
 
     def action_explain(self) -> None:
         """Explain the screen."""

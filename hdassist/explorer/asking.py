@@ -25,10 +25,8 @@ from hdassist.explorer.compute import (
     drive_answers,
     trial_answers,
 )
-from hdassist.explorer.failed import Failed
 from hdassist.explorer.screens import Form
-from hdassist.explorer.service import Question, Service
-from hdassist.explorer.session_file import SessionFile
+from hdassist.explorer.service import Failed, Question, Service
 from hdassist.explorer.state import Session, Step
 from hdassist.mounting.advice import Advice
 from hdassist.report.report import Report
@@ -57,21 +55,17 @@ class Known:
 
     def take(self, answer: ExplorerAnswer) -> None:
         """Learn an answer."""
-        match answer:
-            case SeatCurve():
-                self.curve = answer
-            case Headline():
-                self.headline = answer
-            case LeverEffects():
-                self.effects = answer
-            case Trace():
-                self.trace = answer
-            case Report():
-                self.report = answer
-            case Failed():
-                self.failed = answer
-            case _:
-                self.advice = answer
+        setattr(self, FIELD_OF.get(type(answer), "advice"), answer)
+
+
+FIELD_OF = {
+    SeatCurve: "curve",
+    Headline: "headline",
+    LeverEffects: "effects",
+    Trace: "trace",
+    Report: "report",
+    Failed: "failed",
+}
 
 
 class SevenBits(LineFilter):
@@ -91,8 +85,7 @@ def seven_bits(text: str) -> str:
 class Asking(App[int]):
     """A session, and questions about it: each change asks for new answers, and ends questions that became needless.
 
-    Arguments: session, service and effort; dark or light; ascii, whether in 7 bits; kept, the file that holds the
-    session for next time.
+    Arguments: session, service and effort; dark or light; ascii, whether in 7 bits.
     """
 
     def __init__(
@@ -103,11 +96,8 @@ class Asking(App[int]):
         *,
         dark: bool = True,
         ascii: bool = False,
-        kept: SessionFile | None = None,
     ) -> None:
         super().__init__()
-        self.kept, self.unkept = kept, ""
-        self.settled = session.step  # that needs no keeping: as it was opened, or saved
         self.ascii, self.torque = ascii, 0  # place of the torque that cam turn and levers are shown at
         self.session, self.service, self.effort = session, service, effort
         self.answers: dict[Step, Known] = {}
@@ -157,21 +147,9 @@ class Asking(App[int]):
             self.known.old = before.headline or before.old
             self.ask_of_drive()
         if session.step != old.step:
-            self.keep()
             self.ask_of_trials()
         self.when_at_rest()
         self.draw()
-
-    def keep(self) -> None:
-        """Have the session in the user's file; say so once where that cannot be."""
-        try:
-            if self.kept:
-                self.kept.write(self.session)
-            self.unkept = ""
-        except HdassistError as error:
-            if not self.unkept:
-                self.complain(error)
-            self.unkept = error.message
 
     def change(self, change: Callable[[Session], Session]) -> None:
         """Go on with a changed session; say why where that cannot be."""

@@ -10,6 +10,8 @@ import typer
 
 from hdassist.terminal import options as o
 
+HUNG_UP = "explore.txt"  # among the user's states: the command that goes on, where the terminal was closed
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
@@ -24,7 +26,7 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
     Arrow keys turn the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline); t adds a trial, c
     writes the assembly card, ? explains the screen. Numbers are coarse at once, then refined, then proven; a card comes
     only from what mount and trials would order too. The line at the bottom is the command that gives the same answer in
-    a script.
+    a script; on leaving, the command that comes back to the session is printed.
     """
 
     preset: o.Preset
@@ -57,21 +59,25 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
         with terminal_guarded():
             service = Service()  # it imports beside this process
             try:
+                from platformdirs import user_state_path
+
                 from hdassist.explorer.app import Explorer
                 from hdassist.explorer.compute import Effort
-                from hdassist.explorer.session_file import SessionFile
                 from hdassist.terminal.console import Style, say, silence
+                from hdassist.terminal.files import put_text
 
                 plain = Style.of(sys.stdout, ascii=self.ascii).ascii
-                kept = SessionFile(self.preset)
-                app = Explorer(session, service, Effort(jobs=self.jobs), dark=not self.light, ascii=plain, kept=kept)
+                app = Explorer(session, service, Effort(jobs=self.jobs), dark=not self.light, ascii=plain)
                 app.run()
             finally:
                 service.close()
-        if not sys.stdout.isatty():  # the terminal hung up: what is left for it has no place
+        is_hung_up = not sys.stdout.isatty()  # what is left for the terminal has no place
+        if is_hung_up:
             for stream in (sys.stdout, sys.stderr):
                 silence(stream)
         if app.session.step != session.step:
             for name in ("explore", "check"):
                 say(f"back to it: {app.session.command(name)}")
+            if is_hung_up:
+                put_text(str(user_state_path("hdassist", ensure_exists=True) / HUNG_UP), app.session.command("explore"))
         return app.return_code or 0

@@ -13,15 +13,13 @@ import numpy as np
 from hdassist.belief.prior import FieldPrior, prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, ErrorBelief, Samples, errors_by_turn
 from hdassist.design.check import DesignCheck, OperatingPoint, check, drive_samples
-from hdassist.error.error_map import Batch, ErrorMap, searchable
+from hdassist.error.error_map import searchable
 from hdassist.error.self_error import limits_left
 from hdassist.error.trace import Trace, trace
 from hdassist.errors import HdassistError
-from hdassist.explorer.failed import Failed
 from hdassist.explorer.levers import SETTING_SECTIONS, step_of
+from hdassist.explorer.service import Failed
 from hdassist.explorer.state import Session, rig_of
-from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import no_hole_better, unknown_turn, unknowns
@@ -37,7 +35,6 @@ from hdassist.preset.kinds import kind_of
 from hdassist.report.report import Report
 from hdassist.run.processes import workers
 from hdassist.run.run import UNCHECKED, Run
-from hdassist.solve.formulation import formulate
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.trials.advice import TrialAdvice, advise_from_trials
 from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort
@@ -49,9 +46,8 @@ STEP = 0.34  # of the probability of a field that is not known exactly: a step t
 
 
 class Sure(StrEnum):
-    """How sure an F'_ior is: estimated from few states, its extremes searched, every state solved, a 90 % range."""
+    """How sure an F'_ior is: its extremes searched, every state solved, a 90 % range."""
 
-    COARSE = "COARSE"
     REFINED = "REFINED"
     PROVEN = "PROVEN"
     RANGE = "90 % RANGE"
@@ -61,11 +57,10 @@ class Sure(StrEnum):
 class Effort:
     """How much is computed.
 
-    grid: positions of each wheel that an estimate rests on; draws: effective samples of what is not known exactly;
-    trials: that of trials; jobs: processes at work, 0 for one each core.
+    draws: effective samples of what is not known exactly; trials: that of trials; jobs: processes at work, 0 for one
+    each core.
     """
 
-    grid: int = 8
     draws: int = EFFECTIVE_SAMPLES
     trials: TrialEffort = TRIAL_EFFORT
     jobs: int = 0
@@ -159,17 +154,14 @@ def is_any_hole(drive: Drive) -> bool:
 
 
 def drive_answers(drive: Drive, effort: Effort, tell: Tell) -> None:
-    """F'_ior over the seat by an estimate and a search, the answer of `check`, that of `mount`.
+    """F'_ior over the seat by a search, the answer of `check`, that of `mount`.
 
     Raises HdassistError where there is no answer.
     """
     if searchable(drive) and not is_any_hole(drive):
         rotations = tuple(seat_positions(drive))
-        estimate = partial(_estimates, rotations, effort.grid)
-        search = partial(_searched, rotations)
-        for analysis, sure in ((estimate, Sure.COARSE), (search, Sure.REFINED)):
-            F_ior = in_wide_enough_window(drive, analysis)
-            tell(SeatCurve(rotations, np.stack([F_ior] * 3), (sure,) * len(rotations)))
+        F_ior = in_wide_enough_window(drive, partial(_searched, rotations))
+        tell(SeatCurve(rotations, np.stack([F_ior] * 3), (Sure.REFINED,) * len(rotations)))
     with workers(effort.jobs) as executor:
         run = Run(executor, seed=SEED)
         tell(in_wide_enough_window(drive, partial(_checked, effort=effort, run=run, tell=tell)))
@@ -205,7 +197,7 @@ def cam_turn(drive: Drive, rotation_deg: float, M_g: float, tell: Tell) -> None:
 
 
 def lever_effects(drive: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:
-    """What a plausible step of each field does to F'_ior of a typical drive, estimated from few states.
+    """What a plausible step of each field does to F'_ior of a typical drive, by a search.
 
     A step of a field that is not known exactly goes about one standard deviation far. Raises HdassistError where the
     typical drive has no answer.
@@ -213,11 +205,11 @@ def lever_effects(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     here = drive.with_values(dict(typical))
     if not searchable(here):
         return
-    now = _estimates((0.0,), effort.grid, here)[:, 0]
+    now = _searched((0.0,), here)[:, 0]
     steps = dict(_steps(here, {each.path: each for each in prior_of(drive).fields}))
     found: dict[str, tuple[float, tuple[float, ...]]] = {}
     with workers(effort.jobs) as executor:
-        ranges = executor.map(partial(_moved_ranges, here, effort.grid), steps.items())
+        ranges = executor.map(partial(_moved_ranges, here), steps.items())
         for (path, step), there in zip(steps.items(), ranges, strict=True):
             if there is not None:
                 found[path] = step, tuple((there - now).tolist())
@@ -245,23 +237,12 @@ def _steps(drive: Drive, priors: Mapping[str, FieldPrior]) -> Iterator[tuple[str
                 break
 
 
-def _moved_ranges(drive: Drive, grid: int, step: tuple[str, float]) -> Array | None:
-    """F'_ior at each torque after a step, estimated; None where such a drive has no answer."""
+def _moved_ranges(drive: Drive, step: tuple[str, float]) -> Array | None:
+    """F'_ior at each torque after a step; None where such a drive has no answer."""
     path, by = step
     with suppress(HdassistError):
-        return _estimates((0.0,), grid, drive.with_values({path: drive.number(path) + by}))[:, 0]
+        return _searched((0.0,), drive.with_values({path: drive.number(path) + by}))[:, 0]
     return None
-
-
-def _estimates(rotations_deg: tuple[float, ...], grid: int, drive: Drive) -> Array:
-    """F'_ior of turned drives from a grid of states, shape (torques, turns)."""
-    turned = Batch(drive, {path: drive.number(path) + np.array(rotations_deg) for path in carried(drive)})
-    formulation, like, found = formulate(contact_system(drive)), None, []
-    for M_g in drive.operation.M_g:
-        error_map = ErrorMap(drive, M_g, formulation, like)
-        like = error_map.fresh
-        found.append(error_map.estimated_ranges(turned, grid)[0])
-    return np.array(found)
 
 
 def _searched(rotations_deg: tuple[float, ...], drive: Drive) -> Array:

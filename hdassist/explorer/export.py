@@ -1,10 +1,9 @@
-"""Files that the explorer writes: cards, presets, JSON and pictures; never over a file without asking."""
+"""Files that the explorer writes: cards, presets and pictures; never over a file without asking."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from hdassist.loading.write import with_changes
 from hdassist.mounting.advice import Advice
 from hdassist.pages.mount import mount_card_facts
 from hdassist.pages.trials import trials_card_facts
-from hdassist.terminal.answers import json_text, report_object
 from hdassist.terminal.files import put_text, require_writable
 from hdassist.terminal.texts import texts
 from hdassist.trials.advice import TrialAdvice
@@ -53,29 +51,17 @@ class Exporting(Asking):
             "assembly card", fields, hint, lambda values: self.write(values[0], lambda: card(values).text(facts)), card
         )
 
-    def action_json(self) -> None:
-        """Write the JSON of the command that gives the same answer."""
-        if (report := (self.of_trials or self.known).report) is None:
-            self.notify("no JSON yet: the answer is being computed", severity="warning")
-            return
-        text, fields = json_text(report_object(report)), [("file", self.named(f"-{report.command}.json"))]
-        hint = f"as {self.session.command()} --json"
-        self.fill_in("JSON", fields, hint, lambda values: self.write(values[0], lambda: text))
-
     def action_save(self) -> None:
         """Write the preset with the changes, its comments and order as they are."""
-        source, session = self.session.source, self.session
-        if not (session.changes or source.overrides):
+        source, overrides = self.session.source, self.session.drive.origin.overrides
+        if not overrides:
             self.notify("nothing is changed: there is nothing to save")
             return
 
-        def saved() -> None:
-            self.settled = replace(self.settled, changes=session.changes)
-
-        text = partial(with_changes, source.text, source.file, session.overrides)
+        text = partial(with_changes, source.text, source.file, overrides)
         fields = [("file", source.file if Path(source.file).suffix else self.named("-changed.yaml"))]
         hint = "comments and order of the original are kept"
-        self.fill_in("save the preset", fields, hint, lambda values: self.write(values[0], text, saved))
+        self.fill_in("save the preset", fields, hint, lambda values: self.write(values[0], text))
 
     def action_picture(self) -> None:
         """Write the screen as SVG."""
@@ -91,8 +77,8 @@ class Exporting(Asking):
         self.copy_to_clipboard(self.session.command())
         self.notify("the command line is on the clipboard")
 
-    def write(self, path: str, text: Callable[[], str], done: Callable[[], None] = lambda: None) -> None:
-        """Write a text to a file, an existing one only after asking; then done is called."""
+    def write(self, path: str, text: Callable[[], str]) -> None:
+        """Write a text to a file, an existing one only after asking."""
         try:
             if path == "-":
                 raise UsageError("the screen has standard output", "name a file")
@@ -111,7 +97,6 @@ class Exporting(Asking):
                 self.complain(error)
                 return
             self.notify(visible(f"wrote {path}"), markup=False)
-            done()
 
         if Path(path).exists():
             self.push_screen(Confirm(f"{path} exists. Replace it?"), put)

@@ -23,7 +23,7 @@ from hdassist.terminal.plot import curve, ticks
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.visible import visible
 
-MARKS = {Sure.COARSE: "·", Sure.REFINED: "○", Sure.PROVEN: "●", Sure.RANGE: "◌"}
+MARKS = {Sure.REFINED: "○", Sure.PROVEN: "●", Sure.RANGE: "◌"}
 TORQUE_STYLES = ("cyan", "yellow", "magenta", "green")  # styles of the torques, one after the other
 LETTER_STYLES = {"B": "green bold", "W": "red bold", "?": "magenta bold", "◆": "magenta"}
 LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
@@ -116,7 +116,6 @@ def _values(found: SeatCurve | None, rotation_deg: float) -> Text:
         return text
     for k, (low, _, high) in enumerate(found.F_ior_arcsec[:, :, place].T.tolist()):
         words = f"{low:.1f}…{high:.1f}" if high > low else f"{low:.2f}"
-        words = f"~{low:.0f}" if found.sure[place] is Sure.COARSE else words
         text.append(f"{words:>6} ", TORQUE_STYLES[k % len(TORQUE_STYLES)])
     return text
 

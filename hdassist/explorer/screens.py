@@ -22,7 +22,6 @@ At the top F'_ior, the kinematic error from peak to peak over the full cycle, at
 [b]N[/b] now, [b]B[/b] best, [b]W[/b] worst, [b]?[/b] measure next, ◆ measured, x not allowed.
 
 [b]How sure a number is[/b]
-[b]COARSE[/b] ·  estimated from few states of the cycle.
 [b]REFINED[/b] ○  the extremes of the cycle were searched for.
 [b]PROVEN[/b] ●  every state of the cycle was solved, and each answer proven.
 [b]90 % RANGE[/b] ◌  median, and 5th to 95th percentile over what is not known exactly.
@@ -30,7 +29,7 @@ A card is written only from the advice of mount or trials, and only where these 
 
 [b]Levers[/b]
 [b]?[/b] assumed, [b]*[/b] changed here. Behind the value: a plausible step, and its change of F'_ior [arcsec] of a
-typical drive, COARSE, the greatest first. Where a field is not known exactly a step is about one standard deviation.
+typical drive, the greatest first. Where a field is not known exactly a step is about one standard deviation.
 Enter edits; an empty value takes a change back. Numbers of teeth change together: 120, or 120/122.
 
 [b]Keys[/b]
@@ -38,8 +37,8 @@ Enter edits; an empty value takes a change back. Numbers of teeth change togethe
 ← → ↑ ↓ turn the wheel   b best hole   0 where it stands   m next torque
 t add trials   x drop the last one   Enter edit a field   + - a step
 u undo   r redo   p pin the drive as it is, to compare
-c card   s preset   j JSON   g picture   y copy the command line
-d dark or light   q leave: the session is kept for next time
+c card   s preset   g picture   y copy the command line
+q leave: the command that comes back to the session is printed
 """
 
 

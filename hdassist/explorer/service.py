@@ -7,6 +7,7 @@ import multiprocessing
 import os
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext, SpawnContext
@@ -14,12 +15,19 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from hdassist.errors import HdassistError
-from hdassist.explorer.failed import Failed
 from hdassist.run.processes import begin_worker
 
 Question = Callable[[Callable[[Any], None]], None]  # a function of explorer.compute with its arguments
 PRELOADED = ["__main__", "hdassist.cli.main", "hdassist.explorer.preloaded"]
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")  # a process with several cannot be forked
+
+
+@dataclass(frozen=True)
+class Failed:
+    """There is no answer: why, and what to do about it."""
+
+    message: str
+    hint: str = ""
 
 
 class Service:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from shlex import quote
 
 from hdassist.errors import UsageError
 from hdassist.loading.load import load_text
@@ -12,6 +11,7 @@ from hdassist.mounting.positions import hole_of
 from hdassist.mounting.trial import read_trial
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.library import read_preset
+from hdassist.terminal.brief import again
 from hdassist.terminal.options import TrialOptions
 from hdassist.trials.prior import Rig
 
@@ -32,10 +32,14 @@ class StateSource:
     overrides: tuple[str, ...] = ()
 
     def drive(self, changes: tuple[Change, ...] = ()) -> Drive:
-        """The drive with changes. Raises PresetError, or UsageError with the loader's words about them."""
+        """The drive with changes, of one field the last one.
+
+        Raises PresetError, or UsageError with the loader's words about them.
+        """
         if any("\n" in value for _, value in changes):
             raise UsageError("a value is one line")
-        return load_text(self.text, self.file, [*self.overrides, *(f"{path}={value}" for path, value in changes)])
+        texts = (*self.overrides, *(f"{path}={value}" for path, value in changes))
+        return load_text(self.text, self.file, list({text.partition("=")[0]: text for text in texts}.values()))
 
 
 @dataclass(frozen=True)
@@ -79,11 +83,6 @@ class Session:
         return self.rig.torque_of(self.drive.operation.M_g)
 
     @property
-    def overrides(self) -> tuple[str, ...]:
-        """What stands on top of the preset's text, as --set takes it."""
-        return self._overrides(self.changes)
-
-    @property
     def here(self) -> str:
         """The position that is looked at as trials take it: h4, or an angle [deg]."""
         hole = hole_of(self.turn_deg, self.drive.mounting.holes)
@@ -95,29 +94,16 @@ class Session:
         holes = self.drive.mounting.holes or 72
         return tuple(360 * k / holes for k in range(holes))
 
-    def turned_changes(self) -> tuple[Change, ...]:
-        """The changes, and the fixed wheel as it is looked at: its directions that are known, turned."""
-        moved = sorted(path for path in carried(self.drive) if self.turn_deg and self.drive.value(path) is not None)
-        turned = tuple((path, f"{self.drive.number(path) + self.turn_deg:g}") for path in moved)
-        return (*self.changes, *turned)
+    def command(self, name: str = "") -> str:
+        """The command line that gives the same answer: that of a command by name, without one of mount or trials."""
+        name = name or ("trials" if self.trials else "mount")
+        return again(name, self.drive, *((*self.trials, *self.rig.words()) if name in ("trials", "explore") else ()))
 
-    def command(self, name: str = "", *more: str) -> str:
-        """The command line that gives the same answer.
-
-        Arguments: name of the command, mount without or, where there are trials, trials; more of its words.
-        """
-        name, behind = name or ("trials" if self.trials else "mount"), list(more)
-        if name in ("trials", "explore"):
-            behind = [*self.trials, *self.rig.words()]
-        changes = self.turned_changes() if name in ("trace", "compare") else self.changes
-        for text in self._overrides(changes):
-            behind += ["--set", text]
-        return " ".join(map(quote, ["hdassist", name, self.source.name, *behind]))
-
-    def _overrides(self, changes: tuple[Change, ...]) -> tuple[str, ...]:
-        """Overrides of the source and changes, as --set takes them: of one field the last one."""
-        texts = (*self.source.overrides, *(f"{path}={value}" for path, value in changes))
-        return tuple({text.partition("=")[0]: text for text in texts}.values())
+    def trace_command(self, M_g: float) -> str:
+        """The same of the cam turn at a torque [N*m], the fixed wheel as it is looked at."""
+        moved = [path for path in carried(self.drive) if self.turn_deg and self.drive.value(path) is not None]
+        turned = ((path, f"{self.drive.number(path) + self.turn_deg:g}") for path in moved)
+        return again("trace", self.source.drive((*self.changes, *turned, ("operation.M_g", f"[{M_g}]"))))
 
 
 def opened_state(name: str, overrides: tuple[str, ...] = (), rig: TrialOptions = USUAL) -> Session:

@@ -1,4 +1,4 @@
-"""Texts of presets: a commented one to start from, one of a drive like another, one with other values put into it."""
+"""Texts of presets: one of a drive like another, one with other values put into it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.preset import coupling
 from hdassist.preset.catalogue import of_catalogue
-from hdassist.preset.fields import PRESET_SCHEMA, Drive, Source, field_table, fields, sections
+from hdassist.preset.fields import PRESET_SCHEMA, Drive, Source, field_table, sections
 from hdassist.preset.kinds import UNKNOWN, Section, may_be_unknown, plain, unit_of
 from hdassist.preset.overrides import path_of
 from hdassist.preset.similarity import Requirements, SimilarValue, similar
@@ -29,49 +29,10 @@ MAX_NAME = 200
 WIDTH = 110  # of a description
 
 
-def new_preset(name: str) -> str:
-    """Text of a preset that is valid as it stands, with example numbers to be replaced.
-
-    Every required field and every one with an example has a line; each other field has one that is
-    commented out, with its default.
-    Raises UsageError: a name that a preset cannot have.
-    """
-    _require_name(name)
-    lines = [
-        "# A preset to start from. EVERY NUMBER BELOW IS AN EXAMPLE: put in those of your drive.",
-        '# A bare number is in the unit beside it; a text with a unit, such as "75 um", is converted.',
-        "# Lines that are commented out show what else can be given, with the value used without them.",
-        f"schema: {PRESET_SCHEMA}",
-        f"name: {_name(name)}",
-        "description: Example numbers, not yet those of a drive.",
-    ]
-    for section, model in sections():
-        lines += ["", *_section(section, model)]
-    lines += [
-        "",
-        "# Where a value comes from: given, assumed or identified. Beside a value of yours write kind: given.",
-        "source:",
-        *(f'  {path}: {{kind: assumed, ref: "example"}}' for path, info in fields() if info.examples),
-    ]
-    return "\n".join(lines) + "\n"
-
-
 def _require_name(name: str) -> None:
     """Raise UsageError for a name that a preset cannot have."""
     if not 1 <= len(name) <= MAX_NAME or not name.isprintable():
         raise UsageError(f"a drive needs a name of 1 to {MAX_NAME} printable characters")
-
-
-def _section(section: str, model: type[Section]) -> Iterator[str]:
-    active = any(info.examples for info in model.model_fields.values())
-    yield f"{'' if active else '#'}{section}:  # {(model.__doc__ or '').strip()}"
-    for name, info in model.model_fields.items():
-        value = info.examples[0] if info.examples else info.default
-        if value is not None:
-            entry = f"{'  ' if info.examples else '#  '}{name}: {_value(value)}"
-            yield f"{entry:<27} # {_about(info)}"
-        else:
-            yield f"{f'#  {name}:':<27} # {_about(info)}"
 
 
 def _about(info: FieldInfo) -> str:

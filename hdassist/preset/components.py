@@ -10,12 +10,12 @@ from hdassist.preset.kinds import Section, field
 class Gears(Section):
     """Teeth of the two wheels."""
 
-    z_g: int = field("teeth of the flexspline", example=200, ge=20, le=1000)
-    z_b: int = field("teeth of the rigid wheel", example=202, ge=22, le=1002)
-    m: float = field("module", "mm", example=0.8, ge=0.05, le=5)
+    z_g: int = field("teeth of the flexspline", ge=20, le=1000)
+    z_b: int = field("teeth of the rigid wheel", ge=22, le=1002)
+    m: float = field("module", "mm", ge=0.05, le=5)
     alpha: float = field("pressure angle", "deg", 20.0, ge=14, le=30)
-    x_g: float = field("profile shift of the flexspline", example=3.1, ge=-1, le=12)
-    x_b: float = field("profile shift of the rigid wheel", example=3.3, ge=-1, le=12)
+    x_g: float = field("profile shift of the flexspline", ge=-1, le=12)
+    x_b: float = field("profile shift of the rigid wheel", ge=-1, le=12)
     h_a: float = field("addendum of both wheels, in modules", default=0.6, ge=0.2, le=1.5)
     h_f: float = field("dedendum of the flexspline, in modules", default=1.35, ge=0.3, le=2)
     j_n: float = field("clearance per flank (tooth thinning)", "um", 0.0, ge=0, le=200)
@@ -42,19 +42,19 @@ class Material(Section):
 class Flexspline(Section):
     """Rim under the teeth and the shell behind it."""
 
-    h_1: float = field("thickness of the rim under the teeth", "mm", example=1.4, ge=0.05, le=20)
-    h_3: float = field("thickness of the shell", "mm", example=1.4, ge=0.05, le=20)
-    b_w: float = field("width of the tooth ring", "mm", example=32.0, ge=1, le=500)
-    l: float = field("length of the shell with the tooth ring", "mm", example=160.0, ge=2, le=2000)
+    h_1: float = field("thickness of the rim under the teeth", "mm", ge=0.05, le=20)
+    h_3: float = field("thickness of the shell", "mm", ge=0.05, le=20)
+    b_w: float = field("width of the tooth ring", "mm", ge=1, le=500)
+    l: float = field("length of the shell with the tooth ring", "mm", ge=2, le=2000)
     k_t: float = field("stiffening of the rim by its teeth", default=1.4, ge=1, le=5)
 
 
 class Bearing(Section):
     """Flexible bearing between flexspline and cam."""
 
-    N: int = field("number of balls", example=24, ge=5, le=200)
-    ring_b: float = field("width of the outer ring", "mm", example=24.0, ge=0.5, le=500)
-    ring_h: float = field("thickness of the outer ring", "mm", example=4.0, ge=0.05, le=50)
+    N: int = field("number of balls", ge=5, le=200)
+    ring_b: float = field("width of the outer ring", "mm", ge=0.5, le=500)
+    ring_h: float = field("thickness of the outer ring", "mm", ge=0.05, le=50)
     d_ball: float | None = field("ball diameter (needed for rolling balls)", "mm", None, ge=0.2, le=100)
     g_b: float = field("clearance between outer ring and balls", "um", 0.0, ge=0, le=200)
     ball_motion: Literal["locked", "rolling"] = field("balls held in the cam frame, or rolling", default="locked")
@@ -64,7 +64,7 @@ class Bearing(Section):
 class Cam(Section):
     """Wave generator."""
 
-    W_0: float = field("radial deformation of the flexspline at the major axis", "mm", example=0.96, ge=0.01, le=10)
+    W_0: float = field("radial deformation of the flexspline at the major axis", "mm", ge=0.01, le=10)
     coupling: Literal["solid", "oldham", "overhung", "unknown"] = field(
         "how it sits on its shaft: solid hub, Oldham coupling (aligns itself), overhung; gives C_3 if that is left out",
         default="unknown",
@@ -76,9 +76,9 @@ class Cam(Section):
 class Supports(Section):
     """Radial stiffness of what carries the bodies; 0 leaves the body free, anything else is 1 N/mm or more."""
 
-    C_1: float = field("support of the rigid wheel, radial", "N/mm", example=1300000.0, ge=0, le=1e9)
-    C_2: float = field("support of the flexspline, radial", "N/mm", example=23000.0, ge=0, le=1e9)
-    C_3: float | None = field("support of the cam, radial", "N/mm", None, example=8400.0, ge=0, le=1e9)
+    C_1: float = field("support of the rigid wheel, radial", "N/mm", ge=0, le=1e9)
+    C_2: float = field("support of the flexspline, radial", "N/mm", ge=0, le=1e9)
+    C_3: float | None = field("support of the cam, radial", "N/mm", None, ge=0, le=1e9)
 
 
 class Contact(Section):

@@ -14,8 +14,8 @@ Part = Literal["g", "b", "h"]
 WHEELS: tuple[Part, Part] = ("g", "b")
 
 
-def _size(meaning: str, example: float | None = None) -> Any:
-    return field(meaning, "um", None, example, unknown=True, ge=0, le=1000)
+def _size(meaning: str) -> Any:
+    return field(meaning, "um", None, unknown=True, ge=0, le=1000)
 
 
 def _direction(meaning: str) -> Any:
@@ -25,10 +25,10 @@ def _direction(meaning: str) -> Any:
 class Tolerances(Section):
     """Deviations of the parts: first harmonics, as peak-to-peak for teeth and as offset for the cam."""
 
-    F_i1: float | None = _size("tangential composite deviation F'_i1 of the flexspline", 75.0)
-    F_i2: float | None = _size("tangential composite deviation F'_i2 of the rigid wheel", 75.0)
-    e_hb: float | None = _size("cam offset that stands still with the rigid wheel", 80.0)
-    e_hh: float | None = _size("cam offset that turns with the cam", 30.0)
+    F_i1: float | None = _size("tangential composite deviation F'_i1 of the flexspline")
+    F_i2: float | None = _size("tangential composite deviation F'_i2 of the rigid wheel")
+    e_hb: float | None = _size("cam offset that stands still with the rigid wheel")
+    e_hh: float | None = _size("cam offset that turns with the cam")
     e_hg: float | None = _size("cam offset that goes with the flexspline")
     e_b: float | None = _size("offset of the rigid wheel's pitch circle from its pilot (half its run-out)")
 

@@ -56,7 +56,7 @@ class Operation(Section):
     """Load."""
 
     M_g: tuple[Annotated[float, Field(ge=-1e7, le=1e7)], ...] = field(
-        "torques on the flexspline, counter-clockwise positive", "N*m", example=(80.0, 800.0)
+        "torques on the flexspline, counter-clockwise positive", "N*m"
     )
     rated: float | None = field("rated torque", "N*m", None, gt=0, le=1e7)
     dT: float = field("flexspline and cam warmer than the rigid wheel", "K", 0.0, ge=-150, le=150)

@@ -61,16 +61,14 @@ def field(
     meaning: str,
     unit: str = "",
     default: Any = ...,
-    example: Any = None,
     *,
     unknown: bool = False,
     **limits: float,
 ) -> Any:
-    """Declare a field: meaning, unit, default (none: required), an example, whether it may be unknown, range."""
-    examples = None if example is None else [example]
+    """Declare a field: meaning, unit, default (none: required), whether it may be unknown, range."""
     extra = {"unit": unit, UNKNOWN: unknown}
     return Field(  # type: ignore[call-overload]
-        default, description=meaning, examples=examples, json_schema_extra=extra, **limits
+        default, description=meaning, json_schema_extra=extra, **limits
     )
 
 

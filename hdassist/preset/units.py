@@ -12,7 +12,7 @@ from decimal import Decimal
 from math import isfinite, isinf
 from typing import Any
 
-from hdassist.numerals import NUMBER, UNSIGNED
+from hdassist.numerals import NUMBER
 from hdassist.preset.yamltext import InvalidValue, shown
 
 PI = Decimal("3.14159265358979323846264338328")
@@ -188,29 +188,6 @@ def units_for(unit: str) -> tuple[str, ...]:
     """Every unit that converts to the given one, as messages write it; empty for a pure number."""
     dimension = _dimension(unit)
     return tuple(u for u in _SIZES[dimension] if u not in _DOUBLES) if dimension else ()
-
-
-def pattern_for(unit: str) -> str:
-    """Regular expression of the texts that a field with this unit takes, for editors."""
-    return rf"^\s*{NUMBER}\s*({spelled_units(unit)})\s*$"
-
-
-def spelled_units(unit: str) -> str:
-    """Regular expression of every spelling of the units that convert to the given one; empty for a pure number."""
-    dimension = _dimension(unit)
-    return "|".join(_spelled(u) for u in sorted(_SIZES[dimension], key=lambda u: (-len(u), u))) if dimension else ""
-
-
-def spread_pattern(unit: str) -> str:
-    """Regular expression of the texts that a measure in this unit and its uncertainty make, for editors."""
-    spelled = rf"\s*(?:{spelled_units(unit)})?" if spelled_units(unit) else ""
-    return rf"^\s*{NUMBER}{spelled}\s*{_SIGN}\s*{UNSIGNED}{spelled}\s*$"
-
-
-def _spelled(unit: str) -> str:
-    text = re.escape(unit).replace("\\ ", r"\s+").replace("u", "[uµμ]")
-    text = text.replace("\\*", r"\s*[*·⋅∙•×]\s*").replace("/", r"\s*/\s*").replace("mm2", r"mm(\^?2|²)")
-    return {"'": "['′]", '"': '["″]', "°": "[°º]"}.get(unit, text)
 
 
 def _normal(unit: str) -> str:

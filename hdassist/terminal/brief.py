@@ -15,6 +15,7 @@ from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict
 
+LIMITED = ("check", "report", "tolerance", "sensitivity", "allocate", "accept")  # commands that take --limit
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
 
 
@@ -22,14 +23,16 @@ def again(command: str, drive: Drive, *more: str) -> str:
     """A command about the same drive, as a shell takes it."""
     origin = drive.origin
     preset = "-" if origin.file == STDIN else origin.file or drive.name
-    return shlex.join(["hdassist", command, preset, *_options(origin.overrides), *more])
+    return shlex.join(["hdassist", command, preset, *_options(command, origin.overrides), *more])
 
 
-def _options(overrides: Iterable[str]) -> Iterator[str]:
-    """Overrides as options; torques as they were asked for."""
+def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
+    """Overrides as options of a command; torques and limits as they were asked for."""
     for override in overrides:
         if torques := re.fullmatch(r"operation\.M_g=\[([-+.\de, ]+)\]", override):
             yield from (f"--torque={torque.strip().removesuffix('.0')}" for torque in torques[1].split(","))
+        elif command in LIMITED and (limit := re.fullmatch(r"acceptance\.F_ior(?:\.([^=]+))?=([^{]+)", override)):
+            yield from ("--limit", f"F_ior@{limit[1]}={limit[2]}" if limit[1] else limit[2])
         else:
             yield from ("--set", override)
 

@@ -13,15 +13,13 @@ from textual.pilot import Pilot
 from hdassist.errors import HdassistError
 from hdassist.explorer.app import Explorer
 from hdassist.explorer.compute import Effort, ExplorerAnswer
-from hdassist.explorer.failed import Failed
-from hdassist.explorer.service import Question
-from hdassist.explorer.session_file import SessionFile
+from hdassist.explorer.service import Failed, Question
 from hdassist.explorer.state import USUAL, Session, opened_state
 from hdassist.terminal.options import TrialOptions
 from hdassist.trials.prior import TrialEffort
 from tests.process import TINY, no_processes
 
-QUICK = Effort(grid=4, draws=8, trials=TrialEffort.of(8), jobs=1)
+QUICK = Effort(draws=8, trials=TrialEffort.of(8), jobs=1)
 FEW = ("operation.M_g=[4.0]", "mounting.holes=6")  # states
 LONGEST = 60.0  # s
 
@@ -64,10 +62,9 @@ def explored(
     session: Session | None = None,
     size: tuple[int, int] = (100, 30),
     ascii: bool = False,
-    kept: SessionFile | None = None,
 ) -> Explorer:
     """Run an explorer without a terminal, do something with it once its first answers are there, and give it back."""
-    app = Explorer(session or tiny(), Recorded(), QUICK, ascii=ascii, kept=kept)  # type: ignore[arg-type]
+    app = Explorer(session or tiny(), Recorded(), QUICK, ascii=ascii)  # type: ignore[arg-type]
 
     async def run() -> None:
         async with app.run_test(size=size) as pilot:

@@ -1,11 +1,10 @@
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 from textual.pilot import Pilot
-from textual.widgets import Input, Static
+from textual.widgets import Input
 
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.design.check import check
@@ -14,12 +13,10 @@ from hdassist.explorer.app import Explorer
 from hdassist.explorer.asking import REST, Known
 from hdassist.explorer.compute import FULL, Sure
 from hdassist.explorer.screens import Confirm, Explain, Form
-from hdassist.explorer.session_file import SessionFile
 from hdassist.explorer.state import Session, opened_state, with_trials
 from hdassist.explorer.words import advice_text
 from hdassist.loading.load import load_text
 from hdassist.pages.trials import trials_instruction
-from hdassist.terminal.options import TrialOptions
 from hdassist.trials.advice import TrialAdvice
 from tests.explorer.rig import FEW, QUICK, explored, said, screen, settled, tiny, typed
 from tests.process import SMALL, TINY
@@ -121,9 +118,7 @@ def likely() -> str:
     return " ".join(f"h{k}={values[(k - 1) % 6]:.1f}" for k in (0, 2, 4))
 
 
-def test_trials_that_explain_themselves_have_a_band_and_the_commands_words_and_json(
-    likely: str, tmp_path: Path
-) -> None:
+def test_trials_that_explain_themselves_have_a_band_and_the_commands_words(likely: str) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         found = app.of_trials
         assert found is not None and isinstance(found.advice, TrialAdvice) and found.curve is not None
@@ -134,12 +129,7 @@ def test_trials_that_explain_themselves_have_a_band_and_the_commands_words_and_j
         assert not found.advice.settled
         await pilot.press("c")
         assert "no card: the trials do not settle it" in said(app)
-        await pilot.press("j")
-        app.screen.query_one(Input).value = str(tmp_path / "trials.json")
-        await pilot.press("enter")
-        await settled(app, pilot)
-        written = json.loads((tmp_path / "trials.json").read_text())
-        assert (written["schema"], written["instruction"]) == ("hdassist.trials/1", trials_instruction(found.advice))
+        assert found.report is not None and found.report.values["instruction"] == trials_instruction(found.advice)
 
     explored(act, with_trials(opened_state(SMALL, FEW), likely))
 
@@ -324,89 +314,6 @@ def test_teeth_change_together() -> None:
     explored(act)
 
 
-def kept_in(folder: Path) -> SessionFile:
-    return SessionFile(TINY, folder)
-
-
-def asked(app: Explorer) -> str:
-    """What is asked with yes and no."""
-    return str(app.screen.query_one("#confirm", Static).render())
-
-
-async def add_trial(pilot: Pilot[int]) -> None:
-    await pilot.press("t")
-    await typed(pilot, "h1=480")
-    await pilot.press("enter")
-    await pilot.pause()
-
-
-def test_leaving_asks_where_work_is_not_saved_and_offers_it_next_time(tmp_path: Path) -> None:
-    async def begin(app: Explorer, pilot: Pilot[int]) -> None:
-        await add_trial(pilot)
-        [file] = tmp_path.iterdir()  # at once: a terminal that is closed loses nothing
-        await pilot.press("q")
-        assert isinstance(app.screen, Confirm) and app.is_running
-        await pilot.press("escape")
-        assert app.session.trials == ("h1=480",) and app.is_running and not isinstance(app.screen, Confirm)
-        await pilot.press("q", "y")
-        await pilot.pause()
-        assert not app.is_running and "h1=480" in file.read_text()
-
-    async def go_on(app: Explorer, pilot: Pilot[int]) -> None:
-        assert "hdassist explore" in asked(app) and "h1=480" in asked(app) and "changed since" not in asked(app)
-        await pilot.press("y")
-        await settled(app, pilot)
-        assert app.session.trials == ("h1=480",) and app.session.rig.noise == 2.0 and app.of_trials is not None
-        await pilot.press("q")
-        await pilot.pause()
-        assert not app.is_running  # as it was opened: it is kept
-
-    explored(begin, tiny(rig=TrialOptions(noise=2.0)), kept=kept_in(tmp_path))
-    explored(go_on, kept=kept_in(tmp_path))
-
-
-def test_what_is_not_to_be_kept_leaves_the_session_before(tmp_path: Path) -> None:
-    kept_in(tmp_path).write(with_trials(tiny(), "h4=17.3"))
-
-    async def act(app: Explorer, pilot: Pilot[int]) -> None:
-        await pilot.press("n")
-        assert app.session.trials == ()
-        await add_trial(pilot)
-        await pilot.press("q", "n")
-        await pilot.pause()
-        assert not app.is_running
-
-    explored(act, kept=kept_in(tmp_path))
-    found = kept_in(tmp_path).read(tiny())
-    assert found is not None and found[0].trials == ("h4=17.3",)
-
-
-def test_a_kept_session_that_cannot_be_used_is_said(tmp_path: Path) -> None:
-    kept_in(tmp_path).path.write_text("{}")
-
-    async def act(app: Explorer, pilot: Pilot[int]) -> None:
-        assert "the kept session cannot be used" in said(app) and app.session.trials == ()
-
-    explored(act, kept=kept_in(tmp_path))
-
-
-def test_a_session_that_cannot_be_kept_is_said_once_and_when_leaving(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-
-    async def act(app: Explorer, pilot: Pilot[int]) -> None:
-        await add_trial(pilot)
-        await pilot.press("x")
-        assert said(app).count("cannot keep the session") == 1
-        await add_trial(pilot)
-        await pilot.press("q")
-        assert "They are not kept: cannot keep the session" in asked(app)
-        await pilot.press("ctrl+q")  # asked again: at once
-        await pilot.pause()
-        assert not app.is_running
-
-    explored(act, kept=kept_in(tmp_path / "file"))
-
-
 def test_one_pane_at_a_time_where_there_is_little_room() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert "LEVERS" not in screen(app) and all(len(row) == 80 for row in screen(app).split("\n"))
@@ -431,16 +338,14 @@ def test_one_pane_at_a_time_where_there_is_little_room() -> None:
     explored(act, size=(80, 24))
 
 
-def test_theme_explanation_and_torque_are_a_key_away() -> None:
+def test_explanation_and_torque_are_a_key_away() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
-        await pilot.press("d")
-        assert not app.current_theme.dark
         await pilot.press("question_mark")
-        assert isinstance(app.screen, Explain) and "COARSE" in screen(app)
+        assert isinstance(app.screen, Explain) and "REFINED" in screen(app)
         await pilot.press("escape", "4", "m")
         await pilot.pause(REST + 0.2)
         await settled(app, pilot)
-        assert "cam turn at 4 N·m" in screen(app) and "--torque 4" in screen(app)
+        assert "cam turn at 4 N·m" in screen(app) and "hdassist trace" in screen(app)
         assert app.known.trace is not None and app.known.trace.error.M_g == 4
 
     explored(act, tiny("operation.M_g=[1.0, 4.0]"))
@@ -471,6 +376,18 @@ def test_text_of_a_preset_steers_no_terminal(tmp_path: Path) -> None:
     explored(act, opened_state(str(file), FEW))
 
 
+def test_a_picture_is_of_the_screen_and_loads_nothing(tmp_path: Path) -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("g")
+        app.screen.query_one(Input).value = str(tmp_path / "screen.svg")
+        await pilot.press("enter")
+        await pilot.pause(0.3)
+        made = (tmp_path / "screen.svg").read_text()
+        assert made.startswith("<svg") and "TRIALS" in made and "@font-face" not in made
+
+    explored(act)
+
+
 def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp_path: Path) -> None:
     original = Path(TINY).read_text()
     there = tmp_path / "mine.yaml"
@@ -498,46 +415,27 @@ def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp
         assert "j_n: 19" in there.read_text()
         await pilot.press("q")
         await pilot.pause()
-        assert not app.is_running  # all is saved: nothing is asked
+        assert not app.is_running
 
     explored(act)
 
 
 def test_a_file_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
-        await pilot.press("g")
-        app.screen.query_one(Input).value = str(tmp_path / "nowhere" / "screen.svg")
+        await pilot.press("s")
+        app.screen.query_one(Input).value = str(tmp_path / "nowhere" / "mine.yaml")
         await pilot.press("enter")
-        await pilot.pause(0.2)
+        await pilot.pause()
         assert "cannot write" in said(app) and "there is no directory" in said(app)
-        await pilot.press("g")
-        app.screen.query_one(Input).value = str(tmp_path / "screen.svg")
-        await pilot.press("enter")
-        await pilot.pause(0.3)
-        assert (tmp_path / "screen.svg").read_text().startswith("<svg") and "TRIALS" in (
-            tmp_path / "screen.svg"
-        ).read_text()
 
     explored(act)
 
 
-def test_the_card_and_the_json_are_those_of_the_command(tmp_path: Path) -> None:
+def test_the_card_is_that_of_the_command(tmp_path: Path) -> None:
     from tests.process import run
 
-    card, told = tmp_path / "card.md", tmp_path / "mount.json"
-    made = run(
-        "mount",
-        TINY,
-        *SETS,
-        "--draws",
-        "8",
-        "--json",
-        "-o",
-        str(told),
-        "--card",
-        str(card),
-    )
-    assert made.returncode == 0
+    card = tmp_path / "card.md"
+    assert run("mount", TINY, *SETS, "--draws", "8", "-q", "--card", str(card)).returncode == 0
 
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("c")
@@ -547,11 +445,6 @@ def test_the_card_and_the_json_are_those_of_the_command(tmp_path: Path) -> None:
         app.screen.query(Input).first().value = str(tmp_path / "mine.md")
         await pilot.press("enter")
         await settled(app, pilot)
-        await pilot.press("j")
-        app.screen.query_one(Input).value = str(tmp_path / "mine.json")
-        await pilot.press("enter")
-        await settled(app, pilot)
         assert (tmp_path / "mine.md").read_text() == card.read_text()
-        assert (tmp_path / "mine.json").read_text() == told.read_text()
 
     explored(act)

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from shlex import quote
-
 import pytest
 
 from hdassist.errors import UsageError
@@ -73,15 +71,13 @@ def test_fewer_holes_are_refused_while_a_trial_is_in_another(session: Session) -
 
 def test_the_command_of_trials_says_how_they_were_measured() -> None:
     tried = state.with_trials(tiny(rig=TrialOptions(trial_torque=1.0, noise=0.5)), "h0=28.1 h4=17.3")
-    assert tried.command() == (f"hdassist trials {TINY} h0=28.1 h4=17.3 --trial-torque 1 --noise 0.5 ") + " ".join(
-        f"--set {quote(text)}" for text in FEW
-    )
+    opened = f"hdassist trials {TINY} --torque=4 --set {FEW[1]}"
+    assert tried.command() == f"{opened} h0=28.1 h4=17.3 --trial-torque 1 --noise 0.5"
 
 
 def test_a_trace_is_of_the_wheel_as_it_is_looked_at(session: Session) -> None:
     looked = state.turned_state(session, 1)
-    assert dict(looked.turned_changes())["phases.xi_b"] == "120"
-    assert "--set phases.xi_b=120" in looked.command("trace", "--torque", "4")
+    assert "--set phases.xi_b=120" in looked.trace_command(4.0)
     assert "phases.xi_b" not in looked.command()
 
 
@@ -93,12 +89,12 @@ def test_turning_goes_round_and_free_angles_go_by_steps() -> None:
     ).trials == ("5=20",)
 
 
+def test_of_two_values_of_a_field_the_last_one_counts() -> None:
+    there = state.edited(tiny("gears.j_n=7"), "gears.j_n", "8")
+    assert there.drive.gears.j_n == 8 and there.command().count("gears.j_n") == 1
+
+
 def test_a_pin_is_what_others_are_compared_with(session: Session) -> None:
     there = state.edited(session, "gears.j_n", "8")
     assert state.pinned(there).pinned == there.changes
     assert state.pinned(state.pinned(there)).pinned == ()
-
-
-def test_of_two_values_of_a_field_the_last_one_counts() -> None:
-    there = state.edited(tiny("gears.j_n=7"), "gears.j_n", "8")
-    assert there.drive.gears.j_n == 8 and there.command().count("gears.j_n") == 1

@@ -16,12 +16,12 @@ from hdassist.calibration.evaluations import Evaluation, evaluations_kind, evalu
 from hdassist.calibration.targets import read_targets
 from hdassist.cli.main import app
 from hdassist.loading.load import load_text
-from hdassist.loading.write import new_preset
 from hdassist.run.kept import open_kept
 from tests.fuzz import mutate
 from tests.fuzz.drives import preset, toothed
 from tests.fuzz.mutate import Rng, pick
 from tests.process import ROOT, SMALL, run
+from tests.support import fresh_preset
 
 Args = tuple[str, ...]
 Files = dict[str, bytes]
@@ -110,7 +110,7 @@ def presets() -> Args:
         "alternatives: [{gears.j_n: 5}]\n"
         "source: {gears.m: {kind: given, ref: page 6}, gears.j_n: {kind: assumed, ref: x}}\n"
     )
-    return *texts, more, new_preset("fresh"), DRIVE
+    return *texts, more, fresh_preset("fresh"), DRIVE
 
 
 @cache

@@ -11,43 +11,29 @@ import pytest
 from hdassist import load_preset
 from hdassist.errors import DataError, UsageError
 from hdassist.loading.load import load_text
-from hdassist.loading.write import new_preset, with_changes, with_found_values
+from hdassist.loading.write import with_changes, with_found_values
 from hdassist.preset.fields import fields
 from hdassist.preset.kinds import unit_of
 from hdassist.preset.schema import resolved_fields
 from tests.process import SMALL
+from tests.support import fresh_preset
 
 
-def test_it_is_valid_as_it_stands_and_says_that_its_numbers_are_examples() -> None:
-    drive = load_text(new_preset("my-drive"), "f")
+def test_what_presets_new_writes_is_valid_and_says_that_all_of_it_is_assumed() -> None:
+    drive, like = load_text(fresh_preset("my-drive"), "f"), load_preset("vzp160")
     assert drive.name == "my-drive"
     assert drive.origin.warnings == ()
-    assert "example" in drive.description.lower()
-    assert "EVERY NUMBER BELOW IS AN EXAMPLE" in new_preset("x")
+    assert {source.kind for source in drive.source.values()} == {"assumed"}
+    assert (drive.gears, drive.flexspline) == (like.gears, like.flexspline)
 
 
-def test_it_names_every_field_with_unit_and_meaning() -> None:
-    parts = dict(re.findall(r"^#?(\w+):  # (.*?)^\n", new_preset("x"), re.MULTILINE | re.DOTALL))
+def test_each_line_has_the_unit_and_the_meaning_of_its_field() -> None:
+    lines = dict(re.findall(r"^  (\w+): \S+ .*?# (.*)$", fresh_preset("x").split("\nsource:")[0], re.MULTILINE))
     for path, info in fields():
-        section, name = path.split(".")
-        lines = parts[section].splitlines()
-        (line,) = (line for line in lines if line.lstrip("# ").startswith(f"{name}: ") or f" {name}:" in line[:14])
-        assert line.endswith(str(info.description))
-        assert f"# {unit_of(info)}" in line
-        assert info.is_required() <= (not line.startswith("#"))
-
-
-def test_what_is_commented_out_is_valid_too() -> None:
-    text = new_preset("x")
-    opened = "\n".join(
-        line[1:] if line.startswith(("#  ", "#material", "#contact", "#phases", "#harmonics", "#mounting",
-                                     "#catalogue", "#measured", "#acceptance", "#numerics", "#source")) else line
-        for line in text.splitlines()
-        if "d_ball:" not in line
-    )  # fmt: skip
-    drive = load_text(opened, "f")
-    assert drive.model_dump(exclude={"source"}) == load_text(text, "f").model_dump(exclude={"source"})
-    assert "numerics" in drive.model_fields_set
+        name = path.split(".")[1]
+        assert info.is_required() <= (name in lines)
+        if name in ("x_g", "W_0", "E", "e_hb", "phi_hb"):
+            assert lines[name] == ", ".join(filter(None, (unit_of(info), str(info.description))))
 
 
 @pytest.mark.parametrize(
@@ -71,13 +57,13 @@ def test_what_is_commented_out_is_valid_too() -> None:
     ],
 )
 def test_any_printable_name_survives(name: str) -> None:
-    assert load_text(new_preset(name), "f").name == name
+    assert load_text(fresh_preset(name), "f").name == name
 
 
 @pytest.mark.parametrize("name", ["", "a\nb", "\x00", "x" * 201, "\ud800"])
 def test_other_names_are_wrong_usage(name: str) -> None:
     with pytest.raises(UsageError):
-        new_preset(name)
+        fresh_preset(name)
 
 
 VZP160 = (Path(__file__).parents[2] / "presets/vzp160.yaml").read_text(encoding="utf-8")

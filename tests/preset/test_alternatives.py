@@ -34,4 +34,4 @@ def test_the_schema_knows_them():
     schema = preset_schema()["properties"]["alternatives"]
     jsonschema.validate([{"gears.j_n": "2 um"}, {"supports.C_3": 3e4}], schema)
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate([{"gears.jn": 2}], schema)
+        jsonschema.validate([{"gears.j_n": True}], schema)

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from hdassist.errors import HdassistError, PresetError, UsageError
 from hdassist.loading.load import load_text
-from hdassist.loading.write import new_preset
 from hdassist.preset.fields import Drive, fields
 from hdassist.preset.kinds import unit_of
 from hdassist.preset.units import UnitError, convert, units_for
 from hdassist.preset.yamltext import read_yaml, scalar_value
+from tests.support import fresh_preset
 
-BASE = new_preset("base")
+BASE = fresh_preset("base")
 PATHS = [path for path, _ in fields()]
 PIECES = (
     *"{}[]:,|>#@`~!\t\n\\'\"", ": ", "- ", "? ", "\n  ", " #", "&a", "*a", "!!str ", "%YAML 1.2",
@@ -123,4 +123,4 @@ def test_any_text_is_a_number_or_refused(text: str, unit: str) -> None:
 @settings(max_examples=50)
 @given(st.text(min_size=1, max_size=200).filter(str.isprintable))
 def test_any_name_survives_the_template(name: str) -> None:
-    assert load_text(new_preset(name), "f").name == name
+    assert load_text(fresh_preset(name), "f").name == name

@@ -61,6 +61,14 @@ def test_a_command_that_goes_on_is_about_the_same_drive():
         "--json",
     ]  # fmt: skip
     assert again("mount", load_preset("vzp160")) == "hdassist mount vzp160"
+    limited = load_preset(SMALL, ["acceptance.F_ior=45", "acceptance.F_ior.4=20"])
+    assert shlex.split(again("check", limited))[3:] == ["--limit", "45", "--limit", "F_ior@4=20"]
+    assert shlex.split(again("mount", limited))[3:] == [
+        "--set",
+        "acceptance.F_ior=45",
+        "--set",
+        "acceptance.F_ior.4=20",
+    ]
 
 
 def test_the_proof_in_a_line():
