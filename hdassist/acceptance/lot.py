@@ -109,11 +109,6 @@ def read_lot(path: str, base: Request) -> Lot:
     notes = [f"{len(rows)} drives"]
     if inside := [number for number in table.remarks if number > table.names_line]:
         notes.append(f"left out as remarks: line {shortened(inside, 20)}")
-    if base.measured_only and {("pitch_b", ""), ("pitch_g", "")} & set(columns):
-        notes.append("measured teeth are not used: --measured-only predicts nothing")
-    left = [name.text for name, column in zip(table.names, columns, strict=True) if column is None and name.text]
-    if left:
-        notes.append(f"columns not used: {shown(', '.join(left))}")
     return Lot(table.file, table.sha256, tuple(rows), tuple(notes))
 
 
@@ -132,9 +127,6 @@ def _columns(table: CellTable) -> list[Column | None]:
         if message:
             findings.append(Finding(table.file, table.names_line, name.column, name.text, message, hint=hint))
         columns.append(column)
-    if not any(columns) and not findings:
-        hint = "serial, preset, measured"
-        findings.append(Finding(table.file, table.names_line, 1, "", "no column that is used", hint=hint))
     if findings:
         raise PresetError(findings)
     return columns

@@ -23,7 +23,7 @@ from hdassist.model.wheels import MeasuredTeeth
 from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import OneLine
-from hdassist.preset.overrides import is_overridden, parse
+from hdassist.preset.overrides import is_overridden
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import ClosedRecord
@@ -94,9 +94,6 @@ class Request(ClosedRecord):
         parse_orders(self.reading.orders or None)
         require_drift(self.reading.drift)
         self.reading.require_sound()
-        limits = [LimitText.parse(text, "--limit").override for text in self.limits]
-        for place, text in enumerate((*self.overrides, *limits), 1):
-            parse(text, place)
         if self.preset:
             self.load()
 

@@ -65,7 +65,7 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
     code = give("accept", run_each("accept", presets, one, options, failed=failed, keep_failures=kept), options, out)
     if options.jsonl is not None:
         write_text(options.jsonl, to_lines(answers), options.force)
-    _write_tables(options, "accept", answers, {"seed": base.seed})
+    _write_tables(options, "accept", answers)
     return code
 
 
@@ -114,16 +114,16 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
         note(f"{lot.file}: {time.monotonic() - begun:.1f} s")
     report = lot_report(lot, done)
     give("accept", [replace(report, head="") if options.takes_stdout else report], options, out)
-    _write_tables(options, lot.file, done, {"lot_sha256": lot.sha256, "seed": base.seed})
+    _write_tables(options, lot.file, done, lot.sha256)
     return worst_exit_code(answer.exit_code for answer in done)
 
 
-def _write_tables(options: AcceptOptions, name: str, answers: Sequence[AcceptAnswer], facts: Json) -> None:
-    """Write answers as CSV and as JUnit, with a name of the whole and facts, where they are asked for."""
+def _write_tables(options: AcceptOptions, name: str, answers: Sequence[AcceptAnswer], lot_sha256: str = "") -> None:
+    """Write answers as CSV and as JUnit, with a name of the whole, where they are asked for."""
     if options.csv is not None:
         write_text(options.csv, page.csv(answers), options.force)
     if options.junit is not None:
-        write_text(options.junit, junit(name, answers, facts), options.force)
+        write_text(options.junit, junit(name, answers, lot_sha256), options.force)
 
 
 def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[AcceptAnswer | None]:

@@ -9,8 +9,7 @@ none in the strict schema. There are no durations and no machine names; the time
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hdassist.acceptance.answer import AcceptAnswer, provenance
@@ -23,11 +22,11 @@ ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
 COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
 
 
-def junit(name: str, answers: Sequence[AcceptAnswer], facts: Mapping[str, Any]) -> str:
-    """Suites of all drives as text; name of the whole; facts, properties that each of them has."""
+def junit(name: str, answers: Sequence[AcceptAnswer], lot_sha256: str = "") -> str:
+    """Suites of all drives as text; name of the whole; lot_sha256, of the table of a lot, a property of each."""
     root = Element("testsuites", name=visible(name))
     for answer in answers:
-        _suite(root, answer, facts)
+        _suite(root, answer, lot_sha256)
     for element in (*root, root):
         kinds = Counter(inner.tag for inner in element.iter())
         counted = {key: str(kinds[tag]) for key, tag in COUNTED.items() if element is not root or key != "skipped"}
@@ -36,12 +35,13 @@ def junit(name: str, answers: Sequence[AcceptAnswer], facts: Mapping[str, Any]) 
     return XML_HEAD + tostring(root, encoding="unicode") + "\n"
 
 
-def _suite(root: Element, answer: AcceptAnswer, facts: Mapping[str, Any]) -> None:
+def _suite(root: Element, answer: AcceptAnswer, lot_sha256: str) -> None:
     preset, serial = answer.preset.name, answer.serial
     name = serial or preset
     suite = SubElement(root, "testsuite", name=visible(name))
     place = SubElement(suite, "properties")
-    known = {"serial": serial, "preset": preset, "status": answer.status, **provenance(answer), **facts}
+    known = {"serial": serial, "preset": preset, "status": answer.status, **provenance(answer)}
+    known["lot_sha256"] = lot_sha256
     for check in answer.checks:
         known |= {f"{_key(check)}.{key}": value for key, value in figures(check).items()}
     for key, value in known.items():

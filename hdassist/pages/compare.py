@@ -50,7 +50,7 @@ COMPARED_NUMBERS: tuple[Quantity[Comparison], ...] = (
     Quantity("chi_square", "chi-square", "", ".1f", lambda r: r.unchanged.chi_square),
     Quantity("degrees_of_freedom", "  degrees of freedom", "", "", lambda r: r.unchanged.degrees_of_freedom),
 )  # fmt: skip
-ORDER_QUANTITIES: tuple[Quantity[OrderPair], ...] = (
+COMPARED_ORDERS: tuple[Quantity[OrderPair], ...] = (
     Quantity("per_cam_rev", "order", "", ".2f", lambda p: p.per_cam_rev),
     Quantity("measured", "measured", "", "", lambda p: _amplitude(p.measured)),
     Quantity("measured.phase_deg", "phase", "", ".0f", lambda p: p.measured.phase_deg),
@@ -195,7 +195,7 @@ def _tables(result: Comparison) -> Iterator[Table]:
 
     title = f"amplitude·cos(order·angle + phase), arcsec and deg: the {TABLED_ORDERS} greatest of {len(result.orders)}"
     shown = sorted(sorted(result.orders, key=greatest)[:TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
-    yield Table.by_row(title, ORDER_QUANTITIES, shown, words=(0, 6))
+    yield Table.by_row(title, COMPARED_ORDERS, shown, words=(0, 6))
     if result.singles:
         title = (
             "deviations fitted alone, the best first, and together; ±: standard; left: chi-square per degree of freedom"

@@ -54,7 +54,7 @@ def elements(parent: Element, name: str) -> list[Element]:
 
 
 def test_each_verdict_reads_right(told):
-    root = parseString(junit("lot", told, {"lot_sha256": "ab"})).documentElement
+    root = parseString(junit("lot", told, "ab")).documentElement
     assert root is not None
     suites = elements(root, "testsuite")
     read = {}
@@ -89,7 +89,7 @@ def test_each_verdict_reads_right(told):
 
 
 def test_numbers_and_provenance_are_properties(told):
-    root = parseString(junit("lot", told, {"lot_sha256": "ab"})).documentElement
+    root = parseString(junit("lot", told, "ab")).documentElement
     assert root is not None
     for suite, answer in zip(elements(root, "testsuite"), told, strict=True):
         (group,) = elements(suite, "properties")
@@ -116,13 +116,13 @@ def test_nothing_stands_in_it_that_the_strict_schema_does_not_have(told):
     parser = expat.ParserCreate()
     parser.StartElementHandler = begin
     parser.EndElementHandler = lambda name: path.pop()
-    parser.Parse(junit("lot\ud800", told, {}).encode(), True)
+    parser.Parse(junit("lot\ud800", told).encode(), True)
 
 
 def test_remarks_that_fail_a_drive_do_not_look_green(told):
     request = replace(told[0].request, fail_on="warn")
     remarked = replace(told[0], remarks=(Note("BUDGET", "nothing stated"),), request=request, exit_code=3)
-    root = parseString(junit("lot", [remarked], {})).documentElement
+    root = parseString(junit("lot", [remarked])).documentElement
     assert root is not None
     (failure,) = root.getElementsByTagName("failure")
     assert failure.getAttribute("type") == "REMARK"
@@ -130,7 +130,7 @@ def test_remarks_that_fail_a_drive_do_not_look_green(told):
 
 
 def test_junitparser_counts_the_same(told, tmp_path):
-    (tmp_path / "lot.xml").write_text(junit("lot", told, {}), encoding="utf-8")
+    (tmp_path / "lot.xml").write_text(junit("lot", told), encoding="utf-8")
     suites = list(JUnitXml.fromfile(str(tmp_path / "lot.xml")))
     kinds = [[type(result).__name__ for case in suite for result in case.result] for suite in suites]
     assert kinds == [[], ["Failure"], ["Failure"], ["Error"], ["Skipped"]]
@@ -141,7 +141,7 @@ def test_junitparser_counts_the_same(told, tmp_path):
 
 
 def test_remarks_stand_once_and_fail_nothing_by_themselves(told):
-    text = junit("lot", told, {})
+    text = junit("lot", told)
     assert text.count("remark NOT_TESTED: lost motion") == 1
     root = parseString(text).documentElement
     assert root is not None

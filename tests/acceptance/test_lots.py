@@ -112,7 +112,6 @@ def test_what_is_wrong_with_a_row_stays_with_it(tmp_path):
         ("serial,F_ior@x", "x is no number|NAME one of"),
         ("serial,limit K_1@80", "NAME"),
         ("serial,F_ior@80,F_ior@80", "column 2 is the same"),
-        ("note,# own", "no column that is used"),
     ],
 )
 def test_names_that_cannot_be_meant_are_refused(tmp_path, head, words):

@@ -106,8 +106,6 @@ def test_rows_have_wheels_of_their_own(folder):
     (folder / "b.csv").write_text(wheel(22, 2))
     again = run("accept", "lot.csv", "--preset", TINY, *LIMITS, "--jsonl", "a.jsonl", "--resume", cwd=folder)
     assert "a.jsonl: 1 of 3 rows are known" in again.stderr
-    unused = run("accept", "lot.csv", "--preset", TINY, *LIMITS, "--measured-only", cwd=folder)
-    assert "measured teeth are not used: --measured-only predicts nothing" in unused.stderr
 
 
 LOT = "serial;F_ior@4;limit F_ior@4;preset;pitch_b\n1;28±1;30;;\n2;31±0,1;30;;\n3;28±1;30;-;\n4;;30;;-\n"

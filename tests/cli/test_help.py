@@ -63,7 +63,6 @@ def test_options_of_a_command_take_few_lines() -> None:
         (("self-error", "vzp160"), "hdassist check --details"),
         (("help", "self-error"), "hdassist check --details"),
         (("accept", "vzp160", "--rule", "simple"), "--set acceptance.rule=simple"),
-        (("accept", "vzp160", "--measured", "80:run.csv"), "--measured 80=run.csv"),
         (("mount", "vzp160", "--noise", "2"), "hdassist trials"),
         (("mount", "vzp160", "--samples", "2"), "--draws"),
         (("tolerance", "vzp160", "--limit", "80:30"), "--limit F_ior@80=30"),

@@ -58,8 +58,8 @@ def test_a_report_has_it() -> None:
         ("F_ior@4=", "expected [NAME[@TORQUE]=]VALUE"),
         ("lost_motion=30", "hdassist accept holds the others"),
         ("F_ior@7=30", "--torque 7"),
-        ("F_ior@4=30 mm", "--limit F_ior@4=30 mm: acceptance.F_ior.4: mm is the unit of a length"),
-        ("-3", "--limit F_ior=-3: acceptance.F_ior"),
+        ("F_ior@4=30 mm", "--limit F_ior@4=30 mm: mm is the unit of a length"),
+        ("-3", "--limit F_ior=-3: out of range"),
     ],
 )
 def test_what_is_none_is_refused_with_a_hint(command: str, limit: str, words: str) -> None:
