@@ -41,10 +41,13 @@ def weighted_quantile(values: Array, weights: Array, share: float) -> float:
     return float(np.interp(share, middles, values[order]))
 
 
-def probability_of(inside: NDArray[np.bool_], weights: Array) -> Probability:
-    """Probability of an outcome that some weighted samples have, shape (samples,) each, with its Jeffreys interval."""
+def probability_of(inside: NDArray[np.bool_] | Array, weights: Array) -> Probability:
+    """Probability of an outcome with its Jeffreys interval, from weighted samples.
+
+    inside: which of them have it, or with which probability each has it, shape (samples,).
+    """
     count = effective_number(weights)
-    value = float(weights[inside].sum() / weights.sum())
+    value = float((weights * inside).sum() / weights.sum())
     hits, misses = value * count, (1 - value) * count
     tail = (1 - CONFIDENCE) / 2
     low = float(betaincinv(hits + 0.5, misses + 0.5, tail)) if value > 0 else 0.0
