@@ -41,19 +41,21 @@ def weighted_quantile(values: Array, weights: Array, share: float) -> float:
     return float(np.interp(share, middles, values[order]))
 
 
-def probability_of(inside: NDArray[np.bool_], weights: Array) -> Probability:
-    """Probability of an outcome that some weighted samples have, shape (samples,) each, with its interval.
+def probability_of(inside: NDArray[np.bool_] | Array, weights: Array) -> Probability:
+    """Probability of an outcome from weighted samples, shape (samples,), with its interval.
+
+    inside: which of them have it, or with which probability each has it, shape (samples,).
 
     Jeffreys' interval of equal weights: half a sample more has the outcome, and half a one has it not. Here that sample
     weighs as much as the heaviest one, for an outcome that was not drawn yet may weigh as much (Fay and Feuer 1997,
     Statistics in Medicine 16, 791); the beta distribution has the mean and the variance of such weights, so that heavy
     samples on one side count as the few that they are.
     """
-    value = float(weights[inside].sum() / weights.sum())
+    value = float((weights * inside).sum() / weights.sum())
     shares = np.append(weights, weights.max()) / weights.max()  # squares of tiny weights are 0
-    has, has_not = np.append(inside, 0.5), np.append(~inside, 0.5)
+    has = np.append(inside, 0.5)
     mean = float(has @ shares / shares.sum())
-    square = (1 - mean) ** 2 * has @ shares**2 + mean**2 * has_not @ shares**2
+    square = (1 - mean) ** 2 * has @ shares**2 + mean**2 * (1 - has) @ shares**2
     count = mean * (1 - mean) * shares.sum() ** 2 / square
     tail = (1 - CONFIDENCE) / 2
     low, high = betaincinv(mean * count, (1 - mean) * count, [tail, 1 - tail]).tolist()

@@ -22,7 +22,6 @@ from hdassist.pages import accept as page
 from hdassist.pages.accept_junit import junit
 from hdassist.pages.accept_lot import lot_report
 from hdassist.report.report import Report
-from hdassist.run.cluster import pools
 from hdassist.run.kept import Kept, KeptOwner, open_kept
 from hdassist.run.processes import workers
 from hdassist.run.run import Run
@@ -170,8 +169,7 @@ def _answers(
     work = LotWork(tuple(rows), options.debug)
     with (
         out.progress(words, len(rows)) as progress,
-        pools(None, options.jobs) as pool,
-        closing(stream(work, len(rows), pool=pool)) as chunks,
+        closing(stream(work, len(rows), jobs=options.jobs)) as chunks,
     ):
         for answers in chunks:
             yield from answers

@@ -30,11 +30,18 @@ HIGHEST = 18  # times around a wheel: waves that are kept
 Complex = NDArray[np.complex128]
 
 
+def wave_numbers() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """How often each wave goes around the flexspline's and the rigid wheel's angle, shape (waves,) each."""
+    k_g, k_b = np.meshgrid(np.arange(HIGHEST + 1), np.arange(-HIGHEST, HIGHEST + 1), indexing="ij")
+    half = (k_g > 0) | (k_b > 0)  # the others are their mirror images
+    return k_g[half], k_b[half]
+
+
 class ErrorWaves:
     """Errors of a drive at a torque M_g [N*m], and of drives that differ from it in their deviations alone.
 
-    k_g, k_b: how often each wave goes around the flexspline's and the rigid wheel's angle, shape (waves,);
-    certificate: of all states that were solved so far. Raises UsageError for a drive with rolling balls.
+    k_g, k_b: wave_numbers; certificate: of all states that were solved so far. Raises UsageError for a drive with
+    rolling balls.
     """
 
     def __init__(self, drive: Drive, M_g: float, run: Run = Run()) -> None:
@@ -44,9 +51,7 @@ class ErrorWaves:
         self._case = LoadCase.of(drive, M_g)
         self._sign = Kinematics.of(drive).error_sign
         self.certificate = EMPTY
-        k_g, k_b = np.meshgrid(np.arange(HIGHEST + 1), np.arange(-HIGHEST, HIGHEST + 1), indexing="ij")
-        half = (k_g > 0) | (k_b > 0)  # the others are their mirror images
-        self.k_g, self.k_b = k_g[half], k_b[half]
+        self.k_g, self.k_b = wave_numbers()
 
     def waves(self, drives: Sequence[Drive], points: int = WAVE_POINTS) -> Complex:
         """Waves [arcsec] of the error F_kpp of drives, shape (drives, waves).

@@ -310,6 +310,26 @@ QUANTITIES = (
         ("PASS", "FAIL", "INCONCLUSIVE", "NO_LIMIT"),
     ),
     Term(
+        "positions",
+        "точки измерения",
+        "Evenly spaced angles of the output at which a test reads the error (12 by makers): it sees a share of F'_ior.",
+        ("seen", "readings", "step_output_deg", "over_positions"),
+    ),
+    Term(
+        "aliasing",
+        "наложение частот",
+        "A line that comes f times an output turn looks like f mod N at N positions of a turn; it is not seen at all "
+        "where N divides f.",
+        ("alias", "blind", "seen_as", "per_output_turn"),
+    ),
+    Term(
+        "false PASS",
+        "ошибочная приёмка",
+        "A drive beyond its limit that passes a test; false FAIL: one within it that fails. Shares are of all that are "
+        "tested.",
+        ("false_pass", "false FAIL", "false_fail", "beyond_limit"),
+    ),
+    Term(
         "lever",
         "",
         "What changes the answer most: of a micrometre of clearance or wave, the one that moves the greatest "

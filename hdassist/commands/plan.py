@@ -1,0 +1,97 @@
+"""`hdassist plan`: what a test of F'_ior sees before it is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hdassist.errors import UsageError
+from hdassist.terminal import options as o
+
+if TYPE_CHECKING:
+    from hdassist.planning.plan import ReadingPlan
+    from hdassist.report.report import Report
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
+    """What a test of F'_ior sees before it is made: which positions or which record are enough.
+
+    \b
+    Examples:
+      hdassist plan vzp160
+      hdassist plan my-drive.yaml --limit F_ior@6.7=45 --noise 0.5
+      hdassist plan my-drive.yaml --limit 45 --positions 127
+      hdassist plan vzp160 --step 30 --turns 2 --json
+
+    A test reads the output at some positions, from an angle that is not known, and takes the greatest less the least
+    error. It misses all that lies between, and sees nothing of what comes as often as there are positions. Each drive
+    that this one may be, by all that is not known exactly (docs/unknown.md), is put to each test, at the first torque
+    with a limit. A test is enough that keeps both shares of wrong verdicts: false PASS and false FAIL among all drives
+    tested; without a limit, one that sees 95 % of F'_ior in 95 % of cases. Exit codes: 0 a test (or the one asked
+    about) is enough, 3 it is not, 6 that is open, 2 wrong options, 4 bad preset, 5 no trustworthy answer.
+    """
+
+    preset: o.Preset
+    positions: Annotated[
+        int | None, typer.Option(metavar="N", min=2, max=100_000, help="Judge a test of N positions.")
+    ] = None
+    step: Annotated[
+        float | None, typer.Option(metavar="DEG", min=0.001, help="The same by their step at the output.")
+    ] = None
+    turns: Annotated[float, typer.Option(metavar="K", min=0.001, max=1000, help="Output turns of that test.")] = 1.0
+    both: Annotated[bool, typer.Option("--both", help="Backwards too, the greater range counts.")] = False
+    noise: Annotated[float, typer.Option(metavar="ARCSEC", min=0, help="Standard uncertainty of what is read.")] = 0.0
+    corrected: Annotated[
+        bool, typer.Option("--corrected", help="Divide what is read by the share seen, in the median.")
+    ] = False
+    wrong: Annotated[
+        float, typer.Option(metavar="P", min=0, max=1, help="Share of false PASS, and of false FAIL, that may be.")
+    ] = 0.05
+    plot: o.Plot = True
+    details: o.Details = False
+
+    def plan(self) -> ReadingPlan | None:
+        """The test to judge, None where none was asked about. Raises UsageError for options that contradict."""
+        from hdassist.planning.plan import ReadingPlan
+
+        if self.step is not None and self.positions is not None:
+            raise UsageError("invalid --step: expected none with --positions", "leave out one of them")
+        if self.step is not None:
+            count = int(360 * self.turns / self.step + 1e-9)
+            if count < 2:
+                raise UsageError(f"invalid --step {self.step:g}: expected two positions or more", "a smaller step")
+            return ReadingPlan.positions(count, count * self.step / 360, self.both)
+        if self.positions is not None:
+            return ReadingPlan.positions(self.positions, self.turns, self.both)
+        if self.both or self.turns != 1:
+            raise UsageError("--turns and --both are of a test to judge", "--positions 12")
+        return None
+
+    def run(self) -> int:
+        """Judge tests of the drive; returns the exit code."""
+        from hdassist.design.check import check_states
+        from hdassist.pages.plan import plan_report
+        from hdassist.planning.plan import PlanDemands, choose_plan
+        from hdassist.run.processes import workers
+        from hdassist.run.run import Run
+        from hdassist.solve.window import in_wide_enough_window
+        from hdassist.terminal.runs import give, run_each
+
+        out, asked = self.open(), self.plan()
+        demands = PlanDemands(self.wrong, self.noise, self.corrected)
+
+        def one(name: str) -> Report:
+            drive = self.load(name)
+            with (
+                out.progress(drive.name, check_states(drive, draws=self.draws)) as progress,
+                workers(self.jobs) as pool,
+            ):
+                run = Run(pool, progress, self.seed)
+                chosen = partial(choose_plan, asked=asked, demands=demands, draws=self.draws, run=run)
+                return plan_report(in_wide_enough_window(drive, chosen))
+
+        return give("plan", run_each("plan", [self.preset], one, self, keep_failures=False), self, out)

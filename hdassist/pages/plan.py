@@ -1,0 +1,139 @@
+"""Plans of a test of F'_ior as a report."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterator
+from operator import attrgetter
+
+import numpy as np
+
+from hdassist.json_parts import samples_object
+from hdassist.model.unknown import unknown_notes
+from hdassist.planning.plan import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgement
+from hdassist.report.blocks import Curve, CurveMark, Facts, Table
+from hdassist.report.quantities import Quantity, as_object, csv_table
+from hdassist.report.report import Report
+from hdassist.verdict import Verdict
+
+_LARGE_LINE = 0.1  # of the variance
+_ENOUGH_WORDS = {Verdict.PASS: "yes", Verdict.FAIL: "no", Verdict.INCONCLUSIVE: "open"}
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f}" if share >= 0.1 else f"{100 * share:.1f}"
+
+
+def _risk(path: str) -> Callable[[PlanJudgement], float | None]:
+    return lambda judged: attrgetter(path)(judged) if judged.false_pass else None
+
+
+PLAN_QUANTITIES: tuple[Quantity[PlanJudgement], ...] = (
+    Quantity("test", "test sees, %", "", "", attrgetter("plan.name")),
+    Quantity("seen.p5", "5 %", "", _percent, lambda judged: judged.seen[0]),
+    Quantity("seen.p50", "50 %", "", _percent, lambda judged: judged.seen[1]),
+    Quantity("seen.p95", "95 %", "", _percent, lambda judged: judged.seen[2]),
+    Quantity("enough", "enough", "", "", lambda judged: _ENOUGH_WORDS[judged.verdict]),
+    Quantity("false_pass.value", "false PASS", "", _percent, _risk("false_pass.value")),
+    Quantity("false_fail.value", "false FAIL", "", _percent, _risk("false_fail.value")),
+    *(
+        Quantity(path, "", "", "", _risk(path))
+        for path in ("false_pass.low", "false_pass.high", "false_fail.low", "false_fail.high")
+    ),
+    Quantity("readings", "", "", "", attrgetter("plan.readings")),
+    Quantity("step_output_deg", "", "", "", lambda judged: 360 * judged.plan.step_turns),
+)
+LINE_QUANTITIES: tuple[Quantity[LineSeen], ...] = (
+    Quantity("per_output_turn", "times an output turn", "", "g", attrgetter("per_output_turn")),
+    Quantity("per_cam_turn", "a cam turn", "", ".2f", attrgetter("per_cam_turn")),
+    Quantity("variance_share", "of variance, %", "", _percent, attrgetter("variance_share")),
+    Quantity("seen_as", "looks like (0: blind)", "", "g", attrgetter("seen_as")),
+)
+
+
+def plan_report(choice: PlanChoice) -> Report:
+    """Which test of F'_ior of a drive is enough, and what the first of the plans sees."""
+    drive, drives, first = choice.drive, choice.drives, choice.judged[0].plan
+    limit, F_ior = drive.limit(choice.M_g), drives.percentiles(drives.F_ior_arcsec)
+    names = " or ".join(each.plan.name for each in choice.enough)
+    answer = f"enough: {names}" if names else "no test of these is enough"
+    if choice.asked:
+        how = {Verdict.PASS: "enough", Verdict.FAIL: "not enough"}.get(choice.verdict, "perhaps not enough")
+        answer = f"{first.name} {how}"
+    origin = drive.origin
+    facts = (
+        ("blind", _blind(choice)),
+        ("enough", names if choice.asked else ""),
+        ("next", shlex.join(["hdassist", "measure", "record.csv", "--drive", origin.file or drive.name])),
+    )
+    return Report(
+        command="plan",
+        drive=drive,
+        head=f"{drive.name}, test at {choice.M_g:g} N·m" + (f" against {limit:g} arcsec" if limit else ""),
+        verdict=answer,
+        why=tuple(_why(choice, F_ior)),
+        blocks=(
+            Table.by_row("", PLAN_QUANTITIES[: 7 if limit else 5], choice.judged),
+            Facts.of(facts),
+            seen_curve(choice),
+        ),
+        details=(
+            Table.by_row(f"lines of the error as {first.name} show them", LINE_QUANTITIES, choice.lines, words=()),
+        ),
+        certificate=choice.certificate,
+        values={
+            "M_g_Nm": choice.M_g,
+            "limit_arcsec": limit,
+            "F_ior_arcsec": dict(zip(("p5", "p50", "p95"), F_ior, strict=True)),
+            "beyond_limit": drives.beyond and vars(drives.beyond),
+            "verdict": str(choice.verdict),
+            "plans": [as_object(PLAN_QUANTITIES, each) for each in choice.judged],
+            "enough": [each.plan.name for each in choice.enough],
+            "over_positions": [as_object(PLAN_QUANTITIES, each) for each in choice.over_positions],
+            "lines": [as_object(LINE_QUANTITIES, line) for line in choice.lines],
+            "samples": samples_object(choice.samples),
+            "seed": drives.seed,
+        },
+        csv=csv_table(drive.name, PLAN_QUANTITIES, choice.judged),
+        line=answer,
+        warnings=(*origin.warnings, *(() if choice.samples else unknown_notes(drive))),
+        exit_code=choice.verdict.exit_code,
+    )
+
+
+def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterator[str]:
+    first, drives = choice.judged[0], choice.drives
+    low, middle, high = map(_percent, first.seen)
+    F_ior = "{0:.1f} to {2:.1f} arcsec".format(*F_ior_arcsec)
+    yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior}), {middle} % in the median"
+    if first.false_pass and drives.beyond:
+        risk, beyond = first.false_pass, _percent(drives.beyond.value)
+        sure = f"{_percent(risk.value)} % ({_percent(risk.low)} to {_percent(risk.high)})"
+        yield f"{beyond} % of drives are beyond the limit; {sure} are and pass, {100 * drives.demands.wrong:g} % may"
+    else:
+        yield f"enough without a --limit: to see {100 * SEEN_SHARE:g} % of F'_ior in {100 * SEEN_SHARE:g} % of cases"
+
+
+def _blind(choice: PlanChoice) -> str:
+    """Large lines that the first plan is blind to; empty where there is none."""
+    lines = [line for line in choice.lines if not line.seen_as and line.variance_share >= _LARGE_LINE]
+    often = ", ".join(f"{line.per_output_turn:g} ({_percent(line.variance_share)} %)" for line in lines)
+    return f"to lines that come so many times an output turn: {often} of the variance" if lines else ""
+
+
+def seen_curve(choice: PlanChoice) -> Curve:
+    """Share of F'_ior that is seen in 95 of 100 cases, over the number of positions in a turn of the output."""
+    often = np.array([line.per_output_turn for line in choice.lines if line.variance_share >= _LARGE_LINE])
+    points = {each.plan.readings: 100 * each.seen[0] for each in choice.over_positions}
+    marks = [CurveMark(N, share, "blind", "limit") for N, share in points.items() if not (often % N).all()]
+    found = [each.plan.readings for each in choice.enough if not each.plan.is_record]
+    marks += [CurveMark(N, points[N], "enough", "target") for N in found]
+    return Curve(
+        np.array([*points], dtype=float),
+        np.array([*points.values()]),
+        x_label="positions in an output turn (B: blind to a large line, E: enough)",
+        y_label="% of F'_ior that are seen in 95 of 100 cases",
+        caption="Share of F'_ior seen over the number of positions",
+        marks=tuple(marks),
+        rows=6,
+    )

@@ -1,0 +1,239 @@
+"""Which test of F'_ior is enough: the share of it that readings at some positions see, over all that is not known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.belief.prior import prior_of
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
+from hdassist.belief.statistics import Probability, probability_of, weighted_quantile
+from hdassist.design.check import drive_samples
+from hdassist.error.error_map import searchable
+from hdassist.error.self_error import limits_left
+from hdassist.errors import UsageError
+from hdassist.model.geometry import Array
+from hdassist.planning.lines import POINTS_A_TURN, ErrorLines, error_lines
+from hdassist.preset.fields import Drive
+from hdassist.run.run import Run
+from hdassist.solve.answers import Certificate
+from hdassist.verdict import Verdict
+
+QUOTED_POSITIONS = 12  # of a test as makers quote it
+FEWEST_POSITIONS, MOST_A_CAM_TURN = 6, 5  # positions that are tried, from and up to
+RANDOM_STARTS, LEAST_STARTS = 256, 16  # random starts over all samples, and of each, at least
+LISTED_LINES = 12  # the largest
+SEEN_SHARE = 0.95  # of F'_ior, that a test sees which is enough where there is no limit
+
+
+@dataclass(frozen=True)
+class ReadingPlan:
+    """Readings at even steps of the output, from an angle that is not known.
+
+    name in words; step_turns [output turns]; both: whether the same is done backwards too, and the greater range
+    counts; is_record: whether they stand for a record without gaps.
+    """
+
+    name: str
+    readings: int
+    step_turns: float
+    both: bool = False
+    is_record: bool = False
+
+    @classmethod
+    def positions(cls, readings: int, turns: float = 1.0, both: bool = False) -> ReadingPlan:
+        """Positions spread evenly over turns of the output."""
+        over = f" over {turns:.4g} output turns" * (turns != 1)
+        return cls(f"{readings} positions{over}{' both ways' * both}", readings, turns / readings, both)
+
+    @classmethod
+    def record(cls, cam_turns: float, ratio: float) -> ReadingPlan:
+        """A record over turns of the cam, of which there are so many in a turn of the output."""
+        name = f"record of {cam_turns:g} cam turn{'s' * (cam_turns != 1)}"
+        return cls(name, round(cam_turns * POINTS_A_TURN), 1 / POINTS_A_TURN / ratio, is_record=True)
+
+    def seen_as(self, per_output_turn: Array) -> Array:
+        """How often lines seem to come in the test; 0: the same in all readings, so that the test is blind to it.
+
+        A line that comes f times an output turn goes on by f times the step from reading to reading, of which whole
+        turns do not show: of N readings over k turns it looks like f k mod N, or N less that.
+        """
+        phase = per_output_turn * self.step_turns
+        return np.asarray(np.round(np.abs(phase - np.rint(phase)) * self.readings, 6))
+
+
+@dataclass(frozen=True)
+class PlanDemands:
+    """What a test has to keep.
+
+    wrong: share of all tested drives that may pass though beyond the limit, or fail though within, at most;
+    noise_arcsec: standard uncertainty of the range that it reads; corrected: whether that is divided by the median
+    share that the plan sees.
+    """
+
+    wrong: float = 0.05
+    noise_arcsec: float = 0.0
+    corrected: bool = False
+
+
+@dataclass(frozen=True)
+class PlanJudgement:
+    """What a plan sees of F'_ior: share at 5, 50 and 95 % of drives and starts.
+
+    false_pass: probability that a drive passes though beyond the limit; false_fail: that it fails though within; None
+    without a limit. verdict: PASS where both keep what is demanded; without a limit, where the plan sees SEEN_SHARE
+    of F'_ior in as large a share of cases.
+    """
+
+    plan: ReadingPlan
+    seen: tuple[float, float, float]
+    false_pass: Probability | None
+    false_fail: Probability | None
+    verdict: Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class DrivesUnderTest:
+    """Drives that may come to a test: their error [arcsec] over the full cycle, shape (drives, points), and weights.
+
+    cycle_output: output turns of the cycle; left_arcsec: what the limit leaves F'_ior, None without one; demands; seed
+    of the starts and of the noise.
+    """
+
+    curves: Array
+    weights: Array
+    cycle_output: float
+    left_arcsec: float | None = None
+    demands: PlanDemands = PlanDemands()
+    seed: int = 0
+
+    @cached_property
+    def F_ior_arcsec(self) -> Array:
+        """F'_ior of each drive, shape (drives, 1)."""
+        return np.asarray(np.ptp(self.curves, axis=1, keepdims=True))
+
+    def percentiles(self, values: Array) -> tuple[float, float, float]:
+        """5th, 50th and 95th percentile of values, shape (drives, starts)."""
+        weights = np.broadcast_to(self.weights[:, None], values.shape).ravel()
+        low, middle, high = (weighted_quantile(values.ravel(), weights, share) for share in (0.05, 0.5, 0.95))
+        return low, middle, high
+
+    def probability(self, outcome: NDArray[np.bool_]) -> Probability:
+        """Probability of an outcome, shape (drives, starts), with its Monte Carlo interval."""
+        found = probability_of(outcome.mean(axis=1), self.weights)
+        return found if len(outcome) > 1 else Probability(found.value, found.value, found.value)
+
+    @property
+    def beyond(self) -> Probability | None:
+        """Probability that a drive is beyond the limit; None without one."""
+        return None if self.left_arcsec is None else self.probability(self.F_ior_arcsec > self.left_arcsec)
+
+    def seen_shares(self, plan: ReadingPlan, starts: Array) -> Array:
+        """Share of F'_ior that a plan sees, from where it starts, as a share of the cycle; shape (drives, starts)."""
+        steps, points = np.arange(plan.readings) * plan.step_turns / self.cycle_output, self.curves.shape[1]
+        at = (np.rint((start[:, None] + steps) * points).astype(np.int64) % points for start in starts)
+        seen = [np.ptp(curve[places], axis=1) for curve, places in zip(self.curves, at, strict=True)]
+        return np.asarray(seen / np.maximum(self.F_ior_arcsec, np.finfo(float).tiny))
+
+    def judge(self, plan: ReadingPlan) -> PlanJudgement:
+        """What a plan sees, and how often its verdict is wrong."""
+        rng, demands, drives = np.random.default_rng(self.seed), self.demands, len(self.curves)
+        shares = self.seen_shares(plan, rng.random((drives, max(LEAST_STARTS, RANDOM_STARTS // drives))))
+        seen = self.percentiles(shares)
+        if self.left_arcsec is None:
+            return PlanJudgement(plan, seen, None, None, Verdict.PASS if seen[0] >= SEEN_SHARE else Verdict.FAIL)
+        noise = demands.noise_arcsec * rng.standard_normal((1 + plan.both, *shares.shape)).max(axis=0)
+        read = (shares * self.F_ior_arcsec + noise) / (seen[1] if demands.corrected else 1)
+        passed, good = read <= self.left_arcsec, self.F_ior_arcsec <= self.left_arcsec
+        false_pass, false_fail = self.probability(passed & ~good), self.probability(good & ~passed)
+        low, high = (max(getattr(each, end) for each in (false_pass, false_fail)) for end in ("low", "high"))
+        worst = Verdict.FAIL if low > demands.wrong else Verdict.INCONCLUSIVE
+        verdict = Verdict.PASS if high <= demands.wrong else worst
+        return PlanJudgement(plan, seen, false_pass, false_fail, verdict)
+
+
+@dataclass(frozen=True)
+class LineSeen:
+    """A line of the error: how often it comes in a turn of the output and of the cam, and its share of the variance.
+
+    seen_as: how often it seems to come in a test, 0 where that is blind to it.
+    """
+
+    per_output_turn: float
+    per_cam_turn: float
+    variance_share: float
+    seen_as: float
+
+
+@dataclass(frozen=True, eq=False)
+class PlanChoice:
+    """Plans of a test of a drive at a torque M_g [N*m], judged.
+
+    judged: all plans that were compared, first the one that was asked about, where one was; enough: the fewest
+    positions and the shortest record that are enough, as far as there are such; over_positions: plans by their number
+    of positions, rising; lines of the error as the first plan sees them, the largest first; samples of the drive, None
+    where all is known; verdict: whether the plan that was asked about is enough, without one whether any is.
+    """
+
+    drive: Drive
+    M_g: float
+    drives: DrivesUnderTest
+    asked: bool
+    judged: tuple[PlanJudgement, ...]
+    enough: tuple[PlanJudgement, ...]
+    over_positions: tuple[PlanJudgement, ...]
+    lines: tuple[LineSeen, ...]
+    samples: Samples | None
+    certificate: Certificate
+    verdict: Verdict
+
+
+def choose_plan(
+    drive: Drive,
+    asked: ReadingPlan | None = None,
+    *,
+    demands: PlanDemands = PlanDemands(),
+    draws: int = EFFECTIVE_SAMPLES,
+    run: Run = Run(),
+) -> PlanChoice:
+    """Plans of a test at the first torque of a drive that has a limit, at the first where none has.
+
+    Arguments: asked, a plan to judge beside the others; demands; draws, effective samples of all that is not known
+    exactly, 0 for none. Raises UsageError for rolling balls, UntrustedError as `check` does.
+    """
+    if not searchable(drive):
+        raise UsageError("a plan needs locked balls", "--set bearing.ball_motion=locked")
+    torques, left = drive.operation.M_g, limits_left(drive, drive.operation.M_g)
+    place = next((k for k, each in enumerate(left) if each is not None), 0)
+    prior, weights = prior_of(drive), np.ones(1)
+    samples = drive_samples(prior, left, draws=draws, run=run) if prior.fields and draws else None
+    lines = error_lines(drive, torques[place], prior.values(samples.shares) if samples else [{}], run)
+    curves, proof = lines.curves, lines.certificate
+    if samples:  # F'_ior as every page has it
+        weights, proof = samples.weights, proof + samples.certificate
+        curves *= samples.F_ior_arcsec[:, [place]] / np.maximum(np.ptp(curves, axis=1, keepdims=True), 1e-9)
+    cycle, ratio = lines.kinematics.cycle_cam_revolutions, abs(lines.kinematics.u)
+    drives = DrivesUnderTest(curves, weights, cycle / ratio, left[place], demands, run.seed)
+    counts = range(FEWEST_POSITIONS, round(MOST_A_CAM_TURN * ratio) + 1)
+    scan = tuple(drives.judge(ReadingPlan.positions(N)) for N in counts)
+    records = [drives.judge(ReadingPlan.record(turns, ratio)) for turns in sorted({1.0, 10.0, ratio, float(cycle)})]
+    fewest, shortest = ([each for each in some if each.verdict is Verdict.PASS][:1] for some in (scan, records))
+    own = [drives.judge(asked)] if asked else []
+    shown = [*own, scan[QUOTED_POSITIONS - FEWEST_POSITIONS], *fewest, *records]
+    judged, enough = tuple({each.plan: each for each in shown}.values()), (*fewest, *shortest)
+    seen, verdict = _lines_seen(lines, weights, judged[0].plan), [*own, *enough, shown[0]][0].verdict
+    return PlanChoice(drive, torques[place], drives, bool(own), judged, enough, scan, seen, samples, proof, verdict)
+
+
+def _lines_seen(lines: ErrorLines, weights: Array, plan: ReadingPlan) -> tuple[LineSeen, ...]:
+    """The largest lines of weighted drives as a plan sees them."""
+    power = np.abs(lines.amplitude) ** 2
+    shares = np.average(power / power.sum(axis=1, keepdims=True), axis=0, weights=weights)
+    largest = np.argsort(-shares)[:LISTED_LINES]
+    per_cam_turn = lines.per_cycle[largest] / lines.kinematics.cycle_cam_revolutions
+    often = per_cam_turn * abs(lines.kinematics.u)
+    columns = (often, per_cam_turn, shares[largest], plan.seen_as(often))
+    return tuple(LineSeen(*map(float, row)) for row in zip(*columns, strict=True))

@@ -1,0 +1,81 @@
+"""`hdassist plan` as its users meet it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import pytest
+
+from tests.process import TINY, run
+
+OPEN = ("--set", "phases.xi_b=unknown", "--draws", "8")
+
+
+def test_a_screen_says_what_twelve_positions_see_and_what_is_enough():
+    page = run("plan", TINY)
+    lines = page.stdout.splitlines()
+    assert page.returncode == 0
+    assert lines[0] == "tiny, test at 1 N·m: enough: record of 10 cam turns"
+    assert lines[1].startswith("12 positions see ")
+    assert any(line.startswith("next ") and "hdassist measure record.csv --drive" in line for line in lines)
+    assert any("positions in an output turn (B: blind to a large line, E: enough)" in line for line in lines)
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
+    assert "looks like (0: blind)" in run("plan", TINY, "--no-plot", "--details").stdout
+
+
+def test_with_a_limit_the_page_has_wrong_verdicts_and_fits_a_screen():
+    page = run("plan", TINY, *OPEN, "--limit", "60", "--ascii", "--no-plot")
+    assert "of drives are beyond the limit" in page.stdout
+    assert "false PASS | false FAIL" in page.stdout
+    assert page.stdout.isascii()
+    assert max(map(len, page.stdout.splitlines())) <= 80
+
+
+def test_a_test_asked_about_is_the_first_and_decides():
+    asked = run("plan", TINY, "--positions", "10", "-q")
+    assert (asked.returncode, asked.stdout) == (3, "10 positions not enough\n")
+    assert run("plan", TINY, "--step", "1", "-q").stdout == "360 positions enough\n"
+    steps = json.loads(run("plan", TINY, "--step", "100", "--turns", "2", "--both", "--json").stdout)
+    assert steps["plans"][0]["test"] == "7 positions over 1.944 output turns both ways"
+    assert steps["plans"][0]["step_output_deg"] == pytest.approx(100)
+    assert steps["plans"][1]["test"] == "12 positions"
+
+
+def test_json_and_csv():
+    found = json.loads(run("plan", TINY, *OPEN, "--limit", "60", "--json").stdout)
+    assert found["schema"] == "hdassist.plan/1"
+    assert {"p5", "p50", "p95"} == set(found["F_ior_arcsec"]) == set(found["plans"][0]["seen"])
+    assert {"value", "low", "high"} == set(found["beyond_limit"]) == set(found["plans"][0]["false_pass"])
+    assert {"per_output_turn", "per_cam_turn", "variance_share", "seen_as"} == set(found["lines"][0])
+    assert found["certificate"]["states"] > 0
+    rows = list(csv.DictReader(io.StringIO(run("plan", TINY, "--csv", "-").stdout)))
+    assert [row["test"] for row in rows][:2] == ["12 positions", "record of 1 cam turn"]
+
+
+def test_the_belief_is_that_of_check():
+    options = (TINY, *OPEN, "--torque", "4", "--limit", "160", "--json")
+    plan, check = (json.loads(run(command, *options).stdout) for command in ("plan", "check"))
+    belief = check["operating_points"][0]["belief"]
+    assert [plan["F_ior_arcsec"][key] for key in ("p5", "p50", "p95")] == pytest.approx(
+        [belief[f"{key}_arcsec"] for key in ("p5", "p50", "p95")]
+    )
+    assert plan["beyond_limit"]["value"] == pytest.approx(1 - belief["probability"])
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (("--positions", "12", "--step", "30"), 2, "invalid --step: expected none with --positions"),
+        (("--step", "200"), 2, "invalid --step 200: expected two positions or more"),
+        (("--turns", "2"), 2, "--turns and --both are of a test to judge"),
+        (("--limit", "self_error=3"), 2, "expected a limit of F_ior"),
+        (("--set", "bearing.ball_motion=rolling", "--set", "bearing.d_ball=5"), 2, "a plan needs locked balls"),
+    ],
+)
+def test_wrong_options_are_refused_in_words(options: tuple[str, ...], code: int, words: str):
+    answer = run("plan", TINY, *options)
+    assert answer.returncode == code
+    assert words in answer.stderr

@@ -1,0 +1,126 @@
+"""What a test of F'_ior sees: held against the solved cycle, and wrong verdicts against drives that are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.error.cycle import kinematic_error
+from hdassist.planning.lines import error_lines
+from hdassist.planning.plan import DrivesUnderTest, PlanDemands, ReadingPlan, choose_plan
+from hdassist.run.run import UNCHECKED
+from hdassist.verdict import Verdict
+from tests.process import SMALL, TINY
+
+ONE_WAVE = np.sin(2 * np.pi * np.arange(3600) / 3600)  # comes once in the cycle
+TEN = ReadingPlan.positions(10)
+
+
+def drives(*sizes: float, left: float | None = None, often: int = 1, **demands: float) -> DrivesUnderTest:
+    """Drives with a wave that comes so often in the cycle, of an F'_ior each."""
+    curves = np.array([size / 2 * ONE_WAVE[np.arange(3600) * often % 3600] for size in sizes])
+    return DrivesUnderTest(curves, np.ones(len(sizes)), 1, left, PlanDemands(**demands))
+
+
+@pytest.fixture(scope="module")
+def small():
+    """Error of the small drive in each state of its cycle [arcsec], and the drive under test."""
+    drive = load_preset(SMALL)
+    error = kinematic_error(drive, 4.0, run=UNCHECKED).error_arcsec
+    return error, DrivesUnderTest(error_lines(drive, 4.0, [{}]).curves, np.ones(1), 1)
+
+
+@pytest.mark.parametrize("positions", [10, 12, 20, 30, 31, 60, 62])
+def test_the_share_seen_is_that_of_positions_in_the_solved_cycle(small, positions: int):
+    error, under_test = small
+    starts, apart = np.arange(len(error)), len(error) // positions
+    solved = np.ptp(error[(starts[:, None] + apart * np.arange(positions)) % len(error)], axis=1) / np.ptp(error)
+    seen = under_test.seen_shares(ReadingPlan.positions(positions), starts[None] / len(error))
+    assert np.abs(seen[0] - solved).max() < 0.03
+    assert seen.mean() == pytest.approx(solved.mean(), abs=0.005)
+
+
+def test_the_curve_is_the_error_of_the_cycle_in_its_order(small):
+    error, under_test = small
+    curve = under_test.curves[0]
+    at_states = np.interp(np.arange(len(error)) / len(error) * len(curve), np.arange(len(curve)), curve)
+    assert np.std(at_states - error) < 0.01 * np.ptp(error)
+
+
+@pytest.mark.parametrize(("readings", "turns"), [(12, 1), (211, 1), (24, 2), (7, 3)])
+def test_a_line_looks_like_what_its_readings_show(readings: int, turns: int):
+    plan = ReadingPlan.positions(readings, turns)
+    often = np.array([1, 2, 100, 101, 120, 201, 202])
+    for line, looks in zip(often, plan.seen_as(often), strict=True):
+        read = np.cos(2 * np.pi * line * turns * np.arange(readings) / readings)
+        spectrum = np.abs(np.fft.rfft(read))
+        assert spectrum[round(float(looks))] == pytest.approx(spectrum.max())
+        folded = line * turns % readings
+        assert looks == min(folded, readings - folded)
+
+
+@pytest.mark.parametrize("ratio", [60, 120])
+def test_twelve_positions_are_blind_to_every_order_of_the_cam_at_ratios_60_and_120(ratio: int):
+    assert not ReadingPlan.positions(12).seen_as(ratio * np.arange(1.0, 13)).any()
+    assert ReadingPlan.positions(13).seen_as(ratio * np.arange(1.0, 13)).all()
+
+
+def test_a_plan_sees_nothing_of_a_line_that_comes_as_often_as_it_reads():
+    assert max(drives(20.0, often=10).judge(TEN).seen) == pytest.approx(0, abs=1e-9)
+    assert min(drives(20.0, often=9).judge(TEN).seen) > 0.9
+
+
+def test_a_record_of_the_cycle_sees_all_and_judges_each_drive_rightly():
+    whole = ReadingPlan.record(20, 20)
+    judged = drives(*np.linspace(10, 30, 99), left=20.0).judge(whole)
+    assert judged.seen == pytest.approx((1, 1, 1))
+    assert (judged.false_pass.value, judged.false_fail.value) == (0, 0)
+    assert judged.verdict is Verdict.PASS
+
+
+def test_a_drive_that_is_seen_in_part_passes_though_beyond_the_limit():
+    three = ReadingPlan.positions(3)  # of a wave they see the share cos(30 deg) cos(d), d even from -30 to 30 deg
+    assert drives(*[10.0] * 50, *[40.0] * 50, left=20.0).judge(three).verdict is Verdict.PASS
+    found = drives(*[10.0] * 50, *[24.5] * 50, left=20.0).judge(three)
+    passing = 1 - np.degrees(np.arccos(20 / 24.5 / np.cos(np.pi / 6))) / 30
+    assert found.verdict is Verdict.FAIL
+    assert found.false_pass.value == pytest.approx(0.5 * passing, abs=0.02)
+    assert found.false_pass.low < found.false_pass.value < found.false_pass.high
+    assert found.false_fail.value == 0
+
+
+def test_a_corrected_reading_passes_fewer_and_fails_more():
+    sizes = np.linspace(18, 22, 101)
+    plan = ReadingPlan.positions(3)
+    plain, corrected = (drives(*sizes, left=20.0, corrected=how).judge(plan) for how in (False, True))
+    assert corrected.false_pass.value < plain.false_pass.value
+    assert corrected.false_fail.value > plain.false_fail.value == 0
+
+
+def test_noise_makes_both_wrong_and_a_second_direction_fails_more():
+    sizes = np.linspace(10, 30, 101)
+    whole = ReadingPlan.record(20, 20)
+    once = drives(*sizes, left=20.0, noise_arcsec=4.0).judge(whole)
+    assert once.false_pass.value > 0.03
+    assert once.false_fail.value > 0.03
+    twice = drives(*sizes, left=20.0, noise_arcsec=4.0).judge(ReadingPlan("both", 3600, 1 / 3600, both=True))
+    assert twice.false_fail.value > once.false_fail.value
+    assert twice.false_pass.value < once.false_pass.value
+
+
+def test_shares_that_lie_about_the_demand_are_open():
+    three = ReadingPlan.positions(3)
+    sizes = [10.0] * 50 + [24.5] * 50
+    share = drives(*sizes, left=20.0).judge(three).false_pass.value
+    assert drives(*sizes, left=20.0, wrong=share).judge(three).verdict is Verdict.INCONCLUSIVE
+
+
+def test_plans_of_a_drive_with_unknown_directions():
+    drive = load_preset(TINY, ["phases.xi_b=unknown", "acceptance.F_ior={4: 160}"])
+    choice = choose_plan(drive, draws=8)
+    assert choice.M_g == 4  # the torque with a limit
+    assert choice.drives.F_ior_arcsec[:, 0] == pytest.approx(choice.samples.F_ior_arcsec[:, 1])
+    assert [each.plan.readings for each in choice.over_positions] == list(range(6, 51))
+    assert choice.judged[0].plan == ReadingPlan.positions(12)
+    assert sum(line.variance_share for line in choice.lines) == pytest.approx(1, abs=0.1)
