@@ -352,7 +352,7 @@ def maps_by_turn(drive: Drive, M_g: float, rotations_deg: Sequence[float]) -> di
     """
     batches, moved = _turns(drive, rotations_deg)
     error_map = ErrorMap(drive, M_g)
-    maps = np.concatenate([error_map.solved_map(batch) for batch in batches])
+    maps = np.concatenate([error_map.solved_map(batch) for batch in batches if len(batch)])
     return dict(zip([0.0, *(rotations_deg[place] for place in moved)], maps, strict=True))
 
 
