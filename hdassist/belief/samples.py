@@ -43,6 +43,7 @@ from hdassist.solve.formulation import formulate
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE, is_settled
 
+ReferenceMaps = Sequence[Mapping[float, Array]]  # of each torque, by rotation
 FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
 
 EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
@@ -180,6 +181,7 @@ def draw_samples(
     evidence: tuple[Evidence, ...] = (),
     further: FiguresOf | None = None,
     further_name: str = "",
+    maps: ReferenceMaps | None = None,
     enough: Callable[[Samples], bool] = lambda _samples: True,
     effort: SamplingEffort = SamplingEffort(),
     run: Run = Run(),
@@ -190,9 +192,10 @@ def draw_samples(
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; begun, samples
     by the same arguments, these turns among theirs, whose draws are gone on from; evidence on the drive; further,
     figures that each sample has beside F'_ior, and further_name, all that they depend on beside the drive, in words,
-    without which draws with them are not kept; enough, whether samples suffice for what they are for; effort, limits of
-    sampling; seen, called with the samples so far. Raises UsageError for a drive with rolling balls, UntrustedError
-    where too few samples agree with the evidence, or too few draws are drives.
+    without which draws with them are not kept; maps, reference_maps of the prior, where they are there already; enough,
+    whether samples suffice for what they are for; effort, limits of sampling; seen, called with the samples so far.
+    Raises UsageError for a drive with rolling balls, UntrustedError where too few samples agree with the evidence, or
+    too few draws are drives.
     """
     rotations = tuple(rotations_deg)
     solve: Callable[..., Draw] | None = None
@@ -208,8 +211,8 @@ def draw_samples(
             if now.stop > len(earlier):
                 fresh = max(now.start, len(earlier)), now.stop
                 if not solve:
-                    alike = _alike(prior, torques, rotations, run)
-                    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further, alike)
+                    maps = maps or reference_maps(prior, torques, rotations, run)
+                    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further, maps)
                 shares, density = proposed_draws(prior, evidence, draws[:PILOT_DRAWS], *fresh, run.seed)
                 solved = run.map(solve, prior.values(shares), shares.tolist(), density.tolist())
             for each in chain(earlier[now], solved):
@@ -248,7 +251,7 @@ def _solved(
     rotations_deg: tuple[float, ...],
     evidence: tuple[Evidence, ...],
     further: FiguresOf | None,
-    alike: _Maps | None,
+    maps: ReferenceMaps | None,
     values: dict[str, float],
     shares: list[float],
     density: float,
@@ -268,7 +271,7 @@ def _solved(
             return Draw(figures=figures, proof=astuple(proof))
         measured = [each for each in evidence if each.M_g]
         places = [(each.M_g, each.rotation_deg) for each in measured]
-        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, alike=alike, measured=places)
+        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, maps=maps, measured=places)
         F_ior, turned, there, found = in_wide_enough_window(moved, search)
         more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
     except HdassistError as error:
@@ -309,14 +312,14 @@ def errors_by_turn(
     drive: Drive,
     torques: Sequence[float],
     rotations_deg: Sequence[float],
-    alike: _Maps | None = None,
+    maps: ReferenceMaps | None = None,
     measured: Sequence[tuple[float, float]] = (),
 ) -> tuple[Array, Array, Array, Certificate]:
     """F'_ior [arcsec] of a drive at torques [N*m], and with its fixed wheel turned, and the proof of both.
 
     Results of shape (torques,), (torques, rotations) and (measured,). All share one contact system, set up once.
-    Arguments: alike, `maps_by_turn` of a drive with the same deviations; measured, single torques [N*m] with a turn
-    each [deg]. Raises UsageError for rolling balls, UntrustedError where an answer cannot be trusted.
+    Arguments: maps, `maps_by_turn` of a drive with the same deviations at each torque; measured, single torques [N*m]
+    with a turn each [deg]. Raises UsageError for rolling balls, UntrustedError where an answer cannot be trusted.
     """
     (own, turned), moved = _turns(drive, rotations_deg)
     like, proof, formulation = None, EMPTY, formulate(contact_system(drive))
@@ -324,13 +327,14 @@ def errors_by_turn(
     at_measured, torque_of = np.empty(len(measured)), np.array([M_g for M_g, _ in measured])
     for k, M_g in enumerate(dict.fromkeys((*torques, *torque_of.tolist()))):
         error_map = ErrorMap(drive, M_g, formulation, like)
-        like, maps = error_map.fresh, alike[k] if alike and k < len(torques) else (None, None)
-        now = error_map.many_extremes(own, grid=COARSE_POINTS, alike=maps[0])
+        like, alike = error_map.fresh, maps[k] if maps and k < len(torques) else {}
+        now = error_map.many_extremes(own, grid=COARSE_POINTS, alike=alike[0.0][None] if alike else None)
         proof += now.certificate
         if k < len(torques):
             F_ior[k], found[k] = now.first, now.first
             if len(moved):
-                there = error_map.many_extremes(turned, grid=COARSE_POINTS, alike=maps[1])
+                at_turns = np.stack([alike[rotations_deg[place]] for place in moved]) if alike else None
+                there = error_map.many_extremes(turned, grid=COARSE_POINTS, alike=at_turns)
                 found[k, moved], proof = there.F_ior_arcsec, proof + there.certificate
         rows = np.flatnonzero(torque_of == M_g)
         (_, elsewhere), away = _turns(drive, [turn for torque, turn in measured if torque == M_g])
@@ -341,17 +345,15 @@ def errors_by_turn(
     return F_ior, found, at_measured, proof
 
 
-_Maps = Sequence[tuple[Array, Array]]  # of each torque
-
-
-def maps_by_turn(drive: Drive, M_g: float, rotations_deg: Sequence[float]) -> tuple[Array, Array]:
-    """Maps of the error of a drive at a torque [N*m], as it stands and with its fixed wheel turned.
+def maps_by_turn(drive: Drive, M_g: float, rotations_deg: Sequence[float]) -> dict[float, Array]:
+    """Maps of the error of a drive at a torque [N*m], as it stands and with its fixed wheel turned, by the rotation.
 
     Errors as those of errors_by_turn.
     """
-    (own, turned), _ = _turns(drive, rotations_deg)
+    batches, moved = _turns(drive, rotations_deg)
     error_map = ErrorMap(drive, M_g)
-    return error_map.solved_map(own), error_map.solved_map(turned)
+    maps = np.concatenate([error_map.solved_map(batch) for batch in batches if len(batch)])
+    return dict(zip([0.0, *(rotations_deg[place] for place in moved)], maps, strict=True))
 
 
 def _turns(drive: Drive, rotations_deg: Sequence[float]) -> tuple[tuple[Batch, Batch], NDArray[np.int64]]:
@@ -361,7 +363,9 @@ def _turns(drive: Drive, rotations_deg: Sequence[float]) -> tuple[tuple[Batch, B
     return (Batch.of(drive), Batch(drive, {path: drive.number(path) + turns[moved] for path in carried(drive)})), moved
 
 
-def _alike(prior: DrivePrior, torques: Sequence[float], rotations_deg: Sequence[float], run: Run) -> _Maps | None:
+def reference_maps(
+    prior: DrivePrior, torques: Sequence[float], rotations_deg: Sequence[float], run: Run
+) -> ReferenceMaps | None:
     """Maps of the drive as given where its draws have the same deviations; None where they do not."""
     if DEVIATION_FIELDS & {each.path for each in prior.fields}:
         return None

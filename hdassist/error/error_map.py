@@ -12,7 +12,7 @@ was overlooked is not proven; `python -m benchmarks.proposals` compares with eve
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -21,7 +21,7 @@ from hdassist.error.cycle import kinematic_error, state_place
 from hdassist.error.hills import HILL_BLOCK, Hills, Indices, hills_of, interpolated
 from hdassist.errors import UsageError
 from hdassist.model.contacts import StateGaps, contact_system
-from hdassist.model.deviations import TEETH, scalars_of
+from hdassist.model.deviations import TEETH, scalars_of, waves_of
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, States, pitch_locked_states
 from hdassist.preset.fields import Drive
@@ -37,6 +37,7 @@ FIRST = 3  # of them that are solved whatever the table says of the others
 SPREADS = 3.0  # standard deviations of what the table misses that a hill may be higher
 SPREAD = 0.005  # of F'_ior: what the table is taken to miss at least
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
+STILL_NEAR = 0.01  # of F'_ior: so near it has to be once the states around it are known
 SEARCH_REACH = 5  # steps from an extreme, along each wheel, within which nothing is higher
 LEAST_F_IOR = 4.0  # arcsec: F'_ior that both are taken of at least
 STRIDES = 2, 4  # steps to the states of the first look around: on a grid of READ positions or more, on a coarser one
@@ -52,7 +53,7 @@ class Batch:
 
     drive: Drive
     columns: Mapping[str, Array]
-    _numbers: dict[str, float] = field(default_factory=dict, compare=False)  # of the drive, as far as they were read
+    _waves: dict[tuple[int, str, int], Array] = field(default_factory=dict, compare=False)  # once they were asked for
 
     @classmethod
     def of(cls, drive: Drive) -> Batch:
@@ -68,16 +69,11 @@ class Batch:
 
     def scalars(self, row: Indices, alpha_g: Array, alpha_b: Array) -> Array:
         """Scalars [mm] of the drives in some rows, where their wheels stand so [rad]; shapes broadcast."""
-        columns, numbers = self.columns, self._numbers
-
-        def value(path: str) -> Array | float:
-            if path in columns:
-                return columns[path][row]
-            if path not in numbers:
-                numbers[path] = self.drive.number(path)
-            return numbers[path]
-
-        return scalars_of(value, self.drive.mounting.mark_kind, alpha_g, alpha_b)
+        if not self._waves:
+            columns, number = self.columns, self.drive.number
+            waves = waves_of(lambda path: columns.get(path, number(path)), self.drive.mounting.mark_kind)
+            self._waves.update({key: np.broadcast_to(wave, len(self)) for key, wave in waves.items()})
+        return scalars_of({key: wave[row] for key, wave in self._waves.items()}, alpha_g, alpha_b)
 
 
 @dataclass(frozen=True)
@@ -187,7 +183,9 @@ class ErrorMap:
             proposed = solved.at_points(self.points(grid)) if estimates is None else estimates
             if coarse:
                 proposed = interpolated(proposed, self.points().shape[:2])
-            solved.climb(solved.promising(self._hills(proposed)), STRIDES[coarse])
+            hills = self._hills(proposed)
+            scale = np.maximum(hills.ranges, LEAST_F_IOR)
+            solved.climb(solved.promising(hills, scale), scale, STRIDES[coarse])
             solved.look_around()
         value, rows = self.sign * solved.value, np.arange(len(batch))
         at_max, at_min = np.nanargmax(value, axis=1), np.nanargmin(value, axis=1)
@@ -279,10 +277,12 @@ class _Solved:
         strip = np.where(line % 2, -strip, strip)
         return np.lexsort((np.where(strip % 2, -y, y), strip, line))
 
-    def promising(self, hills: Hills) -> Hills:
-        """Hills near the highest of their drive, after one state was solved on each that may be it."""
+    def promising(self, hills: Hills, scale: Array) -> Hills:
+        """Hills near the highest of their drive, after one state was solved on each that may be it.
+
+        Argument: scale, F'_ior of the drives as estimated [arcsec], shape (drives,).
+        """
         drives = len(self._batch)
-        scale = np.maximum(hills.ranges, LEAST_F_IOR)
         chosen, known = hills.rank < FIRST, np.full(len(hills.row), np.nan)
         while len(fresh := np.flatnonzero(chosen & np.isnan(known))):
             known[fresh] = hills.sign[fresh] * self._at(hills.row[fresh], hills.point[fresh])
@@ -297,18 +297,20 @@ class _Solved:
         with np.errstate(invalid="ignore"):
             return hills[known >= hills.highest(known, drives) - NEAR * scale[hills.row]]
 
-    def climb(self, hills: Hills, stride: int) -> None:
-        """Solve what is around hills, by strides that are halved, and go on until nothing around is higher."""
-        row, sign, point = hills.row, hills.sign, hills.point
-        while len(row):
-            around = point[:, None] + stride * self._around
-            value = sign[:, None] * self._at(row[:, None], around)
-            best = value.argmax(axis=1)
-            to = around[np.arange(len(row)), best]
-            going = (best > 0) | (stride > 1)
+    def climb(self, hills: Hills, scale: Array, stride: int) -> None:
+        """Solve what is around hills, by strides that are halved, and go on until nothing around is higher.
+
+        Argument: scale as that of promising.
+        """
+        while len(hills.row):
+            around = hills.point[:, None] + stride * self._around
+            value = hills.sign[:, None] * self._at(hills.row[:, None], around)
+            best, height = value.argmax(axis=1), value.max(axis=1)
+            to, going = around[np.arange(len(best)), best], best > 0
             if stride > 1:
-                to = self._search.to_lattice(point + stride * self._summit(value))
-            row, sign, point, stride = row[going], sign[going], to[going], max(stride // 2, 1)
+                to = self._search.to_lattice(hills.point + stride * self._summit(value))
+                going = height >= hills.highest(height, len(scale)) - STILL_NEAR * scale[hills.row]
+            hills, stride = replace(hills, point=to)[going], max(stride // 2, 1)
 
     def look_around(self) -> None:
         """Solve what is within REACH of each drive's extremes, until nothing there is higher.

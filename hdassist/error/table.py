@@ -27,6 +27,7 @@ from hdassist.model.deviations import (
     factor_of,
     is_half_turn_symmetric,
     scalars_of,
+    waves_of,
 )
 from hdassist.model.geometry import Array
 from hdassist.preset.deviations import DEVIATIONS
@@ -138,12 +139,8 @@ class ErrorTable:
         ranges = []
         for k in range(0, len(next(iter(values.values()))), READ_AT_ONCE):
             here = {path: column[k : k + READ_AT_ONCE, None] for path, column in values.items()}
-            scalars = scalars_of(
-                lambda path, of=here: of[path] if path in of else drive.number(path),  # type: ignore[misc]
-                drive.mounting.mark_kind,
-                alpha_g,
-                alpha_b,
-            )
+            waves = waves_of(lambda path, of=here: of.get(path, drive.number(path)), drive.mounting.mark_kind)  # type: ignore[misc]
+            scalars = scalars_of(waves, alpha_g, alpha_b)
             if off_um:
                 scalars = displaced(scalars, off_um * 1e-3, alpha_b if drive.mounting.fixed == "rigid" else alpha_g)
             ranges.append(np.ptp(self.rotation(scalars), axis=-1))

@@ -24,6 +24,7 @@ from hdassist.preset.fields import Drive
 MARK_TO_PHASE = {"xi": 0.0, "runout": 180.0, "pitch": -90.0}  # deg: a mark is not a phase
 
 FieldValue = Callable[[str], Array | float]
+Waves = dict[tuple[int, str, int], Array]
 
 
 def tooth_phases(drive: Drive) -> tuple[float, float]:
@@ -88,16 +89,15 @@ def deviation_scalars(drive: Drive, alpha_g: Array, alpha_b: Array) -> Array:
     Arguments: alpha_g = phi_g - phi_h and alpha_b = phi_b - phi_h [rad], how each wheel stands in the
     cam frame, shape (states,).
     """
-    return scalars_of(drive.number, drive.mounting.mark_kind, alpha_g, alpha_b)
+    return scalars_of(waves_of(drive.number, drive.mounting.mark_kind), alpha_g, alpha_b)
 
 
-def scalars_of(value: FieldValue, mark_kind: str, alpha_g: Array, alpha_b: Array) -> Array:
-    """Scalars [mm], shape (..., scalars), of many drives at once: the first 4, or the first 6, or all 12 of them.
+def waves_of(value: FieldValue, mark_kind: str) -> Waves:
+    """Amplitudes [mm] of deviations where the wheels have not turned, by column, part and order, as complex numbers.
 
-    Arguments: value, sizes [um] and directions [deg] by the path of their field; mark_kind, what xi_g and xi_b are;
-    alpha_g, alpha_b [rad], how each wheel stands in the cam frame; all shapes broadcast.
+    Arguments: value, sizes [um] and directions [deg] by the path of their field; mark_kind, what xi_g and xi_b are.
     """
-    waves: dict[tuple[int, str, int], Array] = {}  # amplitudes at angle 0, by column, part and order
+    waves: Waves = {}
     mark = 0.0 if mark_kind == "runout" else MARK_TO_PHASE[mark_kind]
     for each in DEVIATIONS:
         column, size = column_of(each, mark_kind), np.asarray(value(each.size)) * factor_of(each, mark_kind) * 1e-3
@@ -105,6 +105,15 @@ def scalars_of(value: FieldValue, mark_kind: str, alpha_g: Array, alpha_b: Array
             direction = value(each.direction) + (mark if each.kind == "composite" else 0.0)
             key = column, each.part, each.order
             waves[key] = waves.get(key, 0) + size * np.exp(1j * each.order * np.radians(direction))
+    return waves
+
+
+def scalars_of(waves: Waves, alpha_g: Array, alpha_b: Array) -> Array:
+    """Scalars [mm], shape (..., scalars), of many drives at once: the first 4, or the first 6, or all 12 of them.
+
+    Arguments: waves as those of waves_of; alpha_g, alpha_b [rad], how each wheel stands in the cam frame; all shapes
+    broadcast.
+    """
     once = {"g": np.exp(1j * np.asarray(alpha_g)), "b": np.exp(1j * np.asarray(alpha_b)), "h": np.ones(())}
     sums: dict[int, Array] = {}
     for (column, part, order), wave in waves.items():

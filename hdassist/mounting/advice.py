@@ -19,6 +19,7 @@ from hdassist.belief.samples import (
     SamplingEffort,
     draw_samples,
     limits_settled,
+    reference_maps,
 )
 from hdassist.belief.statistics import Probability, could_be_sure
 from hdassist.error.error_map import searchable
@@ -227,6 +228,9 @@ def advise(
     known = measured.without_harmonics(drive) if measured else drive
     prior = prior_of(known)
     drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
+    positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
+    turns = sorted({0.0, *positions})
+    maps = reference_maps(prior, torques, turns, run) if drawn else None
     curve = mounting_curve(
         drive,
         torques,
@@ -234,6 +238,7 @@ def advise(
         measured=measured,
         every_state=every_state,
         proposed_from=0 if drawn else None,
+        maps=maps,
         weights=weights,
         run=run,
     )
@@ -244,12 +249,12 @@ def advise(
     )
     if curve.interrupted or not drawn:
         return advice
-    positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
     shares = None if weights is None else tuple(weights)
     left = limits_left(drive, torques)
-    draw = partial(draw_samples, prior, torques, evidence=evidence_of(drive), effort=SamplingEffort.of(draws), run=run)
+    effort, evidence = SamplingEffort.of(draws), evidence_of(drive)
+    draw = partial(draw_samples, prior, torques, evidence=evidence, maps=maps, effort=effort, run=run)
     as_check = partial(limits_settled, left, sure=needed)  # the same samples as `check` with the same sureness
-    first = draw(rotations_deg=sorted({0.0, *positions}), enough=as_check)
+    first = draw(rotations_deg=turns, enough=as_check)
     found = PositionStatistics.of(first, positions, criterion, shares)
     now, place = found.place(0.0), found.challenger
     advice = replace(advice, samples=first, positions=found, all_draws=first.draws)
@@ -280,6 +285,6 @@ def advise(
     if place is None or enough(first):
         return advice
     # a gain needs two positions; whether the present one is nearly as good as the best needs all, unless it is known
-    turns = first.rotations_deg if is_open(advice.stay_probability) else sorted({0.0, positions[place]})
-    more = draw(rotations_deg=turns, begun=first, enough=enough)
+    two = first.rotations_deg if is_open(advice.stay_probability) else sorted({0.0, positions[place]})
+    more = draw(rotations_deg=two, begun=first, enough=enough)
     return replace(with_odds(more), samples=replace(first, certificate=more.certificate))

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from hdassist.belief.samples import ReferenceMaps
 from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
 from hdassist.error.error_map import SEARCHED, Batch, ErrorMap, searchable
 from hdassist.errors import UsageError
@@ -61,6 +62,7 @@ def mounting_curve(
     measured: MeasuredTeeth | None = None,
     every_state: bool = False,
     proposed_from: int | None = None,
+    maps: ReferenceMaps | None = None,
     weights: Sequence[float] | None = None,
     run: Run = Run(),
 ) -> MountingCurve:
@@ -78,7 +80,7 @@ def mounting_curve(
 
     Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
     every_state, solve all states of all positions; proposed_from, positions from which on extremes are proposed
-    (HOLES + 1);
+    (HOLES + 1); maps, `maps_by_turn` of the drive at each torque, by which they are proposed where there is one;
     weights of the torques in the choice of the best position, one each. Raises
     UsageError where the present position is not the first or weights are not one positive number a torque,
     UntrustedError where an answer cannot be trusted.
@@ -94,7 +96,7 @@ def mounting_curve(
     if every_state or measured or not searchable(drive) or len(rotations_deg) < searched_from:
         job.solve((t, r) for r in _coarse_first(len(rotations_deg)) for t in range(len(torques)))
     else:
-        job.search()
+        job.search(maps)
     if not (drive.mounting.holes or measured) and searchable(drive):
         job.refine()
     decisive = job.decisive()
@@ -128,11 +130,16 @@ class _Job:
         self.values = np.full((len(self.torques), len(self.rotations)), np.nan)
         self.solved = np.zeros(self.values.shape, dtype=bool)
 
-    def search(self) -> None:
-        """Search the extremes at every position."""
+    def search(self, maps: ReferenceMaps | None) -> None:
+        """Search the extremes at every position; maps as those of mounting_curve."""
         order = _coarse_first(len(self.rotations))
         groups = [order[first : first + POSITIONS_A_TASK] for first in range(0, len(order), POSITIONS_A_TASK)]
-        tasks = [(self.drive, self.torques, self.rotations[group]) for group in groups]
+        known: ReferenceMaps = maps or [{}] * len(self.torques)
+        tasks: list[tuple[Any, ...]] = []
+        for group in groups:
+            rotations = self.rotations[group].tolist()
+            of_group = [{turn: each[turn] for turn in rotations if turn in each and each[turn].size} for each in known]
+            tasks.append((self.drive, self.torques, rotations, of_group))
         for group, (values, proof) in zip(groups, self._run(_searched, tasks), strict=False):
             self.values[:, group] = values
             self._take(proof)
@@ -222,10 +229,17 @@ def _with_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, To
     return measured.in_drive(drive) if measured else (drive, None)
 
 
-def _searched(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> tuple[Array, Certificate]:
-    """F'_ior [arcsec] of extremes that were proposed and proven, shape (torques, rotations)."""
-    maps = [ErrorMap(drive, M_g) for M_g in torques]
-    found = [[each.many_extremes(Batch.of(rotated(drive, rotation))) for rotation in rotations] for each in maps]
+def _searched(
+    drive: Drive, torques: Sequence[float], rotations: Sequence[float], maps: ReferenceMaps
+) -> tuple[Array, Certificate]:
+    """F'_ior [arcsec] of extremes that were proposed, by maps where there are any, and proven: (torques, rotations)."""
+    found = []
+    for M_g, of_torque in zip(torques, maps, strict=True):
+        error_map, row = ErrorMap(drive, M_g), []
+        for turn in rotations:
+            known = of_torque[turn][None] if turn in of_torque else None
+            row.append(error_map.many_extremes(Batch.of(rotated(drive, turn)), known))
+        found.append(row)
     values = np.array([[one.first for one in row] for row in found])
     return values, sum((one.certificate for row in found for one in row), EMPTY)
 
@@ -242,7 +256,7 @@ def _bottom(
     proofs: list[Certificate] = []
 
     def at(rotation: float) -> Array:
-        values, proof = _searched(drive, torques, [rotation])
+        values, proof = _searched(drive, torques, [rotation], [{}] * len(torques))
         proofs.append(proof)
         return values[:, 0]
 
