@@ -45,7 +45,7 @@ def test_a_preset_that_has_changed_since_is_said(tmp_path: Path) -> None:
 
 def edited(**values: Any) -> str:
     """The file of a session with some of its values in place of others."""
-    rig = {"trial_torque": None, "noise": 1.0, "reseat": 0.0, "sure": 0.9}
+    rig = {"trial_torque": None, "noise": 1.0, "sure": 0.9}
     kept = {
         "schema": "hdassist.session/1",
         "preset": TINY,
@@ -75,7 +75,7 @@ HOSTILE = {
     "key more in the rig": edited(rig={"jobs": 1}),
     "number as text": edited(rig={"noise": "1"}),
     "no number": edited(rig={"noise": float("nan")}),
-    "infinite": edited(rig={"reseat": float("inf")}),
+    "infinite": edited(rig={"noise": float("inf")}),
     "no noise": edited(rig={"noise": 0}),
     "no torque": edited(rig={"trial_torque": 0}),
     "always sure": edited(rig={"sure": -1.0}),
