@@ -121,12 +121,12 @@ def log_likelihood(evidence: Sequence[Evidence], predictions: Mapping[str, float
     errors = [each for each in heard if each.M_g]
     if not errors:
         return alone
-    return alone + float(errors_log_likelihood(errors, np.array([[predictions[each.figure] for each in errors]]))[0])
+    f = np.array([[predictions[each.figure] for each in errors]])
+    return alone + float(log_likelihood_of_errors(f, *values_of_errors(errors))[0])
 
 
-def errors_log_likelihood(errors: Sequence[Evidence], f: Array) -> Array:
-    """Log likelihood of measured F'_ior of samples with f [arcsec], shape (samples, errors), 0 where they agree."""
+def values_of_errors(errors: Sequence[Evidence]) -> tuple[Array, Array, Array]:
+    """Measured F'_ior and its spreads [arcsec], shape (errors,), and the correlation of the misfit between them."""
     y, spreads = np.array([(each.value, each.spread) for each in errors]).T
     torques, turns = np.array([each.M_g for each in errors]), [each.rotation_deg for each in errors]
-    correlation = kernel(turns, turns) * np.equal.outer(torques, torques)  # at another torque the misfit is another
-    return log_likelihood_of_errors(f, y, spreads, correlation)
+    return y, spreads, kernel(turns, turns) * np.equal.outer(torques, torques)  # at another torque it is another one

@@ -1,8 +1,8 @@
 """Draws kept in the user's cache, so that the next command on the same drive goes on from them.
 
 They are found by all that they depend on: values of the drive and ranges of its prior, torques, turns, evidence, seed,
-the source of what computes them and the machine's instructions, on which the last digits depend. What is read is
-checked as work from anywhere is; whatever does not hold is drawn anew.
+the source of what computes them and the machine's instructions, on which the last digits depend. A file whose checksum
+or types do not hold is drawn anew.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Annotated
 
 from pydantic import Field, TypeAdapter
 
-from hdassist.belief.evidence import STIFFNESS_FIGURES, Evidence
+from hdassist.belief.evidence import Evidence
 from hdassist.belief.prior import DrivePrior
 from hdassist.run.cache import cached, keep, keeps_answers, program
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number
@@ -52,20 +52,6 @@ class Draw(ClosedRecord):
         """Proof of the states behind it."""
         return Certificate(*self.proof)
 
-    def holds(self, fields: int, torques: int, turns: int, evidence: Sequence[Evidence]) -> bool:
-        """Whether it can be a draw of so many fields at so many torques and turns, weeded by evidence."""
-        figures = frozenset(self.figures or ())
-        needed = frozenset(STIFFNESS_FIGURES if any(each.figure in STIFFNESS_FIGURES for each in evidence) else ())
-        if self.F_ior_arcsec is None:
-            is_weeded = not self.refused and figures == needed != frozenset()
-            is_refused = bool(self.refused) and self.figures is None
-            return (is_weeded or is_refused) and not (self.turned_arcsec or self.weight or self.shares)
-        turned = self.turned_arcsec or ()
-        shape = len(self.shares), len(self.F_ior_arcsec), len(turned), {len(each) for each in turned} - {turns}
-        is_proven = self.proof[0] > 0
-        needed |= {each.figure for each in evidence if each.M_g}
-        return is_proven and not self.refused and shape == (fields, torques, torques, set()) and figures >= needed
-
 
 _DRAWS = TypeAdapter(list[Draw])
 
@@ -85,14 +71,10 @@ class KeptDraws:
     seed: int
 
     def read(self) -> list[Draw]:
-        """The draws that are kept, from the first on; none where not all of them hold."""
+        """The draws that are kept, from the first on; none where not all of them are draws."""
         data = cached(KEPT_SAMPLES, self._key) if keeps_answers() else None
         with suppress(ValueError, RecursionError):
-            draws = _DRAWS.validate_python(json.loads(data or b"[]"))
-            sizes = len(self.prior.fields), len(self.torques), len(self.rotations_deg), self.evidence
-            figures = {frozenset(each.figures or ()) for each in draws if each.F_ior_arcsec is not None}
-            if len(figures) <= 1 and all(each.holds(*sizes) for each in draws):
-                return draws
+            return _DRAWS.validate_python(json.loads(data or b"[]"))
         return []
 
     def keep(self, draws: Sequence[Draw]) -> None:

@@ -9,11 +9,13 @@ with u normal, d the turn between two positions, the misfit among MISFITS, and o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import logsumexp
 
+from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 
 SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed
@@ -21,6 +23,8 @@ LENGTH = 0.5  # rad of the seat over which a misfit is alike: of other stiffness
 MISFITS = (0.0, 0.04, 0.08, 0.12)  # standard deviation of the misfit as a share of the mean F'_ior, all alike likely
 MISREAD = 0.05  # probability of one of the values to be misread
 MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
+UNSHOWN = 18.0  # squared standard deviations beyond which a sample does not show F'_ior as measured
+ANY_TWO = 3  # values: of no more, none is left out as misread, for the two that agree may do so by chance
 
 
 def kernel(a_deg: Sequence[float], b_deg: Sequence[float]) -> Array:
@@ -29,24 +33,69 @@ def kernel(a_deg: Sequence[float], b_deg: Sequence[float]) -> Array:
     return np.asarray(np.exp(-0.5 * np.square(2 * np.sin(apart / 2) / LENGTH)))
 
 
-def spreads_with_misread(spreads: Array, y: Array, misread: int) -> Array:
-    """Standard deviations of values [arcsec], shape (values,), where one is misread, by its place; -1: none of them."""
-    return np.where(np.arange(len(y)) == misread, np.hypot(spreads, MISREAD_SHARE * y), spreads)
+@dataclass(frozen=True)
+class ErrorKind:
+    """How measured values err: misfit as a share of the mean F'_ior, noise over the stated one, the misread value.
+
+    misread: place of that value, -1 where none is; log_share: logarithm of how probable the kind is before any value.
+    """
+
+    misfit: float = 0.0
+    noise: float = 1.0
+    misread: int = -1
+    log_share: float = 0.0
+
+    def spreads(self, stated: Array, y: Array) -> Array:
+        """Standard deviations of values y [arcsec], shape (values,), from those that are stated."""
+        misread = np.arange(len(y)) == self.misread
+        return self.noise * np.where(misread, np.hypot(stated, MISREAD_SHARE * y), stated)
+
+
+def error_kinds(values: int, log_noises: Mapping[float, float]) -> list[ErrorKind]:
+    """Kinds of error that so many values may have; of misread ones the noise is as stated.
+
+    Argument: log_noises, logarithm of how probable a noise over the stated one is, but for a factor.
+    """
+    whole = logsumexp(list(log_noises.values())) + np.log(len(MISFITS) / (1 - MISREAD))
+    plain = [ErrorKind(s, noise, -1, log - whole) for s in MISFITS for noise, log in log_noises.items()]
+    misread = np.log(MISREAD / max(values, 1) / len(MISFITS))
+    return plain + [ErrorKind(s, 1.0, k, misread) for k in range(values) for s in MISFITS]
+
+
+def log_likelihoods(
+    kinds: Sequence[ErrorKind],
+    f: Array,
+    y: Array,
+    stated: Array,
+    correlation: Array,
+    mean: Array,
+    read_error: float = 0.0,
+) -> Array:
+    """Log likelihood of measured F'_ior of each kind of error and sample, shape (kinds, samples).
+
+    Arguments: stated, standard deviations of y; mean F'_ior of the samples [arcsec], shape (samples,), and read_error,
+    relative error of f; the others as those of likelihood_of_errors.
+    """
+    rows = []
+    for each in kinds:
+        variance = (each.misfit**2 + read_error**2) * mean**2
+        rows.append(each.log_share + likelihood_of_errors(f, y, each.spreads(stated, y), variance, correlation)[1])
+    return np.array(rows)
 
 
 def likelihood_of_errors(
-    f: Array, y: Array, spreads: Array, variance: Array, correlation: Array, noise: float = 1.0
+    f: Array, y: Array, spreads: Array, variance: Array, correlation: Array
 ) -> tuple[Array, Array]:
     """How far measured F'_ior lies off that of samples, squared, in standard deviations, and the log likelihood.
 
     Arguments: f of the samples there, y measured [arcsec], shape (samples, values) and (values,); spreads, standard
-    deviations of y, and noise, over these; variance of the misfit [arcsec^2], shape (samples,), and its correlation,
-    shape (values, values). In the eigenvectors of the correlation, whitened by the spreads, the covariance is diagonal,
-    but for the scale's, which has rank one.
+    deviations of y; variance of the misfit [arcsec^2], shape (samples,), and its correlation, shape (values, values).
+    In the eigenvectors of the correlation, whitened by the spreads, the covariance is diagonal, but for the scale's,
+    which has rank one.
     """
     own, basis = np.linalg.eigh(correlation / np.multiply.outer(spreads, spreads))
     f, off = f / spreads @ basis, (y - f) / spreads @ basis
-    each = noise**2 + variance[:, None] * np.maximum(own, 0)
+    each = 1 + variance[:, None] * np.maximum(own, 0)
     more = 1 + SCALE**2 * (f**2 / each).sum(axis=1)
     squares = (off**2 / each).sum(axis=1) - (SCALE * (f * off / each).sum(axis=1)) ** 2 / more
     return squares, -0.5 * (squares + np.log(each).sum(axis=1) + np.log(more)) - np.log(spreads).sum()
@@ -57,12 +106,25 @@ def log_likelihood_of_errors(f: Array, y: Array, spreads: Array, correlation: Ar
 
     Arguments as those of likelihood_of_errors. Result of shape (samples,).
     """
-    both, found = np.vstack([f, y]), []
-    for misread in range(-1, len(y)):
-        share = np.log(1 - MISREAD if misread < 0 else MISREAD / len(y))
-        widened = spreads_with_misread(spreads, y, misread)
-        for misfit in MISFITS:
-            variance = np.square(misfit * both.mean(axis=1))
-            found.append(share + likelihood_of_errors(both, y, widened, variance, correlation)[1])
-    log = logsumexp(found, axis=0)
+    both, kinds = np.vstack([f, y]), error_kinds(len(y), {1.0: 0.0})
+    log = logsumexp(log_likelihoods(kinds, both, y, spreads, correlation, both.mean(axis=1)), axis=0)
     return np.asarray(log[:-1] - log[-1])
+
+
+def require_shown(names: Sequence[str], f: Array, y: Array, spreads: Array, correlation: Array, hint: str) -> None:
+    """Raise UntrustedError where no sample comes near F'_ior as measured: of equally bad ones all weigh the same.
+
+    Any one of more than ANY_TWO values may be misread. Arguments: names of the values, and what to do, for the message;
+    the others as those of likelihood_of_errors.
+    """
+    variance, every = np.square(MISFITS[-1] * f.mean(axis=1)), range(len(y))
+
+    def nearest(some: list[int]) -> float:
+        own = correlation[np.ix_(some, some)]
+        return float(likelihood_of_errors(f[:, some], y[some], spreads[some], variance, own)[0].min())
+
+    without = [[k for k in every if k != left] for left in every] if len(y) > ANY_TWO else [list(every)]
+    if min(map(nearest, without)) > UNSHOWN:
+        rows = zip(names, y, f.min(axis=0), f.max(axis=0), strict=True)
+        words = "; ".join(f"{name} = {value:g}, drawn {low:.4g} to {high:.4g}" for name, value, low, high in rows)
+        raise UntrustedError(f"no draw shows F'_ior as measured, arcsec: {words}", hint)

@@ -21,11 +21,12 @@ from hdassist.belief.evidence import (
     ACCURACY,
     STIFFNESS_FIGURES,
     Evidence,
-    errors_log_likelihood,
     log_likelihood,
     stiffness_figures,
+    values_of_errors,
 )
 from hdassist.belief.kept import Draw, KeptDraws
+from hdassist.belief.misfit import require_shown
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.proposal import PILOT_DRAWS, proposed_draws
 from hdassist.belief.statistics import Probability, effective_number, probability_of, weighted_quantile
@@ -52,7 +53,6 @@ COARSE_POINTS = 20  # positions of each wheel at which the error of a sample is 
 SAMPLE_STATES = 520  # that a sample solves at a torque, about
 HOPELESS = 256  # draws of which none has an answer: no more are made
 CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
-UNSHOWN = -9.0  # log likelihood of measured F'_ior below which a draw does not show it, 0 where it agrees
 
 
 @dataclass(frozen=True)
@@ -413,11 +413,8 @@ def _require_shown(draws: Sequence[Draw], evidence: tuple[Evidence, ...]) -> Non
     if not errors or not kept:
         return
     f = np.array([[figures[each.figure] for each in errors] for figures in kept])
-    if errors_log_likelihood(errors, f).max() < UNSHOWN:
-        rows = zip(errors, f.min(axis=0), f.max(axis=0), strict=True)
-        words = "; ".join(f"{each.path} = {each.value:g}, drawn {low:.4g} to {high:.4g}" for each, low, high in rows)
-        hint = "check values, torque and holes, then the ranges of what is assumed"
-        raise UntrustedError(f"no draw shows F'_ior as measured, arcsec: {words}", hint)
+    hint = "check values, torque and holes, then the ranges of what is assumed"
+    require_shown([each.path for each in errors], f, *values_of_errors(errors), hint)
 
 
 def _too_few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...], needed: int) -> UntrustedError:

@@ -70,9 +70,8 @@ REMOVED_OPTIONS = {
     "--rule": "--set acceptance.rule=simple",
     "--samples": "--draws N",
     **dict.fromkeys(("--scheduler", "--scheduler-file"), "--jobs N works with N processes of this machine"),
-    **dict.fromkeys(
-        ("--trial", "--verify", "--trial-torque", "--noise", "--reseat"), "hdassist trials PRESET h0=28.1 h4=17.3"
-    ),
+    "--reseat": "--noise, the spread of repeats with the wheel mounted again",
+    **dict.fromkeys(("--trial", "--verify", "--trial-torque", "--noise"), "hdassist trials PRESET h0=28.1 h4=17.3"),
 }
 
 

@@ -77,7 +77,7 @@ class TrialsCommand(
         if self.verify is not None and card:
             raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
         torques, begun = drive.operation.M_g, time.monotonic()
-        rig = Rig(self.torque_of(torques), self.noise, self.reseat)
+        rig = Rig(self.torque_of(torques), self.noise)
         effort = TrialEffort.of(self.draws)
         analysis = partial(
             advise_from_trials,

@@ -23,7 +23,6 @@ from hdassist.model.deviations import (
     SHIFT,
     TEETH,
     column_of,
-    displaced,
     factor_of,
     is_half_turn_symmetric,
     scalars_of,
@@ -128,11 +127,11 @@ class ErrorTable:
             raise UntrustedError("deviations beyond those that the table of the error spans", "this is a bug")
         return np.asarray(values)
 
-    def F_ior(self, values: Mapping[str, Array], off_um: complex = 0) -> Array:
+    def F_ior(self, values: Mapping[str, Array]) -> Array:
         """F'_ior [arcsec] of drives, shape (drives,).
 
-        Arguments: values of their deviations by path, shape (drives,) each; off_um, how far their fixed wheel lies off
-        its centre, along x + i y. Raises UntrustedError for deviations that the table does not span.
+        Arguments: values of their deviations by path, shape (drives,) each. Raises UntrustedError for
+        deviations that the table does not span.
         """
         angles, drive = 2 * np.pi * np.arange(self.turns) / self.turns, self.drive
         alpha_g, alpha_b = (alpha.ravel() for alpha in np.meshgrid(angles, angles, indexing="ij"))
@@ -141,8 +140,6 @@ class ErrorTable:
             here = {path: column[k : k + READ_AT_ONCE, None] for path, column in values.items()}
             waves = waves_of(lambda path, of=here: of.get(path, drive.number(path)), drive.mounting.mark_kind)  # type: ignore[misc]
             scalars = scalars_of(waves, alpha_g, alpha_b)
-            if off_um:
-                scalars = displaced(scalars, off_um * 1e-3, alpha_b if drive.mounting.fixed == "rigid" else alpha_g)
             ranges.append(np.ptp(self.rotation(scalars), axis=-1))
         return np.concatenate(ranges)
 

@@ -115,7 +115,7 @@ def opened_state(name: str, overrides: tuple[str, ...] = (), rig: TrialOptions =
 
 def rig_of(session: Session) -> Rig:
     """The rig of the trials. Raises UsageError for one that cannot be."""
-    return Rig(session.trial_torque, session.rig.noise, session.rig.reseat)
+    return Rig(session.trial_torque, session.rig.noise)
 
 
 def edited(session: Session, path: str, value: str) -> Session:

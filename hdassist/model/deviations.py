@@ -128,20 +128,6 @@ def scalars_of(waves: Waves, alpha_g: Array, alpha_b: Array) -> Array:
     return pairs
 
 
-def displaced(scalars: Array, offset: complex, alpha: Array) -> Array:
-    """Scalars [mm], shape (..., scalars), of drives with one wheel off its centre by a further offset.
-
-    Arguments: scalars; offset [mm], along x + i y where the wheel has not turned; alpha [rad], how it stands in the
-    cam frame, shape (...). Which wheel it is makes no difference to how far the error moves.
-    """
-    more = max(SHIFT + 2 - scalars.shape[-1], 0)
-    result = np.pad(scalars, [(0, 0)] * (scalars.ndim - 1) + [(0, more)])
-    turned = offset * np.exp(1j * alpha)
-    result[..., SHIFT] += turned.real
-    result[..., SHIFT + 1] += turned.imag
-    return result
-
-
 @dataclass(frozen=True)
 class ToothDeviations:
     """Measured deviations of the teeth along +theta [um], in place of the preset's harmonics.

@@ -87,7 +87,7 @@ def trials_warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
         best_bet = f"{advice.where(best)} may be better ({100 * good:.0f} %)"
         yield f"{_chance(advice)}; {'measure it once more' if best == advice.stay[0] else best_bet}"
     for a, b in advice.repeats:
-        noise = np.linalg.norm(advice.prior.noise(np.array([a.F_ior_arcsec, b.F_ior_arcsec]), (a, b)))
+        noise = np.linalg.norm(advice.prior.noise((a, b)))
         if abs(a.F_ior_arcsec - b.F_ior_arcsec) > APART * noise:
             values = f"{advice.where(a.rotation_deg)}: {a.F_ior_arcsec:g} and {b.F_ior_arcsec:g} arcsec differ by more"
             taken = f"it is taken for {advice.noise_arcsec:.1f}"
@@ -164,7 +164,7 @@ def _more_facts(advice: TrialAdvice) -> Iterator[tuple[str, str]]:
     for one in advice.predictions:
         yield "trial", _outcome(advice, one)
     found = f"found {advice.noise_arcsec:.2f} arcsec"
-    yield "noise", f"given {setup.noise_arcsec:g}, {found}; seat {setup.reseat_um:g} um"
+    yield "noise", f"given {setup.noise_arcsec:g}, {found}"
     yield "found", "; ".join(f"{q.label} {q.text(advice)} {q.unit}".rstrip() for q in POSTERIOR)
     yield "unknown", unknown_names(unknowns(advice.drive))
 
@@ -206,7 +206,6 @@ def _values(advice: TrialAdvice) -> Json:
             "M_g_Nm": rig.M_g,
             "noise_arcsec": rig.noise_arcsec,
             "noise_found_arcsec": advice.noise_arcsec,
-            "reseat_um": rig.reseat_um,
             "measured": [
                 _place(advice, **asdict(trial), probability_misread=float(misread))
                 for trial, misread in zip(advice.trials, advice.draws.misread, strict=True)

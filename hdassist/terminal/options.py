@@ -332,9 +332,6 @@ class TrialOptions(OptionGroup):
     noise: Annotated[
         float, trials_option(metavar="ARCSEC", min=1e-6, max=1e6, help="Standard deviation of one trial.")
     ] = 1.0
-    reseat: Annotated[
-        float, trials_option(metavar="UM", min=0, max=1000, help="Standard deviation of where the wheel sits.")
-    ] = 0.0
     sure: Annotated[
         float, trials_option(metavar="P", min=0.01, max=0.999, help="Probability of a good choice that settles it.")
     ] = 0.9

@@ -25,8 +25,7 @@ from hdassist.verdict import Verdict
 
 LOOSER = 2.0  # times the preset's tolerance, at most
 TIGHTER = 0.1  # times it at least, where the preset gives no least value that can be made
-RADII = (0.5, 0.25, 0.12, 0.06)  # of the logarithms of tolerances, in which the ratio is taken as linear
-SLOPE_STEP = 0.1  # of them, over which slopes are taken: drives that come and go are smoothed
+SLOPE_STEP = 0.1  # of the logarithms of tolerances, over which slopes are taken: drives that come and go are smoothed
 AIM = 0.98  # of the limit: a margin for the error of the linear model
 STRICTER = 0.93  # times the aim, where drives did not prove the tolerances that were sought with it
 LIMIT_AGREES = 0.06  # of the limit: margin that may remain
@@ -125,7 +124,7 @@ class Allocator:
             values = sought
             records, found = self._tried(turned, values, attempt)
             proven += [found] if found.fits else []
-            below = self._ratio(records, values, values)
+            below = self._ratio_of(records, values)(values)
             at_most = all(values[choice.path] >= choice.most * (1 - LIMIT_AGREES) for choice in open_)
             at_least = all(values[choice.path] <= choice.least * (1 + LIMIT_AGREES) for choice in open_)
             if (found.fits and (below > aim - LIMIT_AGREES or at_most)) or (at_least and not found.fits):
@@ -176,64 +175,55 @@ class Allocator:
     ) -> dict[str, float]:
         """The cheapest open tolerances for which drives, with sizes scaled, would stay below an aim.
 
-        In logarithms the ratio is nearly linear in the tolerances: it is taken so within a radius, the cheapest
-        tolerances there are found, and again about them with half the radius.
+        The least ones where none are.
         """
         low, high = (np.log([getattr(choice, of) for choice in open_]) for of in ("least", "most"))
+        share, k, first = np.array([(choice.law.share, choice.law.k, np.log(choice.now)) for choice in open_]).T
+        ratio = self._ratio_of(records, now)
 
-        def model(at: Array) -> float:
-            values = dict(now) | {choice.path: float(v) for choice, v in zip(open_, np.exp(at), strict=True)}
-            return float(np.log(self._ratio(records, now, values) / aim))
+        def values(at: Array) -> dict[str, float]:
+            return dict(now) | {choice.path: float(v) for choice, v in zip(open_, np.exp(at), strict=True)}
 
-        at = np.clip(np.log([now[choice.path] for choice in open_]), low, high)
-        for radius in RADII:
-            here = model(at)
-            step = np.where(at + SLOPE_STEP <= high, SLOPE_STEP, -SLOPE_STEP)
-            slopes = np.array([(model(at + step * one) - here) / (step @ one) for one in np.eye(len(at))])
-            bounds = list(zip(np.maximum(low, at - radius), np.minimum(high, at + radius), strict=True))
-            at = _cheapest(open_, at, here, slopes, bounds)
-        return dict(now) | {choice.path: float(v) for choice, v in zip(open_, np.exp(at), strict=True)}
+        def left(at: Array) -> float:
+            return float(-np.log(ratio(values(at)) / aim))
 
-    def _ratio(self, records: Sequence[RandomDrive], now: Mapping[str, float], values: Mapping[str, float]) -> float:
+        if left(low) <= 0:
+            return values(low)
+        found = minimize(
+            lambda x: float(np.sum(share * np.exp(k * (first - x)))),
+            np.clip(np.log([now[choice.path] for choice in open_]), low, high),
+            jac=lambda x: -share * k * np.exp(k * (first - x)),
+            bounds=list(zip(low, high, strict=True)),
+            constraints={"type": "ineq", "fun": left},
+            method="SLSQP",
+            options={"eps": SLOPE_STEP},
+        )
+        return values(np.clip(found.x, low, high))
+
+    def _ratio_of(
+        self, records: Sequence[RandomDrive], now: Mapping[str, float]
+    ) -> Callable[[Mapping[str, float]], float]:
         """F'_ior over its room that the wanted share of the drives of most designs stay below, at the worst torque.
 
-        Arguments: drives as they were solved with the tolerances now; values of tolerances that they are scaled to.
+        Arguments: drives as they were solved with the tolerances now. The result takes values of tolerances that the
+        sizes of the drives are scaled to, F'_ior being taken as linear in each size.
         """
-        ratio = np.full(len(records), np.inf)
-        for k, record in enumerate(records):
-            if record.refused is None and record.tighter is not None:
-                F_ior = scaled = np.array(record.best_F_ior_arcsec)
-                for choice in self.choices:
-                    slope = (F_ior - np.array(record.tighter[choice.path])) / (1 - TIGHTER_STEP)
-                    scaled = scaled + slope * (values[choice.path] / now[choice.path] - 1)
-                ratio[k] = np.max(np.maximum(scaled, LEAST_SHARE_LEFT * F_ior) / np.array(self.rooms))
+        paths = [choice.path for choice in self.choices]
+        solved = np.array([record.refused is None and record.tighter is not None for record in records])
+        some = [record for record, is_solved in zip(records, solved, strict=True) if is_solved]
+        F_ior = np.array([record.best_F_ior_arcsec for record in some]).reshape(len(some), len(self.rooms))
+        tighter = np.array([[(record.tighter or {})[path] for path in paths] for record in some])
+        slopes = (F_ior[:, None] - tighter.reshape(len(some), len(paths), -1)) / (1 - TIGHTER_STEP)
         designs = np.array([record.design for record in records])
         places = np.unique(designs)
-        if len(places) == 1:
-            return float(np.quantile(ratio, self.wanted, method="hazen"))
-        held = [float(np.quantile(ratio[designs == k], self.wanted, method="hazen")) for k in places]
         weights = np.array([self.production.designs[k][1] for k in places])
-        return weighted_quantile(np.array(held), weights, self.sure)
 
+        def ratio(values: Mapping[str, float]) -> float:
+            change = np.array([values[path] / now[path] - 1 for path in paths])
+            scaled = np.maximum(F_ior + np.einsum("p,dpt->dt", change, slopes), LEAST_SHARE_LEFT * F_ior)
+            ratios = np.full(len(records), np.inf)
+            ratios[solved] = np.max(scaled / np.array(self.rooms), axis=1)
+            held = [float(np.quantile(ratios[designs == k], self.wanted, method="hazen")) for k in places]
+            return weighted_quantile(np.array(held), weights, self.sure)
 
-def _cheapest(
-    choices: Sequence[Tolerance], at: Array, here: float, slopes: Array, bounds: Sequence[tuple[float, float]]
-) -> Array:
-    """Logarithms of the cheapest tolerances within bounds where here + slopes (x - at), linear, is at most 0.
-
-    Where that is nowhere so, those where it is least.
-    """
-    share, k = np.array([(choice.law.share, choice.law.k) for choice in choices]).T
-    now = np.log([choice.now for choice in choices])
-    furthest = np.where(slopes > 0, *np.array(bounds).T)
-    if here + slopes @ (furthest - at) > 0:
-        return np.asarray(furthest)
-    found = minimize(
-        lambda x: float(np.sum(share * np.exp(k * (now - x)))),
-        np.where(np.isfinite(furthest), furthest, at),
-        jac=lambda x: -share * k * np.exp(k * (now - x)),
-        bounds=bounds,
-        constraints={"type": "ineq", "fun": lambda x: -here - slopes @ (x - at), "jac": lambda _: -slopes},
-        method="SLSQP",
-    )
-    return np.asarray(np.clip(found.x, *np.array(bounds).T))
+        return ratio

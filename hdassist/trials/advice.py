@@ -35,6 +35,7 @@ STABLE = 0.6  # probability that the choice is good which it has to keep without
 SUSPECTED = 0.5  # probability of a value to be misread from which on it is named
 OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 FITTING_TRIALS = 3  # trials, which fit any drive: predictions of later ones are held against the drive as told
+LEAST_UNREPEATED = 6  # trials in positions of their own, after which one is repeated
 FALSE_ALARM = 0.05
 WORTH = 0.01  # of the error: going back for less is not worth it
 SURE_DEVIATIONS = 2.0  # standard deviations by which a value has to be worse where nothing explains it
@@ -132,15 +133,18 @@ class TrialAdvice:
     def to_repeat(self) -> Trial | None:
         """The trial to measure again where none was: values unlike the preset's drive settle nothing without it.
 
-        Before a fourth new position one is repeated too, the one that is suspected or that the choice hinges on.
+        Where a choice is probable enough but for one value that it hinges on, or none is after LEAST_UNREPEATED trials,
+        the one is repeated that is suspected, that the choice hinges on, or that was measured in the chosen position.
         """
         if self.repeats:
             return None
         if self.unlike_told:
             return max(self.predictions[FITTING_TRIALS - 1 :], key=lambda one: abs(one.surprise))
-        if self.sure or self.outcome or len(self.trials) < FITTING_TRIALS:
+        hinges = self.hinges_on is not None and self.stay[1] >= self.needed
+        if self.outcome or self.sure or not (hinges or len(self.trials) >= LEAST_UNREPEATED):
             return None
-        return self.suspected or self.hinges_on or self.trials[0]
+        chosen = (trial for trial in self.trials if trial.rotation_deg == self.stay[0])
+        return self.suspected or self.hinges_on or next(chosen, self.trials[0])
 
     @property
     def to_measure_next(self) -> tuple[float, float | None]:
@@ -224,7 +228,7 @@ def advise_from_trials(
     if not explained:
         draws, losses = teach(every := tuple(trials))
     without = () if outcome or len(every) < FITTING_TRIALS else _without_each(every, losses.best, teach)
-    best = next_trial(draws, losses, run.seed)
+    best = next_trial(draws, losses, rig.noise_arcsec, run.seed)
     return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, without)
 
 

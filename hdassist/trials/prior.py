@@ -17,8 +17,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.belief.evidence import ACCURACY, Evidence, evidence_of, log_likelihood, measured_errors
-from hdassist.belief.misfit import kernel, log_likelihood_of_errors
+from hdassist.belief.evidence import (
+    ACCURACY,
+    Evidence,
+    evidence_of,
+    log_likelihood,
+    measured_errors,
+    values_of_errors,
+)
+from hdassist.belief.misfit import log_likelihood_of_errors
 from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
 from hdassist.belief.samples import COARSE_POINTS, HOPELESS, conflict_of, going_on
 from hdassist.belief.sobol import sobol_points
@@ -41,30 +48,25 @@ Places = NDArray[np.int64]
 WIDEST_SIZE = 2.0  # a size without an uncertainty may be so many times the preset's
 FINEST, COARSEST = 36, 8  # directions that a sample is taken in, at most and at least
 KNOWN_DIRECTION = 8  # times as many deviations where they count in one direction alone
-SEAT_STEP, SEAT_SAMPLES, SEAT_BINS = 2.0, 2, 8  # um that the wheel's centre is moved by, to see what its seat does
 OVALITY = "harmonics.xi_s2"  # direction of what the seat does to the rigid wheel; stands still where that is fixed
 
 
 @dataclass(frozen=True)
 class Rig:
-    """How trials are measured: at a torque [N*m], with noise of a value [arcsec] and an error of the seat [um].
+    """How trials are measured: at a torque [N*m], with noise [arcsec], the standard deviation of a value.
 
-    Both are standard deviations; reseat_um is that of the wheel's centre along any direction. Raises UsageError unless
-    the torque turns something and they are such.
+    That of mounting the wheel again included. Raises UsageError unless the torque turns something and the noise is one.
     """
 
     M_g: float
     noise_arcsec: float = 1.0
-    reseat_um: float = 0.0
 
     def __post_init__(self) -> None:
-        noise, seat = 1e-6 <= self.noise_arcsec <= 1e6, 0 <= self.reseat_um <= 1e3  # beyond, squares are no numbers
-        if not (0 < abs(self.M_g) <= 1e7 and noise and seat):
-            stated = f"{self.M_g:g} N*m, noise {self.noise_arcsec:g} arcsec, seat {self.reseat_um:g} um"
-            raise UsageError(
-                f"invalid trials: {stated}: expected a torque up to 1e7 N*m but 0, and a noise above 0",
-                "--trial-torque 80",
-            )
+        # beyond that, squares are no numbers
+        if not (0 < abs(self.M_g) <= 1e7 and 1e-6 <= self.noise_arcsec <= 1e6):
+            stated = f"{self.M_g:g} N*m, noise {self.noise_arcsec:g} arcsec"
+            wanted = "expected a torque up to 1e7 N*m but 0, and a noise above 0"
+            raise UsageError(f"invalid trials: {stated}: {wanted}", "--trial-torque 80")
 
 
 COMPARED = 16  # drives with a table of one system, to see what it misses
@@ -110,8 +112,7 @@ class Prior:
 
     F_ior_by_torque [arcsec] by M_g [N*m], and weight, which sums to 1, of shape (samples, directions) each;
     read_error, relative standard deviation of it, by M_g; values of the offset that stands with the wheel by field,
-    shape (samples, directions); systems, effective number of them; seed; seat: some F'_ior and what a micrometre of the
-    wheel's centre does [arcsec/um].
+    shape (samples, directions); systems, effective number of them; seed.
     """
 
     drive: Drive
@@ -123,7 +124,6 @@ class Prior:
     systems: float = 0.0
     seed: int = 0
     certificate: Certificate = EMPTY
-    seat: tuple[Array, Array] = (np.zeros(1), np.zeros(1))
 
     @property
     def M_g(self) -> float:
@@ -157,11 +157,10 @@ class Prior:
         size, direction = (self.values[path].ravel()[places] for path in standing_offset(self.drive))
         return size, direction
 
-    def noise(self, F_ior: Array, trials: Sequence[Trial] = ()) -> Array:
-        """Standard deviation of values of so much F'_ior [arcsec] as stated, by trials their own: noise and seat."""
+    def noise(self, trials: Sequence[Trial]) -> Array:
+        """Standard deviations of measured values as stated [arcsec], shape (trials,): their own, or that of all."""
         own = [self.rig.noise_arcsec if each.noise_arcsec is None else each.noise_arcsec for each in trials]
-        seat = self.rig.reseat_um * np.interp(F_ior, *self.seat)
-        return np.asarray(np.hypot(own or self.rig.noise_arcsec, seat))
+        return np.array(own, dtype=float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,8 +168,7 @@ class _System:
     """One draw of stiffnesses, clearances and the wave with its draws of deviations, or why it is no drive.
 
     F_ior, shape (torques, deviations, directions), and log_missed, logarithm of the exact F'_ior of some of them
-    over that, shape (torques, compared); weight, shape (deviations, directions); values as of Prior; moved, F'_ior
-    with the wheel's centre as it is and moved in four directions, shape (some, 5).
+    over that, shape (torques, compared); weight, shape (deviations, directions); values as of Prior.
     """
 
     refused: str = ""
@@ -178,7 +176,6 @@ class _System:
     F_ior: Array = field(default_factory=partial(np.zeros, (0, 0, 0)))
     log_missed: Array = field(default_factory=partial(np.zeros, (0, 0)))
     values: Mapping[str, Array] | None = None
-    moved: Array = field(default_factory=partial(np.zeros, (0, 5)))
     certificate: Certificate = EMPTY
 
 
@@ -208,7 +205,7 @@ def trial_prior(
     if all(each.path.startswith(TABLE_SECTIONS) for each in belief.fields):
         effort = effort.of_one_system
     every = tuple(dict.fromkeys((rig.M_g, *torques, *(each.M_g for each in measured_errors(drive)))))
-    solve = partial(_solved, belief, evidence, every, effort, rig.reseat_um > 0, run.seed)
+    solve = partial(_solved, belief, evidence, every, effort, run.seed)
     systems: list[_System] = []
     while True:
         first = len(systems)
@@ -245,34 +242,19 @@ def _collected(drive: Drive, rig: Rig, torques: tuple[float, ...], systems: Sequ
         drive, rig, dict(zip(torques, F_ior, strict=True)), weight / weight.sum(), values,
         dict(zip(torques, log_missed.std(axis=1).tolist(), strict=True)), effective, seed, proof,
     )  # fmt: skip
-    prior = _weighed(prior)
-    return replace(prior, seat=_seat(np.concatenate([each.moved for each in kept]))) if rig.reseat_um else prior
+    return _weighed(prior)
 
 
 def _weighed(prior: Prior) -> Prior:
     """Samples weighed by F'_ior that the preset has as measured at other torques than that of the trials."""
-    weight, errors = prior.weight.ravel().copy(), measured_errors(prior.drive)
-    for M_g in sorted({each.M_g for each in errors} - {prior.M_g}):
-        there = [each for each in errors if each.M_g == M_g]
-        turns = [each.rotation_deg for each in there]
-        y, spreads = np.array([(each.value, each.spread) for each in there]).T
-        log = log_likelihood_of_errors(prior.at(turns, prior.possible, M_g), y, spreads, kernel(turns, turns))
-        weight[prior.possible] *= np.exp(log - log.max())
+    errors = [each for each in measured_errors(prior.drive) if each.M_g != prior.M_g]
+    if not errors:
+        return prior
+    weight = prior.weight.ravel().copy()
+    f = np.hstack([prior.at([each.rotation_deg], prior.possible, each.M_g) for each in errors])
+    log = log_likelihood_of_errors(f, *values_of_errors(errors))
+    weight[prior.possible] *= np.exp(log - log.max())
     return replace(prior, weight=(weight / weight.sum()).reshape(prior.weight.shape))
-
-
-def _seat(F_ior: Array) -> tuple[Array, Array]:
-    """Some F'_ior and the standard deviation there for each micrometre of that of the wheel's centre.
-
-    Argument: F_ior [arcsec] of drives as they are and with the centre moved, shape (drives, 5). Drives with a large
-    F'_ior move far more; of drives that show the same the median is taken.
-    """
-    still = F_ior[:, 0]
-    # both components vary: twice the mean square over four directions, were it linear
-    square = 2 * np.mean(np.square(F_ior[:, 1:] - still[:, None]), axis=1) / SEAT_STEP**2
-    bins = np.array_split(np.argsort(still), min(SEAT_BINS, len(still)))
-    means = np.array([(still[part].mean(), np.sqrt(np.median(square[part]))) for part in bins])
-    return means[:, 0], means[:, 1]
 
 
 def directions_of(drive: Drive) -> int:
@@ -325,7 +307,6 @@ def _solved(
     evidence: tuple[Evidence, ...],
     torques: tuple[float, ...],
     effort: TrialEffort,
-    reseated: bool,
     seed: int,
     number: int,
     values: dict[str, float],
@@ -343,16 +324,11 @@ def _solved(
         weight = float(np.exp(log_likelihood(evidence, figures))) / probability
         columns = _deviations(belief, effort.deviations, [seed, number])
         sizes = {path: float(column.max()) for path, column in columns.items() if path in deviation_sizes()}
-        if reseated:
-            sizes["tolerances.e_b"] = sizes.get("tolerances.e_b", moved.number("tolerances.e_b")) + SEAT_STEP
         tabled = partial(_tables, torques=torques, sizes=sizes, columns=columns, effort=effort, number=number)
         tables, log_missed, found = in_wide_enough_window(moved, tabled)
         flat = {path: column.ravel() for path, column in columns.items()}
         shape = next(iter(columns.values())).shape
         F_ior = np.array([table.F_ior(flat).reshape(shape) for table in tables])
-        some = {path: column[:SEAT_SAMPLES, 0] for path, column in columns.items()}
-        ways = (0, 1, 1j, -1, -1j) if reseated else ()
-        centre = [tables[0].F_ior(some, SEAT_STEP * way) for way in ways]
     except HdassistError as error:
         return _System(str(error.fault), certificate=proof)
     weights = np.full(shape, weight)
@@ -362,7 +338,7 @@ def _solved(
     if not any_direction(belief):
         weights[:, 1:] = 0
     offset = {path: columns[path] for path in standing_offset(moved)}
-    return _System("", weights, F_ior, log_missed, offset, np.array(centre).T, proof + found)
+    return _System("", weights, F_ior, log_missed, offset, proof + found)
 
 
 def _deviations(belief: DrivePrior, count: int, seed: list[int]) -> dict[str, Array]:

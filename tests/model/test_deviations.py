@@ -9,7 +9,6 @@ from hdassist.model.contacts import CAM, StateGaps, contact_system
 from hdassist.model.deviations import (
     carried,
     deviation_scalars,
-    displaced,
     standing_offset,
     tooth_phases,
 )
@@ -192,22 +191,6 @@ def test_second_harmonics_weigh_as_much_as_first_ones_twenty_times_their_size(re
     even, odd = (kinematic_error(each, 80, states=states, run=UNCHECKED).range_arcsec for each in (oval, first))
     assert even == pytest.approx(4.95, abs=0.05)  # expected per um of amplitude
     assert 0.1 < odd < 0.3  # 0.14 to 0.23 expected
-
-
-def test_a_wheel_moved_further_has_the_run_out_of_both(reference):
-    alpha = np.linspace(0, -6, 7)
-    off = 0.015 * np.exp(1j * np.radians(90))  # mm, to where the drive with a run-out has it
-    for there in (0.0, 20.0):
-        drive = changed(reference, tolerances__e_b=there, phases__phi_eb=90.0)
-        both = changed(drive, tolerances__e_b=there + 15.0)
-        moved = displaced(deviation_scalars(drive, 0 * alpha, alpha), off, alpha)
-        assert moved == pytest.approx(deviation_scalars(both, 0 * alpha, alpha), abs=1e-15)
-        of_two = np.stack([deviation_scalars(drive, 0 * alpha, alpha)] * 2)
-        assert displaced(of_two, off, alpha) == pytest.approx(np.stack([moved, moved]))
-    oval = deviation_scalars(changed(reference, harmonics__a_b2=3.0), 0 * alpha, alpha)
-    change = displaced(oval, off, alpha) - oval
-    assert change.shape == (7, 12)
-    assert np.flatnonzero(change.any(axis=0)).tolist() == [4, 5]
 
 
 def test_what_turns_with_the_fixed_wheel_and_what_stands_with_its_seat(reference):

@@ -5,8 +5,7 @@ import pytest
 
 from hdassist import Drive, load_preset
 from hdassist.model.unknown import pitch_deviation
-from hdassist.preset.fields import CostLaw
-from hdassist.tolerance.allocation import Allocator, Tolerance, _cheapest, tolerances
+from hdassist.tolerance.allocation import Allocator, tolerances
 from hdassist.tolerance.law import production_law
 from hdassist.tolerance.production import Production, RandomDrive
 from hdassist.verdict import Verdict
@@ -93,19 +92,6 @@ def test_no_tolerance_is_loosened_where_the_design_does_not_bear_it() -> None:
     assert any(loosened.values[c.path] > c.now for c in tolerances(known, law))
     designs = Production.of(law, (4.0,), mounting=False, per_design=5, steps=True).with_designs(50)[0]
     assert not allocator(designs, room, 50, rounds=1).cheapest(turned=False).fits
-
-
-def test_the_cheapest_on_a_line_is_where_costs_grow_alike() -> None:
-    choices = [
-        Tolerance(name, 1.0, 0.01, 100.0, CostLaw(share=share, k=k), False)
-        for name, share, k in (("a", 8.0, 1.0), ("b", 1.0, 2.0))
-    ]
-    found = _cheapest(choices, np.zeros(2), 0.5, np.array([1.0, 1.0]), [(-3.0, 3.0)] * 2)
-    assert found.sum() == pytest.approx(-0.5, abs=1e-6)
-    growth = [
-        choice.law.share * choice.law.k * np.exp(-choice.law.k * x) for choice, x in zip(choices, found, strict=True)
-    ]
-    assert growth[0] == pytest.approx(growth[1], rel=1e-3)
 
 
 def test_classes_are_those_of_the_standard() -> None:

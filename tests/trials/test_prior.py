@@ -17,10 +17,10 @@ from hdassist.trials.posterior import (
     drawn,
     learnt,
 )
-from hdassist.trials.prior import Prior, Rig, TrialEffort, open_prior, trial_prior
+from hdassist.trials.prior import Prior, TrialEffort, open_prior, trial_prior
 from tests.process import ASSUMED, SMALL
 from tests.support import changed
-from tests.trials.drives import COARSE, FEW, M_G, POSITIONS, RIG, direction_of, measured, told, trials
+from tests.trials.drives import COARSE, FEW, M_G, POSITIONS, RIG, direction_of, told
 
 
 def require_turned(prior: Prior, drive: Drive, sample: int, direction: int, rotation: float) -> None:
@@ -87,28 +87,6 @@ def test_with_the_flexspline_fixed_its_own_offset_is_found() -> None:
     assert abs(off.mean()) < 2 * off.std() < 60
 
 
-def test_an_error_of_the_seat_is_noise_that_grows_with_the_value() -> None:
-    """Against drives whose wheel is really displaced, its teeth along the radius as well."""
-    reseat = 1.0
-    drive = load_preset(SMALL, ["tolerances.e_hh=0"])
-    seated = trial_prior(drive, (), Rig(M_G, 1e-3, reseat), effort=FEW)
-    search, turn = ErrorMap(drive, M_G), (0, 90, 180, 270)
-    for low, high in ((12, 16), (20, 40)):
-        some = np.argwhere((seated.F_ior_arcsec > low) & (seated.F_ior_arcsec < high))[:60:12]
-        found, assumed = [], []
-        for sample, direction in some:
-            values = {path: float(of[sample, direction]) for path, of in seated.values.items()}
-            # each component of the centre by reseat
-            off = [{"tolerances.e_b": float(np.sqrt(2) * reseat), "phases.phi_eb": float(a)} for a in turn]
-            found.append(np.var([search.extremes(drive.with_values({**values, **one})).first for one in off]))
-            assumed.append(seated.noise(seated.F_ior_arcsec[sample, direction]) ** 2)
-        assert 0.5 < np.sqrt(np.median(assumed) / np.median(found)) < 2
-    firm, loose = (
-        drawn(replace(seated, rig=replace(RIG, reseat_um=u)), trials(measured(50.0, 20.0)), [0.0]) for u in (0.0, 5.0)
-    )
-    assert loose.noise_arcsec.mean() > 1.5 * firm.noise_arcsec.mean()
-
-
 def test_a_free_angle_and_many_holes() -> None:
     for holes, directions, count in ((0, 36, 72), (3, 9, 3), (100, 36, 100)):
         drive = told(f"mounting.holes={holes}")
@@ -117,11 +95,6 @@ def test_a_free_angle_and_many_holes() -> None:
         assert found.weight.shape[1] == directions
         _, losses = learnt(found, [Trial(positions[-1], 20.0)], positions)
         assert len(losses.probability_good) == count
-
-
-def test_an_error_of_the_seat_at_a_free_angle() -> None:
-    free = trial_prior(told("mounting.holes=0"), (), Rig(M_G, 1.0, 1.0), effort=COARSE)
-    assert np.all(free.seat[1] > 0)
 
 
 @pytest.mark.parametrize(
