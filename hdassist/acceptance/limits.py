@@ -5,14 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from math import isnan
 from typing import Literal, TypeVar
 
 from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, ORDER_CHECK, Check
 from hdassist.errors import DataError, UsageError
 from hdassist.loading.load import load_preset
 from hdassist.model.geometry import Array
-from hdassist.numerals import number_of
+from hdassist.numerals import NUMBER
 from hdassist.preset.fields import Drive
 from hdassist.preset.yamltext import OVERRIDE
 from hdassist.run.kept import ClosedRecord
@@ -20,6 +19,9 @@ from hdassist.run.kept import ClosedRecord
 ORDER_PREFIX = "order_"
 LIMIT_KINDS = {check.field: check.kind for check in CHECKS if check != ORDER_CHECK}
 HINT = f"NAME one of {', '.join(LIMIT_KINDS)}, or order_2 and so on"
+_PER_TORQUE = "|".join(name for name, kind in LIMIT_KINDS.items() if kind == "limits")
+_OF_DRIVE = "|".join(name for name, kind in LIMIT_KINDS.items() if kind == "number")
+LIMIT_NAME = re.compile(rf"(?:{ORDER_PREFIX}({NUMBER})|{_PER_TORQUE})(?:@({NUMBER}))?|{_OF_DRIVE}")
 _OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: (?:\S+: )?", re.MULTILINE)
 
 Option = Literal["--limit", "--value"]
@@ -95,10 +97,15 @@ def torques_of(limits: Iterable[Limit], need: str) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class LimitText:
-    """A limit or a measured value as it is written: NAME[@TORQUE], and the text behind the equals sign."""
+    """A limit or a measured value as it is written: NAME[@TORQUE], and the text behind the equals sign.
+
+    order per cam turn and torque [N*m] that it is for, None for none.
+    """
 
     name: str
     text: str
+    order: float | None
+    torque: float | None
 
     @classmethod
     def parse(cls, text: str, option: Option) -> LimitText:
@@ -107,42 +114,21 @@ class LimitText:
         Raises UsageError: no such name, no value, or a torque or order that is none.
         """
         name, equals, value = (part.strip() for part in text.partition("="))
-        if not equals and option == "--limit":
+        if option == "--limit" and not equals and name[:1] in tuple("+-.0123456789"):
             torque, colon, bound = name.partition(":")
             if colon:  # the old form of `tolerance` and `allocate`
-                raise UsageError(
-                    f"invalid --limit {text}: expected NAME@TORQUE=VALUE", f"--limit F_ior@{torque}={bound}"
-                )
-            if name[:1] in "+-.0123456789":
-                name, value = F_IOR.field, name
-        found = cls(name, value)
-        field, order, torque = found.parts
-        per_torque = bool(order) or LIMIT_KINDS.get(field) == "limits"
-        if not (value and found.is_known) or ("@" in name and not (torque and per_torque)):
+                words = f"invalid --limit {text}: expected NAME@TORQUE=VALUE"
+                raise UsageError(words, f"--limit {F_IOR.field}@{torque}={bound}")
+            name, value = F_IOR.field, name
+        found = LIMIT_NAME.fullmatch(name)
+        if not (found and value):
             raise UsageError(f"invalid {option} {text}: expected {USE[option]}", HINT)
-        for number in filter(None, (order, torque)):
-            if isnan(number_of(number)):
-                raise UsageError(f"invalid {option} {text}: {number} is no number", HINT)
-        return found
+        return cls(name, value, *(float(number) if number else None for number in found.groups()))
 
     @property
-    def parts(self) -> tuple[str, str, str]:
-        """Field of the section acceptance, order and torque as written; empty for none."""
-        name, _, torque = self.name.partition("@")
-        order = name.removeprefix(ORDER_PREFIX) if name.startswith(ORDER_PREFIX) else ""
-        return ORDER_CHECK.field if order else name, order, torque
-
-    @property
-    def torque(self) -> float | None:
-        """Torque [N*m] that it is for, None for all."""
-        torque = self.parts[2]
-        return float(torque) if torque else None
-
-    @property
-    def is_known(self) -> bool:
-        """Whether there is a check of the name."""
-        field, order, _ = self.parts
-        return bool(order) or field in LIMIT_KINDS
+    def field(self) -> str:
+        """Field of the section acceptance."""
+        return self.name.partition("@")[0] if self.order is None else ORDER_CHECK.field
 
     def __str__(self) -> str:
         return f"{self.name}={self.text}"
@@ -150,18 +136,17 @@ class LimitText:
     @property
     def override(self) -> str:
         """The limit as an override of the preset: the same checks, the same errors."""
-        field, order, torque = self.parts
-        key = "@".join(filter(None, (order, torque)))
-        return f"{'.'.join(filter(None, ('acceptance', field, key)))}={self.text}"
+        key = self.name.removeprefix(ORDER_PREFIX) if self.order is not None else self.name.partition("@")[2]
+        return f"{'.'.join(filter(None, ('acceptance', self.field, key)))}={self.text}"
 
     def limit_of(self, limits: Sequence[Limit]) -> Limit:
         """The limit of a drive that a value is for. Raises UsageError: there is none, or several."""
-        field, order, torque = self.parts
         fitting = [
-            limit for limit in limits
-            if limit.check.field == field and (not order or limit.per_cam_rev == float(order))
-            and (not torque or limit.M_g_Nm == float(torque))
-        ]  # fmt: skip
+            limit
+            for limit in limits
+            if (limit.check.field, limit.per_cam_rev) == (self.field, self.order)
+            and self.torque in (None, limit.M_g_Nm)
+        ]
         if not fitting:
             raise UsageError(f"--value {self}: the drive has no such limit", f"--limit {self.name}=...")
         if len(fitting) > 1:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from hdassist.acceptance.limits import LimitText, named_overrides
+from hdassist.acceptance.limits import LIMIT_NAME, named_overrides
 from hdassist.acceptance.request import Request, torque_and_file
 from hdassist.errors import Finding, HdassistError, PresetError, UsageError
 from hdassist.preset.fields import REMOVED, field_table
@@ -142,8 +142,8 @@ def _column(name: str) -> Column:
         return "measured", f"{float(at[1]):g}=" if at[1] else ""
     limit = _LIMIT.fullmatch(name)
     for gives, text in (("limits", limit[1] if limit else ""), ("values", name)):
-        if LimitText(text.strip(), "").is_known:
-            return gives, f"{LimitText.parse(f'{text}=0', '--value').name}="
+        if LIMIT_NAME.fullmatch(text.strip()):
+            return gives, f"{text.strip()}="
     if ".".join(map(str, path_of(name)[:2])) in field_table():
         return "overrides", f"{name}="
     known = [*PLAIN_COLUMNS, "measured", *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]

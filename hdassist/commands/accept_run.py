@@ -20,7 +20,6 @@ from hdassist.errors import HdassistError, UsageError
 from hdassist.json_parts import Json
 from hdassist.pages import accept as page
 from hdassist.pages.accept_junit import junit
-from hdassist.pages.accept_lot import lot_report
 from hdassist.report.report import Report
 from hdassist.run.kept import Kept, KeptOwner, open_kept
 from hdassist.run.processes import workers
@@ -111,7 +110,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
         note(f"wrote {options.lines_file}")
     if options.verbose:
         note(f"{lot.file}: {time.monotonic() - begun:.1f} s")
-    report = lot_report(lot, done)
+    report = page.lot_report(lot, done)
     give("accept", [replace(report, head="") if options.takes_stdout else report], options, out)
     _write_tables(options, lot.file, done, lot.sha256)
     return worst_exit_code(answer.exit_code for answer in done)

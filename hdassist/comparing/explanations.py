@@ -44,11 +44,11 @@ class Explanation:
     """The drive with some deviations fitted to the record.
 
     deviations: paths of the sizes that were free; changes: of those whose size is identifiable; not_told_apart: names
-    of those that cannot be, a tuple a combination; explained_share: of the difference's chi-square above that of noise;
-    clear: a better fit than chance makes; sufficient: the residual is within noise; overrides: new values as --set
-    takes them, empty where one of them is not identifiable; F_ior_arcsec, of the full cycle then, solved; None without
-    overrides; difference_left_arcsec: rms within the orders, from solved states of the record; None where those were
-    not solved; orders_left: the greatest of that.
+    of those that cannot be, a tuple a combination; explained_share: of the difference's chi-square above that of noise,
+    None where it is below; clear: a better fit than chance makes; sufficient: the residual is within noise; overrides:
+    new values as --set takes them, empty where one of them is not identifiable; F_ior_arcsec, of the full cycle then,
+    solved; None without overrides; difference_left_arcsec: rms within the orders, from solved states of the record;
+    None where those were not solved; orders_left: the greatest of that.
     """
 
     deviations: tuple[str, ...]
@@ -56,7 +56,7 @@ class Explanation:
     not_told_apart: tuple[tuple[str, ...], ...]
     chi_square: float
     degrees_of_freedom: int
-    explained_share: float
+    explained_share: float | None
     clear: bool
     sufficient: bool
     overrides: tuple[str, ...]
@@ -93,7 +93,7 @@ def explanation(fit: VectorFit, base: VectorFit, record: RecordedOrders, drive: 
         not_told_apart=names,
         chi_square=fit.chi_square,
         degrees_of_freedom=freedom,
-        explained_share=1 - max(fit.chi_square - freedom, 0.0) / before if before > 0 else 0.0,
+        explained_share=1 - max(fit.chi_square - freedom, 0.0) / before if before > 0 else None,
         clear=(base.chi_square - fit.chi_square) / excess > by_chance,
         sufficient=record.within_noise(fit.chi_square, unknowns),
         overrides=_overrides(fit, changes, drive) if len(changes) == len(vectors) and not names else (),

@@ -191,10 +191,6 @@ class SolvedStates:
         states = pitch_locked_states(kinematics, index, float(np.radians(alignment.start_deg)))
         error = kinematic_error(drive, self.M_g, states=states, run=UNCHECKED)
         self.certificate += error.certificate
-        t = pitches - first
-        cubic = (
-            -(t - 1) * (t - 2) * (t - 3) / 6, t * (t - 2) * (t - 3) / 2, -t * (t - 1) * (t - 3) / 2,
-            t * (t - 1) * (t - 2) / 6,
-        )  # fmt: skip
+        weights = np.vander(pitches - first, 4) @ np.linalg.inv(np.vander(np.arange(4.0)))  # of a cubic, (turns, 4)
         nodes = error.error_arcsec[places].reshape(-1, 4)
-        return np.asarray(alignment.sign * (np.stack(cubic, axis=1) * nodes).sum(axis=1))
+        return np.asarray(alignment.sign * (weights * nodes).sum(axis=1))

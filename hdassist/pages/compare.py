@@ -114,7 +114,8 @@ def _why(result: Comparison) -> str:
         return f"difference {now:.2f} arcsec rms, {then:.2f} with {' '.join(_options(result))}"
     if best is None:
         return "no deviation explains the difference"
-    share = f"{100 * best.explained_share:.1f} % of the difference"
+    explained = best.explained_share
+    share = "a clear part of the difference" if explained is None else f"{100 * explained:.1f} % of the difference"
     if kind == "several":
         return f"{len(best.deviations)} deviations explain {share}, no single one does; no more than noise is left"
     fitted = named(best.deviations[0])
@@ -226,7 +227,8 @@ def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
 def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
     """Rows of a fit: a line of its own where it has not just one deviation, and each of its deviations."""
     left, F_ior = f"{found.chi_square / found.degrees_of_freedom:.2f}", _plus_minus(found.F_ior_arcsec, None, 2)
-    numbers: tuple[str, ...] = (f"{100 * max(found.explained_share, 0):.1f} %", left, F_ior)
+    share = NO_VALUE if found.explained_share is None else f"{100 * max(found.explained_share, 0):.1f} %"
+    numbers: tuple[str, ...] = (share, left, F_ior)
     if len(found.deviations) != 1:
         yield "all together" if found.deviations else "none: as the preset", "", "", *numbers
         numbers = ("", "", "")

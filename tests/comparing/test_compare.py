@@ -61,6 +61,7 @@ def test_a_drive_agrees_with_itself(drive):
     assert result.conclusion.kind == "agrees"
     assert np.abs(result.residual_arcsec).max() < 1e-6
     assert result.unchanged.alignment == Alignment(start_deg=START)
+    assert result.unchanged.explained_share is None  # no share of a difference that is below noise
     assert result.mirror is None
     assert result.joint is None
     assert result.certificate.max_residual < 1e-9
