@@ -95,7 +95,7 @@ class MeasuredTrace:
     cam, as with readings at even angles. sweeps: moves in one direction each. sha256: of the file. angle_of: shaft of
     the recorded angles; those of the output were multiplied by the ratio. sense: of two encoders, 1 where both count
     up, -1 where one counts down, 0 for a column of errors. notes: conversions, assumptions and rows left out.
-    robust: whether readings far off all others are left out.
+    robust: whether readings far off all others are left out. time_s: of each row, None without time stamps.
     """
 
     file: str
@@ -110,6 +110,7 @@ class MeasuredTrace:
     sense: int = 0
     in_time: bool = False
     robust: bool = False
+    time_s: Array | None = None
 
     def without(self, rows: NDArray[np.int64]) -> MeasuredTrace:
         """The trace without some rows."""
@@ -117,8 +118,9 @@ class MeasuredTrace:
         kept[rows] = False
         cam = self.cam_deg[kept]
         return replace(
-            self, cam_deg=cam, error_arcsec=self.error_arcsec[kept], line=self.line[kept], sweeps=tuple(sweeps(cam))
-        )
+            self, cam_deg=cam, error_arcsec=self.error_arcsec[kept], line=self.line[kept], sweeps=tuple(sweeps(cam)),
+            time_s=None if self.time_s is None else self.time_s[kept],
+        )  # fmt: skip
 
 
 def read_trace(

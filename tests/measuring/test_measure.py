@@ -312,6 +312,28 @@ def test_steps_are_seen_in_a_record_of_both_directions(uneven: float, in_time: b
     assert found.step_arcsec == pytest.approx(1.0 if in_time else 0.0, rel=1e-3)
 
 
+@pytest.mark.parametrize("turns", [12, 60, 100])
+def test_slow_terms_of_the_output_are_no_orders_of_the_cam(turns: float):
+    """Gravity, graduation, an encoder off its centre, once to five times per output turn; drift where it is a part."""
+    x = np.arange(turns * 50) / 50
+    cam = 8 * np.cos(4 * np.pi * x) + 3 * np.cos(2 * np.pi * 2.01 * x + 1) + 2 * np.cos(2 * np.pi * x)
+    slow = sum(size * np.cos(2 * np.pi * k * x / 100 + k) for k, size in ((1, 300), (2, 20), (5, 3)))
+    noise = 0.5 * np.random.default_rng(0).standard_normal(len(x))
+    (found,) = measure(recorded(x, cam + slow + noise), ratio=100).directions
+    assert found.is_part == (turns < 100)
+    low, high = found.cam_interval_arcsec
+    assert low < np.ptp(cam) < high < low + 6
+    assert found.slow_arcsec == pytest.approx(np.ptp(slow), rel=0.05)
+    orders = {order.per_cam_rev: order for order in found.orders_of_cam}
+    beating = np.sqrt(2 * np.mean((8 * np.cos(4 * np.pi * x) + 3 * np.cos(2 * np.pi * 2.01 * x + 1)) ** 2))
+    for order, true in ((1.0, 2.0), (2.0, beating), (3.0, 0.0)):
+        assert abs(orders[order].amplitude_arcsec - true) <= 3 * orders[order].uncertainty_arcsec
+        assert orders[order].uncertainty_arcsec < 0.4
+    assert found.slow_cost < 0.3
+    # F'_ior of the record has them where they are told from drift: in an output turn
+    assert (found.range.value > 600) == (turns == 100)
+
+
 def test_a_missing_row_is_no_step():
     turns = np.arange(5000) / 50
     error = 14 * np.cos(4 * np.pi * turns) + np.cos(2 * np.pi * turns / 100)
