@@ -12,6 +12,7 @@ from hdassist.errors import DataError, Fault, UntrustedError, UsageError
 from hdassist.measuring.bins import Bins, bins_of, travel_of
 from hdassist.measuring.cycle import Coverage, Gearing, coverage, gearing_of
 from hdassist.measuring.fit import BINS_PER_COLUMN, SlowTerms, TraceDesign, TraceFit, fit_orders, linear_drift
+from hdassist.measuring.lag import EncoderLag, encoder_lag, speed_changes
 from hdassist.measuring.lines import with_lines
 from hdassist.measuring.orders import (
     DEFAULT_ORDERS,
@@ -140,12 +141,16 @@ class Reversal:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """Answers from a measured trace: directions, that of the greatest F'_ior first; seed of the bootstrap."""
+    """Answers from a measured trace: directions, that of the greatest F'_ior first; seed of the bootstrap.
+
+    lag: between the encoders, None without time stamps or a ratio.
+    """
 
     trace: MeasuredTrace
     gearing: Gearing | None
     directions: tuple[SweepResult, ...]
     reversal: Reversal | None
+    lag: EncoderLag | None
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     seed: int
@@ -192,6 +197,8 @@ def measure(
 
         degree = DRIFTS[drift]
         slow = SlowTerms(degree) if together else slow_terms(bins.span, gearing.ratio if gearing else None, degree)
+        if trace.time_s is not None and not together:
+            slow = replace(slow, lag=speed_changes(bins))
         fit = _fit(bins, declared, gearing, slow, notes)
         if cleaned := without_spikes(trace, sweeps, fit):
             rest = measure(
@@ -204,7 +211,9 @@ def measure(
             fit, drift_left = _with_lines_or_drift(fit, finest)
             if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
                 warnings.append(DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
-                fit, drift_left = _with_lines_or_drift(_fit(bins, declared, gearing, SlowTerms(1), notes), finest)
+                fit, drift_left = _with_lines_or_drift(
+                    _fit(bins, declared, gearing, replace(slow, degree=1), notes), finest
+                )
             elif drift_left:
                 warnings.append(DRIFT_LEFT.format(drift_left))
         result = _sweep_result(sign, trace, sweeps, fit, declared, drift_left, gearing, drive, stated or {}, seed)
@@ -216,9 +225,12 @@ def measure(
         hint = "F'_ior is looked for over whole turns; check that the angle is that of the cam, and its unit"
         raise DataError(f"{trace.file}: less than one cam turn in one direction", hint)
     reversal = _reversal(*directions) if len(directions) == 2 else None
+    lag = None
+    if gearing and trace.time_s is not None and not together:
+        lag = encoder_lag([each.fit for each in directions], gearing.ratio, trace.sense)
     directions.sort(key=lambda each: -each.range.value)
     notes, warnings = list(dict.fromkeys(notes)), list(dict.fromkeys(warnings))
-    return Measurement(trace, gearing, tuple(directions), reversal, tuple(notes), tuple(warnings), seed)
+    return Measurement(trace, gearing, tuple(directions), reversal, lag, tuple(notes), tuple(warnings), seed)
 
 
 def require_drift(kind: str) -> None:

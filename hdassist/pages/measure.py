@@ -11,6 +11,7 @@ import numpy as np
 from hdassist.json_parts import Json
 from hdassist.measuring.cycle import Coverage, Gearing
 from hdassist.measuring.fit import SLOWEST_ORDER
+from hdassist.measuring.lag import EncoderLag
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import MeasuredOrder
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED, UncertaintySource
@@ -96,7 +97,7 @@ _ON_PAGE: tuple[Quantity[SweepResult], ...] = (
 def measure_report(result: Measurement, drive: Drive | None) -> Report:
     """F'_ior of a measured trace with its uncertainty, by direction; drive, None where it is not known."""
     found, *others = result.directions
-    trace, gearing, reversal = result.trace, result.gearing, result.reversal
+    trace, gearing, reversal, lag = result.trace, result.gearing, result.reversal, result.lag
     table = Table.by_row("", _ON_PAGE, result.directions, words=(0,))
     return Report(
         command="measure",
@@ -119,6 +120,7 @@ def measure_report(result: Measurement, drive: Drive | None) -> Report:
             "directions": [_sweep(each) for each in result.directions],
             "reversal_error": reversal
             and {"mean_arcsec": reversal.mean_arcsec, "greatest_departure_arcsec": reversal.greatest_arcsec},
+            "encoder_lag": lag and {"ms": lag.ms, "uncertainty_ms": lag.uncertainty_ms, "bound_ms": lag.bound_ms},
             "seed": result.seed,
         },
         csv=_csv(result),
@@ -154,11 +156,22 @@ def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]
     if reversal := result.reversal:
         words = f"{reversal.mean_arcsec:.2f} arcsec on the mean, up to {reversal.greatest_arcsec:.2f} arcsec off that"
         yield "reversal", f"{words}; it is not lost motion"
+    if lag := result.lag:
+        yield "lag", _lag(lag)
     missing = [source.name for source in found.sources if source.arcsec is None]
     yield "measure", f"not in u: {', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
     if file != STDIN:
         yield "next", again("compare", drive, file) if drive else shlex.join(["hdassist", "compare", "PRESET", file])
+
+
+def _lag(lag: EncoderLag) -> str:
+    """The lag between the encoders, or why it is not told."""
+    if lag.ms is not None and lag.uncertainty_ms is not None:
+        return f"output read {lag.ms:.3g} ± {COVERAGE_FACTOR * lag.uncertainty_ms:.2g} ms after the cam, taken off"
+    if lag.bound_ms is None:
+        return "not told at one speed one way, and no part of F'_ior"
+    return f"not told at one speed: {lag.bound_ms:.3g} ms if the reversal is nothing else, and no part of F'_ior"
 
 
 def _slow(found: SweepResult) -> str:
