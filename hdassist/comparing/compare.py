@@ -218,7 +218,7 @@ def _difference(sweep: SweepResult, apart: Array) -> tuple[Array, Array, float]:
     """
     design = sweep.fit.design
     orders, level, drift = design.split(design.project(lambda rows: apart[rows]))
-    residual = apart - (level[sweep.bins.sweep] + design.drift_at(drift, sweep.bins.travel))
+    residual = apart - (level[sweep.bins.sweep] + design.drift_at(drift, sweep.bins.turns, sweep.bins.travel))
     slope = 0.0 if len(drift) else drift_of(design, design.residual(apart), sweep.range.value)
     return orders, residual, slope
 

@@ -13,6 +13,7 @@ from hdassist.readers.sweeps import AngleSweep
 from hdassist.readers.trace import MeasuredTrace
 
 PER_PERIOD = 40  # bins in a period of the highest order: its amplitude falls by 0.1 %
+SPEED_ROWS = 3  # rows: resolution of the encoder and of the time stamps is noise of a speed
 HEAVIEST = 4.0  # times the median weight: a shaft that stands still does not outweigh the rest
 
 
@@ -21,7 +22,7 @@ class Bins:
     """Averages, shape (bins,), by sweep and along the angle.
 
     turns: cam angle; error: arcsec; rows: in each; weight: with a mean of 1; sweep: index from 0; travel: of the cam
-    since the first row, turns; per_turn: bins in a turn of the cam.
+    since the first row, turns; speed: of the cam, turns/s, 0 without time stamps; per_turn: bins in a turn of the cam.
     """
 
     turns: Array
@@ -30,6 +31,7 @@ class Bins:
     weight: Array
     sweep: NDArray[np.int64]
     travel: Array
+    speed: Array
     per_turn: float
 
     def __len__(self) -> int:
@@ -51,6 +53,16 @@ def travel_of(trace: MeasuredTrace) -> Array:
     return np.asarray(np.concatenate([[0.0], np.cumsum(np.abs(np.diff(trace.cam_deg)))]) / 360)
 
 
+def speed_of(trace: MeasuredTrace, rows: slice) -> Array:
+    """Speed of the cam [turns/s] in rows of one sweep, over SPEED_ROWS to either side; 0 without time stamps."""
+    turns = trace.cam_deg[rows] / 360
+    if trace.time_s is None:
+        return np.zeros(len(turns))
+    at = np.arange(len(turns))
+    before, after = np.maximum(at - SPEED_ROWS, 0), np.minimum(at + SPEED_ROWS, len(turns) - 1)
+    return np.asarray((turns[after] - turns[before]) / (trace.time_s[rows][after] - trace.time_s[rows][before]))
+
+
 def bins_of(trace: MeasuredTrace, sweeps: Sequence[AngleSweep], highest: float) -> Bins:
     """Average the rows of some sweeps over bins of 1/(PER_PERIOD highest) of a turn; highest, order per cam turn."""
     travel, per_turn = travel_of(trace), PER_PERIOD * highest
@@ -60,8 +72,9 @@ def bins_of(trace: MeasuredTrace, sweeps: Sequence[AngleSweep], highest: float) 
         turns = trace.cam_deg[rows] / 360
         _, place = np.unique(np.floor(turns * per_turn), return_inverse=True)
         count = np.bincount(place).astype(float)
-        means = [np.bincount(place, values) / count for values in (turns, trace.error_arcsec[rows], travel[rows])]
-        parts.append((means[0], means[1], count, np.full(len(count), number), means[2]))
-    turns, error, count, index, path = (np.concatenate(column) for column in zip(*parts, strict=True))
+        values = turns, trace.error_arcsec[rows], travel[rows], speed_of(trace, rows)
+        means = [np.bincount(place, each) / count for each in values]
+        parts.append((*means, count, np.full(len(count), number)))
+    turns, error, path, speed, count, index = (np.concatenate(column) for column in zip(*parts, strict=True))
     weight = np.minimum(count, HEAVIEST * np.median(count))
-    return Bins(turns, error, count, weight / weight.mean(), index.astype(np.int64), path, per_turn)
+    return Bins(turns, error, count, weight / weight.mean(), index.astype(np.int64), path, speed, per_turn)

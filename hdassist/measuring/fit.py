@@ -1,20 +1,21 @@
 """Least squares of a measured trace at given orders, on the angles as they were recorded, and how sure it is.
 
-error = level of the sweep + drift + sum of a cos(2 pi f x) + b sin(2 pi f x). The coefficients are as uncertain as
-those of independent residuals, widened by the noise floor of the residuals at each order, or, in records too short for
-that, by the number of neighbours that err together: the integrated autocorrelation. The part of the residuals that is
-correlated from one bin to the next is no noise of reading but error beyond the given orders, or slow: its size is
-`unmodelled`.
+error = level of the sweep + slow terms + lag * speed + sum of a cos(2 pi f x) + b sin(2 pi f x). The coefficients are
+as uncertain as those of independent residuals, widened by the noise floor of the residuals at each order, or, in
+records too short for that, by the number of neighbours that err together: the integrated autocorrelation. The part of
+the residuals that is correlated from one bin to the next is no noise of reading but error beyond the given orders, or
+slow: its size is `unmodelled`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import factorial
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from hdassist.errors import Fault, UntrustedError
@@ -33,6 +34,7 @@ FLOOR_AROUND = 0.5  # orders to either side
 FLOOR_FEWEST = 8  # places, nearest to the order
 RESOLVED_GAP = 0.75  # of the resolution: least distance at which a line and an order are resolved
 MOMENTS = 3  # of where readings lie in their places
+SLOWEST_ORDER = 0.5  # per cam turn: lower ones are of the output, or drift
 NEIGHBOURS = 10.0  # bins: readings closer than that show the correlation of neighbours
 
 
@@ -48,18 +50,38 @@ def curve_of(coefficients: Array, orders: Array, turns: Array) -> Array:
     return np.concatenate([order_columns(turns[k : k + DESIGN_CHUNK], orders) @ coefficients for k in parts])
 
 
+@dataclass(frozen=True)
+class SlowTerms:
+    """Terms beside the orders: a drift, powers of the travel up to a degree, and a lag between the encoders.
+
+    by_angle: Legendre polynomials of the cam angle instead, for all that is slow in a part of an output turn.
+    """
+
+    degree: int = 0
+    by_angle: bool = False
+    lag: bool = False
+
+    @property
+    def periods(self) -> float:
+        """Periods in the record of the fastest wave that they take off: no noise is left below.
+
+        Legendre polynomials resolve a wave where there are pi of them for each of its periods.
+        """
+        return self.degree / np.pi if self.by_angle else 0.0
+
+
 class TraceDesign:
-    """Normal equations of orders, levels of the sweeps and drift on the bins of a trace, factored once.
+    """Normal equations of orders, levels of the sweeps and slow terms on the bins of a trace, factored once.
 
     columns: unknowns, cosines and sines of the orders first; reach: travel [turns] at the end of the drift; root: times
     its transpose the inverse of the normal equations, shape (columns, columns); condition: of these.
     Raises UntrustedError: too few bins, or angles that do not resolve the orders.
     """
 
-    def __init__(self, bins: Bins, orders: Array, degree: int = 0) -> None:
-        self.bins, self.orders, self._degree = bins, orders, degree
+    def __init__(self, bins: Bins, orders: Array, slow: SlowTerms = SlowTerms()) -> None:
+        self.bins, self.orders, self.slow = bins, orders, slow
         self.reach = max(float(bins.travel.max()), 1e-12)
-        self.columns = columns = 2 * len(orders) + bins.sweeps + degree
+        self.columns = columns = 2 * len(orders) + bins.sweeps + slow.degree + slow.lag
         if len(bins) < BINS_PER_COLUMN * columns:
             message = f"{len(bins)} steps of the angle are too few for {columns} unknowns"
             raise UntrustedError(
@@ -86,8 +108,16 @@ class TraceDesign:
         """Rows of the design from a bin on, shape (DESIGN_CHUNK at most, columns)."""
         bins, rows = self.bins, slice(start, start + DESIGN_CHUNK)
         levels = np.eye(bins.sweeps)[bins.sweep[rows]]
-        drift = (bins.travel[rows, None] / self.reach) ** np.arange(1, self._degree + 1)
-        return np.concatenate([order_columns(bins.turns[rows], self.orders), levels, drift], axis=1)
+        slow = self._slow(bins.turns[rows], bins.travel[rows])
+        lag = bins.speed[rows, None][:, : self.slow.lag]
+        return np.concatenate([order_columns(bins.turns[rows], self.orders), levels, slow, lag], axis=1)
+
+    def _slow(self, turns: Array, travel: Array) -> Array:
+        """Drift, or polynomials of the angle, at angles and travels [turns], shape (angles, degree)."""
+        if not self.slow.by_angle:
+            return np.asarray((travel[:, None] / self.reach) ** np.arange(1, self.slow.degree + 1))
+        least, greatest = self.bins.turns.min(), self.bins.turns.max()
+        return legvander((2 * turns - least - greatest) / (greatest - least), self.slow.degree)[:, 1:]
 
     def residual(self, curves: Array) -> Array:
         """Curves at the bins, shape (bins, ...), less their own least squares."""
@@ -100,13 +130,14 @@ class TraceDesign:
         return np.asarray(self.root @ (self.root.T @ sum(moments)))
 
     def split(self, solution: Array) -> tuple[Array, Array, Array]:
-        """Coefficients of the orders, levels of the sweeps, and drift of a solution [arcsec]."""
+        """Coefficients of the orders, levels of the sweeps, and those of the drift in a solution [arcsec]."""
         count = 2 * len(self.orders)
-        return solution[:count], solution[count : count + self.bins.sweeps], solution[count + self.bins.sweeps :]
+        last = count + self.bins.sweeps
+        return solution[:count], solution[count:last], solution[last : last + self.slow.degree]
 
-    def drift_at(self, drift: Array, travel: Array) -> Array:
-        """A drift [arcsec] after so much travel [turns]."""
-        return sum((c * (travel / self.reach) ** (k + 1) for k, c in enumerate(drift)), np.zeros(len(travel)))
+    def drift_at(self, drift: Array, turns: Array, travel: Array) -> Array:
+        """A drift [arcsec] at cam angles and after so much travel [turns]."""
+        return self._slow(turns, travel) @ drift
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +147,9 @@ class TraceFit:
     design: of the least squares; coefficients: of the cosines, then of the sines [arcsec], shape (2 orders,); factor:
     shape (2 orders, columns), whose product with unit noise is an error of the coefficients; lines: those of the orders
     that were found in the residuals, rising; level: shape (sweeps,);
-    drift: of t, t^2, shape (degree,), t = travel / reach; residual: shape (bins,). correlated: bins that err together;
-    unmodelled: size of the residuals beyond noise of reading [arcsec].
+    drift: coefficients, shape (degree,); lag: of the output's reading behind the cam's, and its standard uncertainty,
+    times the speed of the output [arcsec s/turn], None where it is not fitted; residual: shape (bins,). correlated:
+    bins that err together; unmodelled: size of the residuals beyond noise of reading [arcsec].
     """
 
     design: TraceDesign
@@ -126,6 +158,7 @@ class TraceFit:
     lines: Array
     level: Array
     drift: Array
+    lag: tuple[float, float] | None
     residual: Array
     correlated: float
     unmodelled: float
@@ -153,6 +186,17 @@ class TraceFit:
         """Whether an order stands in a group with others, shape (orders,)."""
         return np.concatenate([np.full(len(own), len(own) > 1) for own in self.groups])
 
+    @property
+    def is_slow(self) -> NDArray[np.bool_]:
+        """Whether an order is of the output's turns, not of the cam's, shape (orders,)."""
+        return np.asarray(self.orders < SLOWEST_ORDER)
+
+    @property
+    def without_slow(self) -> TraceFit:
+        """The orders of the cam alone: the slow ones are 0, and sure to be."""
+        kept = np.tile(~self.is_slow, 2)
+        return replace(self, coefficients=self.coefficients * kept, factor=self.factor * kept[:, None])
+
     def wave(self, own: OrderIndices) -> tuple[float, float, float, float]:
         """Order, amplitude, its standard uncertainty [arcsec] and phase [deg] of the wave of the orders of a group.
 
@@ -166,10 +210,20 @@ class TraceFit:
             columns, weight = order_columns(self.design.bins.turns, orders), self.design.bins.weight
             square = 2 * (columns.T * weight) @ columns / weight.sum()
             slope = np.concatenate([orders * b, -orders * a])
-            order = float(np.sqrt(slope @ square @ slope / (coefficients @ square @ coefficients)))
+            order = float(np.sqrt(slope @ square @ slope / max(coefficients @ square @ coefficients, 1e-300)))
         amplitude = float(np.sqrt(coefficients @ square @ coefficients))
         along = square @ coefficients / max(amplitude, 1e-300) @ self.factor[pair]
         return order, amplitude, float(np.linalg.norm(along)), float(np.degrees(np.angle((a - 1j * b).sum())))
+
+    def joint_wave(self, own: OrderIndices) -> tuple[float, float, float, float]:
+        """The wave of a group without the part that noise adds to its mean square: many orders hold much of it."""
+        order, amplitude, uncertainty, phase = self.wave(own)
+        pair = np.concatenate([own, own + len(self.orders)])
+        columns, weight = order_columns(self.design.bins.turns, self.orders[own]), self.design.bins.weight
+        noise = 2 * (columns.T * weight) @ columns / weight.sum() @ self.factor[pair] @ self.factor[pair].T
+        spread = float(np.hypot(2 * amplitude * uncertainty, np.sqrt(2 * np.trace(noise @ noise))))
+        left = float(np.sqrt(max(0.0, amplitude**2 - np.trace(noise))))
+        return order, left, min(spread / max(2 * left, 1e-300), float(np.sqrt(spread))), phase
 
     @property
     def noise_power(self) -> Array:
@@ -193,23 +247,25 @@ class TraceFit:
         return values[: len(self.orders)], values[len(self.orders) :]
 
 
-def fit_orders(bins: Bins, orders: Array, degree: int = 0, lines: Array | None = None) -> TraceFit:
-    """Fit the orders, lines beside them, a level of each sweep, and a drift of a degree (0: none) to a trace's bins.
+def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: Array | None = None) -> TraceFit:
+    """Fit the orders, lines beside them, a level of each sweep, and slow terms to a trace's bins.
 
     Raises UntrustedError: too few bins, or angles that do not resolve the orders.
     """
     lines = np.sort(lines) if lines is not None else np.array([])
     orders = np.sort(np.concatenate([orders, lines]))
-    design = TraceDesign(bins, orders, degree)
+    design = TraceDesign(bins, orders, slow)
     solution, residual = design.project(lambda rows: bins.error[rows]), design.residual(bins.error)
     columns = design.columns
     variance = float((bins.weight * residual**2).sum()) / (len(bins) - columns)
     correlated, unmodelled = _memory(residual, variance, columns, bins)
     coefficients, level, drift = design.split(solution)
-    floor = noise_floor(bins, residual, orders, variance)
+    floor = noise_floor(design, residual, variance)
     wide = np.full(len(coefficients), correlated) if floor is None else np.tile(floor, 2)
     factor = design.root[: len(coefficients)] * np.sqrt(variance * wide)[:, None]
-    return TraceFit(design, coefficients, factor, lines, level, drift, residual, correlated, unmodelled)
+    unsure = float(np.linalg.norm(design.root[-1])) * np.sqrt(variance * max(correlated, 1.0))
+    lag = (float(solution[-1]), float(unsure)) if slow.lag else None
+    return TraceFit(design, coefficients, factor, lines, level, drift, lag, residual, correlated, unmodelled)
 
 
 def linear_drift(design: TraceDesign, residual: Array) -> tuple[float, float]:
@@ -277,17 +333,19 @@ def distance(probes: Array, orders: Array) -> Array:
     return np.minimum(np.abs(probes - orders[after - 1]), np.abs(probes - orders[np.minimum(after, len(orders) - 1)]))
 
 
-def noise_floor(bins: Bins, residual: Array, orders: Array, variance: float) -> Array | None:
+def noise_floor(design: TraceDesign, residual: Array, variance: float) -> Array | None:
     """Power of the noise at each order, over that of independent residuals of the same variance, shape (orders,).
 
     Residuals of a real trace are not white: slow ones weigh on low orders more than on high ones. Their power halfway
     between fitted orders, and on both sides of a group of them, stands for the power of the noise at the orders.
     Arguments: residual, shape (bins,) [arcsec]; variance, of the residuals at weight 1. None: the record is too short.
     """
+    bins, orders = design.bins, design.orders
     if bins.span < FLOOR_SHORTEST or not variance:
         return None
     probes, power = residual_power(bins, residual, variance)
-    free = (distance(probes, orders) >= FLOOR_APART / bins.span) & (probes <= orders[-1] + 1)
+    free = probes >= design.slow.periods / bins.span
+    free &= (distance(probes, orders) >= FLOOR_APART / bins.span) & (probes <= orders[-1] + 1)
     probes, power = probes[free], power[free]
     if len(probes) < FLOOR_FEWEST:
         return None

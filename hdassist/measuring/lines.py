@@ -49,7 +49,7 @@ class Peak:
     chance: float
 
 
-def with_lines(fit: TraceFit, orders: Array, degree: int, finest: float) -> TraceFit:
+def with_lines(fit: TraceFit, orders: Array, finest: float) -> TraceFit:
     """A fit with the significant lines of its residuals; finest: the highest order that the readings resolve."""
     bins = fit.design.bins
     while len(fit.lines) < MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
@@ -57,7 +57,7 @@ def with_lines(fit: TraceFit, orders: Array, degree: int, finest: float) -> Trac
         if peak is None or peak.chance > LINE_FALSE_ALARM or peak.amplitude < SMALLEST_LINE * fit.amplitude.max():
             break
         try:
-            fit = _settled(fit, orders, degree, peak.order)
+            fit = _settled(fit, orders, peak.order)
         except UntrustedError:  # too near to a fitted order
             break
     return fit
@@ -73,6 +73,7 @@ def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
     resolution = 1 / bins.span
     per_probe = bins.per_turn * bins.span / len(probes) / 2  # resolved places for each probe
     free = (distance(probes, fit.orders) >= RESOLVED_GAP * resolution) & (probes <= highest)
+    free &= probes >= fit.design.slow.periods * resolution
     if not (free & (probes >= FEWEST_PERIODS * resolution)).any():
         return None
     place, tail = _least_likely(probes[free], power[free], power[free], resolution, per_probe)
@@ -123,21 +124,21 @@ def _line_curves(fit: TraceFit, orders: Array) -> Array:
     return curves
 
 
-def _settled(fit: TraceFit, orders: Array, degree: int, order: float) -> TraceFit:
+def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     """A fit with one line more, the orders of the lines moved to where they fit best.
 
     Where a line comes so near to a fitted order that the record does not resolve them, it is put halfway between two of
     them, or half the resolution beside one, where it takes most of the residuals: together they fit the error there.
     Raises UntrustedError where there is no room.
     """
-    bins, resolution = fit.design.bins, 1 / fit.design.bins.span
+    bins, slow, resolution = fit.design.bins, fit.design.slow, 1 / fit.design.bins.span
     held = fit.unresolved[np.searchsorted(fit.orders, fit.lines)]
     with suppress(UntrustedError):  # it came to where an order is
-        trial = fit_orders(bins, orders, degree, np.append(fit.lines, order))
+        trial = fit_orders(bins, orders, slow, np.append(fit.lines, order))
         for _ in range(ORDER_ITERATIONS):
             free = ~np.isin(trial.lines, fit.lines[held])
             step = np.clip(_step(trial), -resolution / 2, resolution / 2)
-            trial = fit_orders(bins, orders, degree, trial.lines + free * step)
+            trial = fit_orders(bins, orders, slow, trial.lines + free * step)
         if trial.unresolved.sum() <= fit.unresolved.sum():
             return trial
     every = fit.orders
@@ -147,7 +148,7 @@ def _settled(fit: TraceFit, orders: Array, degree: int, order: float) -> TraceFi
     if not len(places):
         raise UntrustedError("no room for a line", "")
     squares = bins.weight @ _line_curves(fit, places) ** 2
-    return fit_orders(bins, orders, degree, np.append(fit.lines, places[int(squares.argmax())]))
+    return fit_orders(bins, orders, slow, np.append(fit.lines, places[int(squares.argmax())]))
 
 
 def _step(fit: TraceFit) -> Array:

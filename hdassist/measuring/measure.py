@@ -11,9 +11,18 @@ import numpy as np
 from hdassist.errors import DataError, Fault, UntrustedError, UsageError
 from hdassist.measuring.bins import Bins, bins_of, travel_of
 from hdassist.measuring.cycle import Coverage, Gearing, coverage, gearing_of
-from hdassist.measuring.fit import BINS_PER_COLUMN, TraceDesign, TraceFit, fit_orders, linear_drift
+from hdassist.measuring.fit import BINS_PER_COLUMN, SlowTerms, TraceDesign, TraceFit, fit_orders, linear_drift
+from hdassist.measuring.lag import EncoderLag, encoder_lag, speed_changes
 from hdassist.measuring.lines import with_lines
-from hdassist.measuring.orders import DEFAULT_ORDERS, WHOLE_TURN, MeasuredOrder, order_grid, order_table
+from hdassist.measuring.orders import (
+    DEFAULT_ORDERS,
+    WHOLE_TURN,
+    MeasuredOrder,
+    order_grid,
+    order_table,
+    orders_of_cam,
+    slow_terms,
+)
 from hdassist.measuring.range import Range, ranges_of, visited_angles
 from hdassist.measuring.spikes import without_spikes
 from hdassist.measuring.uncertainty import (
@@ -46,8 +55,10 @@ class SweepResult:
     """One direction of a trace: 1 for growing cam angles, -1 for falling ones, 0 for both as one.
 
     fit: see there; range: over the visited angles, grid_turns, shape (angles,); revolution: the greatest within one
-    turn of the cam; raw_range_arcsec: of the readings themselves, drift taken off where asked; coverage: None where
-    the ratio is not known; sources: of the uncertainty of F'_ior.
+    turn of the cam; cam: of the orders of the cam, without slow terms of the output; slow_arcsec: range of these;
+    slow_cost: by how much they make an order of the cam less certain, a share; raw_range_arcsec: of the readings
+    themselves, drift taken off where asked; orders_of_cam: each with its beats; coverage: None where the ratio is not
+    known; sources: of the uncertainty of F'_ior.
     """
 
     direction: int
@@ -55,8 +66,12 @@ class SweepResult:
     grid_turns: Array
     range: Range
     revolution: Range
+    cam: Range
+    slow_arcsec: float
+    slow_cost: float
     raw_range_arcsec: float
     orders: tuple[MeasuredOrder, ...]
+    orders_of_cam: tuple[MeasuredOrder, ...]
     coverage: Coverage | None
     sources: tuple[UncertaintySource, ...]
 
@@ -82,6 +97,18 @@ class SweepResult:
         """F'_ior less and plus its expanded uncertainty, k = 2, and above that the rise by lines in another cycle."""
         reach = COVERAGE_FACTOR * self.uncertainty_arcsec
         return max(0.0, self.range.value - reach), self.range.value + self.rise_arcsec + reach
+
+    @property
+    def cam_interval_arcsec(self) -> tuple[float, float]:
+        """Range of the orders of the cam, less and plus its expanded uncertainty."""
+        own = self.cam.spread, self.cam.bias_uncertainty, combined(self.sources[RANGE_SOURCES:])
+        reach = COVERAGE_FACTOR * hypot(*own)
+        return max(0.0, self.cam.value - reach), self.cam.value + reach
+
+    @property
+    def is_part(self) -> bool:
+        """Whether the record is part of an output turn, whose slow terms were taken off as a whole."""
+        return self.fit.design.slow.by_angle
 
     @property
     def rise_arcsec(self) -> float:
@@ -114,12 +141,16 @@ class Reversal:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """Answers from a measured trace: directions, that of the greatest F'_ior first; seed of the bootstrap."""
+    """Answers from a measured trace: directions, that of the greatest F'_ior first; seed of the bootstrap.
+
+    lag: between the encoders, None without time stamps or a ratio.
+    """
 
     trace: MeasuredTrace
     gearing: Gearing | None
     directions: tuple[SweepResult, ...]
     reversal: Reversal | None
+    lag: EncoderLag | None
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     seed: int
@@ -164,7 +195,11 @@ def measure(
         declared, finest = _declared(trace, sweeps, orders, notes)
         bins = bins_of(trace, sweeps, declared[-1])
 
-        fit = _fit(bins, declared, gearing, DRIFTS[drift], notes)
+        degree = DRIFTS[drift]
+        slow = SlowTerms(degree) if together else slow_terms(bins.span, gearing.ratio if gearing else None, degree)
+        if trace.time_s is not None and not together:
+            slow = replace(slow, lag=speed_changes(bins))
+        fit = _fit(bins, declared, gearing, slow, notes)
         if cleaned := without_spikes(trace, sweeps, fit):
             rest = measure(
                 cleaned[0], drive=drive, ratio=ratio, orders=orders, drift=drift, stated=stated, seed=seed,
@@ -176,10 +211,12 @@ def measure(
             fit, drift_left = _with_lines_or_drift(fit, finest)
             if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
                 warnings.append(DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
-                fit, drift_left = _with_lines_or_drift(_fit(bins, declared, gearing, 1, notes), finest)
+                fit, drift_left = _with_lines_or_drift(
+                    _fit(bins, declared, gearing, replace(slow, degree=1), notes), finest
+                )
             elif drift_left:
                 warnings.append(DRIFT_LEFT.format(drift_left))
-        result = _sweep_result(sign, trace, sweeps, fit, drift_left, gearing, drive, stated or {}, seed)
+        result = _sweep_result(sign, trace, sweeps, fit, declared, drift_left, gearing, drive, stated or {}, seed)
         if not fit.unmodelled < UNMODELLED * result.range.value:
             size = f"{fit.unmodelled:.2g} arcsec"
             warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
@@ -188,9 +225,12 @@ def measure(
         hint = "F'_ior is looked for over whole turns; check that the angle is that of the cam, and its unit"
         raise DataError(f"{trace.file}: less than one cam turn in one direction", hint)
     reversal = _reversal(*directions) if len(directions) == 2 else None
+    lag = None
+    if gearing and trace.time_s is not None and not together:
+        lag = encoder_lag([each.fit for each in directions], gearing.ratio, trace.sense)
     directions.sort(key=lambda each: -each.range.value)
     notes, warnings = list(dict.fromkeys(notes)), list(dict.fromkeys(warnings))
-    return Measurement(trace, gearing, tuple(directions), reversal, tuple(notes), tuple(warnings), seed)
+    return Measurement(trace, gearing, tuple(directions), reversal, lag, tuple(notes), tuple(warnings), seed)
 
 
 def require_drift(kind: str) -> None:
@@ -207,7 +247,7 @@ def drift_of(design: TraceDesign, residual: Array, extent: float) -> float:
 
 def _with_lines_or_drift(fit: TraceFit, finest: float) -> tuple[TraceFit, float]:
     """A fit with the lines up to the finest order, and the linear drift [arcsec] that it has not taken off."""
-    fit = with_lines(fit, fit.orders, len(fit.drift), finest)
+    fit = with_lines(fit, fit.orders, finest)
     extent = float(np.ptp(fit.design.bins.error - fit.residual))
     return fit, 0.0 if len(fit.drift) else drift_of(fit.design, fit.residual, extent)
 
@@ -234,19 +274,21 @@ def _declared(
     return kept, highest
 
 
-def _fit(bins: Bins, declared: Sequence[float], gearing: Gearing | None, degree: int, notes: list[str]) -> TraceFit:
+def _fit(bins: Bins, declared: Sequence[float], gearing: Gearing | None, slow: SlowTerms, notes: list[str]) -> TraceFit:
     """Fit with beats where the record resolves them and has bins enough, else without."""
     ratio = gearing.ratio if gearing else None
-    with_beats, without = (order_grid(declared, bins.span, ratio, beats=beats) for beats in (True, False))
+    with_beats, without = (
+        order_grid(declared, bins.span, ratio, beats=beats, slow=not slow.by_angle) for beats in (True, False)
+    )
     if len(with_beats) > len(without) and len(bins) >= BINS_PER_COLUMN * 2 * (2 * len(with_beats) + 4):
         try:
-            return fit_orders(bins, with_beats, degree)
+            return fit_orders(bins, with_beats, slow)
         except UntrustedError:
             pass
     if len(without) < len(declared):
         notes.append(f"orders closer than 1/{bins.span:.3g} joined: the record does not tell them apart")
     notes.append("beats with the output are not resolved: each order stands for them too")
-    return fit_orders(bins, without, degree)
+    return fit_orders(bins, without, slow)
 
 
 def _sweep_result(
@@ -254,6 +296,7 @@ def _sweep_result(
     trace: MeasuredTrace,
     sweeps: Sequence[AngleSweep],
     fit: TraceFit,
+    declared: Sequence[float],
     drift_left: float,
     gearing: Gearing | None,
     drive: Drive | None,
@@ -269,6 +312,11 @@ def _sweep_result(
     cycle = gearing.cycle if gearing and again else None
     grid = visited_angles(bins, float(fit.orders[-1]), cycle)
     extent, revolution = ranges_of(fit, grid, np.random.default_rng([seed, sign + 1]))
+    cam = extent
+    slow = fit.design.drift_at(fit.drift, bins.turns, bins.travel)
+    if not fit.design.slow.by_angle:
+        cam, _ = ranges_of(fit.without_slow, grid, np.random.default_rng([seed, sign + 1]))
+        slow = fit.curve(bins.turns) - fit.without_slow.curve(bins.turns)
     scatter = float(np.sqrt(np.mean(bins.rows * fit.residual**2)))
     step = trace.step_arcsec
     # one that was left in may be none at all; one that was taken off may be bent
@@ -286,9 +334,26 @@ def _sweep_result(
         hint = "it drifts: --drift linear" if drift_left else "record longer or with less noise; check the column"
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
     rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in sweeps])
-    raw = float(np.ptp(trace.error_arcsec[rows] - fit.design.drift_at(fit.drift, travel_of(trace)[rows])))
+    raw = float(
+        np.ptp(
+            trace.error_arcsec[rows] - fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
+        )
+    )
     visits = coverage(grid, trace.cam_deg[rows] / 360, gearing) if gearing else None
-    return SweepResult(sign, fit, grid, extent, revolution, raw, order_table(fit, drive, gearing), visits, sources)
+    table, ratio = order_table(fit, drive, gearing), gearing.ratio if gearing else None
+    return SweepResult(
+        sign, fit, grid, extent, revolution, cam, float(np.ptp(slow)), _cost_of_slow(fit), raw, table,
+        orders_of_cam(fit, declared, ratio, table), visits, sources,
+    )  # fmt: skip
+
+
+def _cost_of_slow(fit: TraceFit) -> float:
+    """By how much slow terms make the least certain of the cam's orders less certain, a share of its uncertainty."""
+    kept = ~fit.is_slow
+    alone = TraceDesign(fit.design.bins, fit.orders[kept])
+    with_slow, without = (np.linalg.norm(root, axis=1) for root in (fit.design.root, alone.root))
+    place = np.flatnonzero(np.tile(kept, 2))
+    return float((with_slow[place] / without[: len(place)]).max()) - 1
 
 
 def _reversal(up: SweepResult, down: SweepResult) -> Reversal | None:

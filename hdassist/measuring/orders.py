@@ -9,27 +9,28 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hdassist.error.orders import NO_CAUSE, known_causes
 from hdassist.errors import UsageError
 from hdassist.measuring.cycle import Gearing
-from hdassist.measuring.fit import OrderIndices, TraceFit
+from hdassist.measuring.fit import OrderIndices, SlowTerms, TraceFit
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
 DEFAULT_ORDERS = tuple(float(order) for order in range(1, 13))
 HIGHEST_ORDER = 200.0
 BEATS = 6
+SLOW_ORDERS, SLOW_PER_CAM_TURN = 12, 0.2  # periods of slow terms in a turn, at most: of the output and of the cam
 USUAL_RATIO = 100.0  # assumed for the width of the beats where none is known
 DRIFTING = 4.0  # cam turns: from here on one order to either side stands for beats that change the error slowly
 WHOLE_TURN = 0.97  # of an output turn: a record that has its beats
 LINE_CAUSE = "none of the orders: ball pass, cage, rig; in short records also an unresolved beat"
 TOGETHER_CAUSE = "orders {:.3f} to {:.3f} together: the record does not tell a line between them apart"
 RIG_CAUSES = {  # parts of the rig that repeat so often in a turn of the output
-    1.0: "once per output turn: also encoder graduation and coupling",
+    1.0: "once per output turn: also encoder graduation and coupling, gravity",
     2.0: "twice per output turn: also encoder graduation and coupling",
 }
 CAM_CAUSE = "once per cam turn: also the cam's encoder"
@@ -69,18 +70,32 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
     return tuple(sorted(orders))
 
 
-def order_grid(declared: Sequence[float], turns: float, ratio: float | None, *, beats: bool = True) -> Array:
+def slow_terms(turns: float, ratio: float | None, degree: int) -> SlowTerms:
+    """Slow terms of a record over turns of the cam: a drift of a degree, or more where it is part of an output turn.
+
+    There a drift and the orders of the output, up to SLOW_ORDERS a turn of it, look alike, and polynomials stand for
+    both.
+    """
+    part = turns / (ratio or USUAL_RATIO)
+    if turns < DRIFTING or part >= WHOLE_TURN:
+        return SlowTerms(degree)
+    return SlowTerms(round(2 * min(SLOW_ORDERS * part, SLOW_PER_CAM_TURN * turns)) + 2, by_angle=True)
+
+
+def order_grid(
+    declared: Sequence[float], turns: float, ratio: float | None, *, beats: bool = True, slow: bool = True
+) -> Array:
     """Orders per cam turn to fit, rising, shape (orders,).
 
     Arguments: declared orders; turns of the cam that the record spans; ratio, None where it is not known; beats,
-    whether to put them around the declared orders, as far as the record resolves them.
+    whether to put them around the declared orders, as far as the record resolves them; slow, and around 0.
     """
     base = 1 / (ratio or USUAL_RATIO)
     width = BEATS * base
     step = base if turns * base >= WHOLE_TURN else 1 / turns
     count = max(int(width / step + 1e-9), int(turns >= DRIFTING)) if beats else 0
     around = np.arange(-count, count + 1) * step
-    every = np.concatenate([around[around > 0], *(order + around for order in declared)])
+    every = np.concatenate([around[around > 0] if slow else [], *(order + around for order in declared)])
     every = np.sort(every[every > 0])
     return np.asarray(every[np.concatenate([[True], np.diff(every) > step / 2])])
 
@@ -115,4 +130,22 @@ def order_table(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> 
     for own in fit.groups:
         is_line = bool(np.isin(orders[own], fit.lines).any())
         rows.append(MeasuredOrder(*fit.wave(own), cause(own), is_line))
+    return tuple(rows)
+
+
+def orders_of_cam(
+    fit: TraceFit, declared: Sequence[float], ratio: float | None, table: Sequence[MeasuredOrder]
+) -> tuple[MeasuredOrder, ...]:
+    """Each declared order together with its beats, as a wave of the same mean square; table: of the orders, for causes.
+
+    In a part of an output turn a beat, n and 1/ratio off it, is not told from the order.
+    """
+    causes = {order.per_cam_rev: order.cause for order in table}
+    rows = []
+    for order in declared:
+        off = np.abs(fit.orders - order)
+        near = off <= np.minimum(BEATS / (ratio or USUAL_RATIO), np.diff(declared).min(initial=1.0) / 2) + 1e-9
+        if len(own := np.flatnonzero(near & ~fit.is_slow)):
+            centre = float(fit.orders[off.argmin()])
+            rows.append(replace(MeasuredOrder(*fit.joint_wave(own), causes.get(centre, "")), per_cam_rev=order))
     return tuple(rows)

@@ -10,6 +10,8 @@ import numpy as np
 
 from hdassist.json_parts import Json
 from hdassist.measuring.cycle import Coverage, Gearing
+from hdassist.measuring.fit import SLOWEST_ORDER
+from hdassist.measuring.lag import EncoderLag
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import MeasuredOrder
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED, UncertaintySource
@@ -21,6 +23,7 @@ from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.brief import again
 from hdassist.textfile import STDIN
 
+_NAMED_SLOW = 0.1  # of F'_ior: least slow terms in a line
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 3  # in the table, and in a line: the greatest
 DIRECTION_NAMES = {1: "growing", -1: "falling"}
 
@@ -59,10 +62,17 @@ SWEEP_QUANTITIES: tuple[Quantity[SweepResult], ...] = (
              lambda s: s.revolution_uncertainty_arcsec),
     Quantity("revolution_range_rise_arcsec", "  more in another cycle, at most", "arcsec", ".2f",
              lambda s: s.revolution_rise_arcsec),
+    Quantity("cam_range_arcsec", "orders of the cam alone", "arcsec", ".2f", lambda s: s.cam.value),
+    Quantity("cam_interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", "arcsec",
+             lambda ends: "{:.2f} to {:.2f}".format(*ends), lambda s: list(s.cam_interval_arcsec)),
+    Quantity("slow_range_arcsec", "  slow terms of the output", "arcsec", ".2f", lambda s: s.slow_arcsec),
+    Quantity("slow_uncertainty_added", "  orders less certain by them, at most", "%",
+             lambda share: f"{100 * share:.1f}", lambda s: s.slow_cost),
     Quantity("rows", "rows", "", "", lambda s: int(s.bins.rows.sum())),
     Quantity("sweeps", "sweeps", "", "", lambda s: len(s.fit.level)),
     Quantity("cam_revolutions", "record", "cam turns", ".2f", lambda s: s.bins.span),
-    Quantity("drift_arcsec", "drift taken off", "arcsec", ".2f", lambda s: float(s.fit.drift.sum())),
+    Quantity("drift_arcsec", "drift taken off", "arcsec", ".2f",
+             lambda s: 0.0 if s.is_part else float(s.fit.drift.sum())),
     Quantity("residuals.rms_arcsec", "beyond the orders, rms", "arcsec", ".2f",
              lambda s: float(np.std(s.fit.residual))),
     Quantity("residuals.unmodelled_arcsec", "  not noise", "arcsec", ".2f", lambda s: s.fit.unmodelled),
@@ -87,7 +97,7 @@ _ON_PAGE: tuple[Quantity[SweepResult], ...] = (
 def measure_report(result: Measurement, drive: Drive | None) -> Report:
     """F'_ior of a measured trace with its uncertainty, by direction; drive, None where it is not known."""
     found, *others = result.directions
-    trace, gearing, reversal = result.trace, result.gearing, result.reversal
+    trace, gearing, reversal, lag = result.trace, result.gearing, result.reversal, result.lag
     table = Table.by_row("", _ON_PAGE, result.directions, words=(0,))
     return Report(
         command="measure",
@@ -110,6 +120,7 @@ def measure_report(result: Measurement, drive: Drive | None) -> Report:
             "directions": [_sweep(each) for each in result.directions],
             "reversal_error": reversal
             and {"mean_arcsec": reversal.mean_arcsec, "greatest_departure_arcsec": reversal.greatest_arcsec},
+            "encoder_lag": lag and {"ms": lag.ms, "uncertainty_ms": lag.uncertainty_ms, "bound_ms": lag.bound_ms},
             "seed": result.seed,
         },
         csv=_csv(result),
@@ -132,10 +143,12 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
 def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]]:
     """Largest orders, what is missing, how the file was read and the next command, a label and a text each."""
     found, file = result.directions[0], result.trace.file
-    first, *others = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:_NAMED_ORDERS]
-    cause = f" ({first.cause})" if first.cause else ""
-    more = "".join(f"; {o.per_cam_rev:.2f}: {o.amplitude_arcsec:.2f}" for o in others)
-    yield "orders", f"{first.per_cam_rev:.2f} a cam turn, {first.amplitude_arcsec:.2f} arcsec{cause}{more}"
+    greatest = sorted(found.orders_of_cam, key=lambda o: -o.amplitude_arcsec)[:_NAMED_ORDERS]
+    named = (
+        f"{o.per_cam_rev:g}: {o.amplitude_arcsec:.2f} ± {COVERAGE_FACTOR * o.uncertainty_arcsec:.2f}" for o in greatest
+    )
+    yield "orders", f"{', '.join(named)} arcsec, with beats"
+    yield "slow", _slow(found)
     if found.lines:
         lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f} arcsec)" for line in found.lines)
         rise = f"; in another cycle they may add {found.rise_arcsec:.2f} arcsec" if found.rise_arcsec else ""
@@ -143,6 +156,8 @@ def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]
     if reversal := result.reversal:
         words = f"{reversal.mean_arcsec:.2f} arcsec on the mean, up to {reversal.greatest_arcsec:.2f} arcsec off that"
         yield "reversal", f"{words}; it is not lost motion"
+    if lag := result.lag:
+        yield "lag", _lag(lag)
     missing = [source.name for source in found.sources if source.arcsec is None]
     yield "measure", f"not in u: {', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
@@ -150,11 +165,35 @@ def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]
         yield "next", again("compare", drive, file) if drive else shlex.join(["hdassist", "compare", "PRESET", file])
 
 
+def _lag(lag: EncoderLag) -> str:
+    """The lag between the encoders, or why it is not told."""
+    if lag.ms is not None and lag.uncertainty_ms is not None:
+        return f"output read {lag.ms:.3g} ± {COVERAGE_FACTOR * lag.uncertainty_ms:.2g} ms after the cam, taken off"
+    if lag.bound_ms is None:
+        return "not told at one speed one way, and no part of F'_ior"
+    return f"not told at one speed: {lag.bound_ms:.3g} ms if the reversal is nothing else, and no part of F'_ior"
+
+
+def _slow(found: SweepResult) -> str:
+    """Slow terms of the output: size, whose they may be, the orders of the cam without them; empty for small ones."""
+    if found.slow_arcsec < _NAMED_SLOW * found.range.value:
+        return ""
+    slow = [order for order in found.orders if order.per_cam_rev < SLOWEST_ORDER]
+    size = f"{found.slow_arcsec:.2f} arcsec"
+    if found.is_part:
+        return f"{size} taken off: rig, drift or drive, in a part of an output turn"
+    greatest = max(slow, key=lambda order: order.amplitude_arcsec)
+    low, high = found.cam_interval_arcsec
+    cause = f" ({greatest.cause})" if greatest.cause else ""
+    return f"{size}, most of it {greatest.per_cam_rev:.3g} a cam turn{cause}; without {low:.2f} to {high:.2f}"
+
+
 def _curve(found: SweepResult) -> Curve:
-    """The error in the first sweep of a direction."""
+    """The error in the first sweep of a direction, without what was taken off."""
     first = found.bins.sweep == 0
     words = f"error, arcsec, {DIRECTION_NAMES[found.direction]} cam angle"
-    return curve_of_turns(found.bins.turns[first], found.bins.error[first] - found.fit.level[0], words)
+    turns = found.bins.turns[first]
+    return curve_of_turns(turns, found.fit.curve(turns) + found.fit.residual[first], words)
 
 
 def _details(found: SweepResult, gearing: Gearing | None) -> Iterator[ReportSection]:
@@ -175,7 +214,9 @@ def _details(found: SweepResult, gearing: Gearing | None) -> Iterator[ReportSect
         title = f"full cycle: {gearing.cycle} cam turns, {output}"
         cells = tuple((quantity.words, quantity.text(found.coverage)) for quantity in _COVERAGE)
         cycle.append(Table(title, ("", ""), cells, header=False))
-    yield ReportSection(f"{DIRECTION_NAMES[found.direction]} cam angle", (*cycle, orders, budget))
+    title = "orders of the cam, each with its beats"
+    together_with_beats = Table.by_row(title, (*ORDER_COLUMNS[:3], *shown[4:]), found.orders_of_cam, words=(3,))
+    yield ReportSection(f"{DIRECTION_NAMES[found.direction]} cam angle", (*cycle, together_with_beats, orders, budget))
 
 
 def _sweep(found: SweepResult) -> Json:
@@ -184,6 +225,7 @@ def _sweep(found: SweepResult) -> Json:
         **as_object(SWEEP_QUANTITIES, found),
         "coverage": found.coverage and as_object(_COVERAGE, found.coverage),
         "orders": [as_object(ORDER_COLUMNS, order) for order in found.orders],
+        "orders_of_cam": [as_object(ORDER_COLUMNS, order) for order in found.orders_of_cam],
         "lines": [as_object(ORDER_COLUMNS, line) for line in found.lines],
         "budget": [as_object(_BUDGET, source) for source in found.sources],
     }

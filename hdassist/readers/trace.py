@@ -19,7 +19,7 @@ from hdassist.preset.units import UnitError
 from hdassist.preset.yamltext import shown
 from hdassist.readers.sweeps import AngleError, AngleSweep, guessed_wrap, leaping, sweeps, unwrapped
 from hdassist.readers.table import NumberTable, read_numbers, shortened
-from hdassist.readers.words import ANGLES, COUNTS, angle_size, plain_unit, role_in, unit_in
+from hdassist.readers.words import ANGLES, COUNTS, TIMES, angle_size, plain_unit, role_in, unit_in
 from hdassist.textfile import Readable
 
 MAX_TRACE_BYTES = 100_000_000
@@ -29,6 +29,7 @@ SLIP = 0.02  # of the ratio: greatest disagreement of the two encoders with it
 LEAST_WRAP = 1e-3  # deg, of encoders that restart
 ENCODERS = 2
 FEWEST_ROWS = 20  # rows
+TURNING_ROWS = 200  # rows for each of the greatest and least steps that are no rounding
 ROUNDED_STEP = 0.01  # of a step: rounding by printed digits
 
 Shaft = Literal["cam", "output"]
@@ -95,7 +96,7 @@ class MeasuredTrace:
     cam, as with readings at even angles. sweeps: moves in one direction each. sha256: of the file. angle_of: shaft of
     the recorded angles; those of the output were multiplied by the ratio. sense: of two encoders, 1 where both count
     up, -1 where one counts down, 0 for a column of errors. notes: conversions, assumptions and rows left out.
-    robust: whether readings far off all others are left out.
+    robust: whether readings far off all others are left out. time_s: of each row, None without time stamps.
     """
 
     file: str
@@ -110,6 +111,7 @@ class MeasuredTrace:
     sense: int = 0
     in_time: bool = False
     robust: bool = False
+    time_s: Array | None = None
 
     def without(self, rows: NDArray[np.int64]) -> MeasuredTrace:
         """The trace without some rows."""
@@ -117,8 +119,9 @@ class MeasuredTrace:
         kept[rows] = False
         cam = self.cam_deg[kept]
         return replace(
-            self, cam_deg=cam, error_arcsec=self.error_arcsec[kept], line=self.line[kept], sweeps=tuple(sweeps(cam))
-        )
+            self, cam_deg=cam, error_arcsec=self.error_arcsec[kept], line=self.line[kept], sweeps=tuple(sweeps(cam)),
+            time_s=None if self.time_s is None else self.time_s[kept],
+        )  # fmt: skip
 
 
 def read_trace(
@@ -145,6 +148,7 @@ def read_trace(
         message = f"{table.file}: the ratio is needed to bring output and cam together"
         raise DataError(message, "--ratio 100, or --drive PRESET")
     angle, readings = (table.values[:, index].copy() for index in (column.angle, column.other))
+    time_s = _time(table, notes)
     table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
     output = None
     if column.other_is == "second":
@@ -157,7 +161,7 @@ def read_trace(
         named = shortened(table.lines[leaps].tolist())
         notes.append(f'left out, "{table.name(column.angle)}" leaps there and back: lines {named}')
         cam, readings, table.lines = cam[~leaps], readings[~leaps], table.lines[~leaps]
-        output = None if output is None else output[~leaps]
+        output, time_s = (None if each is None else each[~leaps] for each in (output, time_s))
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "check the column of the error")
     step, in_time = _step(readings) * abs(column.other_size), False
@@ -181,7 +185,7 @@ def read_trace(
         notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
     return MeasuredTrace(
         table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(notes),
-        column.angle_of, sense, in_time, form.robust,
+        column.angle_of, sense, in_time, form.robust, time_s,
     )  # fmt: skip
 
 
@@ -204,6 +208,20 @@ def _angle(
         return angle if wrap is None else unwrapped(angle, wrap, other)
     except AngleError as wrong:
         raise _fault(table, wrong.row, column, wrong.message, wrong.hint) from None
+
+
+def _time(table: NumberTable, notes: list[str]) -> Array | None:
+    """Time stamps [s] of the rows; None without a column of them that rises."""
+    columns = [index for index, name in enumerate(table.names) if role_in(name) == "time"]
+    if len(columns) != 1:
+        return None
+    name, stamps = table.name(columns[0]), table.values[:, columns[0]]
+    if not (np.diff(stamps) > 0).all():
+        notes.append(f'"{name}" does not rise in every row: no time stamps')
+        return None
+    unit = unit_in(name, TIMES) or "s"
+    notes.append(f'"{name}": time stamps, {unit}')
+    return np.asarray(stamps * TIMES[unit])
 
 
 def _second(
@@ -241,6 +259,7 @@ def _step_in_time(cam: Array, output: Array, ratio: float) -> tuple[float, bool]
     turned = np.abs(np.diff(cam))
     usual = np.abs(turned - np.median(turned)) < np.median(turned) / 2
     steps = np.sort(np.abs(np.diff(output))[usual]) * ARCSEC_PER_DEG
+    steps = steps[len(steps) // TURNING_ROWS : len(steps) - len(steps) // TURNING_ROWS]  # play, where the shaft turns
     apart = np.diff(steps)
     apart = apart[apart > ROUNDED_STEP * apart.max(initial=0.0)]  # printed digits differ by less
     if 2 * len(apart) > len(steps) or not len(apart):

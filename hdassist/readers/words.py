@@ -15,6 +15,7 @@ ANGLES = {  # size in arcsec
     "urad": 0.648 / pi, "turn": 1296000.0,
 }  # fmt: skip
 FEWEST_COUNTS, MOST_BITS = 8, 48  # of an encoder, in a turn
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}  # in s
 COUNTS = {"counts": 0.0}  # whose size a name does not give
 LENGTHS = ("um", "mm", "nm", "cm")
 INCHES = ("in", "inch", "inches", "uin", "uinch", "mil", "mils", "thou")
@@ -33,6 +34,7 @@ _ROLES = {
     "error": r"err|error|te|dev|deviation|fehler|abweichung|fkpp|kpp|погрешность|ошибка",
     "cam": r"cam|wg|wave|generator|input|motor|mot|antrieb|eingang|phih|phi_h|thetah|вход|генератор|кулачок",
     "output": r"output|out|load|abtrieb|ausgang|link|phig|phi_g|phib|phi_b|выход",
+    "time": r"time|timestamp|zeit|t|время",
     "angle": r"angle|ang|phi|theta|position|pos|winkel|угол|encoder|enc",
 }
 PITCH_KEYS = {  # of remarks in a file of pitch deviations
@@ -58,7 +60,7 @@ _TOOTH = re.compile(
 
 
 def role_in(name: str) -> str:
-    """Content of a column of a trace by its name: error, cam, output, angle, or empty for any other name."""
+    """Content of a column of a trace by its name: error, cam, output, time, angle, or empty for any other name."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
     return next((role for role, words in _ROLES.items() if re.search(_WORD.format(words), spaced)), "")
 

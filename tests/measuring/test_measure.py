@@ -17,7 +17,7 @@ from hdassist.measuring.uncertainty import combined, parse_stated
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.run.run import UNCHECKED
 from tests.process import SMALL
-from tests.rigs import Curve, drive_error, recorded, slow_noise, turn_range, whole_range
+from tests.rigs import Curve, drive_error, recorded, slow_noise, text, turn_range, whole_range
 
 RATIO, PER_TURN = 30.0, 120
 
@@ -310,6 +310,68 @@ def test_steps_are_seen_in_a_record_of_both_directions(uneven: float, in_time: b
     assert len(found.sweeps) == 2
     assert found.in_time is in_time
     assert found.step_arcsec == pytest.approx(1.0 if in_time else 0.0, rel=1e-3)
+
+
+def timed(speeds: list[np.ndarray], lag_s: float, play: float = 0.0):
+    """A record of two encoders at speeds [turns/s] of sweeps in turn, the output read later by a lag [s]."""
+    rng = np.random.default_rng(0)
+    speed = np.concatenate(speeds)
+    time = np.arange(len(speed)) * 0.02
+    cam = np.cumsum(speed) * 0.02
+    later = cam + speed * lag_s
+    way = np.repeat([np.sign(each.mean()) for each in speeds], [len(each) for each in speeds])
+    error = 14 * np.cos(4 * np.pi * later) + 2 * np.cos(2 * np.pi * later) + play * way / 2
+    output = later / 100 + (error + 0.3 * rng.standard_normal(len(cam))) / 1296000
+    file = text([time, cam * 360, output * 360], "time_s,cam_deg,output_deg", digits=8)
+    return measure(read_trace(file.encode(), ratio=100), ratio=100)
+
+
+UNEVEN = 1 + 0.1 * np.sin(np.arange(600) / 40)
+EVEN_SPEED = np.ones(600)
+
+
+def test_a_lag_between_the_encoders_is_told_by_a_speed_that_changes():
+    for speeds in ([UNEVEN], [UNEVEN, -UNEVEN], [s * EVEN_SPEED for s in (1, -1, 0.5, -0.5, 0.7, -0.7)]):
+        found = timed(speeds, 0.004, play=8.0)
+        assert found.lag is not None
+        assert found.lag.ms is not None
+        assert abs(found.lag.ms - 4) <= 3 * found.lag.uncertainty_ms < 1.5
+        for direction in found.directions:  # the way in between is none of the error
+            assert direction.range.value == pytest.approx(30, abs=1)
+
+
+def test_a_lag_at_one_speed_is_not_told_and_no_part_of_the_error():
+    one = timed([EVEN_SPEED], 0.004)
+    assert one.lag is not None
+    assert (one.lag.ms, one.lag.bound_ms) == (None, None)
+    assert one.F_ior_arcsec == pytest.approx(30, abs=1)
+    both = timed([EVEN_SPEED, -EVEN_SPEED], 0.004, play=8.0)
+    assert both.lag is not None
+    assert both.lag.ms is None
+    assert both.lag.bound_ms == pytest.approx(4 + 4 / 12.96, abs=0.05)
+    assert measure(recorded(EVEN, wave(EVEN)), ratio=100).lag is None
+
+
+@pytest.mark.parametrize("turns", [12, 60, 100])
+def test_slow_terms_of_the_output_are_no_orders_of_the_cam(turns: float):
+    """Gravity, graduation, an encoder off its centre, once to five times per output turn; drift where it is a part."""
+    x = np.arange(turns * 50) / 50
+    cam = 8 * np.cos(4 * np.pi * x) + 3 * np.cos(2 * np.pi * 2.01 * x + 1) + 2 * np.cos(2 * np.pi * x)
+    slow = sum(size * np.cos(2 * np.pi * k * x / 100 + k) for k, size in ((1, 300), (2, 20), (5, 3)))
+    noise = 0.5 * np.random.default_rng(0).standard_normal(len(x))
+    (found,) = measure(recorded(x, cam + slow + noise), ratio=100).directions
+    assert found.is_part == (turns < 100)
+    low, high = found.cam_interval_arcsec
+    assert low < np.ptp(cam) < high < low + 6
+    assert found.slow_arcsec == pytest.approx(np.ptp(slow), rel=0.05)
+    orders = {order.per_cam_rev: order for order in found.orders_of_cam}
+    beating = np.sqrt(2 * np.mean((8 * np.cos(4 * np.pi * x) + 3 * np.cos(2 * np.pi * 2.01 * x + 1)) ** 2))
+    for order, true in ((1.0, 2.0), (2.0, beating), (3.0, 0.0)):
+        assert abs(orders[order].amplitude_arcsec - true) <= 3 * orders[order].uncertainty_arcsec
+        assert orders[order].uncertainty_arcsec < 0.4
+    assert found.slow_cost < 0.3
+    # F'_ior of the record has them where they are told from drift: in an output turn
+    assert (found.range.value > 600) == (turns == 100)
 
 
 def test_a_missing_row_is_no_step():

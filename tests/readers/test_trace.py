@@ -220,6 +220,6 @@ def test_a_foreign_log_is_named_in_one_line():
 
 def test_words():
     names = ("wg_angle_deg", "output_angle", "F_kpp", "phi_h_deg", "TransmissionError", "time_s", "Winkel", "outError")
-    assert [role_in(name) for name in names] == ["cam", "output", "error", "cam", "error", "", "angle", "error"]
+    assert [role_in(name) for name in names] == ["cam", "output", "error", "cam", "error", "time", "angle", "error"]
     units = ("angle [°]", "error/µrad", "err_mdeg", "error (arcsec)", "angle", "d", "phi rad")
     assert [unit_in(name) for name in units] == ["deg", "urad", "mdeg", "arcsec", "", "", "rad"]
