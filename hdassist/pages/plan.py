@@ -132,7 +132,7 @@ def seen_curve(choice: PlanChoice) -> Curve:
         np.array([*points], dtype=float),
         np.array([*points.values()]),
         x_label="positions in an output turn (B: blind to a large line, E: enough)",
-        y_label="% of F'_ior that are seen in 95 of 100 cases",
+        y_label="% of F'_ior seen in 95 of 100 cases, of teeth without noise of their own",
         caption="Share of F'_ior seen over the number of positions",
         marks=tuple(marks),
         rows=6,

@@ -124,3 +124,4 @@ def test_plans_of_a_drive_with_unknown_directions():
     assert [each.plan.readings for each in choice.over_positions] == list(range(6, 51))
     assert choice.judged[0].plan == ReadingPlan.positions(12)
     assert sum(line.variance_share for line in choice.lines) == pytest.approx(1, abs=0.1)
+    assert all(line.per_output_turn.is_integer() for line in choice.lines)  # a cycle of one turn
