@@ -224,7 +224,7 @@ def choose_plan(
     own = [drives.judge(asked)] if asked else []
     shown = [*own, scan[QUOTED_POSITIONS - FEWEST_POSITIONS], *fewest, *records]
     judged, enough = tuple({each.plan: each for each in shown}.values()), (*fewest, *shortest)
-    seen, verdict = _lines_seen(lines, drives, judged[0].plan), [*own, *enough, shown[0]][0].verdict
+    seen, verdict = _lines_seen(lines, drives, judged[0].plan), [*own, *enough, records[-1]][0].verdict
     return PlanChoice(drive, torques[place], drives, bool(own), judged, enough, scan, seen, samples, proof, verdict)
 
 
