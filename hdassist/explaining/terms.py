@@ -312,7 +312,7 @@ QUANTITIES = (
     Term(
         "positions",
         "точки измерения",
-        "Angles of the output at which a test reads the error; makers quote 12 of them, 30 deg apart.",
+        "Evenly spaced angles of the output at which a test reads the error (12 by makers): it sees a share of F'_ior.",
         ("seen", "readings", "step_output_deg", "over_positions"),
     ),
     Term(

@@ -56,11 +56,8 @@ def plan_report(choice: PlanChoice) -> Report:
     drive, drives, first = choice.drive, choice.drives, choice.judged[0].plan
     limit, F_ior = drive.limit(choice.M_g), drives.percentiles(drives.F_ior_arcsec)
     names = " or ".join(each.plan.name for each in choice.enough)
-    unknown = "open whether any test is enough" if choice.verdict is Verdict.INCONCLUSIVE else "no test is enough"
-    answer = f"enough: {names}" if names else unknown
-    if choice.asked:
-        how = {Verdict.PASS: "enough", Verdict.FAIL: "not enough"}.get(choice.verdict, "perhaps not enough")
-        answer = f"{first.name} {how}"
+    how = {Verdict.PASS: "enough", Verdict.FAIL: "not enough"}.get(choice.verdict, "perhaps enough")
+    answer = f"{how}: {first.name if choice.asked else names or 'any of these tests'}"
     origin = drive.origin
     facts = (
         ("blind", _blind(choice)),
