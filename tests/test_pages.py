@@ -103,6 +103,12 @@ def test_measure(tmp_path: Path):
     assert json.loads((tmp_path / "cycle.json").read_text())["schema"] == "hdassist.measure/1"
 
 
+def test_plan(tmp_path: Path):
+    output = output_of("plan.md", tmp_path)
+    assert "12 positions see" in output
+    assert json.loads((tmp_path / "plan.json").read_text())["schema"] == "hdassist.plan/1"
+
+
 def test_accept(tmp_path: Path):
     output = output_of("accept.md", tmp_path)
     assert json.loads((tmp_path / "result.json").read_text())["schema"] == "hdassist.accept/1"

@@ -30,9 +30,11 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
     A test reads the output at some positions, from an angle that is not known, and takes the greatest less the least
     error. It misses all that lies between, and sees nothing of what comes as often as there are positions. Each drive
     that this one may be, by all that is not known exactly (docs/unknown.md), is put to each test, at the first torque
-    with a limit. A test is enough that keeps both shares of wrong verdicts: false PASS and false FAIL among all drives
-    tested; without a limit, one that sees 95 % of F'_ior in 95 % of cases. Exit codes: 0 a test (or the one asked
-    about) is enough, 3 it is not, 6 that is open, 2 wrong options, 4 bad preset, 5 no trustworthy answer.
+    with a limit; noise of single teeth, which lowers the shares, is none of it (docs/plan.md).
+
+    A test is enough that keeps both shares of wrong verdicts, false PASS and false FAIL among all tested; without
+    a limit, one that sees 95 % of F'_ior in 95 % of cases. Exit codes: 0 a test (or the one asked about) is enough, 3
+    it is not, 6 that is open, 2 wrong options, 4 bad preset, 5 no trustworthy answer.
     """
 
     preset: o.Preset
@@ -44,7 +46,9 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
     ] = None
     turns: Annotated[float, typer.Option(metavar="K", min=0.001, max=1000, help="Output turns of that test.")] = 1.0
     both: Annotated[bool, typer.Option("--both", help="Backwards too, the greater range counts.")] = False
-    noise: Annotated[float, typer.Option(metavar="ARCSEC", min=0, help="Standard uncertainty of what is read.")] = 0.0
+    noise: Annotated[
+        float, typer.Option(metavar="ARCSEC", min=0, max=1e6, help="Standard uncertainty of what is read.")
+    ] = 0.0
     corrected: Annotated[
         bool, typer.Option("--corrected", help="Divide what is read by the share seen, in the median.")
     ] = False

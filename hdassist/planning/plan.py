@@ -105,7 +105,7 @@ class DrivesUnderTest:
 
     curves: Array
     weights: Array
-    cycle_output: float
+    cycle_output: int
     left_arcsec: float | None = None
     demands: PlanDemands = PlanDemands()
     seed: int = 0
@@ -216,7 +216,7 @@ def choose_plan(
         weights, proof = samples.weights, proof + samples.certificate
         curves *= samples.F_ior_arcsec[:, [place]] / np.maximum(np.ptp(curves, axis=1, keepdims=True), 1e-9)
     cycle, ratio = lines.kinematics.cycle_cam_revolutions, abs(lines.kinematics.u)
-    drives = DrivesUnderTest(curves, weights, cycle / ratio, left[place], demands, run.seed)
+    drives = DrivesUnderTest(curves, weights, round(cycle / ratio), left[place], demands, run.seed)
     counts = range(FEWEST_POSITIONS, round(MOST_A_CAM_TURN * ratio) + 1)
     scan = tuple(drives.judge(ReadingPlan.positions(N)) for N in counts)
     records = [drives.judge(ReadingPlan.record(turns, ratio)) for turns in sorted({1.0, 10.0, ratio, float(cycle)})]
@@ -224,16 +224,16 @@ def choose_plan(
     own = [drives.judge(asked)] if asked else []
     shown = [*own, scan[QUOTED_POSITIONS - FEWEST_POSITIONS], *fewest, *records]
     judged, enough = tuple({each.plan: each for each in shown}.values()), (*fewest, *shortest)
-    seen, verdict = _lines_seen(lines, weights, judged[0].plan), [*own, *enough, shown[0]][0].verdict
+    seen, verdict = _lines_seen(lines, drives, judged[0].plan), [*own, *enough, records[-1]][0].verdict
     return PlanChoice(drive, torques[place], drives, bool(own), judged, enough, scan, seen, samples, proof, verdict)
 
 
-def _lines_seen(lines: ErrorLines, weights: Array, plan: ReadingPlan) -> tuple[LineSeen, ...]:
-    """The largest lines of weighted drives as a plan sees them."""
+def _lines_seen(lines: ErrorLines, drives: DrivesUnderTest, plan: ReadingPlan) -> tuple[LineSeen, ...]:
+    """The largest lines of drives as a plan sees them."""
     power = np.abs(lines.amplitude) ** 2
-    shares = np.average(power / power.sum(axis=1, keepdims=True), axis=0, weights=weights)
+    shares = np.average(power / power.sum(axis=1, keepdims=True), axis=0, weights=drives.weights)
     largest = np.argsort(-shares)[:LISTED_LINES]
+    often = lines.per_cycle[largest] / drives.cycle_output
     per_cam_turn = lines.per_cycle[largest] / lines.kinematics.cycle_cam_revolutions
-    often = per_cam_turn * abs(lines.kinematics.u)
     columns = (often, per_cam_turn, shares[largest], plan.seen_as(often))
     return tuple(LineSeen(*map(float, row)) for row in zip(*columns, strict=True))

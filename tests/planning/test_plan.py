@@ -117,10 +117,11 @@ def test_shares_that_lie_about_the_demand_are_open():
 
 
 def test_plans_of_a_drive_with_unknown_directions():
-    drive = load_preset(TINY, ["phases.xi_b=unknown", "acceptance.F_ior={4: 160}"])
+    drive = load_preset(TINY, ["phases.xi_b=unknown", "acceptance.F_ior={4: 2040}"])
     choice = choose_plan(drive, draws=8)
     assert choice.M_g == 4  # the torque with a limit
     assert choice.drives.F_ior_arcsec[:, 0] == pytest.approx(choice.samples.F_ior_arcsec[:, 1])
     assert [each.plan.readings for each in choice.over_positions] == list(range(6, 51))
     assert choice.judged[0].plan == ReadingPlan.positions(12)
     assert sum(line.variance_share for line in choice.lines) == pytest.approx(1, abs=0.1)
+    assert all(line.per_output_turn.is_integer() for line in choice.lines)  # a cycle of one turn
