@@ -8,7 +8,6 @@ from hdassist.error.error_map import ErrorMap
 from hdassist.error.table import ErrorTable, Mesh, Reach, error_table
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import deviation_scalars
 from hdassist.preset.deviations import DEVIATION_FIELDS
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY
@@ -125,20 +124,3 @@ def test_between_its_points_it_is_straight_and_others_count_by_their_slopes() ->
 def test_outside_its_reach_it_knows_nothing(small: Drive, table: ErrorTable) -> None:
     with pytest.raises(UntrustedError, match="beyond"):
         table.F_ior({"tolerances.e_hb": np.array([120.0])})
-
-
-@pytest.mark.parametrize("fixed", ["rigid", "flexspline"])
-def test_the_fixed_wheel_off_its_centre_is_a_run_out_that_turns_with_it(fixed: str) -> None:
-    drive = load_preset(SMALL, [f"mounting.fixed={fixed}", "tolerances.e_hg=20", "tolerances.e_b=12"])
-    turns, sizes = 6, np.array([20.0, 50.0])
-    table = table_of(drive.with_values({"tolerances.e_hb": 60.0}), mesh=Mesh((3, 3, 3, 3), turns))
-    still = {"tolerances.e_hb": sizes, "tolerances.e_b": np.zeros(2)}
-    found = table.F_ior(still, 12 * np.exp(1j))
-    angles = 2 * np.pi * np.arange(turns) / turns
-    alpha_g, alpha_b = (alpha.ravel() for alpha in np.meshgrid(angles, angles, indexing="ij"))
-    moved = 12e-3 * np.exp(1j * (1 + {"rigid": alpha_b, "flexspline": alpha_g}[fixed]))
-    for size, F_ior in zip(sizes, found, strict=True):
-        alone = drive.with_values({"tolerances.e_hb": float(size), "tolerances.e_b": 0.0})
-        scalars = np.pad(deviation_scalars(alone, alpha_g, alpha_b), [(0, 0), (0, 2)])
-        scalars[:, 4:] += np.stack([moved.real, moved.imag], axis=1)
-        assert np.ptp(table.rotation(scalars)) == pytest.approx(F_ior)
