@@ -14,9 +14,7 @@ from hdassist.terminal import options as o
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialsCommand(
-    o.FigureOptions, o.CardOptions, o.TraceOptions, o.ChoiceOptions, o.TrialOptions, o.LoadedDriveOptions
-):
+class TrialsCommand(o.FigureOptions, o.CardOptions, o.TraceOptions, o.ChoiceOptions, o.LoadedDriveOptions):
     """Where to mount the fixed wheel when the direction of the cam offset is not known: trials tell.
 
     \b
@@ -44,6 +42,18 @@ class TrialsCommand(
     trials: Annotated[
         list[str], typer.Argument(metavar="HOLE=F_IOR", help="F'_ior: h4=17.3 (hole), 120=17.3 (deg), h4=run.csv.")
     ]
+    trial_torque: Annotated[
+        float | None, o.trials_option(metavar="N*M", help="Torque of the trials.", show_default="the lightest")
+    ] = None
+    noise: Annotated[
+        float, o.trials_option(metavar="ARCSEC", min=1e-6, max=1e6, help="Standard deviation of one trial.")
+    ] = 1.0
+    reseat: Annotated[
+        float, o.trials_option(metavar="UM", min=0, max=1000, help="Standard deviation of where the wheel sits.")
+    ] = 0.0
+    sure: Annotated[
+        float, o.trials_option(metavar="P", min=0.01, max=0.999, help="Probability of a good choice that settles it.")
+    ] = 0.9
     verify: Annotated[
         str | None, o.trials_option(metavar="HOLE=F_IOR", help="Outcome to compare with what the trials predict.")
     ] = None
@@ -62,8 +72,6 @@ class TrialsCommand(
         from hdassist.measuring.orders import parse_orders
         from hdassist.measuring.uncertainty import parse_stated
         from hdassist.pages.trials import trials_card_facts, trials_report
-        from hdassist.run.processes import workers
-        from hdassist.run.run import Run
         from hdassist.terminal.runs import note_time
         from hdassist.trials.advice import advise_from_trials
         from hdassist.trials.prior import Rig, TrialEffort, trial_states
@@ -77,7 +85,8 @@ class TrialsCommand(
         if self.verify is not None and card:
             raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
         torques, begun = drive.operation.M_g, time.monotonic()
-        rig = Rig(self.torque_of(torques), self.noise, self.reseat)
+        lightest = min(torques, key=abs)
+        rig = Rig(lightest if self.trial_torque is None else self.trial_torque, self.noise, self.reseat)
         effort = TrialEffort.of(self.draws)
         analysis = partial(
             advise_from_trials,
@@ -93,8 +102,8 @@ class TrialsCommand(
             effort=effort,
         )
         states = trial_states(drive, len({*torques, rig.M_g}), effort)
-        with out.progress(drive.name, states) as progress, workers(self.jobs) as executor:
-            advice = analysis(run=Run(executor, progress, self.seed))
+        with out.run(drive.name, states, self) as run:
+            advice = analysis(run=run)
         facts = (lambda say: trials_card_facts(advice, say)) if advice.settled else None
         report = trials_report(advice, carded=card is not None)
         if self.verbose:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import signal
 from collections import defaultdict
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -19,24 +18,22 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import DataTable, Footer, Input, Static
 
 from hdassist.explorer import state, words
-from hdassist.explorer.compute import LeverEffects, Sure, cam_turn, is_any_hole, lever_effects
-from hdassist.explorer.export import Exporting
+from hdassist.explorer.compute import LeverEffects, Sure, is_any_hole, lever_effects
 from hdassist.explorer.levers import Lever, levers, stepped
-from hdassist.explorer.panes import MARKS, TORQUE_STYLES, Holes, Levers, Turn, seat_pane
+from hdassist.explorer.panes import MARKS, TORQUE_STYLES, Holes, Levers, seat_pane
+from hdassist.explorer.saving import Saving
 from hdassist.explorer.screens import Explain
 from hdassist.explorer.state import Session
 from hdassist.model.unknown import unknowns
 from hdassist.mounting.positions import hole_words, usable_positions
-from hdassist.mounting.trial import read_trial
 from hdassist.run.stops import STOPS, end_at_stops
-from hdassist.terminal.console import Style
 from hdassist.visible import visible
 
-LINE_WIDGETS = ("head", "headline", "about", "looked-at", "trials", "advice-text", "command")
+LINE_WIDGETS = ("head", "headline", "about", "looked-at", "advice-text", "command")
 TOO_SMALL = "too small for the explorer: 60 x 18 at least. q quits."
 
 
-class Explorer(Exporting):
+class Explorer(Saving):
     """A drive turned on the screen. Arguments as those of `Asking`."""
 
     CSS_PATH = "app.tcss"
@@ -48,19 +45,14 @@ class Explorer(Exporting):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("left,h", "turn(-1)", "turn", key_display="←→"),
         Binding("right", "turn(1)", "turn on", show=False),
-        Binding("t", "trial", "trial"),
-        Binding("x", "drop_trial", "drop the last trial", show=False),
         Binding("b", "look('best')", "look at the best", show=False),
         Binding("0,home", "look('')", "look at where it stands", show=False),
-        Binding("1", "view('holes')", "views", key_display="1-4"),
+        Binding("1", "view('holes')", "views", key_display="1-3"),
         Binding("2", "view('seat')", "view the seat", show=False),
         Binding("3,l", "view('levers')", "levers", show=False),
-        Binding("4", "view('turn')", "view a cam turn", show=False),
         Binding("slash", "filter", "filter levers", show=False),
-        Binding("m", "torque", "next torque", show=False),
-        Binding("u,ctrl+z", "undo", "undo"),
-        Binding("r,ctrl+y", "redo", "redo", show=False),
-        Binding("c", "card", "card"),
+        Binding("u,ctrl+z", "change('undone')", "undo"),
+        Binding("r,ctrl+y", "change('redone')", "redo", show=False),
         Binding("s", "save", "save"),
         Binding("question_mark", "explain", "explain", key_display="?"),
         Binding("q", "quit", "quit"),
@@ -68,29 +60,25 @@ class Explorer(Exporting):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self.holes, self.levers, self.turn = Holes(id="holes"), Levers(id="levers"), Turn(id="turn", markup=False)
+        self.holes, self.levers = Holes(id="holes"), Levers(id="levers")
         self.seat, self.panes = Static(id="seat", markup=False), Horizontal(id="panes", classes="holes")
         self.lines = {name: Static(id=name, markup=False) for name in LINE_WIDGETS}
         self.side, self.wanted = Vertical(id="side"), Input(placeholder="/ filters", id="filter", compact=True)
 
     def compose(self) -> ComposeResult:
-        """Head, F'_ior, the panes, trials and advice, the command line, the keys."""
+        """Head, F'_ior, the panes, advice, the command line, the keys."""
         yield self.lines["head"]
         yield self.lines["headline"]
         with self.panes:
             yield self.holes
-            with Vertical(id="middle"):
-                yield self.seat
-                yield self.turn
+            yield self.seat
             with self.side:
                 yield self.wanted
                 yield self.levers
                 yield self.lines["about"]
         yield self.lines["looked-at"]
-        with Horizontal(id="bottom"):
-            yield self.lines["trials"]
-            with VerticalScroll(id="advice"):
-                yield self.lines["advice-text"]
+        with VerticalScroll(id="advice"):
+            yield self.lines["advice-text"]
         yield self.lines["command"]
         yield Footer(compact=True)
         yield Static(TOO_SMALL, id="too-small")
@@ -99,10 +87,10 @@ class Explorer(Exporting):
         """Ask the first questions."""
         self._end_when_told()
         self.seat.border_title, self.side.border_title = "SEAT, cam side", "LEVERS"
-        self.lines["trials"].border_title, self.query_one("#advice").border_title = "TRIALS", "ADVICE"
+        self.side.border_subtitle = "step: greatest change, ″"
+        self.query_one("#advice").border_title = "ADVICE"
         self.holes.focus()
         self.ask_of_drive()
-        self.ask_of_trials()
         self.when_at_rest()
         self.draw()
 
@@ -128,55 +116,36 @@ class Explorer(Exporting):
         self.call_after_refresh(self.draw)
 
     def ask_of_panes(self) -> None:
-        """Ask for steps of levers and a cam turn, where they are on the screen and not there yet."""
+        """Ask for steps of levers, where they are on the screen and not there yet."""
         known, drive, headline = self.known, self.session.drive, self.known.headline
         if self.levers.region.width and known.effects is None and headline and headline.whole:
             known.effects = LeverEffects({})
             self.follow(partial(lever_effects, drive, headline.typical, self.effort), known, "levers")
-        wanted = self.session.turn_deg, self.M_g
-        if self.turn.region.width and known.traced != wanted:
-            known.trace, known.traced = None, wanted
-            self.follow(partial(cam_turn, drive, *wanted), known, "turn")
 
     def draw(self) -> None:
         """Show the session and its answers."""
         if not self.holes.is_attached:
             return
-        session, known, of_trials = self.session, self.known, self.of_trials
-        shown, any_hole = of_trials or known, is_any_hole(session.drive)
-        letters, holes = self._letters(), session.drive.mounting.holes
-        trials = [read_trial(text, holes) for text in session.trials]
-        behind = known if of_trials else self.of_preset
+        session, known, behind, letters = self.session, self.known, self.of_preset, self._letters()
         self.lines["head"].update(words.head(session))
-        self.lines["headline"].update(words.headline(session, known, self.of_preset))
-        self.holes.show(session, shown.curve, behind.curve if behind else None, letters, trials)
+        self.lines["headline"].update(words.headline(session, known, behind))
+        self.holes.show(session, known.curve, behind.curve if behind else None, letters)
         self.lines["looked-at"].update(self._looked_at())
         self.seat.update(seat_pane(session, letters))
-        self.holes.border_subtitle = words.stage(known, of_trials, self.busy)
-        torque = self.torque % len(session.drive.operation.M_g)
+        self.holes.border_subtitle = words.stage(known, self.busy)
         changed = {path for path, _ in session.changes}
-        self.levers.show(levers(session.drive, changed), known.effects, torque, self.wanted.value)
-        self.side.border_subtitle = f"step: change at {self.M_g:g} N·m, ″"
-        unknown = ", unknown as 0" if unknowns(session.drive) else ""
-        self.turn.border_title = f"cam turn at {self.M_g:g} N·m, ″{unknown}"
-        self.turn.show(known.trace, Style(ascii=self.ascii, codes=False, width=self.turn.content_size.width))
-        self.lines["trials"].update(words.trials_text(session))
-        self.lines["advice-text"].update(words.advice_text(known, of_trials, any_hole))
-        self.lines["command"].update(visible(f"= {self.command_line()}"))
+        self.levers.show(levers(session.drive, changed), known.effects, self.wanted.value)
+        self.lines["advice-text"].update(words.advice_text(known, is_any_hole(session.drive)))
+        self.lines["command"].update(visible(f"= {session.command()}"))
 
     def _letters(self) -> dict[float, str]:
         """Letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
-        shown, drive = self.of_trials or self.known, self.session.drive
+        shown, drive = self.known, self.session.drive
         allowed, letters = usable_positions(drive.mounting.holes, drive.mounting.allowed), defaultdict(str, {0.0: "N"})
-        if (curve := shown.curve) and shown.advice:
-            ranked = [position.rotation_deg for position in shown.advice.choice.ranked]
-        elif curve:
-            merits = dict(zip(curve.rotations_deg, curve.merits, strict=True))
-            usable = [at for at in merits if not drive.mounting.holes or at in allowed]
-            ranked = sorted(usable, key=merits.__getitem__)
-        if curve:
-            letters[ranked[0]] += "B"
-            letters[ranked[-1]] += "W"
+        if shown.curve and shown.advice:
+            ranked = shown.advice.choice.ranked
+            letters[ranked[0].rotation_deg] += "B"
+            letters[ranked[-1].rotation_deg] += "W"
         if shown.advice and (following := words.next_deg(shown.advice)) is not None:
             letters[following] += "?"
         for at in {*self.session.positions} - {*allowed}:
@@ -185,7 +154,7 @@ class Explorer(Exporting):
 
     def _looked_at(self) -> Text:
         """Where the wheel is looked at, and F'_ior there."""
-        session, curve, text = self.session, (self.of_trials or self.known).curve, Text()
+        session, curve, text = self.session, self.known.curve, Text()
         turn = session.turn_deg
         text.append(f"{hole_words(turn, session.drive.mounting.holes)}{', where it stands' * (not turn)}")
         if curve is None:
@@ -226,12 +195,6 @@ class Explorer(Exporting):
         """Go from the filter to the levers."""
         self.levers.focus()
 
-    def command_line(self) -> str:
-        """The command that gives the same answer."""
-        if self.panes.has_class("turn"):
-            return self.session.trace_command(self.M_g)
-        return self.session.command()
-
     # --- actions
 
     def action_view(self, name: str) -> None:
@@ -246,12 +209,6 @@ class Explorer(Exporting):
         self.action_view("levers")
         self.wanted.focus()
 
-    def action_torque(self) -> None:
-        """Show cam turn and levers at the next torque."""
-        self.torque += 1
-        self.when_at_rest()
-        self.draw()
-
     def action_turn(self, by: int) -> None:
         """Look at the wheel so many positions further."""
         self.show(state.turned_state(self.session, by))
@@ -261,24 +218,9 @@ class Explorer(Exporting):
         best = next((at for at, signs in self._letters().items() if "B" in signs), self.session.turn_deg)
         self.show(replace(self.session, turn_deg=best if where else 0.0))
 
-    def action_undo(self) -> None:
-        """Take the last change back."""
-        self.change(state.undone)
-
-    def action_redo(self) -> None:
-        """Make the change again that was taken back."""
-        self.change(state.redone)
-
-    def action_trial(self) -> None:
-        """Ask for trials."""
-        session = self.session
-        torque = f"F'_ior in arcsec at {session.trial_torque:g} N·m"
-        hint = f"{torque}: 28.1 for {session.here}, or h4=17.3; several with blanks between"
-        self._ask_change("add trials", "", hint, state.with_trials)
-
-    def action_drop_trial(self) -> None:
-        """Drop the last trial."""
-        self.change(state.without_trial)
+    def action_change(self, name: str) -> None:
+        """Go on with the session as a function of `state` makes it."""
+        self.change(getattr(state, name))
 
     @on(DataTable.RowSelected, "#levers")
     def edit(self) -> None:
@@ -286,15 +228,17 @@ class Explorer(Exporting):
         if lever := self._lever():
             title = f"{lever.path}, {lever.unit}" if lever.unit else lever.path
             hint = f"{lever.words}. Empty takes a change back."
-            self._ask_change(title, lever.text, hint, lambda s, value: state.edited(s, lever.path, value))
 
-    def _ask_change(self, title: str, text: str, hint: str, change: Callable[[Session, str], Session]) -> None:
-        """Have a text filled in that changes the session."""
+            def change(session: Session, value: str) -> Session:
+                return state.edited(session, lever.path, value)
 
-        def take(values: tuple[str, ...]) -> None:
-            self.change(lambda s: change(s, values[0]))
-
-        self.fill_in(title, [("", text)], hint, take, lambda values: change(self.session, values[0]))
+            self.fill_in(
+                title,
+                lever.text,
+                hint,
+                lambda value: self.change(lambda session: change(session, value)),
+                lambda value: change(self.session, value),
+            )
 
     def action_nudge(self, steps: int) -> None:
         """Change the field under the cursor by steps."""

@@ -13,7 +13,6 @@ from textual.color import Color
 from textual.filter import LineFilter
 from textual.timer import Timer
 
-from hdassist.error.trace import Trace
 from hdassist.errors import HdassistError
 from hdassist.explorer.compute import (
     FULL,
@@ -23,34 +22,30 @@ from hdassist.explorer.compute import (
     LeverEffects,
     SeatCurve,
     drive_answers,
-    trial_answers,
 )
 from hdassist.explorer.screens import Form
 from hdassist.explorer.service import Failed, Question, Service
-from hdassist.explorer.state import Session, Step
+from hdassist.explorer.state import Changes, Session
 from hdassist.mounting.advice import Advice
 from hdassist.report.report import Report
 from hdassist.terminal.console import PLAIN_CHARACTERS
-from hdassist.trials.advice import TrialAdvice
 from hdassist.visible import visible
 
-REST = 0.7  # s without a key before the cam turn and the steps of levers are asked for
+REST = 0.7  # s without a key before the steps of levers are asked for
 THEMES = ("textual-light", "textual-dark")
-SIGNS = PLAIN_CHARACTERS | str.maketrans("○●◌◆…°″±≤≥←→↑↓─━┄│", 'o@%#~d"~<><>^v---|')  # of one column each
+SIGNS = PLAIN_CHARACTERS | str.maketrans("○●◌…°″±≤≥←→↑↓─━┄│", 'o@%~d"~<><>^v---|')  # of one column each
 
 
 @dataclass
 class Known:
-    """Answers about one variant of the drive, or about one with trials; old: the headline of the variant before."""
+    """Answers about one variant of the drive; old: the headline of the variant before."""
 
     curve: SeatCurve | None = None
     headline: Headline | None = None
     old: Headline | None = None
-    advice: Advice | TrialAdvice | None = None
+    advice: Advice | None = None
     report: Report | None = None  # of the advice
     effects: LeverEffects | None = None
-    trace: Trace | None = None
-    traced: tuple[float, float] | None = None  # turn of the wheel [deg] and torque [N*m] of the trace
     failed: Failed | None = None
 
     def take(self, answer: ExplorerAnswer) -> None:
@@ -62,7 +57,6 @@ FIELD_OF = {
     SeatCurve: "curve",
     Headline: "headline",
     LeverEffects: "effects",
-    Trace: "trace",
     Report: "report",
     Failed: "failed",
 }
@@ -98,9 +92,9 @@ class Asking(App[int]):
         ascii: bool = False,
     ) -> None:
         super().__init__()
-        self.ascii, self.torque = ascii, 0  # place of the torque that cam turn and levers are shown at
+        self.ascii = ascii
         self.session, self.service, self.effort = session, service, effort
-        self.answers: dict[Step, Known] = {}
+        self.answers: dict[Changes, Known] = {}
         self._rest: Timer | None = None
         self.theme = THEMES[dark]
 
@@ -116,24 +110,13 @@ class Asking(App[int]):
 
     @property
     def known(self) -> Known:
-        """Answers about the drive without trials."""
-        return self.answers.setdefault(Step(self.session.changes), Known())
-
-    @property
-    def of_trials(self) -> Known | None:
-        """Answers from the trials; None where there are none."""
-        return self.answers.setdefault(self.session.step, Known()) if self.session.trials else None
+        """Answers about the drive as it is changed."""
+        return self.answers.setdefault(self.session.changes, Known())
 
     @property
     def of_preset(self) -> Known | None:
         """Answers about the drive as it was opened, None where nothing is changed."""
-        return self.answers.get(Step()) if self.session.changes else None
-
-    @property
-    def M_g(self) -> float:
-        """Torque that cam turn and levers are shown at [N*m]."""
-        torques = self.session.drive.operation.M_g
-        return torques[self.torque % len(torques)]
+        return self.answers.get(()) if self.session.changes else None
 
     def show(self, session: Session) -> None:
         """Go on with another session: ask for answers that are missing, and draw it."""
@@ -141,12 +124,8 @@ class Asking(App[int]):
         if session.changes != old.changes:
             if self.workers.cancel_group(self, "levers"):
                 before.effects = None
-            if self.workers.cancel_group(self, "turn"):
-                before.traced = None
             self.known.old = before.headline or before.old
             self.ask_of_drive()
-        if session.step != old.step:
-            self.ask_of_trials()
         self.when_at_rest()
         self.draw()
 
@@ -165,13 +144,13 @@ class Asking(App[int]):
     def fill_in(
         self,
         title: str,
-        fields: Sequence[tuple[str, str]],
+        text: str,
         hint: str,
-        take: Callable[[tuple[str, ...]], None],
-        check: Callable[[tuple[str, ...]], object] | None = None,
+        take: Callable[[str], None],
+        check: Callable[[str], object] = lambda _: None,
     ) -> None:
-        """Have a form filled in, and take its values unless it is left."""
-        self.push_screen(Form(title, fields, hint, check), lambda values: take(values) if values else None)
+        """Have a line filled in, and take its text unless it is left."""
+        self.push_screen(Form(title, text, hint, check), lambda found: None if found is None else take(found))
 
     def ask_of_drive(self) -> None:
         """Ask for the answers of `check` and `mount`, unless they are there."""
@@ -180,19 +159,12 @@ class Asking(App[int]):
             self.known.failed = None
             self.follow(partial(drive_answers, self.session.drive, self.effort), self.known, "drive")
 
-    def ask_of_trials(self) -> None:
-        """Ask for the answer of `trials`, unless it is there or there are none."""
-        self.workers.cancel_group(self, "trials")
-        if (known := self.of_trials) and known.advice is None:
-            known.failed = None
-            self.follow(partial(trial_answers, self.session, self.effort), known, "trials")
-
     def follow(self, question: Question, known: Known, group: str) -> None:
         """Ask, and take each answer; another question of the group ends the process of this one."""
 
         async def follow() -> None:
             async for answer in self.service.ask(question):
-                if isinstance(answer, Failed) and group in ("levers", "turn"):
+                if isinstance(answer, Failed) and group == "levers":
                     self.complain(answer)
                 else:
                     known.take(answer)
@@ -212,4 +184,4 @@ class Asking(App[int]):
     @property
     def busy(self) -> bool:
         """Whether processes compute."""
-        return any(not worker.is_finished for worker in self.workers if worker.group in ("drive", "trials"))
+        return any(not worker.is_finished for worker in self.workers if worker.group == "drive")

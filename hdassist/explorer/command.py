@@ -14,26 +14,21 @@ HUNG_UP = "explore.txt"  # among the user's states: the command that goes on, wh
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
+class ExploreCommand(o.LoadedDriveOptions):
     """A drive turned on the screen: where the fixed wheel is best, and what each value of the preset does.
 
     \b
     Examples:
       hdassist explore vzp160
       hdassist explore my-drive.yaml --set phases.xi_b=230
-      hdassist explore my-drive.yaml h0=28.1 h4=17.3 h8=24.9
 
-    Arrow keys turn the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline); t adds a trial, c
-    writes the assembly card, ? explains the screen. Numbers are coarse at once, then refined, then proven; a card comes
-    only from what mount and trials would order too. The line at the bottom is the command that gives the same answer in
-    a script; on leaving, the command that comes back to the session is printed.
+    Arrow keys turn the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline), + and - step the
+    field under the cursor, s saves the preset, ? explains the screen. Numbers are refined at once, then proven; the
+    order is that of mount. The line at the bottom is the command that gives the same answer in a script; on leaving,
+    the command that comes back to the session is printed.
     """
 
     preset: o.Preset
-    trials: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="HOLE=F_IOR", help="Trials to begin with, as hdassist trials takes them."),
-    ] = None
     light: Annotated[bool, typer.Option("--light", help="Dark letters on a light ground.")] = False
     ascii: o.Ascii = False
     jobs: o.Jobs = 0
@@ -42,14 +37,11 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
     def run(self) -> int:
         """Show the drive; returns the exit code."""
         from hdassist.errors import UsageError
-        from hdassist.explorer.state import opened_state, rig_of, with_trials
+        from hdassist.explorer.state import opened_state
 
         if self.preset == "-":
             raise UsageError("the explorer needs standard input for its keys", "name a preset or a file")
-        session = opened_state(self.preset, tuple(self.changes), self.only(o.TrialOptions))
-        rig_of(session)
-        if self.trials:
-            session = with_trials(session, " ".join(self.trials))
+        session = opened_state(self.preset, tuple(self.changes))
         if not (sys.stdin.isatty() and sys.stdout.isatty()):
             raise UsageError("the explorer needs a terminal", f"in a script: {session.command()}")
 
@@ -75,7 +67,7 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
         if is_hung_up:
             for stream in (sys.stdout, sys.stderr):
                 silence(stream)
-        if app.session.step != session.step:
+        if app.session.changes != session.changes:
             for name in ("explore", "check"):
                 say(f"back to it: {app.session.command(name)}")
             if is_hung_up:

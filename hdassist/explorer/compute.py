@@ -15,29 +15,23 @@ from hdassist.belief.samples import EFFECTIVE_SAMPLES, ErrorBelief, Samples, err
 from hdassist.design.check import DesignCheck, OperatingPoint, check, drive_samples
 from hdassist.error.error_map import searchable
 from hdassist.error.self_error import limits_left
-from hdassist.error.trace import Trace, trace
 from hdassist.errors import HdassistError
 from hdassist.explorer.levers import SETTING_SECTIONS, step_of
 from hdassist.explorer.service import Failed
-from hdassist.explorer.state import Session, rig_of
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import no_hole_better, unknown_turn, unknowns
 from hdassist.mounting.advice import Advice, advise
 from hdassist.mounting.losses import PositionStatistics
-from hdassist.mounting.positions import rotated, seat_positions
-from hdassist.mounting.trial import read_trial
+from hdassist.mounting.positions import seat_positions
 from hdassist.pages.check import check_report
 from hdassist.pages.mount import mount_report
-from hdassist.pages.trials import trials_report
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.report.report import Report
 from hdassist.run.processes import workers
-from hdassist.run.run import UNCHECKED, Run
+from hdassist.run.run import Run
 from hdassist.solve.window import in_wide_enough_window
-from hdassist.trials.advice import TrialAdvice, advise_from_trials
-from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort
 from hdassist.verdict import Verdict, verdict_by_probability
 
 SEED = 0  # of samples and of what is solved again, as the commands have it
@@ -57,12 +51,10 @@ class Sure(StrEnum):
 class Effort:
     """How much is computed.
 
-    draws: effective samples of what is not known exactly; trials: that of trials; jobs: processes at work, 0 for one
-    each core.
+    draws: effective samples of what is not known exactly; jobs: processes at work, 0 for one each core.
     """
 
     draws: int = EFFECTIVE_SAMPLES
-    trials: TrialEffort = TRIAL_EFFORT
     jobs: int = 0
 
 
@@ -85,13 +77,6 @@ class SeatCurve:
         """Which of the turns one is, None for another."""
         near = np.abs((np.array(self.rotations_deg) - rotation_deg + 180) % 360 - 180) < 1e-6
         return int(near.argmax()) if near.any() else None
-
-    @property
-    def merits(self) -> Array:
-        """Greatest over the torques of the median against that of how the wheel stands, shape (turns,)."""
-        median = self.F_ior_arcsec[1]
-        now = median[:, self.rotations_deg.index(0.0)]
-        return np.asarray((median / np.maximum(now, 1e-9)[:, None]).max(axis=0))
 
 
 @dataclass(frozen=True)
@@ -144,7 +129,7 @@ class LeverEffects:
     steps: Mapping[str, tuple[float, tuple[float, ...]]]
 
 
-ExplorerAnswer = SeatCurve | Headline | LeverEffects | Report | Advice | TrialAdvice | Trace | Failed
+ExplorerAnswer = SeatCurve | Headline | LeverEffects | Report | Advice | Failed
 Tell = Callable[[ExplorerAnswer], None]
 
 
@@ -172,28 +157,6 @@ def drive_answers(drive: Drive, effort: Effort, tell: Tell) -> None:
         tell(_mount_curve(advice))
     tell(mount_report(advice, SEED))
     tell(advice)
-
-
-def trial_answers(session: Session, effort: Effort, tell: Tell) -> None:
-    """The answer of `trials`. Raises HdassistError where there is none."""
-    drive = session.drive
-    with workers(effort.jobs) as executor:
-        advice = advise_from_trials(
-            drive,
-            [read_trial(text, drive.mounting.holes) for text in session.trials],
-            rig_of(session),
-            needed=session.rig.sure,
-            effort=effort.trials,
-            run=Run(executor, seed=SEED),
-        )
-    tell(_statistics_curve(advice.losses))
-    tell(trials_report(advice))
-    tell(advice)
-
-
-def cam_turn(drive: Drive, rotation_deg: float, M_g: float, tell: Tell) -> None:
-    """The answer of `trace` with the fixed wheel turned. Raises HdassistError where there is none."""
-    tell(in_wide_enough_window(rotated(drive, rotation_deg), partial(trace, M_g=M_g, run=UNCHECKED)))
 
 
 def lever_effects(drive: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:

@@ -1,33 +1,28 @@
-"""The panes of the explorer: F'_ior over the holes, the seat, the levers, a cam turn."""
+"""The panes of the explorer: F'_ior over the holes, the seat, the levers."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
-import numpy as np
 from rich.text import Text
 from textual.binding import Binding, BindingType
-from textual.widgets import DataTable, Static
+from textual.widgets import DataTable
 
-from hdassist.error.trace import Trace
 from hdassist.explorer.compute import LeverEffects, SeatCurve, Sure
 from hdassist.explorer.levers import Lever
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
-from hdassist.mounting.trial import Trial
 from hdassist.pages.seat import seat_holes
 from hdassist.report.blocks import Seat, SeatMark
-from hdassist.terminal.console import Style
-from hdassist.terminal.plot import curve, ticks
+from hdassist.terminal.plot import ticks
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.visible import visible
 
 MARKS = {Sure.REFINED: "○", Sure.PROVEN: "●", Sure.RANGE: "◌"}
 TORQUE_STYLES = ("cyan", "yellow", "magenta", "green")  # styles of the torques, one after the other
-LETTER_STYLES = {"B": "green bold", "W": "red bold", "?": "magenta bold", "◆": "magenta"}
+LETTER_STYLES = {"B": "green bold", "W": "red bold", "?": "magenta bold"}
 LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
-ORDERS = 5  # that a cam turn names, the greatest
 LEAST_BAR = 10  # columns of a bar at least
 
 
@@ -75,32 +70,25 @@ class Holes(LeverTable):
         found: SeatCurve | None,
         behind: SeatCurve | None,
         letters: Mapping[float, str],
-        trials: Sequence[Trial],
     ) -> None:
         """Show positions.
 
-        Arguments: session; found, their F'_ior; behind, that of another variant; letters by turn [deg]; trials.
+        Arguments: session; found, their F'_ior; behind, that of another variant; letters by turn [deg].
         """
         drive = session.drive
         limits = [limit for M_g in drive.operation.M_g if (limit := drive.limit(M_g))]
-        highest = max(
-            [0.1, *(one.F_ior_arcsec for one in trials), *(found.F_ior_arcsec.max(axis=(1, 2)) if found else ())]
-        )
+        highest = float(found.F_ior_arcsec.max(initial=0.1)) if found else 0.1
         highest = max([highest, *(limit for limit in limits if limit < 1.5 * highest)])
         top = ticks(0.0, highest, 5)[-1]
-        values = {
-            at: _values(found, at)
-            for at in sorted({*session.positions, *letters, *(one.rotation_deg for one in trials)})
-        }
+        values = {at: _values(found, at) for at in sorted({*session.positions, *letters})}
         width = self.size.width - max(map(len, values.values())) - 12
         rows = {}
         for rotation, numbers in values.items():
             hole, signs = bare(rotation, session.drive.mounting.holes), letters.get(rotation, "")
-            measured = [one.F_ior_arcsec for one in trials if abs(one.rotation_deg - rotation) < 1e-6]
             head = Text.assemble((f"{hole:>4} ", "bold" if rotation == session.turn_deg else ""))
-            for sign in f"{signs}{'◆' * bool(measured)}"[:4].ljust(4):
+            for sign in signs[:4].ljust(4):
                 head.append(sign, LETTER_STYLES.get(sign, "bold"))
-            bar = _bar(max(width, LEAST_BAR), top, rotation, found, behind, limits, measured)
+            bar = _bar(max(width, LEAST_BAR), top, rotation, found, behind, limits)
             rows[f"{rotation}"] = (head, Text.assemble(" ", numbers, " "), bar)
         self.fill(rows)
         self.border_title = f"F'_ior in each hole, arcsec{f', bars 0 to {top:g}' * bool(found)}"
@@ -127,9 +115,8 @@ def _bar(
     found: SeatCurve | None,
     behind: SeatCurve | None,
     limits: Iterable[float],
-    measured: Iterable[float],
 ) -> Text:
-    """A row of signs from 0 to a top [arcsec]: limits, the other variant, values with their range, trials."""
+    """A row of signs from 0 to a top [arcsec]: limits, the other variant, values with their range."""
     signs = [(" ", "")] * width
 
     def put(value: float, sign: str, style: str) -> None:
@@ -147,8 +134,6 @@ def _bar(
                 if low <= step / (width - 1) * top <= high:
                     put(step / (width - 1) * top, "─", style)
             put(middle, MARKS[curve_.sure[place]] if is_shown else "┄", style)
-    for value in measured:
-        put(value, "◆", "magenta")
     return Text.assemble(*signs)
 
 
@@ -167,26 +152,6 @@ def seat_pane(session: Session, letters: Mapping[float, str]) -> Text:
     return text
 
 
-class Turn(Static):
-    """The error over a cam turn with its greatest orders."""
-
-    def show(self, found: Trace | None, style: Style) -> None:
-        """Show a trace; None while it is computed."""
-        if found is None:
-            self.update(Text("computing …", "dim"))
-            return
-        if style.width < LEAST_BAR:
-            return
-        error = found.error
-        drawn = curve(
-            style, np.degrees(error.states.phi_h), error.error_arcsec, x_label="cam angle, deg", y_label="",
-            height=max(self.size.height - ORDERS - 4, 5),
-        )  # fmt: skip
-        orders = sorted(found.orders, key=lambda order: -order.amplitude_arcsec)[:ORDERS]
-        lines = [f"{each.per_cam_rev:6.2f} {each.amplitude_arcsec:7.2f}  {each.cause.split(';')[0]}" for each in orders]
-        self.update(Text.assemble(drawn.lstrip("\n"), ("\n" + "\n".join(lines), "dim"), no_wrap=True, overflow="crop"))
-
-
 class Levers(LeverTable):
     """The fields of the preset with their values and what a plausible step of each does."""
 
@@ -195,18 +160,17 @@ class Levers(LeverTable):
         Binding("minus", "app.nudge(-1)", "- step", show=False),
     ]
 
-    def show(self, levers: Iterable[Lever], effects: LeverEffects | None, torque: int, wanted: str) -> None:
+    def show(self, levers: Iterable[Lever], effects: LeverEffects | None, wanted: str) -> None:
         """Show fields whose path or meaning has some words, those that change F'_ior most first."""
-        steps = effects.steps if effects else {}
+        steps = {
+            path: (by, max(changes, key=abs)) for path, (by, changes) in (effects.steps if effects else {}).items()
+        }
         words = wanted.lower().split()
         found = [each for each in levers if all(word in f"{each.path} {each.meaning}".lower() for word in words)]
 
-        def change(lever: Lever) -> float:
-            return abs(steps[lever.path][1][torque]) if lever.path in steps else -1.0
-
         rows = {}
-        for lever in sorted(found, key=change, reverse=True):
-            by, changes = steps.get(lever.path, (0.0, ()))
+        for lever in sorted(found, key=lambda each: -abs(steps[each.path][1]) if each.path in steps else 1.0):
+            by, change = steps.get(lever.path, (0.0, 0.0))
             ink = "green" if lever.mark == "*" else "dim" if lever.text == "unknown" else ""
             value = visible(lever.text)
             value = value if len(value) <= 12 else f"{value[:11]}…"
@@ -215,6 +179,6 @@ class Levers(LeverTable):
                     f"{lever.path:.22}", (f" {lever.mark or ' '}", "yellow" if lever.mark == "?" else "green")
                 ),
                 Text.assemble((f"{value:>8}", ink), (f" {lever.unit}", "dim")),
-                Text(f" {by:+g}: {changes[torque]:+.2f}" if changes else "", "cyan"),
+                Text(f" {by:+g}: {change:+.2f}" if by else "", "cyan"),
             )
         self.fill(rows)

@@ -1,4 +1,4 @@
-"""The explorer's lines of text: head, F'_ior by torque, trials and advice."""
+"""The explorer's lines of text: head, F'_ior by torque, and advice."""
 
 from __future__ import annotations
 
@@ -16,32 +16,15 @@ from hdassist.mounting.positions import hole_words
 from hdassist.report.blocks import Facts
 from hdassist.report.report import Report
 from hdassist.terminal.brief import proof
-from hdassist.trials.advice import TrialAdvice
 from hdassist.verdict import Verdict
 from hdassist.visible import visible
 
 VERDICT_STYLES = {Verdict.PASS: "green bold", Verdict.FAIL: "red bold", Verdict.INCONCLUSIVE: "yellow bold"}
 
 
-def is_order_settled(advice: Advice | TrialAdvice) -> bool:
-    """Whether an advice orders something: only then there is a card."""
-    return advice.order != "none" if isinstance(advice, Advice) else advice.settled
-
-
-def next_deg(advice: Advice | TrialAdvice) -> float | None:
-    """The turn [deg] at which to measure next; None where it is settled."""
-    if is_order_settled(advice):
-        return None
-    return advice.to_try[0].rotation_deg if isinstance(advice, Advice) else advice.to_measure_next[0]
-
-
-def why_no_card(advice: Advice | TrialAdvice | None) -> str:
-    """Why there is no card; empty where there is one."""
-    if advice is None:
-        return "nothing is ordered before it is proven"
-    if is_order_settled(advice):
-        return ""
-    return "unknown inputs could change the order" if isinstance(advice, Advice) else "the trials do not settle it"
+def next_deg(advice: Advice) -> float | None:
+    """The turn [deg] at which to measure next; None where a position is ordered."""
+    return advice.to_try[0].rotation_deg if advice.order == "none" else None
 
 
 def head(session: Session) -> Text:
@@ -92,43 +75,26 @@ def _values(percentiles: Iterable[float]) -> str:
     return " - ".join(f"{value:.2f}" for value in dict.fromkeys(percentiles)) + "″"
 
 
-def stage(known: Known, of_trials: Known | None, busy: bool) -> str:
+def stage(known: Known, busy: bool) -> str:
     """How sure the values over the holes are, and whether they become surer."""
-    curve = of_trials.curve if of_trials else known.curve
-    more = " …" if busy else ""
-    return (
-        "NO ANSWER"
-        if known.failed
-        else "COMPUTING …" * busy
-        if curve is None
-        else f"{curve.sure[curve.rotations_deg.index(0.0)]}{more}"
-    )
+    if known.failed:
+        return "NO ANSWER"
+    if known.curve is None:
+        return "COMPUTING …" * busy
+    return f"{known.curve.sure[known.curve.rotations_deg.index(0.0)]}{' …' * busy}"
 
 
-def trials_text(session: Session) -> Text:
-    """The trials so far, and how to add one."""
-    if session.trials:
-        return Text("  ".join(session.trials), "magenta")
-    text = Text("none yet. ", "dim")
-    text.append("t", "bold")
-    return text.append(f" adds F'_ior measured at {session.trial_torque:g} N·m in a position", "dim")
-
-
-def advice_text(known: Known, of_trials: Known | None, any_hole: bool) -> Text:
-    """The order with its reasons, or why there is none yet; below it what the pages of it and of `check` note."""
-    here, text, notes = of_trials or known, Text(), []
-    if failed := here.failed or known.failed:
-        text.append(visible(failed.message), "red")
-        notes.append(failed.hint)
-    elif here.report and here.advice:
-        text.append(visible(" ".join(here.report.why)), "bold" * is_order_settled(here.advice))
-        why = why_no_card(here.advice)
-        text.append(f"\n{f'no card: {why}' if why else 'c writes the card'}", "dim")
-        notes += report_notes(here.report)
-    elif of_trials is not None:
-        text.append("Weighing the trials …", "dim")
+def advice_text(known: Known, any_hole: bool) -> Text:
+    """The order with its reasons, or why there is none yet; below it what the pages of `mount` and `check` note."""
+    text, notes = Text(), []
+    if known.failed:
+        text.append(visible(known.failed.message), "red")
+        notes.append(known.failed.hint)
+    elif known.report and known.advice:
+        text.append(visible(" ".join(known.report.why)), "bold" * (known.advice.order != "none"))
+        notes += report_notes(known.report)
     elif any_hole:
-        text.append("Directions are not known: any hole may be the best one. Measure in three holes (t).")
+        text.append("Directions are not known: any hole may be the best one. Measure in three holes: hdassist trials.")
     else:
         text.append("Computing: nothing is ordered before it is proven …", "dim")
     if known.headline and known.headline.report:

@@ -14,12 +14,10 @@ from hdassist.errors import HdassistError
 from hdassist.explorer.app import Explorer
 from hdassist.explorer.compute import Effort, ExplorerAnswer
 from hdassist.explorer.service import Failed, Question
-from hdassist.explorer.state import USUAL, Session, opened_state
-from hdassist.terminal.options import TrialOptions
-from hdassist.trials.prior import TrialEffort
+from hdassist.explorer.state import Session, opened_state
 from tests.process import TINY, no_processes
 
-QUICK = Effort(draws=8, trials=TrialEffort.of(8), jobs=1)
+QUICK = Effort(draws=8, jobs=1)
 FEW = ("operation.M_g=[4.0]", "mounting.holes=6")  # states
 LONGEST = 60.0  # s
 
@@ -52,9 +50,9 @@ def _answers(pickled: bytes) -> list[ExplorerAnswer]:
     return found
 
 
-def tiny(*overrides: str, rig: TrialOptions = USUAL) -> Session:
+def tiny(*overrides: str) -> Session:
     """The tiny drive at one torque, with six holes, and more on top."""
-    return opened_state(TINY, (*FEW, *overrides), rig)
+    return opened_state(TINY, (*FEW, *overrides))
 
 
 def explored(

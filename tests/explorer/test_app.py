@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input
 
@@ -10,32 +9,27 @@ from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.design.check import check
 from hdassist.explorer import state
 from hdassist.explorer.app import Explorer
-from hdassist.explorer.asking import REST, Known
+from hdassist.explorer.asking import REST
 from hdassist.explorer.compute import FULL, Sure
 from hdassist.explorer.screens import Confirm, Explain, Form
-from hdassist.explorer.state import Session, opened_state, with_trials
+from hdassist.explorer.state import Session, opened_state
 from hdassist.explorer.words import advice_text
 from hdassist.loading.load import load_text
-from hdassist.pages.trials import trials_instruction
-from hdassist.trials.advice import TrialAdvice
 from tests.explorer.rig import FEW, QUICK, explored, said, screen, settled, tiny, typed
-from tests.process import SMALL, TINY
+from tests.process import TINY
 
 SETS = [word for text in FEW for word in ("--set", text)]
 
 
-def test_the_screen_has_error_seat_holes_levers_cam_turn_and_the_order() -> None:
+def test_the_screen_has_error_seat_holes_levers_and_the_order() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.pause(REST + 0.2)
         await settled(app, pilot)
         told = screen(app)
-        assert app.known.advice is not None and "Turn the rigid wheel" in told and "c writes the card" in told
+        assert app.known.advice is not None and "Turn the rigid wheel" in told
         assert "SEAT, cam side" in told and "LEVERS" in told and "F'_ior in each hole, arcsec" in told
         assert f"= hdassist mount {TINY[:40]}" in told
         assert "PROVEN" in told and "80 N·m" not in told
-        trace = app.known.trace
-        assert trace is not None and "cam angle, deg" in told
-        assert f"{max(order.amplitude_arcsec for order in trace.orders):7.2f}" in told
         (point,) = check(app.session.drive).points
         assert f"4 N·m {point.error.F_ior_arcsec:.2f}″" in told and "every state solved" in told
 
@@ -44,7 +38,7 @@ def test_the_screen_has_error_seat_holes_levers_cam_turn_and_the_order() -> None
 
 def F_ior(app: Explorer, rotation_deg: float) -> float:
     """F'_ior in a position, as the holes have it."""
-    curve = (app.of_trials or app.known).curve
+    curve = app.known.curve
     assert curve is not None
     place = curve.place(rotation_deg)
     assert place is not None
@@ -90,62 +84,6 @@ def test_the_best_and_the_worst_hole_are_those_of_mount() -> None:
     explored(act, tiny("uncertainty.phases.phi_hb=60", "mounting.holes=12"), size=(140, 40))
 
 
-def test_trials_are_entered_dropped_undone_and_weighed() -> None:
-    async def act(app: Explorer, pilot: Pilot[int]) -> None:
-        await pilot.press("right", "t")
-        await typed(pilot, "480 h3=470")
-        await pilot.press("enter")
-        await settled(app, pilot)
-        assert app.session.trials == ("h1=480", "h3=470")
-        found = app.of_trials
-        assert found is not None and (found.advice or found.failed)
-        assert "hdassist trials" in screen(app) and "h3=470" in screen(app)
-        await pilot.press("x")
-        assert app.session.trials == ("h1=480",)
-        await pilot.press("u", "u")
-        assert app.session.trials == () and app.of_trials is None
-        await pilot.press("r")
-        assert app.session.trials == ("h1=480", "h3=470")
-
-    explored(act)
-
-
-@pytest.fixture(scope="module")
-def likely() -> str:
-    """Trials that the small drive can show: what is computed of it, turned by a hole."""
-    app = explored(lambda app, pilot: pilot.pause(), opened_state(SMALL, FEW))
-    values = [F_ior(app, 60.0 * k) for k in range(6)]
-    return " ".join(f"h{k}={values[(k - 1) % 6]:.1f}" for k in (0, 2, 4))
-
-
-def test_trials_that_explain_themselves_have_a_band_and_the_commands_words(likely: str) -> None:
-    async def act(app: Explorer, pilot: Pilot[int]) -> None:
-        found = app.of_trials
-        assert found is not None and isinstance(found.advice, TrialAdvice) and found.curve is not None
-        weighing = advice_text(app.known, Known(), any_hole=False)
-        assert weighing.plain.startswith("Weighing the trials …")
-        assert set(found.curve.sure) == {Sure.RANGE}
-        assert "◆" in screen(app) and "90 % RANGE" in screen(app)
-        assert not found.advice.settled
-        await pilot.press("c")
-        assert "no card: the trials do not settle it" in said(app)
-        assert found.report is not None and found.report.values["instruction"] == trials_instruction(found.advice)
-
-    explored(act, with_trials(opened_state(SMALL, FEW), likely))
-
-
-def test_a_trial_that_cannot_be_is_refused_where_it_is_entered() -> None:
-    async def act(app: Explorer, pilot: Pilot[int]) -> None:
-        await pilot.press("t")
-        await typed(pilot, "h99=3")
-        await pilot.press("enter")
-        assert isinstance(app.screen, Form) and "the seat's holes are h0 to h5" in screen(app)
-        await pilot.press("escape")
-        assert app.session.trials == () and not isinstance(app.screen, Form)
-
-    explored(act)
-
-
 async def to_lever(app: Explorer, pilot: Pilot[int], path: str) -> None:
     app.levers.focus()
     app.levers.move_cursor(row=app.levers.get_row_index(path))
@@ -167,7 +105,7 @@ def test_a_field_is_edited_marked_compared_and_taken_back() -> None:
         assert app.known.headline is not None and app.known is not before
         change = app.known.headline.rows[0].p50 - before.headline.rows[0].p50
         assert "j_n *" in told and "1 changed" in told and "┄" in told and f"; preset {change:+.2f}″" in told
-        assert "--set gears.j_n=8" in app.command_line()
+        assert "--set gears.j_n=8" in app.session.command()
         await pilot.press("u")
         assert app.session.changes == () and app.known is before and "┄" not in screen(app)
 
@@ -226,11 +164,7 @@ def range_of_check(session: Session) -> str:
     return f"4 N·m {point.belief.p5:.2f} - {point.belief.p50:.2f} - {point.belief.p95:.2f}″"
 
 
-def test_unknown_directions_have_a_range_with_its_verdict_no_order_and_no_card(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-
+def test_unknown_directions_have_a_range_with_its_verdict_and_no_order() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         told = screen(app)
         assert "PHASES UNKNOWN" in told and "directions unknown" in told and "PROVEN" not in told
@@ -240,10 +174,8 @@ def test_unknown_directions_have_a_range_with_its_verdict_no_order_and_no_card(
         margin = 2050 - point.held_arcsec[1]
         assert f", limit 2050: kept {100 * point.probability.value:.0f} %, {point.verdict}" in told
         assert f"({margin:+.2f}″ to the limit)" in told
-        assert "\nmeasure: " in advice_text(app.known, None, any_hole=True).plain
-        await pilot.press("c")
-        await pilot.pause()
-        assert "no card" in said(app) and not isinstance(app.screen, Form) and not list(tmp_path.iterdir())
+        assert "\nmeasure: " in advice_text(app.known, any_hole=True).plain
+        assert app.known.advice is not None and app.known.advice.order == "none"
 
     explored(act, tiny(*TURNABLE, "acceptance.F_ior=2050"), size=(140, 40))
 
@@ -266,12 +198,8 @@ def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
         low, _, high = curve.F_ior_arcsec[:, 0, 0]
         assert 0 < low < high and f"{low:.1f}…{high:.1f}" in told
         await pilot.press("right")
-        await pilot.pause(REST + 0.2)
         await settled(app, pilot)
-        assert "cam turn at 4 N·m, ″, unknown as 0" in screen(app) and "hdassist mount" in screen(app)
-        await pilot.press("4")
-        await settled(app, pilot)
-        assert "hdassist trace" in screen(app) and "PROVEN" not in told + screen(app)
+        assert "hdassist mount" in screen(app) and "PROVEN" not in told + screen(app)
 
     explored(act, tiny("tolerances.e_hh=unknown"), size=(160, 45))
 
@@ -316,7 +244,7 @@ def test_one_pane_at_a_time_where_there_is_little_room() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert "LEVERS" not in screen(app) and all(len(row) == 80 for row in screen(app).split("\n"))
         assert "F'_ior in each hole, arcsec" in screen(app)
-        for key, title in (("l", "LEVERS"), ("2", "SEAT"), ("4", "cam turn"), ("1", "F'_ior in each hole, arcsec")):
+        for key, title in (("l", "LEVERS"), ("2", "SEAT"), ("1", "F'_ior in each hole, arcsec")):
             await pilot.press(key)
             await pilot.pause()
             assert title in screen(app)
@@ -336,17 +264,14 @@ def test_one_pane_at_a_time_where_there_is_little_room() -> None:
     explored(act, size=(80, 24))
 
 
-def test_explanation_and_torque_are_a_key_away() -> None:
+def test_the_explanation_is_a_key_away() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("question_mark")
         assert isinstance(app.screen, Explain) and "REFINED" in screen(app)
-        await pilot.press("escape", "4", "m")
-        await pilot.pause(REST + 0.2)
-        await settled(app, pilot)
-        assert "cam turn at 4 N·m" in screen(app) and "hdassist trace" in screen(app)
-        assert app.known.trace is not None and app.known.trace.error.M_g == 4
+        await pilot.press("escape")
+        assert not isinstance(app.screen, Explain)
 
-    explored(act, tiny("operation.M_g=[1.0, 4.0]"))
+    explored(act)
 
 
 def test_in_seven_bits_the_screen_is_as_wide_and_says_the_same() -> None:
@@ -413,24 +338,5 @@ def test_a_file_that_cannot_be_written_is_said(tmp_path: Path) -> None:
         await pilot.press("enter")
         await pilot.pause()
         assert "cannot write" in said(app) and "there is no directory" in said(app)
-
-    explored(act)
-
-
-def test_the_card_is_that_of_the_command(tmp_path: Path) -> None:
-    from tests.process import run
-
-    card = tmp_path / "card.md"
-    assert run("mount", TINY, *SETS, "--draws", "8", "-q", "--card", str(card)).returncode == 0
-
-    async def act(app: Explorer, pilot: Pilot[int]) -> None:
-        await pilot.press("c")
-        app.screen.query(Input).first().value = str(tmp_path / "card.pdf")
-        await pilot.press("enter")
-        assert isinstance(app.screen, Form) and "its name ends in .txt, .md, .html" in screen(app)
-        app.screen.query(Input).first().value = str(tmp_path / "mine.md")
-        await pilot.press("enter")
-        await settled(app, pilot)
-        assert (tmp_path / "mine.md").read_text() == card.read_text()
 
     explored(act)

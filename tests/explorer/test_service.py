@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.explorer.compute import Effort, ExplorerAnswer, SeatCurve, Sure, cam_turn, drive_answers
+from hdassist.explorer.compute import Effort, ExplorerAnswer, SeatCurve, Sure, drive_answers, lever_effects
 from hdassist.explorer.service import Failed, Question, Service
 from hdassist.mounting.advice import Advice
 from tests.explorer.rig import QUICK, tiny
@@ -31,7 +31,7 @@ async def told(service: Service, question: Question) -> list[ExplorerAnswer]:
 
 def turn(*overrides: str) -> Question:
     """What is computed soon."""
-    return partial(cam_turn, tiny(*overrides).drive, 0.0, 4.0)
+    return partial(lever_effects, tiny(*overrides).drive, {}, QUICK)
 
 
 def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Service) -> None:
@@ -52,7 +52,7 @@ def test_an_answer_that_is_there_comes_before_the_next_is_computed(service: Serv
 
 
 def test_what_cannot_be_computed_is_an_answer_too(service: Service) -> None:
-    question = partial(cam_turn, tiny("operation.M_g=[9000000.0]").drive, 0.0, 9e6)
+    question = partial(lever_effects, tiny("operation.M_g=[9000000.0]").drive, {}, QUICK)
     [failed] = asyncio.run(told(service, question))
     assert isinstance(failed, Failed) and "linear model" in failed.message
 

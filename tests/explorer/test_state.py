@@ -4,10 +4,9 @@ import pytest
 
 from hdassist.errors import UsageError
 from hdassist.explorer import state
-from hdassist.explorer.state import Session, Step
+from hdassist.explorer.state import Session
 from hdassist.loading.load import load_text
-from hdassist.terminal.options import TrialOptions
-from tests.explorer.rig import FEW, tiny
+from tests.explorer.rig import tiny
 from tests.process import TINY
 
 
@@ -39,54 +38,20 @@ def test_an_empty_value_takes_the_change_back(session: Session) -> None:
     assert state.edited(state.edited(session, "gears.j_n", "8"), "gears.j_n", " ").changes == ()
 
 
-def test_undo_and_redo_go_over_edits_and_trials_but_not_turns(session: Session) -> None:
-    steps = [state.edited(session, "gears.j_n", "8")]
-    steps.append(state.with_trials(state.turned_state(steps[-1], 2), "28.1"))
-    last = steps[-1]
-    assert last.trials == ("h2=28.1",)
+def test_undo_and_redo_go_over_edits_but_not_turns(session: Session) -> None:
+    first = state.edited(session, "gears.j_n", "8")
+    last = state.edited(state.turned_state(first, 2), "gears.j_n", "9")
     back = state.undone(last)
-    assert (back.step, back.turn_deg) == (steps[0].step, 60)
-    assert state.undone(back).step == Step() and state.undone(state.undone(back)).step == Step()
-    assert state.redone(state.redone(state.undone(back))).step == last.step
-    assert state.edited(back, "gears.j_n", "9").future == ()  # what was undone is forgotten
-
-
-def test_a_value_alone_is_a_trial_where_the_wheel_is_looked_at(session: Session) -> None:
-    looked = state.turned_state(session, -1)
-    assert state.with_trials(looked, "17.3 h4=20").trials == ("h11=17.3", "h4=20")
-    assert state.without_trial(state.with_trials(looked, "17.3 h4=20")).trials == ("h11=17.3",)
-
-
-@pytest.mark.parametrize("text", ["", "h12=3", "abc", "h1:", "h1=-3", "17:3"])
-def test_what_is_no_trial_is_refused(session: Session, text: str) -> None:
-    with pytest.raises(UsageError):
-        state.with_trials(session, text)
-
-
-def test_fewer_holes_are_refused_while_a_trial_is_in_another(session: Session) -> None:
-    tried = state.with_trials(session, "h11=20")
-    with pytest.raises(UsageError, match="h0 to h5"):
-        state.edited(tried, "mounting.holes", "6")
-
-
-def test_the_command_of_trials_says_how_they_were_measured() -> None:
-    tried = state.with_trials(tiny(rig=TrialOptions(trial_torque=1.0, noise=0.5)), "h0=28.1 h4=17.3")
-    opened = f"hdassist trials {TINY} --torque=4 --set {FEW[1]}"
-    assert tried.command() == f"{opened} h0=28.1 h4=17.3 --trial-torque 1 --noise 0.5"
-
-
-def test_a_trace_is_of_the_wheel_as_it_is_looked_at(session: Session) -> None:
-    looked = state.turned_state(session, 1)
-    assert "--set phases.xi_b=120" in looked.trace_command(4.0)
-    assert "phases.xi_b" not in looked.command()
+    assert (back.changes, back.turn_deg) == (first.changes, 60)
+    assert state.undone(back).changes == state.undone(state.undone(back)).changes == ()
+    assert state.redone(state.redone(state.undone(back))).changes == last.changes
+    assert state.edited(back, "gears.j_n", "7").future == ()  # what was undone is forgotten
 
 
 def test_turning_goes_round_and_free_angles_go_by_steps() -> None:
     assert state.turned_state(tiny(), -1).turn_deg == 300
     free = tiny("mounting.holes=0")
-    assert state.turned_state(free, 1).turn_deg == 5 and state.with_trials(
-        state.turned_state(free, 1), "20"
-    ).trials == ("5=20",)
+    assert state.turned_state(free, 1).turn_deg == 5
 
 
 def test_of_two_values_of_a_field_the_last_one_counts() -> None:
