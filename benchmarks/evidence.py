@@ -36,7 +36,7 @@ def rows(draws: int):
     from hdassist.preset.requirements import read_requirements
 
     like = load_preset("vzp160")
-    text = similar_preset("own", like, read_requirements(like, ratio=100.0, diameter="63.5 mm", torque="67"))
+    text = similar_preset("own", like, read_requirements(like, ratio=100.0, pitch_diameter="63.5 mm", torque="67"))
     for words, overrides in EVIDENCE.items():
         drive = load_text(text, "own.yaml", [f"operation.M_g={M_G}", *overrides])
         prior = prior_of(drive)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import platform
+import re
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, astuple, dataclass
 from typing import TYPE_CHECKING, Literal
 
 from hdassist.errors import HdassistError, UntrustedError
-from hdassist.report.quantities import Quantity, as_object
+from hdassist.run.processes import count
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal import options as o
 from hdassist.version import __version__
@@ -31,16 +31,9 @@ class DoctorFinding:
     found: str
 
 
-FINDING_COLUMNS: tuple[Quantity[DoctorFinding], ...] = (
-    Quantity("what", "part", "", "", lambda each: each.what),
-    Quantity("status", "status", "", "", lambda each: each.status),
-    Quantity("found", "found", "", "", lambda each: each.found),
-)
-
-
 @dataclass(frozen=True, kw_only=True)
 class DoctorCommand(o.PageOptions):
-    """Whether this installation can be relied on: versions, solvers, a self-test, the terminal, cores and memory.
+    """Whether this installation can be relied on: versions, engine, cache, a self-test, cores and the terminal.
 
     \b
     Examples:
@@ -56,7 +49,7 @@ class DoctorCommand(o.PageOptions):
         from hdassist.terminal.runs import give_report
 
         out = self.open()
-        found = [*packages(), *machine(), engine(), cache(), *terminal(), self_test(), library_finding()]
+        found = [*packages(), surroundings(), engine(), cache(), self_test(), library_finding()]
         broken = any(finding.status == "broken" for finding in found)
         code = UntrustedError.exit_code if broken else 0
         give_report(doctor_report(found, code), out, json=self.json)
@@ -81,8 +74,8 @@ def doctor_report(found: Sequence[DoctorFinding], exit_code: int) -> Report:
         drive=None,
         head="this installation",
         verdict=f"broken: {broken}" if broken else "fine",
-        blocks=(Table.by_row("", FINDING_COLUMNS, worst, words=(0, 1, 2)),),
-        values={"findings": [as_object(FINDING_COLUMNS, each) for each in found]},
+        blocks=(Table("", ("part", "status", "found"), tuple(map(astuple, worst)), words=(0, 1, 2)),),
+        values={"findings": list(map(asdict, found))},
         exit_code=exit_code,
     )
 
@@ -93,28 +86,13 @@ def packages() -> Iterator[DoctorFinding]:
 
     yield DoctorFinding("hdassist", "ok", f"{__version__}, Python {platform.python_version()}, {platform.platform()}")
     for needed in requires("hdassist") or ():
-        name = needed.split(">")[0].split("<")[0].split("=")[0].split(";")[0].strip()
         if "extra ==" in needed:
             continue
+        name = re.split("[<>=;]", needed)[0].strip()
         try:
             yield DoctorFinding(name, "ok", f"{version(name)} ({needed} needed)")
         except PackageNotFoundError:
             yield DoctorFinding(name, "broken", f"not installed: {needed} needed")
-
-
-def machine() -> Iterator[DoctorFinding]:
-    """Cores, memory, threads of linear algebra."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    yield DoctorFinding("cores", "ok", f"{cores} that this process may use")
-    try:
-        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
-        yield DoctorFinding("memory", "ok" if memory >= 1 else "note", f"{memory:.1f} GB")
-    except (AttributeError, ValueError, OSError):
-        yield DoctorFinding("memory", "note", "not told by this system")
-    threads = os.environ.get("OPENBLAS_NUM_THREADS", "")
-    yield DoctorFinding(
-        "OPENBLAS_NUM_THREADS", "ok" if threads == "1" else "note", f"{threads or 'not set'}; 1 is fastest"
-    )
 
 
 def engine() -> DoctorFinding:
@@ -143,15 +121,14 @@ def cache() -> DoctorFinding:
     )
 
 
-def terminal() -> Iterator[DoctorFinding]:
-    """What standard output shows."""
+def surroundings() -> DoctorFinding:
+    """Cores of this machine, and what standard output shows."""
     from hdassist.terminal.console import Style
 
     style = Style.of(sys.stdout)
     kind = "a terminal" if sys.stdout.isatty() else "no terminal"
-    yield DoctorFinding("output", "ok", f"{kind}, {style.width} columns, encoding {sys.stdout.encoding}")
-    plain = "plots in 7-bit characters" if style.ascii else "plots in braille"
-    yield DoctorFinding("characters", "ok", f"{plain}, {'colours' if style.codes else 'no colours'}")
+    shown = f"{style.width} columns, {'7-bit' if style.ascii else 'all'} characters"
+    return DoctorFinding("machine", "ok", f"{count(0)} cores; output: {kind}, {shown}")
 
 
 def self_test() -> DoctorFinding:

@@ -32,10 +32,11 @@ class Command(TyperCommand):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        kinds = get_type_hints(unwrap(self.callback))  # type: ignore[arg-type]
+        kinds = get_type_hints(unwrap(options["callback"]))
+        parameter: Any
         for parameter in self.params:
-            if _is_numeric(kinds.get(str(parameter.name))):
-                parameter.process_value = partial(_process, parameter, parameter.process_value)  # type: ignore[method-assign]
+            if _is_numeric(kinds.get(parameter.name)):
+                parameter.process_value = partial(_process, parameter, parameter.process_value)
 
     def invoke(self, ctx: Context) -> None:
         """Make the command of its options, run it, and leave with its exit code."""

@@ -7,7 +7,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -31,19 +31,9 @@ PIPED_COLUMNS = 10_000  # whoever reads a pipe has the room that a table needs
 PIPE = (80, 24)  # but not more than COLUMNS for what people page through
 
 
-@dataclass(frozen=True, kw_only=True)
-class TableOptions(o.OptionGroup):
-    """How a table is given."""
-
-    json: o.AsJson = False
-    ascii: o.Ascii = False
-    no_color: o.NoColor = False
-    debug: o.Debug = False
-
-
 @presets_app.command("list", cls=Command)
 @dataclass(frozen=True, kw_only=True)
-class PresetsListCommand(TableOptions):
+class PresetsListCommand(o.PageOptions):
     """Presets that come with hdassist.
 
     \b
@@ -59,43 +49,29 @@ class PresetsListCommand(TableOptions):
         from hdassist.loading.load import load_preset
         from hdassist.preset.library import preset_names
         from hdassist.preset.schema import origin_counts
-        from hdassist.terminal.answers import envelope
+        from hdassist.terminal.answers import envelope, json_text
 
-        drives = {name: load_preset(name) for name in preset_names()}
+        rows, values = [], []
+        for name in preset_names():
+            drive = load_preset(name)
+            gears, counts = drive.gears, origin_counts(drive)
+            about = {"z_g": gears.z_g, "z_b": gears.z_b, "m_mm": gears.m, "values": counts}
+            known = envelope("presets-list", drive)["preset"]
+            values.append({"preset": known, **about, "description": drive.description})
+            numbers = ", ".join(map(str, counts.values()))
+            teeth = f"{gears.z_g}/{gears.z_b}"
+            rows.append((name, teeth, f"{gears.m!r} mm", numbers, _first_sentence(drive.description)))
         if self.json:
-            answer = envelope("presets-list", None)
-            del answer["preset"]
-            answer["presets"] = [
-                {
-                    "preset": envelope("presets-list", drive)["preset"],
-                    "z_g": drive.gears.z_g,
-                    "z_b": drive.gears.z_b,
-                    "m_mm": drive.gears.m,
-                    "values": origin_counts(drive),
-                    "description": drive.description,
-                }
-                for drive in drives.values()
-            ]
-            _print_json(answer)
-            return 0
-        rows = [
-            (
-                name,
-                f"{drive.gears.z_g}/{drive.gears.z_b}",
-                f"{drive.gears.m!r} mm",
-                ", ".join(map(str, origin_counts(drive).values())),
-                _first_sentence(drive.description),
-            )
-            for name, drive in drives.items()
-        ]
-        head = ("name", "teeth", "module", "given,\nidentified,\nassumed", "description")
-        _print_table(head, rows, self, shutil.get_terminal_size(PIPE).columns)
+            self.open().text(json_text(envelope("presets-list", None) | {"presets": values}))
+        else:
+            head = ("name", "teeth", "module", "given,\nidentified,\nassumed", "description")
+            _print_table(head, rows, self, shutil.get_terminal_size(PIPE).columns)
         return 0
 
 
 @presets_app.command("show", cls=Command)
 @dataclass(frozen=True, kw_only=True)
-class PresetsShowCommand(TableOptions, o.DriveOptions):
+class PresetsShowCommand(o.PageOptions, o.DriveOptions):
     """A preset as it is written, or every value that is really used.
 
     \b
@@ -116,14 +92,14 @@ class PresetsShowCommand(TableOptions, o.DriveOptions):
     def run(self) -> int:
         """Show the preset; returns the exit code."""
         from hdassist.preset.library import read_preset
-        from hdassist.terminal.answers import envelope
-        from hdassist.terminal.files import give_stdout, write_text
+        from hdassist.terminal.answers import envelope, json_text
+        from hdassist.terminal.files import give_stdout
         from hdassist.terminal.output import warn
 
         if not (self.resolved or self.json or self.overrides):
-            text = read_preset(self.preset)[0]
-            if sys.stdout.isatty():
-                write_text("-", text.decode("utf-8", "backslashreplace"), force=False)
+            text, out = read_preset(self.preset)[0], self.open()
+            if sys.stdout.isatty() or self.output != "-":
+                out.text(text.decode("utf-8", "backslashreplace"))
             else:
                 give_stdout(text)
             return 0
@@ -133,7 +109,8 @@ class PresetsShowCommand(TableOptions, o.DriveOptions):
         rows = resolved_fields(drive)
         if self.json:
             answer = envelope("presets-show", drive, warnings=drive.origin.warnings)
-            _print_json(answer | {"description": drive.description, "fields": [asdict(row) for row in rows]})
+            whole = answer | {"description": drive.description, "fields": list(map(asdict, rows))}
+            self.open().text(json_text(whole))
         else:
             cells = [(row.path, value_text(row.value), row.unit, row.kind, _reference(row)) for row in rows]
             _print_table(("field", "value", "unit", "origin", "reference"), cells, self)
@@ -144,7 +121,7 @@ class PresetsShowCommand(TableOptions, o.DriveOptions):
 
 @presets_app.command("validate", cls=Command)
 @dataclass(frozen=True, kw_only=True)
-class PresetsValidateCommand(TableOptions, o.DriveOptions):
+class PresetsValidateCommand(o.PageOptions, o.DriveOptions):
     """Check presets: everything that is wrong with each, at once, and how much of it is still assumed.
 
     \b
@@ -160,12 +137,10 @@ class PresetsValidateCommand(TableOptions, o.DriveOptions):
     def run(self) -> int:
         """Validate the presets; returns the exit code."""
         from hdassist.preset.schema import origin_counts
-        from hdassist.terminal.answers import combine, envelope, failure
-        from hdassist.terminal.console import Style
-        from hdassist.terminal.files import write_text
+        from hdassist.terminal.answers import combine, envelope, failure, json_text
         from hdassist.terminal.output import complain, warn
 
-        answers = []
+        answers, out, lines = [], self.open(), []
         for name in self.presets:
             try:
                 origin = (drive := self.load(name)).origin
@@ -181,12 +156,12 @@ class PresetsValidateCommand(TableOptions, o.DriveOptions):
                 if not self.json:
                     complain(error)
             if not self.json:
-                write_text("-", Style.of(sys.stdout, ascii=self.ascii).text(f"{name}: {verdict}\n"), force=False)
+                lines.append(out.style.text(f"{name}: {verdict}\n"))
                 for warning in answers[-1]["warnings"]:
                     warn(warning)
         exit_code: int = max(answer["exit_code"] for answer in answers)  # of 0, 2 and 4 the greatest is the worst
-        if self.json:
-            _print_json(combine("presets-validate", answers) | {"exit_code": exit_code})
+        whole = combine("presets-validate", answers) | {"exit_code": exit_code}
+        out.text(json_text(whole) if self.json else "".join(lines))
         return exit_code
 
 
@@ -261,7 +236,7 @@ class PresetsNewCommand(TextOptions, WishOptions):
 
         wish = asdict(self.only(WishOptions))
         other = load_preset(wish.pop("like"))
-        given = read_requirements(other, diameter=wish.pop("pitch_diameter"), **wish)
+        given = read_requirements(other, **wish)
         write_text(self.output, similar_preset(self.name, other, given), self.force)
         return 0
 
@@ -286,24 +261,16 @@ class PresetsSchemaCommand(TextOptions):
         return 0
 
 
-def _print_json(answer: dict[str, Any]) -> None:
-    from hdassist.terminal.answers import json_text
-    from hdassist.terminal.files import write_text
-
-    write_text("-", json_text(answer), force=False)
-
-
 def _print_table(
-    head: Sequence[str], rows: Sequence[Sequence[str]], options: TableOptions, piped: int = PIPED_COLUMNS
+    head: Sequence[str], rows: Sequence[Sequence[str]], options: o.PageOptions, piped: int = PIPED_COLUMNS
 ) -> None:
     """Print a table; piped: columns that it has in a pipe, those of PIPE at least."""
     from rich.console import Group
 
     from hdassist.report.blocks import Table
-    from hdassist.terminal.output import Output
     from hdassist.terminal.page import tables
 
-    out = Output.open(ascii=options.ascii, no_color=options.no_color)
+    out = options.open()
     if not sys.stdout.isatty():
         out = replace(out, style=replace(out.style, width=max(piped, PIPE[0])))
     table = Table("", tuple(head), tuple(map(tuple, rows)), words=range(len(head)))

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdassist.run.run import Run
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
@@ -71,7 +70,6 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         from hdassist.preset.fields import IDENTIFIED_WITH
         from hdassist.preset.library import READ_AT_MOST, read_preset
         from hdassist.run.kept import open_kept
-        from hdassist.run.processes import workers
         from hdassist.run.stops import at_stop
         from hdassist.terminal.files import take_output, write_text
         from hdassist.terminal.output import note
@@ -100,10 +98,9 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
             with (
                 open_kept(file, owner, evaluations_kind(wanted)) as kept,
                 at_stop(lambda: words),
-                out.progress(drive.name, estimate_drives(wanted, self.evaluations)) as progress,
-                workers(self.jobs) as executor,
+                out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run,
             ):
-                known = Evaluations(drive, wanted, Run(executor, progress, self.seed), kept)
+                known = Evaluations(drive, wanted, run, kept)
                 if known.remembered:
                     note(f"going on from {self.state}: {known.remembered} drives are known")
                 result = calibrate(drive, wanted, known, points=self.evaluations)
@@ -114,7 +111,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
                 changed = with_found_values(given, name, best, ref, others, model)
             return calibrate_report(result)
 
-        code = give("calibrate", run_each("calibrate", [self.preset], one, self, keep_failures=False), self, out)
+        code = give("calibrate", run_each("calibrate", [self.preset], one, self), self, out)
         if self.write is not None:
             write_text(self.write, changed, self.force)
         return code

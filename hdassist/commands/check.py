@@ -42,31 +42,25 @@ class CheckCommand(o.FigureOptions, o.SamplingOptions, o.PitchOptions, o.Limited
     def run(self) -> int:
         """Check the drives; returns the exit code."""
         from hdassist.terminal.runs import give, run_each
-        from hdassist.terminal.wheels import PitchFiles
+        from hdassist.terminal.wheels import pitch_files, read_teeth
 
         out = self.open()
-        files = PitchFiles.asked(self.presets, self)
+        files = pitch_files(self.presets, self)
 
         def one(name: str) -> Report:
-            with out.progress(name) as progress:
-                drive = self.load(name)
-                measured = files.read(drive)
-                torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
-                progress.expect(words := f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m")
-                from hdassist.design.check import check, check_states
-                from hdassist.pages.check import check_report
-                from hdassist.run.processes import workers
-                from hdassist.run.run import Run
-                from hdassist.solve.window import in_wide_enough_window
+            from hdassist.design.check import check, check_states
+            from hdassist.pages.check import check_report
+            from hdassist.solve.window import in_wide_enough_window
 
-                progress.expect(words, check_states(drive, measured, self.draws))
-                with workers(self.jobs) as executor:
-                    # a slow solver shows how far it is: it works in this process
-                    run = Run(None if self.solver else executor, progress, self.seed, self.cross_check)
-                    analysis = partial(
-                        check, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run
-                    )
-                    result = in_wide_enough_window(drive, analysis)
+            drive = self.load(name)
+            measured = read_teeth(files, drive)
+            torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
+            words = f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m"
+            with out.run(words, check_states(drive, measured, self.draws), self) as run:
+                analysis = partial(
+                    check, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run
+                )
+                result = in_wide_enough_window(drive, analysis)
             return check_report(result, self.seed)
 
         return give("check", run_each("check", self.presets, one, self), self, out)

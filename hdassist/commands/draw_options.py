@@ -64,12 +64,8 @@ class ProductionRun:
 
     def with_designs(self, production: "Production", count: int) -> "tuple[Production, Samples | None]":
         """A production with the designs of so many drives, and the samples that they are of, if they differ."""
-        from hdassist.run.processes import workers
-        from hdassist.run.run import Run
-
-        states = production.design_states(count)
-        with workers(self.jobs) as executor, self.out.progress("designs", states) as progress:
-            return production.with_designs(count, run=Run(executor, progress))
+        with self.out.run("designs", production.design_states(count), self) as run:
+            return production.with_designs(count, run=run)
 
     def records(self, production: "Production", count: int) -> "list[RandomDrive]":
         """Records of so many drives of a production."""

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from hdassist.terminal import completion
 from hdassist.terminal import options as o
 
 
@@ -30,7 +29,6 @@ class ExplainCommand(o.PageOptions):
         typer.Argument(
             metavar="[NAME]...", default_factory=list, show_default=False,
             help="Codes of checks and errors, fields, symbols, quantities, words.",
-            autocompletion=completion.completed_names,
         ),
     ]  # fmt: skip
 

@@ -70,24 +70,22 @@ class MountCommand(
         from hdassist.model.unknown import with_zeros
         from hdassist.mounting.advice import advice_states, advise
         from hdassist.pages.mount import mount_card_facts, mount_report
-        from hdassist.run.processes import workers
-        from hdassist.run.run import Run
         from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.runs import note_time
-        from hdassist.terminal.wheels import PitchFiles
+        from hdassist.terminal.wheels import pitch_files, read_teeth
 
         out = self.open()
         card = CardFile.asked(self, self, out)
-        files = PitchFiles.asked([self.preset], self)
+        files = pitch_files([self.preset], self)
         drive = self.load(self.preset)
         drive = with_zeros(drive) if self.assume_phases else drive
-        measured = files.read(drive)
+        measured = read_teeth(files, drive)
         torques, rotations, weights = drive.operation.M_g, _rotations(drive, self.step), self.numbers()
         begun = time.monotonic()
         states = advice_states(
             drive, torques, rotations, every_state=self.every_state, draws=self.draws, measured=measured
         )
-        with out.progress(drive.name, states) as progress, workers(self.jobs) as executor:
+        with out.run(drive.name, states, self) as run:
             analysis = partial(
                 advise,
                 torques=torques,
@@ -98,7 +96,7 @@ class MountCommand(
                 draws=self.draws,
                 criterion=self.criterion,
                 needed=self.probability,
-                run=Run(executor, progress, self.seed, self.cross_check),
+                run=run,
             )
             advice = in_wide_enough_window(drive, analysis)
         ordered = not advice.curve.interrupted and advice.order != "none"

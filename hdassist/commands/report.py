@@ -36,8 +36,6 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
         from hdassist.comparing.sheet import sheet_of, sheet_states
         from hdassist.pages.report import drive_report
         from hdassist.pages.report_render import report_html, report_markdown
-        from hdassist.run.processes import workers
-        from hdassist.run.run import Run
         from hdassist.terminal.answers import json_text, report_object
         from hdassist.terminal.output import warn
         from hdassist.terminal.runs import note_time
@@ -45,8 +43,8 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
         kind = self._kind()
         out, begun = self.open(), time.monotonic()
         drive = self.load(self.preset)
-        with out.progress(drive.name, sheet_states(drive, self.draws)) as progress, workers(self.jobs) as executor:
-            sheet = sheet_of(drive, draws=self.draws, run=Run(executor, progress, self.seed))
+        with out.run(drive.name, sheet_states(drive, self.draws), self) as run:
+            sheet = sheet_of(drive, draws=self.draws, run=run)
         report = drive_report(sheet, draws=self.draws, seed=self.seed)
         for text in report.warnings:
             warn(f"{drive.name}: {text}")

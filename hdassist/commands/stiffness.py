@@ -48,7 +48,6 @@ class StiffnessCommand(o.FigureOptions, o.DriveOptions):
         """Compute the twist over torque; returns the exit code."""
         from hdassist.error.stiffness import curve_end, stiffness, stiffness_states
         from hdassist.pages.stiffness import stiffness_report
-        from hdassist.run.run import Run
         from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.runs import give, run_each
 
@@ -60,9 +59,8 @@ class StiffnessCommand(o.FigureOptions, o.DriveOptions):
         def of(drive: Drive) -> Report:
             end = curve_end(drive, self.t2, self.to)
             torques = self.at or [M_g for M_g in drive.operation.M_g if abs(M_g) <= end]
-            with out.progress(drive.name, stiffness_states()) as progress:
-                run = Run(progress=progress, cross_check=self.cross_check)
+            with out.run(drive.name, stiffness_states(), self) as run:
                 result = stiffness(drive, T_1=self.t1, T_2=self.t2, T_max=self.to, tangents_at=torques, run=run)
             return stiffness_report(drive, result)
 
-        return give("stiffness", run_each("stiffness", [self.preset], one, self, keep_failures=False), self, out)
+        return give("stiffness", run_each("stiffness", [self.preset], one, self), self, out)

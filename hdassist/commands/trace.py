@@ -51,21 +51,20 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
         from hdassist.error.trace import trace
         from hdassist.model.kinematics import Kinematics
         from hdassist.pages.trace import trace_report
-        from hdassist.run.run import Run
         from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.runs import give, run_each
-        from hdassist.terminal.wheels import PitchFiles
+        from hdassist.terminal.wheels import pitch_files, read_teeth
 
         out = self.open()
-        files = PitchFiles.asked([self.preset], self)
+        files = pitch_files([self.preset], self)
 
         def one(name: str) -> Report:
             drive = self.load(name)
-            measured = files.read(drive)
+            measured = read_teeth(files, drive)
             return in_wide_enough_window(drive, lambda drive: of(drive, measured))
 
         def of(drive: Drive, measured: MeasuredTeeth | None) -> Report:
-            with out.progress(drive.name, self.revolutions * Kinematics.of(drive).teeth_fixed) as progress:
+            with out.run(drive.name, self.revolutions * Kinematics.of(drive).teeth_fixed, self) as run:
                 result = trace(
                     drive,
                     drive.operation.M_g[0],
@@ -73,8 +72,8 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
                     start_deg=self.start,
                     revolutions=self.revolutions,
                     solver=self.solver,
-                    run=Run(None, progress, self.seed, self.cross_check),
+                    run=run,
                 )
             return trace_report(drive, result, self.seed)
 
-        return give("trace", run_each("trace", [self.preset], one, self, keep_failures=False), self, out)
+        return give("trace", run_each("trace", [self.preset], one, self), self, out)

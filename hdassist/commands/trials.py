@@ -15,7 +15,7 @@ from hdassist.terminal import options as o
 
 @dataclass(frozen=True, kw_only=True)
 class TrialsCommand(
-    o.FigureOptions, o.CardOptions, o.TraceOptions, o.ChoiceOptions, o.TrialOptions, o.LoadedDriveOptions
+    o.FigureOptions, o.CardOptions, o.TraceOptions, o.ChoiceOptions, o.LoadedDriveOptions, o.TrialOptions
 ):
     """Where to mount the fixed wheel when the direction of the cam offset is not known: trials tell.
 
@@ -62,8 +62,6 @@ class TrialsCommand(
         from hdassist.measuring.orders import parse_orders
         from hdassist.measuring.uncertainty import parse_stated
         from hdassist.pages.trials import trials_card_facts, trials_report
-        from hdassist.run.processes import workers
-        from hdassist.run.run import Run
         from hdassist.terminal.runs import note_time
         from hdassist.trials.advice import advise_from_trials
         from hdassist.trials.prior import Rig, TrialEffort, trial_states
@@ -93,8 +91,8 @@ class TrialsCommand(
             effort=effort,
         )
         states = trial_states(drive, len({*torques, rig.M_g}), effort)
-        with out.progress(drive.name, states) as progress, workers(self.jobs) as executor:
-            advice = analysis(run=Run(executor, progress, self.seed))
+        with out.run(drive.name, states, self) as run:
+            advice = analysis(run=run)
         facts = (lambda say: trials_card_facts(advice, say)) if advice.settled else None
         report = trials_report(advice, carded=card is not None)
         if self.verbose:

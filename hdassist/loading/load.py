@@ -12,7 +12,6 @@ from hdassist.errors import PresetError, UsageError
 from hdassist.model.rules import conflicts
 from hdassist.preset import coupling, library, yamltext
 from hdassist.preset import overrides as sets
-from hdassist.preset.deviations import COMPOSITES, DEVIATIONS
 from hdassist.preset.fields import (
     BY_PATH,
     IDENTIFIED_WITH,
@@ -235,7 +234,6 @@ def _valid(drive: Drive | None, data: dict[str, Any], document: Document) -> dic
 def _warn(drive: Drive, document: Document) -> None:
     """Warn of valid values that are far from usual or have no effect."""
     _warn_of_limits(drive, document)
-    _warn_of_amplitudes(drive, document)
     _warn_of_model(drive, document)
     for path, message, usual in implausible(drive):
         document.warn(tuple(path.split(".")), message, usual)
@@ -252,19 +250,6 @@ def _warn_of_limits(drive: Drive, document: Document) -> None:
             counts = not narrowed or document.is_override(path)
             if key != "all" and float(key) not in drive.operation.M_g and counts:
                 document.warn(path, message, f"M_g: {torques}")
-
-
-def _warn_of_amplitudes(drive: Drive, document: Document) -> None:
-    """Warn of harmonics that are larger than the composite deviation of their wheel."""
-    for each in DEVIATIONS:
-        composite = COMPOSITES.get(each.part)
-        if composite is None or each.order == 1:
-            continue
-        size, whole = drive.number(each.size), drive.number(composite.size)
-        if size > whole > 0:
-            message = f"{size:g} um, more than all of {composite.name}: {whole:g} um from peak to peak"
-            hint = "an amplitude in um, half of what it does from peak to peak"
-            document.warn(tuple(each.size.split(".")), message, hint)
 
 
 def _warn_of_model(drive: Drive, document: Document) -> None:

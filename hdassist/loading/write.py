@@ -17,7 +17,7 @@ from hdassist.loading.load import load_text
 from hdassist.preset import coupling
 from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import PRESET_SCHEMA, Drive, Source, field_table, sections
-from hdassist.preset.kinds import UNKNOWN, Section, may_be_unknown, plain, unit_of
+from hdassist.preset.kinds import UNKNOWN, Section, may_be_unknown, text_of, unit_of
 from hdassist.preset.overrides import path_of
 from hdassist.preset.similarity import Requirements, SimilarValue, similar
 from hdassist.preset.yamltext import scalar_value
@@ -39,18 +39,6 @@ def _about(info: FieldInfo) -> str:
     """Unit and meaning of a field, for the comment beside it."""
     unit = unit_of(info)
     return f"{unit}, {info.description}" if unit else str(info.description)
-
-
-def _value(value: Any) -> str:
-    """A value as YAML, with every digit it has, and no more."""
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_value, value))}]"
-    if isinstance(value, dict):
-        return "{}"
-    if not isinstance(value, int | float):
-        return str(value)
-    short = plain(value)
-    return short if float(short) == value else repr(value)
 
 
 def _name(text: str) -> str:
@@ -104,7 +92,7 @@ def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], 
     yield ""
     yield "source:"
     for path, entry in entries.items():
-        bounds = f"range: {_value(entry.range)}, " if entry.range else ""
+        bounds = f"range: {text_of(entry.range)}, " if entry.range else ""
         yield f"  {path}: {{kind: {entry.kind}, {bounds}ref: {_quoted(entry.ref)}}}"
 
 
@@ -112,7 +100,7 @@ def _similar_section(section: str, model: type[Section], written: Mapping[str, S
     yield f"{section}:"
     for field, info in model.model_fields.items():
         if field in written:
-            yield f"{f'  {field}: {_value(written[field].value)}':<23} # {_about(info)}"
+            yield f"{f'  {field}: {text_of(written[field].value)}':<23} # {_about(info)}"
         elif may_be_unknown(info) and (section, field[:3]) != ("harmonics", "xi_"):  # needless without an amplitude
             yield f"{f'  {field}: {UNKNOWN}':<23} # {_about(info)}"
 

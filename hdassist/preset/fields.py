@@ -6,7 +6,6 @@ Numbers are in the unit of their field; the model converts them.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -33,7 +32,7 @@ from hdassist.preset.kinds import (
 )
 from hdassist.preset.measured import Measured
 from hdassist.preset.units import UnitError, is_spread, read_number, read_spread
-from hdassist.preset.yamltext import MAX_FINDINGS, InvalidValue
+from hdassist.preset.yamltext import MAX_FINDINGS, InvalidValue, near_miss
 
 PRESET_SCHEMA = "hdassist.preset/1"
 
@@ -358,6 +357,5 @@ def _near_path(word: str, paths: Iterable[str], table: Mapping[str, Any]) -> str
     if len(table) > MAX_FINDINGS:
         return ""
     name = word.split(".")[-1]
-    whole = next((path for path in paths if path.split(".")[1] == name), "")
-    close = [whole] if whole else difflib.get_close_matches(word[:60], paths, 1, 0.7)
-    return f"did you mean {close[0]}?" if close else "write section.key, like gears.z_g"
+    whole = next((path for path in paths if path.split(".")[1] == name), word)
+    return near_miss(whole, paths) or "write section.key, like gears.z_g"

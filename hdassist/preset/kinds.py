@@ -271,3 +271,16 @@ def plain(number: float) -> str:
 def short(number: float) -> str:
     """The same in four digits."""
     return plain(float(f"{number:.4g}"))
+
+
+def text_of(value: Any) -> str:
+    """A value as a preset has it, with every digit it has, and no more."""
+    if value is None:
+        return UNKNOWN
+    if isinstance(value, bool | str):
+        return str(value)
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(text_of, value))}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}: {text_of(each)}' for key, each in value.items())}}}"
+    return plain(value) if float(plain(value)) == value else repr(value)

@@ -18,7 +18,7 @@ def read_requirements(
     *,
     coupling: str | None = None,
     shaft: str | None = None,
-    diameter: str | None = None,
+    pitch_diameter: str | None = None,
     teeth: str | None = None,
     ratio: float | None = None,
     torque: str | None = None,
@@ -29,8 +29,9 @@ def read_requirements(
     """Requirements on a drive that is to be like another one.
 
     Arguments: coupling of the cam, as cam.coupling has it; shaft, diameter and overhang [mm] of one that it is overhung
-    on, like 14x30; diameter [mm] and torque [N*m]; teeth, like 160/162; ratio, of the drive built in as the other one;
-    of a catalogue three stiffnesses [N*m/rad], lost motion and accuracy [arcsec]; all but the ratio may have a unit.
+    on, like 14x30; pitch_diameter [mm] and torque [N*m]; teeth, like 160/162; ratio, of the drive built in as the other
+    one; of a catalogue three stiffnesses [N*m/rad], lost motion and accuracy [arcsec]. All but the ratio may have a
+    unit.
     Raises UsageError: an option that cannot be read, or two that contradict each other.
     """
     z_g, sources = None if teeth is None else _teeth(teeth), {}
@@ -47,7 +48,7 @@ def read_requirements(
             )
         z_g = by_ratio
         sources["teeth"] = f"--ratio {plain(ratio)}, two waves"
-    d = None if diameter is None else _measure("--pitch-diameter", diameter, "mm")
+    d = None if pitch_diameter is None else _measure("--pitch-diameter", pitch_diameter, "mm")
     T = None if torque is None else _measure("--torque", torque, "N*m")
     K = None if stiffness is None else _stiffnesses(stiffness)
     if d is not None:

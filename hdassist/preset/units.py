@@ -5,76 +5,21 @@ Conversion is decimal and rounds once, so "75 um" and 0.075 are the same number.
 
 from __future__ import annotations
 
-import difflib
 import re
+import tomllib
 from dataclasses import replace
 from decimal import Decimal
+from importlib.resources import files
 from math import isfinite, isinf
 from typing import Any
 
 from hdassist.numerals import NUMBER
-from hdassist.preset.yamltext import InvalidValue, shown
+from hdassist.preset.yamltext import InvalidValue, near_miss, shown
 
-PI = Decimal("3.14159265358979323846264338328")
-_DEGREE = PI / 180
-
-# Dimension: unit (as `_normal` writes it) -> its size, in the same measure throughout the dimension.
-_TABLE: dict[str, dict[str, Decimal | int | str]] = {
-    "a length": {"mm": 1, "um": "1e-3", "nm": "1e-6", "cm": 10, "inch": "25.4", "in": "25.4"},
-    "an angle": {
-        "deg": 1, "°": 1, "arcmin": Decimal(1) / 60, "'": Decimal(1) / 60, "arcsec": Decimal(1) / 3600,
-        '"': Decimal(1) / 3600, "rad": 1 / _DEGREE,
-        "mrad": Decimal("1e-3") / _DEGREE, "urad": Decimal("1e-6") / _DEGREE,
-    },
-    "a torque": {
-        "N*m": 1, "Nm": 1, "N m": 1, "kN*m": 1000, "kNm": 1000, "kN m": 1000,
-        "N*mm": "1e-3", "Nmm": "1e-3", "N mm": "1e-3", "mN*m": "1e-3", "mNm": "1e-3",
-    },
-    "a stress": {
-        "MPa": 1, "Pa": "1e-6", "kPa": "1e-3", "GPa": 1000, "N/mm2": 1, "kN/mm2": 1000,
-    },
-    "a stiffness": {
-        "N/mm": 1, "N/um": 1000, "kN/mm": 1000, "kN/um": 1000000, "N/m": "1e-3", "kN/m": 1, "MN/m": 1000,
-    },
-    "a compliance": {
-        "mm/N": 1, "um/N": "1e-3", "nm/N": "1e-6", "mm/kN": "1e-3", "um/kN": "1e-6", "m/N": 1000,
-    },
-    "a stiffness by width": {
-        "N/um/mm": 1, "N/mm/um": 1, "N/(um*mm)": 1, "N/(mm*um)": 1,
-    },
-    "a torsional stiffness": {
-        f"{torque}/{angle}": size / share
-        for torque, size in (("N*m", Decimal(1)), ("Nm", Decimal(1)), ("kN*m", Decimal(1000)), ("kNm", Decimal(1000)))
-        for angle, share in (("rad", Decimal(1)), ("mrad", Decimal("1e-3")), ("deg", _DEGREE), ("arcmin", _DEGREE / 60))
-    },
-    "a difference of temperatures": {"K": 1},
-    "a thermal expansion": {"/K": 1, "um/m/K": "1e-6", "um/(m*K)": "1e-6", "ppm/K": "1e-6"},
-    "a share": {"%": 1},
-}  # fmt: skip
-_SIZES = {name: {unit: Decimal(size) for unit, size in units.items()} for name, units in _TABLE.items()}
-
-# Units that could be mistaken for another one: refused, with a hint.
-_MISTAKEN = {
-    ("a length", "m"): "metre or module? write mm or um",
-    ("a length", "M"): "metre or module? write mm or um",
-    ("a length", "Mm"): "write mm or um",
-    ("a length", "mu"): "write um",
-    ("a length", "u"): "write um",
-    ("a torque", "mN"): "millinewton or metre times newton? write N*m",
-    ("a torque", "MN"): "write N*m or kN*m",
-    ("a torque", "MNm"): "write N*m or kN*m",
-    ("a torque", "MN*m"): "write N*m or kN*m",
-    ("a torque", "nm"): "write N*m",
-    ("a torque", "N"): "a force; write N*m",
-    ("a stress", "mPa"): "write MPa or GPa",
-    ("an angle", "min"): "write arcmin",
-    ("an angle", "m"): "write arcmin",
-    ("an angle", "sec"): "write arcsec",
-    ("an angle", "s"): "write arcsec",
-    ("an angle", "''"): "write arcsec",
-    ("a difference of temperatures", "°C"): "a temperature, or a difference of two? write K",
-    ("a difference of temperatures", "C"): "a temperature, or a difference of two? write K",
-}
+_TABLE = tomllib.loads(files("hdassist.preset").joinpath("units.toml").read_text("utf-8"), parse_float=Decimal)
+# by dimension: words about units that could be taken for another one, and the size of the others
+_MISTAKEN: dict[str, dict[str, str]] = {dimension: units.pop("mistaken", {}) for dimension, units in _TABLE.items()}
+_SIZES: dict[str, dict[str, Decimal]] = _TABLE
 
 _SPELLINGS = str.maketrans({
     "µ": "u", "μ": "u", "·": "*", "⋅": "*", "∙": "*", "•": "*", "×": "*", "²": "2",
@@ -207,15 +152,12 @@ def _factor(given: str, unit: str) -> Decimal:
     if given in sizes:
         return sizes[given] / sizes[unit]
     shown_unit = shown(given, 30)
-    if hint := _MISTAKEN.get((dimension, given)):
+    if hint := _MISTAKEN[dimension].get(given):
         raise UnitError(f"the unit {shown_unit} could be mistaken", hint)
     fitting = f"a bare number is in {unit}; units: {', '.join(units_for(unit))}"
     if other := _dimension(given):
         raise UnitError(f"{shown_unit} is the unit of {other}, {dimension} is wanted", fitting)
-    known = {u.lower(): u for u in units_for(unit)}
-    near = difflib.get_close_matches(given[:30].lower(), known, 1, 0.6)
-    meant = known[near[0]] if near else ""
-    raise UnitError(f"unknown unit {shown_unit}", f"did you mean {meant}?" if meant else fitting)
+    raise UnitError(f"unknown unit {shown_unit}", near_miss(given[:30], units_for(unit)) or fitting)
 
 
 def _no_number(text: str, unit: str, sign: str = "") -> UnitError:

@@ -45,3 +45,8 @@ class Report:
     about: str = ""
     warnings: tuple[str, ...] = ()
     exit_code: int = 0
+
+    @property
+    def subject(self) -> str:
+        """What warnings are said of; empty without any."""
+        return self.about or (self.drive.name if self.drive else "")

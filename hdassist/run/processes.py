@@ -146,7 +146,7 @@ def _work(here: Connection, there: Connection, parent: int) -> None:
     while True:
         try:
             asked = there.recv_bytes()
-        except EOFError:
+        except (EOFError, OSError):
             return
         try:
             task, args, more = pickle.loads(asked)
@@ -154,7 +154,10 @@ def _work(here: Connection, there: Connection, parent: int) -> None:
         except Exception as error:  # whatever a task raises is raised where its result is asked for
             error.add_note("".join(traceback.format_exception(error)))  # for --debug: a traceback cannot be pickled
             answer = ForkingPickler.dumps((False, error))
-        there.send_bytes(answer)
+        try:
+            there.send_bytes(answer)
+        except OSError:  # the process that asked has ended
+            return
 
 
 def begin_worker(parent: int) -> None:

@@ -28,15 +28,10 @@ def write_text(path: str, text: str, force: bool) -> None:
             text = visible(text.replace("\r\n", "\n"))
         give_stdout(text.encode(encoding, "backslashreplace").decode(encoding))
         return
-    write_bytes(path, text.encode("utf-8", "backslashreplace"), force)
-
-
-def write_bytes(path: str, data: bytes, force: bool) -> None:
-    """Write bytes to a file, and say "wrote FILE" on standard error; as `write_text` but for standard output."""
     if not is_claimed(path):
         claim_output(path)
     require_writable(path, force)
-    _put(path, data)
+    put_text(path, text)
     say(f"wrote {path}")
 
 
@@ -57,11 +52,7 @@ def give_stdout(answer: str | bytes) -> None:
 
 def put_text(path: str, text: str) -> None:
     """Write text as UTF-8 to a file, in place of what it has. Raises DataError: it cannot be; then nothing changed."""
-    _put(path, text.encode("utf-8", "backslashreplace"))
-
-
-def _put(path: str, data: bytes) -> None:
-    target = Path(path)
+    target, data = Path(path), text.encode("utf-8", "backslashreplace")
     try:
         if _is_device(target):
             with open(target, "wb", opener=_at_once) as stream:

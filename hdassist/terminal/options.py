@@ -15,7 +15,6 @@ import typer
 
 from hdassist.errors import UsageError
 from hdassist.numerals import number_of
-from hdassist.terminal import completion
 
 if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
@@ -39,11 +38,11 @@ trials_option = partial(typer.Option, rich_help_panel="Trials")
 
 Preset = Annotated[
     str,
-    typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin.", autocompletion=completion.presets),
+    typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin."),
 ]
 Presets = Annotated[
     list[str],
-    typer.Argument(metavar="PRESET", help="Preset names, paths, or - for stdin.", autocompletion=completion.presets),
+    typer.Argument(metavar="PRESET", help="Preset names, paths, or - for stdin."),
 ]
 OneTorque = Annotated[
     float | None, drive_option("--torque", metavar="N*M", show_default="first of the preset", help="Torque M_g.")
@@ -103,14 +102,23 @@ class PageOptions(OptionGroup):
     debug: Debug = False
 
     def open(self) -> "Output":
-        """Where the answer goes. Raises UsageError and DataError for files that cannot be written."""
+        """Where the answer goes; refuses files that cannot be written before anything is computed.
+
+        Raises UsageError and DataError for such files.
+        """
+        import sys
+
+        from hdassist.terminal.console import PIPE_WIDTH, Style
+        from hdassist.terminal.files import take_output
         from hdassist.terminal.output import Output
 
         csv = getattr(self, "csv", None)
+        for path in filter(None, (self.output, csv)):
+            take_output(path, self.force)
+        style = Style.of(sys.stdout, ascii=self.ascii, no_color=self.no_color)
+        style = style if self.output == "-" else Style(style.ascii, False, PIPE_WIDTH)
         plots, details = getattr(self, "plot", True), getattr(self, "details", False)
-        return Output.open(
-            self.output, csv, force=self.force, ascii=self.ascii, no_color=self.no_color, plots=plots, details=details
-        )
+        return Output(style, self.output, csv, self.force, self.no_color, plots, details)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +155,7 @@ class DriveOptions(OptionGroup):
         list[str],
         drive_option(
             "--set", metavar="KEY=VALUE", default_factory=list, show_default=False,
-            help="Change a field, like tolerances.F_i2=60.", autocompletion=completion.overrides,
+            help="Change a field, like tolerances.F_i2=60.",
         ),
     ]  # fmt: skip
 

@@ -6,19 +6,21 @@ import io
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import Fault, HdassistError
 from hdassist.run.stops import at_stop
-from hdassist.terminal.console import PIPE_WIDTH, Style, console, say, stderr_style
-from hdassist.terminal.files import take_output, write_text
+from hdassist.terminal.console import Style, console, say, stderr_style
+from hdassist.terminal.files import write_text
 from hdassist.visible import visible
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.progress import Progress
+
+    from hdassist.run.run import Run
 
 WIPED = "\r\x1b[2K\x1b[?25h"  # the line of a bar emptied, and the cursor shown
 BAR_PATIENCE = 0.5  # s of work before a progress bar with a total appears
@@ -40,25 +42,6 @@ class Output:
     no_color: bool = False
     plots: bool = True
     details: bool = False
-
-    @classmethod
-    def open(
-        cls,
-        target: str = "-",
-        csv: str | None = None,
-        *,
-        force: bool = False,
-        ascii: bool = False,
-        no_color: bool = False,
-        plots: bool = True,
-        details: bool = False,
-    ) -> Output:
-        """Output of a command; refuses files that cannot be written before anything is computed."""
-        for path in filter(None, (target, csv)):
-            take_output(path, force)
-        style = Style.of(sys.stdout, ascii=ascii, no_color=no_color)
-        style = style if target == "-" else Style(style.ascii, False, PIPE_WIDTH)
-        return cls(style, target, csv, force, no_color, plots, details)
 
     def human(self, answer: RenderableType) -> None:
         """Give the answer for people; silent where the figures take stdout."""
@@ -85,11 +68,23 @@ class Output:
             write_text(self.csv, csv, self.force)
 
     @contextmanager
-    def progress(self, words: str, total: int | None = None) -> Iterator[ProgressBar]:
-        """A bar with the time left, on a terminal only; at once without a total, else after PATIENCE of work.
+    def run(self, words: str, states: int, options: object) -> Iterator[Run]:
+        """How work of so many states is carried out, with a bar and words beside it.
 
-        Arguments: words beside it; total of what is to be done, None before that is known (`ProgressBar.expect`).
+        Its processes, seed and other solver are those that the options of a command have; one that solves each state
+        by a slow solver of its own works in this process, and shows how far it is.
         """
+        from hdassist.run.processes import workers
+        from hdassist.run.run import CROSS_SOLVER, Run
+
+        found = {"jobs": None, "seed": 0, "cross_check": CROSS_SOLVER, "solver": None} | vars(options)
+        alone = found["jobs"] is None or found["solver"] is not None
+        with self.progress(words, states) as progress, nullcontext() if alone else workers(found["jobs"]) as executor:
+            yield Run(executor, progress, found["seed"], found["cross_check"])
+
+    @contextmanager
+    def progress(self, words: str, total: int) -> Iterator[ProgressBar]:
+        """A bar with the time left, on a terminal only, after BAR_PATIENCE of work; words beside it, total of work."""
         style = stderr_style(no_color=self.no_color)
         if not style.codes:
             yield ProgressBar()
@@ -106,8 +101,6 @@ class Output:
             redirect_stdout=sys.stdout.isatty(),  # lines above the bar; what goes to a file is none of its business
         )  # fmt: skip
         bar.add_task(style.text(words), total=total)
-        if total is None:
-            bar.start()
 
         def wipe() -> None:
             if bar.live.is_started:
@@ -116,20 +109,17 @@ class Output:
 
         try:
             with at_stop(wipe):
-                yield ProgressBar(bar, style)
+                yield ProgressBar(bar)
         finally:
             if bar.live.is_started:
                 bar.stop()
 
 
 class ProgressBar:
-    """Called with work that was done, it moves a bar, if there is one.
+    """Called with work that was done, it moves a bar with one task; None where nobody looks."""
 
-    Arguments: bar, with one task, and the style of its words; None where nobody looks.
-    """
-
-    def __init__(self, bar: Progress | None = None, style: Style | None = None) -> None:
-        self._bar, self._style = bar, style
+    def __init__(self, bar: Progress | None = None) -> None:
+        self._bar = bar
         self._next = time.monotonic() + BAR_PATIENCE  # that it is drawn
 
     def __call__(self, done: int) -> None:
@@ -140,11 +130,6 @@ class ProgressBar:
                 self._next = now + REDRAWN
                 self._bar.start()
                 self._bar.refresh()
-
-    def expect(self, words: str, total: int | None = None) -> None:
-        """Words beside the bar and the total, as soon as they are known."""
-        if self._bar and self._style:
-            self._bar.update(TASK, description=self._style.text(words), total=total, refresh=True)
 
 
 def complain(error: HdassistError, about: str = "") -> None:

@@ -50,9 +50,8 @@ def run_each(
             reports.append(Report(command, None, "", values=fault, exit_code=error.exit_code))
             continue
         reports.append(report)
-        about = report.about or (report.drive.name if report.drive else "")
         for text in report.warnings:
-            warn(f"{about}: {text}" if about else text)
+            warn(f"{report.subject}: {text}" if report.subject else text)
         if options.verbose:
             note_time(report, begun, name)
     return reports
@@ -62,9 +61,11 @@ def note_time(report: Report, begun: float, name: str = "") -> None:
     """Note on stderr how long a report took since begun [s], its residuals, and the engine that solved its states."""
     from hdassist.solve.walk import walk_library
 
-    about = report.about or (report.drive.name if report.drive else "") or name
     proof = report.certificate or report.proof
-    note(f"{about}: {time.monotonic() - begun:.1f} s" + (f", {proof}; engine: {walk_library()[1]}" if proof else ""))
+    note(
+        f"{report.subject or name}: {time.monotonic() - begun:.1f} s"
+        + (f", {proof}; engine: {walk_library()[1]}" if proof else "")
+    )
 
 
 def give(
@@ -89,7 +90,7 @@ def give(
         else:
             from rich.console import Group
 
-            made = [made_or("page", partial(_page, report, out), lambda report=report: report.line) for report in pages]  # type: ignore[misc]
+            made = [made_or("page", partial(_page, report, out), partial(getattr, report, "line")) for report in pages]
             out.human(Group(*[part for page in made for part in (page, "")][:-1], *below))
     if out.csv is not None and (tables := [report.csv for report in reports if report.csv]):
         out.figures(csv_text(tables[0][0], [row for _, rows in tables for row in rows]))

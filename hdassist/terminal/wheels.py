@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
@@ -18,33 +17,25 @@ if TYPE_CHECKING:
 WHEEL_WORDS = {"b": "rigid wheel", "g": "flexspline"}
 
 
-@dataclass(frozen=True)
-class PitchFiles:
-    """Pitch files of the wheels, as they are asked for; None where nothing is."""
+def pitch_files(presets: Sequence[str], options: PitchOptions) -> WheelFiles:
+    """The files that options name, if any. Raises UsageError for options that cannot be meant, before any is read."""
+    found = options.wheels()
+    found.require_sound()
+    if found.files and len(presets) > 1:
+        raise UsageError("measured teeth are those of one drive", "check the drives one by one")
+    if found.files and [*presets, *found.files.values()].count("-") > 1:
+        raise UsageError("standard input has one file, and - is given twice", "name the other file")
+    return found
 
-    files: WheelFiles | None
 
-    @classmethod
-    def asked(cls, presets: Sequence[str], options: PitchOptions) -> PitchFiles:
-        """What the options ask for. Raises UsageError for options that cannot be meant, before any file is read."""
-        if options.only(PitchOptions) == PitchOptions():
-            return cls(None)
-        found = options.wheels()
-        found.require_sound()
-        if found.files and len(presets) > 1:
-            raise UsageError("measured teeth are those of one drive", "check the drives one by one")
-        if [*presets, *found.files.values()].count("-") > 1:
-            raise UsageError("standard input has one file, and - is given twice", "name the other file")
-        return cls(found)
+def read_teeth(files: WheelFiles, drive: Drive) -> MeasuredTeeth | None:
+    """The measured wheels of a drive, None without a file; says on stderr what was assumed.
 
-    def read(self, drive: Drive) -> MeasuredTeeth | None:
-        """The measured wheels of a drive, None without a file; says on stderr what was assumed.
-
-        Raises PresetError with the faults of both files, DataError for a file that cannot be read.
-        """
-        found = self.files.read(drive) if self.files else None
-        say_notes(found)
-        return found
+    Raises PresetError with the faults of both files, DataError for a file that cannot be read.
+    """
+    found = files.read(drive)
+    say_notes(found)
+    return found
 
 
 def say_notes(measured: MeasuredTeeth | None) -> None:

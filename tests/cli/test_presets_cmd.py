@@ -128,7 +128,7 @@ def test_in_a_pipe_no_reference_is_wrapped() -> None:
 
 def test_ascii_has_no_other_characters(tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
-    file.write_text(run("new", "x").stdout.replace('"example"', '"±5 µm"'), encoding="utf-8")
+    file.write_text(run("new", "x").stdout.replace("as vzp160", "±5 µm"), encoding="utf-8")
     result = run("show", str(file), "--resolved", "--ascii")
     assert result.stdout.isascii()
     assert "+-5 um" in result.stdout

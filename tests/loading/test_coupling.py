@@ -87,7 +87,7 @@ def test_a_coupling_is_saved_in_place_of_the_support(layout):
 
 def test_a_drive_like_another_has_its_coupling_in_place_of_the_support():
     def like(drive: Drive, **asked: str) -> Drive:
-        return load_text(similar_preset("own", drive, read_requirements(drive, diameter="60", **asked)), "own")
+        return load_text(similar_preset("own", drive, read_requirements(drive, pitch_diameter="60", **asked)), "own")
 
     vzp160 = load_preset("vzp160")
     assert like(vzp160).number("supports.C_3") == pytest.approx(vzp160.supports.C_3 * 60 / 160, rel=1e-3)

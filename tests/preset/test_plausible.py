@@ -19,7 +19,6 @@ from hdassist.preset.library import preset_names
         (["cam.W_0=1.05"], "cam.W_0", "1.31 modules"),
         (["bearing.d_ball=5"], "bearing.d_ball", "3.1% of it"),
         (["bearing.d_ball=30", "bearing.N=6"], "bearing.d_ball", "18.8% of it"),
-        (["bearing.N=12"], "bearing.N", "12 balls of 14.3 mm fill 40% of the way round"),
         (["operation.M_g=2000"], "operation.M_g", "1.22 times what drives of this size are rated for"),
         (["operation.rated=500"], "operation.M_g", "800 N*m is 1.6 times the rated torque"),
         (["operation.rated=3000"], "operation.rated", "1.83 times what drives of this size are rated for"),

@@ -104,11 +104,3 @@ def test_a_bar_of_seven_bits(monkeypatch: pytest.MonkeyPatch) -> None:
         advance(1)
     assert "5 um" in stream.getvalue()
     assert stream.getvalue().isascii()
-
-
-def test_a_bar_without_a_total_is_there_at_once() -> None:
-    with terminal() as stream, Output(Style(False, True, 120)).progress("reading") as bar:
-        first = stream.getvalue()
-        bar.expect("at 80", 2)
-    assert "reading" in first
-    assert "at 80" in stream.getvalue()
