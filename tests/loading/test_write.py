@@ -170,9 +170,9 @@ def test_changes_keep_comments_and_order_and_a_changed_value_is_assumed() -> Non
     changed = with_changes(VZP160.encode(), "vzp160", ["gears.j_n=7.5", "operation.M_g=[80]", "mounting.holes=6"])
     lines = list(difflib.ndiff(VZP160.splitlines(), changed.splitlines()))
     assert {line[2:] for line in lines if line.startswith("- ")} == {
-        "  j_n: 1.0          # um, clearance per flank",
+        "  j_n: 0.48         # um, clearance per flank",
         "  M_g: [80, 800]    # N*m",
-        '  gears.j_n: {kind: identified, range: [0, 20], ref: "tooth thinning; from Fig. 3, which leaves 0 to 3 um"}',
+        '  gears.j_n: {kind: identified, range: [0, 20], ref: "tooth thinning; Fig. 3 leaves 0 to 3 um, Fig. 2 some 0.5"}',
         '  operation.M_g: {kind: given, ref: "p. 6, Fig. 2 and 3"}',
     }
     assert {line[2:] for line in lines if line.startswith("+ ")} == {

@@ -34,7 +34,7 @@ def F_ior(drive: Drive, M_g: float, phase: float) -> float:
 
 def refitted(drive: Drive, to: float) -> float:
     """The clearance [um] at which the first of the points has a given value."""
-    return float(brentq(lambda j_n: F_ior(changed(drive, gears__j_n=j_n), *POINTS[0]) - to, 0.5, 20, xtol=1e-2))
+    return float(brentq(lambda j_n: F_ior(changed(drive, gears__j_n=j_n), *POINTS[0]) - to, 0, 20, xtol=1e-2))
 
 
 def table() -> str:
@@ -45,7 +45,7 @@ def table() -> str:
     base = [F_ior(drive, *point) for point in POINTS]
     again = refitted(curved, base[0])
     rows = {
-        "j_n - 1 µm": changed(drive, gears__j_n=j_n - 1),
+        "j_n 0 µm": changed(drive, gears__j_n=0.0),
         "j_n + 1 µm": changed(drive, gears__j_n=j_n + 1),
         "W_0 - 1 %": changed(drive, cam__W_0=0.99 * W_0),
         "bearing clearance g_b 5 µm": changed(drive, bearing__g_b=5.0),

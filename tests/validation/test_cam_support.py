@@ -21,7 +21,7 @@ ABOUT = (
     "Rows are at 80 N·m. A cam that aligns itself (C_3 = 0, an Oldham coupling without friction) feels nothing that "
     "stands still: every hole is as good, the error at its floor. Turning pays most on a ridge from a soft support "
     "with a large offset to a stiff one with a small offset (third table). Plausible C_3: 1e3 to 1e5 N/mm; Fig. 3 asks "
-    f"for 8.5e3. Held back: {PAPERS}, read second-hand, without figures."
+    f"for 9e3. Held back: {PAPERS}, read second-hand, without figures."
 )
 HOLES, SUPPORT = 12, 2.3e4  # C_2 [N/mm] of the tables by C_3
 STIFFNESSES = (0, 500, 1000, 2000, 4000, 8400, 16000, 30000, 60000, 100000)

@@ -97,8 +97,8 @@ def over_sizes(k: int, words: str, get: Callable[[Array], float], miss: str = ""
 
 
 SOFT_START = (
-    "the first load bears too stiffly. One clearance for all sizes, 0.014 modules a flank, takes it away ; "
-    "Fig. 3 asks for 0.001. A softer k_face gives 7 %; tip relief was not computed; friction is not in the model"
+    "the first load bears too stiffly. One clearance for all sizes, 0.014 modules a flank, takes it away; "
+    "Fig. 2 and 3 ask for 0.0006. A softer k_face gives 8 %; tip relief was not computed; friction is not in the model"
 )
 CASES = [
     segment(1, SOFT_START),
