@@ -18,7 +18,6 @@ from hdassist.solve.sums import StateSums
 from hdassist.solve.window import EdgeOfWindowError
 
 STATES_AT_A_TIME = 1024  # states between two reports of progress
-LOOKED_AT_FIRST = 64  # states
 EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
 ARCSEC = float(np.degrees(3600))  # arcsec in a radian
 N_MM = 1e3  # N*mm in a N*m
@@ -110,18 +109,17 @@ def solve_states(
     *,
     pull: bool = False,
     chunk: int = STATES_AT_A_TIME,
+    first: int = STATES_AT_A_TIME,
 ) -> Answers:
     """Solve states of one contact system and prove each answer.
 
     Arguments: torque [N*mm]; gaps of the states; place, words for where state k is, for errors; progress, told how many
     states were solved since the last call; pull, whether forces along the deviation scalars are asked for;
-    chunk, states between two reports of progress.
+    chunk, states between two reports of progress; first, states that are looked at before all others.
     Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
     outside the limits of the linear model.
     """
-    # of many the first ones alone: in too narrow a window of flanks it is they that mostly say so
-    first = LOOKED_AT_FIRST if len(gaps) > chunk > LOOKED_AT_FIRST else chunk
-    bounds = pairwise(dict.fromkeys([0, *range(first, len(gaps), chunk), len(gaps)]))
+    bounds = pairwise(dict.fromkeys([0, *range(min(first, chunk), len(gaps), chunk), len(gaps)]))
     chunks = (solver.solve(gaps[first:end], pull=pull) for first, end in bounds)
     return proven_answers(system, torque, chunks, place, progress, pull=pull)
 

@@ -10,11 +10,13 @@ from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Progress
-from hdassist.solve.answers import N_MM, Answers, StateSolver, proven_answers, solve_states
+from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, StateSolver, proven_answers, solve_states
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.sums import StateSums
 from hdassist.solve.throughcvxpy import ThroughCvxpy
+
+LOOKED_AT_FIRST = 64  # states of a load case: in too narrow a window of flanks it is they that mostly say so
 
 
 class LoadCase:
@@ -36,6 +38,7 @@ class LoadCase:
         solver: str | None = None,
     ) -> None:
         self.formulation, self.system, self._torque = formulation, formulation.system, M_g * N_MM
+        self._first = LOOKED_AT_FIRST
         near = like._solver if like and isinstance(like._solver, Engine) else None
         self._solver: StateSolver = (
             ThroughCvxpy(formulation, self._torque, solver)
@@ -62,7 +65,8 @@ class LoadCase:
         were solved since the last call; pull, whether forces along the deviation scalars are asked for. Raises
         UntrustedError where a state is not solved, or its answer is outside the limits of the linear model.
         """
-        return solve_states(self.system, self._solver, self._torque, gaps, place, progress, pull=pull)
+        first, self._first = self._first, STATES_AT_A_TIME
+        return solve_states(self.system, self._solver, self._torque, gaps, place, progress, pull=pull, first=first)
 
     def over(self, torques: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
         """Solve the state without deviations at torques M_g [N*m], each from the contacts of the one before.

@@ -43,7 +43,12 @@ def envelope(command: str, drive: Drive | None, exit_code: int = 0, warnings: Se
 
 def report_object(report: Report) -> Json:
     """A report as a JSON object."""
-    proven = {"certificate": certificate_object(report.certificate, report.cross_checks)} if report.certificate else {}
+    from hdassist.solve.walk import walk_library
+
+    proven: Json = {}
+    if report.certificate:
+        engine = {"engine": walk_library()[1]}  # of all states that no --solver was asked for
+        proven = {"certificate": certificate_object(report.certificate, report.cross_checks) | engine}
     return {**envelope(report.command, report.drive, report.exit_code, report.warnings), **report.values, **proven}
 
 

@@ -16,6 +16,7 @@ import pytest
 
 from hdassist import kinematic_error, load_preset, self_error
 from hdassist.pages.check import turns_text
+from hdassist.solve.walk import walk_library
 from hdassist.version import __version__
 from tests.process import ASSUMED, CLEAN, COMMAND, SMALL, TINY, interrupted, on_terminal, run, run_cold
 
@@ -46,6 +47,7 @@ def test_json_has_what_others_build_on(answer):
     # state of both cycles with a cam that aligns itself
     assert certificate["states"] == 2 * (220 + 16) + 2 * (2 * 2 * 3) + 2 * 220
     assert 0 <= certificate["max_residual"] <= 1e-8
+    assert certificate["engine"] == walk_library()[1]
     assert set(certificate["cross_check"]) == {"solver", "states", "max_difference_arcsec"}
     assert certificate["cross_check"]["max_difference_arcsec"] <= 0.01
     keys = {
