@@ -71,47 +71,47 @@ def shares_of_variance(groups: Mapping[str, Array], y: Array, weights: Array) ->
     """Shares of the weighted variance of y, shape (samples,), that groups of columns add, the largest first."""
     root = np.sqrt(weights / weights.sum())[:, None]
     basis = root / np.linalg.norm(root)
-    rest = _beside(basis, root * y[:, None])
+    rest = beside(basis, root * y[:, None])
     whole, free = float(np.sum(rest**2)), effective_number(weights) - 1
     if whole <= 1e-18:
         return ()
     left = {name: root * columns for name, columns in groups.items()}
     found: list[Influence] = []
     while left:
-        candidates = {name: _new_directions(basis, columns) for name, columns in left.items()}
-        remaining = float(np.sum(rest**2))
-        gains = {name: float(np.sum((q.T @ rest) ** 2)) for name, q in candidates.items()}
-        chances = {name: chance_probability(gains[name], remaining, q.shape[1], free) for name, q in candidates.items()}
-        best = min((chances[name], -gains[name], name) for name in left)[2]
-        if chances[best] > CHANCE_OF_INFLUENCE / len(groups):
+        candidates = {name: explained_by(columns, basis, rest, free) for name, columns in left.items()}
+        best = min((chance, -gain, name) for name, (_, gain, chance) in candidates.items())[2]
+        directions, gain, chance = candidates[best]
+        if chance > CHANCE_OF_INFLUENCE / len(groups):
             break
-        q = candidates[best].shape[1]
-        by_chance = q * (remaining - gains[best]) / (free - q)
-        found.append(Influence(best, (gains[best] - by_chance) / whole))
-        basis = np.hstack([basis, candidates[best]])
-        rest = _beside(basis, rest)
-        free -= q
+        found.append(Influence(best, gain / whole))
+        basis = np.hstack([basis, directions])
+        rest = beside(basis, rest)
+        free -= directions.shape[1]
         del left[best]
     return tuple(sorted(found, key=lambda each: -each.share))
 
 
-def chance_probability(gain: float, remaining: float, columns: int, free: float) -> float:
-    """Probability (F test) that columns of chance explain as much of a remaining sum of squares as some do.
+def explained_by(columns: Array, basis: Array, rest: Array, free: float) -> tuple[Array, float, float]:
+    """New directions of columns beside a basis, what they explain of the squares of a rest, and how probable by chance.
 
-    Arguments: gain, what they explain; remaining, before; columns, how many; free, degrees of freedom before.
+    What they explain is less what as many columns of chance would; the probability is that of chance alone explaining
+    as much (F test). Argument: free, degrees of freedom of the rest.
     """
-    if columns == 0 or free - columns < 1:
-        return 1.0
-    left = max((remaining - gain) / (free - columns), 1e-30)
-    return float(fdtrc(columns, free - columns, gain / columns / left))
+    directions = _new_directions(basis, columns)
+    count, remaining = directions.shape[1], float(np.sum(rest**2))
+    if count == 0 or free - count < 1:
+        return directions, 0.0, 1.0
+    gain = float(np.sum((directions.T @ rest) ** 2))
+    left = max((remaining - gain) / (free - count), 1e-30)
+    return directions, gain - count * left, float(fdtrc(count, free - count, gain / count / left))
 
 
-def _beside(basis: Array, columns: Array) -> Array:
+def beside(basis: Array, columns: Array) -> Array:
     """What of columns is orthogonal to a basis."""
     return columns - basis @ (basis.T @ columns)
 
 
 def _new_directions(basis: Array, columns: Array) -> Array:
     """Orthonormal directions of columns beside a basis, those that are independent of it."""
-    u, size, _ = np.linalg.svd(_beside(basis, columns), full_matrices=False)
+    u, size, _ = np.linalg.svd(beside(basis, columns), full_matrices=False)
     return np.asarray(u[:, size > INDEPENDENT * np.linalg.norm(columns)])

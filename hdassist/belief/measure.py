@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdassist.belief.evidence import evidence_of
-from hdassist.belief.influence import CHANCE_OF_INFLUENCE, chance_probability, columns_of, groups_of
+from hdassist.belief.influence import CHANCE_OF_INFLUENCE, beside, columns_of, explained_by, groups_of
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import effective_number, log_error
 from hdassist.model.geometry import Array
@@ -89,18 +89,13 @@ def _predictors(samples: Samples, rng: np.random.Generator) -> Iterator[tuple[st
 def _regression(columns: Array, y: Array, weights: Array) -> tuple[Array, float, float]:
     """Prediction of y from columns, the share of its variance that is explained, and how probable by chance alone.
 
-    The share is less what chance would explain.
+    The share is less what chance would explain; weights of the samples sum to 1.
     """
-    x = np.column_stack([np.ones(len(y)), columns])
-    root = np.sqrt(weights)
-    factors, *_ = np.linalg.lstsq(x * root[:, None], y * root, rcond=None)
-    prediction = x @ factors
-    mean = weights @ y
-    whole, left = weights @ (y - mean) ** 2, weights @ (y - prediction) ** 2
-    used, free = columns.shape[1], effective_number(weights) - 1
-    by_chance = chance_probability(float(whole - left), float(whole), used, free)
-    explained = 1 - left / whole * free / (free - used) if free > used else 0.0
-    return prediction, float(explained), by_chance
+    root = np.sqrt(weights)[:, None]
+    rest = beside(root, root * y[:, None])
+    directions, gain, by_chance = explained_by(root * columns, root, rest, effective_number(weights) - 1)
+    fitted = np.divide(directions @ (directions.T @ rest), root, out=np.zeros_like(root), where=root > 0)
+    return weights @ y + fitted[:, 0], gain / float(np.sum(rest**2)), by_chance
 
 
 def _right(prediction: Array, y: Array, weights: Array, limit: float) -> float:

@@ -77,8 +77,8 @@ class Samples:
     torques [N*m]; shares: of each field's probability, shape (samples, fields); F_ior_arcsec, shape (samples, torques);
     figures: predictions beside F'_ior by name, shape (samples,) each; weights, shape (samples,); draws: how many were
     made; refused: draws that are no drive, or have no trustworthy answer, by the reason; seed of the draws;
-    numbers of the samples among the draws, shape (samples,); turned_arcsec: F'_ior with the fixed wheel turned by
-    rotations_deg, shape (samples, torques, rotations); made: each draw, also those without an answer.
+    turned_arcsec: F'_ior with the fixed wheel turned by rotations_deg, shape (samples, torques, rotations); made: each
+    draw, also those without an answer.
     """
 
     prior: DrivePrior
@@ -91,7 +91,6 @@ class Samples:
     refused: Mapping[str, int]
     seed: int
     certificate: Certificate
-    numbers: NDArray[np.int64]
     rotations_deg: tuple[float, ...]
     turned_arcsec: Array
     made: tuple[Draw, ...]
@@ -105,20 +104,6 @@ class Samples:
             else each
             for each in self.made
         ]
-
-    def first(self, draws: int) -> Samples:
-        """Those among the first draws: the samples had no more been drawn, but for the draws that were refused."""
-        kept = self.numbers < draws
-        return replace(
-            self,
-            shares=self.shares[kept],
-            F_ior_arcsec=self.F_ior_arcsec[kept],
-            figures={name: values[kept] for name, values in self.figures.items()},
-            weights=self.weights[kept],
-            draws=min(draws, self.draws),
-            numbers=self.numbers[kept],
-            turned_arcsec=self.turned_arcsec[kept],
-        )
 
     @property
     def effective(self) -> float:
@@ -384,8 +369,7 @@ def _collected(
     draws: Sequence[Draw],
     seed: int,
 ) -> Samples:
-    rows = [k for k, each in enumerate(draws) if each.F_ior_arcsec is not None]
-    kept = [draws[k] for k in rows]
+    kept = [each for each in draws if each.F_ior_arcsec is not None]
     given = {ACCURACY, *(each.figure for each in evidence if each.M_g)}  # F'_ior, and no figures beside it
     names = [name for name in (kept[0].figures or {} if kept else {}) if name not in given]
     return Samples(
@@ -399,7 +383,6 @@ def _collected(
         dict(sorted(Counter(each.refused for each in draws if each.refused).items())),
         seed,
         sum((each.certificate for each in draws), EMPTY),
-        np.array(rows, dtype=np.int64),
         rotations_deg,
         np.array([each.turned_arcsec for each in kept]).reshape(len(kept), len(torques), len(rotations_deg)),
         tuple(draws),

@@ -23,7 +23,7 @@ TIE = 0.999  # of the merit: positions this near to the best of a sample share i
 
 @dataclass(frozen=True)
 class Criterion:
-    """What decides over samples: the mean of the losses, the worst, or a quantile."""
+    """What decides over samples: a quantile of the losses, 1 for the worst, or their mean where there is none."""
 
     name: str
     quantile: float | None = None
@@ -32,7 +32,7 @@ class Criterion:
     def of(cls, text: str) -> Criterion:
         """Read expected, worst or quantile=0.9. Raises UsageError for anything else."""
         if text in ("expected", "worst"):
-            return cls(text)
+            return cls(text, 1.0 if text == "worst" else None)
         name, _, number = text.partition("=")
         quantile = number_of(number)
         if name != "quantile" or not 0 < quantile < 1:
@@ -41,9 +41,9 @@ class Criterion:
 
     def over(self, losses: Array, weights: Array) -> Array:
         """One number a position from losses, shape (samples, positions), and weights of the samples."""
-        if self.quantile is not None:
-            return np.array([weighted_quantile(each, weights, self.quantile) for each in losses.T])
-        return np.asarray(weights @ losses / weights.sum() if self.name == "expected" else losses.max(axis=0))
+        if self.quantile is None:
+            return np.asarray(weights @ losses / weights.sum())
+        return np.array([weighted_quantile(each, weights, self.quantile) for each in losses.T])
 
 
 @dataclass(frozen=True, eq=False)

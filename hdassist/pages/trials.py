@@ -131,13 +131,13 @@ def trials_instruction(advice: TrialAdvice) -> str:
         return f"{after_trials(advice.choice, texts())} By the trials {_chance(advice)}."
     if advice.to_repeat and advice.unlike_told:
         return f"No order yet: the values came out unlike those of a drive as the preset has it{_repeat(advice)}."
+    hinge = advice.hinges_on if advice.stay[1] >= advice.needed else None
+    sure = f"{_chance(advice)}, but not without {_measured(advice, hinge)}" if hinge else _chance(advice)
     if advice.to_repeat:
         again = advice.where(advice.to_repeat.rotation_deg)
-        return f"No order yet: {_chance(advice)}. Before a new position measure {again} again: none was measured twice."
-    hinge = advice.hinges_on if advice.stay[1] >= advice.needed else None
-    without = f", but not without {_measured(advice, hinge)}" if hinge else ""
+        return f"No order yet: {sure}. Before a new position measure {again} again: none was measured twice."
     return (
-        f"No order yet: {_chance(advice)}{without}. To decide, measure {advice.where(advice.next[0])} next: "
+        f"No order yet: {sure}. To decide, measure {advice.where(advice.next[0])} next: "
         f"{100 * advice.next[1]:.0f} % are expected then. Five or six trials are normal."
     )
 

@@ -215,12 +215,11 @@ def trial_prior(
             systems.append(each)
             run.solved(each.certificate.states)
         prior = _collected(drive, rig, every, systems, run.seed)
-        if prior.systems >= effort.systems and (prior.systems >= effort.most_systems or enough(prior)):
+        is_last = len(systems) >= effort.most_draws or (len(systems) >= HOPELESS and not prior.systems)
+        if prior.systems >= effort.systems and (is_last or prior.systems >= effort.most_systems or enough(prior)):
             return prior
-        if len(systems) >= effort.most_draws or (len(systems) >= HOPELESS and not prior.systems):
+        if is_last:
             break
-    if prior.systems >= effort.systems:
-        return prior
     found = f"{prior.systems:.0f} of {len(systems)} draws are effective, {effort.systems} are needed"
     refused = Counter(each.refused for each in systems if each.refused).most_common(1)
     reason = f": most are no drive ({refused[0][0]})" if refused else ": the catalogue's values contradict each other"

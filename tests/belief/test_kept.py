@@ -58,7 +58,7 @@ def kept_file(folder):
 
 
 def same(first, other):
-    arrays = ("shares", "F_ior_arcsec", "weights", "turned_arcsec", "numbers")
+    arrays = ("shares", "F_ior_arcsec", "weights", "turned_arcsec")
     assert all(np.array_equal(getattr(first, name), getattr(other, name)) for name in arrays)
     assert first.figures.keys() == other.figures.keys()
     assert all(np.array_equal(values, other.figures[name]) for name, values in first.figures.items())

@@ -243,12 +243,23 @@ def test_four_trials_without_a_repeat_ask_for_one_and_for_the_sense(advice: Tria
     assert asked not in page(repeated)
 
 
+def test_a_repeat_is_asked_for_where_one_value_decides_or_before_a_seventh_position(advice: TrialAdvice) -> None:
+    unsure = replace(advice, needed=1.1, losses=losses_of(20.0, 15.0, 15.5))
+    few, many = (tuple(Trial(30.0 * k, 15.0) for k in range(count)) for count in (5, 6))
+    assert with_trials(unsure, few, predictions=(), without=(0.3,) * 5).to_repeat is None
+    due = with_trials(unsure, many, predictions=(), without=())
+    assert due.to_repeat == many[1]  # in the hole of the choice
+    assert replace(due, without=(0.9, 0.9, 0.3, 0.9, 0.9, 0.9)).to_repeat == many[2]
+    assert replace(due, trials=(*many[:5], many[0])).to_repeat is None  # one was
+
+
 def test_a_choice_that_hinges_on_one_value_is_not_settled_and_says_which(advice: TrialAdvice) -> None:
     firm = replace(advice, needed=0.0, without=(0.9, 0.7, 0.8, 0.65))
     assert (firm.hinges_on, firm.settled) == (None, True)
     loose = replace(firm, without=(0.9, 0.7, 0.8, 0.55))
     assert (loose.hinges_on, loose.settled, exit_code(loose)) == (advice.trials[3], False, 6)
     assert loose.to_repeat == advice.trials[3]
+    assert f"but not without {advice.trials[3].F_ior_arcsec:g} arcsec at hole" in trials_instruction(loose)
     assert f"hinges on {advice.trials[3].F_ior_arcsec:g} arcsec at hole" in " ".join(trials_warnings(loose, texts()))
     suspected = replace(loose, draws=replace(advice.draws, misread=np.array([0.1, 0.6, 0.0, 0.1])))
     assert suspected.to_repeat == advice.trials[1]
