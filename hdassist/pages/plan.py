@@ -14,6 +14,7 @@ from hdassist.planning.plan import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgeme
 from hdassist.report.blocks import Curve, CurveMark, Facts, Table
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import Report
+from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict
 
 _LARGE_LINE = 0.1  # of the variance
@@ -59,10 +60,11 @@ def plan_report(choice: PlanChoice) -> Report:
     how = {Verdict.PASS: "enough", Verdict.FAIL: "not enough"}.get(choice.verdict, "perhaps enough")
     answer = f"{how}: {first.name if choice.asked else names or 'any of these tests'}"
     origin = drive.origin
+    preset = "-" if origin.file == STDIN else origin.file or drive.name
     facts = (
         ("blind", _blind(choice)),
         ("enough", names if choice.asked else ""),
-        ("next", shlex.join(["hdassist", "measure", "record.csv", "--drive", origin.file or drive.name])),
+        ("next", shlex.join(["hdassist", "measure", "record.csv", "--drive", preset])),
     )
     return Report(
         command="plan",
@@ -133,7 +135,6 @@ def seen_curve(choice: PlanChoice) -> Curve:
         np.array([*points.values()]),
         x_label="positions in an output turn (B: blind to a large line, E: enough)",
         y_label="% of F'_ior seen in 95 of 100 cases, of teeth without noise of their own",
-        caption="Share of F'_ior seen over the number of positions",
         marks=tuple(marks),
         rows=6,
     )
