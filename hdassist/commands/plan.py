@@ -30,7 +30,7 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
     A test reads the output at some positions, from an angle that is not known, and takes the greatest less the least
     error. It misses all that lies between, and sees nothing of what comes as often as there are positions. Each drive
     that this one may be, by all that is not known exactly (docs/unknown.md), is put to each test, at the first torque
-    with a limit; noise of single teeth, which lowers the shares, is none of it (docs/plan.md).
+    with a limit. Its teeth are smooth; noise of single teeth lowers the shares (docs/plan.md).
 
     A test is enough that keeps both shares of wrong verdicts, false PASS and false FAIL among all tested; without
     a limit, one that sees 95 % of F'_ior in 95 % of cases. Exit codes: 0 a test (or the one asked about) is enough, 3

@@ -14,6 +14,7 @@ from hdassist.planning.plan import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgeme
 from hdassist.report.blocks import Curve, CurveMark, Facts, Table
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import Report
+from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict
 
 _LARGE_LINE = 0.1  # of the variance
@@ -59,10 +60,11 @@ def plan_report(choice: PlanChoice) -> Report:
     how = {Verdict.PASS: "enough", Verdict.FAIL: "not enough"}.get(choice.verdict, "perhaps enough")
     answer = f"{how}: {first.name if choice.asked else names or 'any of these tests'}"
     origin = drive.origin
+    preset = "-" if origin.file == STDIN else origin.file or drive.name
     facts = (
         ("blind", _blind(choice)),
         ("enough", names if choice.asked else ""),
-        ("next", shlex.join(["hdassist", "measure", "record.csv", "--drive", origin.file or drive.name])),
+        ("next", shlex.join(["hdassist", "measure", "record.csv", "--drive", preset])),
     )
     return Report(
         command="plan",
@@ -101,9 +103,9 @@ def plan_report(choice: PlanChoice) -> Report:
 
 def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterator[str]:
     first, drives, wrong = choice.judged[0], choice.drives, choice.drives.demands.wrong
-    low, middle, high = map(_percent, first.seen)
+    low, _, high = map(_percent, first.seen)
     F_ior = "{0:.1f} to {2:.1f}".format(*F_ior_arcsec) if choice.samples else f"{F_ior_arcsec[0]:.1f}"
-    yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior} arcsec), {middle} % in the median"
+    yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior} arcsec) of smooth teeth"
     risk, beyond = first.false_pass, drives.beyond
     if not risk or not beyond:
         yield f"enough without a --limit: to see {100 * SEEN_SHARE:g} % of F'_ior in {100 * SEEN_SHARE:g} % of cases"
@@ -132,8 +134,7 @@ def seen_curve(choice: PlanChoice) -> Curve:
         np.array([*points], dtype=float),
         np.array([*points.values()]),
         x_label="positions in an output turn (B: blind to a large line, E: enough)",
-        y_label="% of F'_ior seen in 95 of 100 cases, of teeth without noise of their own",
-        caption="Share of F'_ior seen over the number of positions",
+        y_label="% of F'_ior seen in 95 of 100 cases",
         marks=tuple(marks),
         rows=6,
     )

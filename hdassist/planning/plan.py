@@ -25,6 +25,7 @@ from hdassist.verdict import Verdict
 QUOTED_POSITIONS = 12  # of a test as makers quote it
 FEWEST_POSITIONS, MOST_A_CAM_TURN = 6, 5  # positions that are tried, from and up to
 RANDOM_STARTS, LEAST_STARTS = 256, 16  # random starts over all samples, and of each, at least
+LEAST_ARCSEC = 1e-9  # of an error: of a lesser one all is seen
 LISTED_LINES = 12  # the largest
 SEEN_SHARE = 0.95  # of F'_ior, that a test sees which is enough where there is no limit
 
@@ -136,7 +137,7 @@ class DrivesUnderTest:
         steps, points = np.arange(plan.readings) * plan.step_turns / self.cycle_output, self.curves.shape[1]
         at = (np.rint((start[:, None] + steps) * points).astype(np.int64) % points for start in starts)
         seen = [np.ptp(curve[places], axis=1) for curve, places in zip(self.curves, at, strict=True)]
-        return np.asarray(seen / np.maximum(self.F_ior_arcsec, np.finfo(float).tiny))
+        return np.asarray((np.array(seen) + LEAST_ARCSEC) / (self.F_ior_arcsec + LEAST_ARCSEC))
 
     def judge(self, plan: ReadingPlan) -> PlanJudgement:
         """What a plan sees, and how often its verdict is wrong."""
@@ -214,7 +215,7 @@ def choose_plan(
     curves, proof = lines.curves, lines.certificate
     if samples:  # F'_ior as every page has it
         weights, proof = samples.weights, proof + samples.certificate
-        curves *= samples.F_ior_arcsec[:, [place]] / np.maximum(np.ptp(curves, axis=1, keepdims=True), 1e-9)
+        curves *= samples.F_ior_arcsec[:, [place]] / np.maximum(np.ptp(curves, axis=1, keepdims=True), LEAST_ARCSEC)
     cycle, ratio = lines.kinematics.cycle_cam_revolutions, abs(lines.kinematics.u)
     drives = DrivesUnderTest(curves, weights, round(cycle / ratio), left[place], demands, run.seed)
     counts = range(FEWEST_POSITIONS, round(MOST_A_CAM_TURN * ratio) + 1)
@@ -231,7 +232,8 @@ def choose_plan(
 def _lines_seen(lines: ErrorLines, drives: DrivesUnderTest, plan: ReadingPlan) -> tuple[LineSeen, ...]:
     """The largest lines of drives as a plan sees them."""
     power = np.abs(lines.amplitude) ** 2
-    shares = np.average(power / power.sum(axis=1, keepdims=True), axis=0, weights=drives.weights)
+    whole = np.maximum(power.sum(axis=1, keepdims=True), LEAST_ARCSEC)
+    shares = np.average(power / whole, axis=0, weights=drives.weights)
     largest = np.argsort(-shares)[:LISTED_LINES]
     often = lines.per_cycle[largest] / drives.cycle_output
     per_cam_turn = lines.per_cycle[largest] / lines.kinematics.cycle_cam_revolutions

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from pathlib import Path
 
 import pytest
 
@@ -34,6 +35,18 @@ def test_with_a_limit_the_page_has_wrong_verdicts_and_fits_a_screen():
     assert "perhaps enough: any of these tests" in page.stdout
     assert page.stdout.isascii()
     assert max(map(len, page.stdout.splitlines())) <= 80
+
+
+def test_of_a_drive_without_error_all_is_seen():
+    zeros = [word for name in ("F_i1", "F_i2", "e_hb", "e_hh") for word in ("--set", f"tolerances.{name}=0")]
+    found = run("plan", TINY, *zeros, "--json")
+    assert found.returncode == 0
+    assert json.loads(found.stdout)["plans"][0]["seen"]["p5"] == pytest.approx(1, abs=1e-3)
+
+
+def test_a_preset_from_standard_input_is_named_so_in_the_next_command():
+    page = run("plan", "-", "--no-plot", stdin=Path(TINY).read_text("utf-8")).stdout
+    assert "hdassist measure record.csv --drive -\n" in page
 
 
 def test_a_verdict_that_is_known_without_a_test_is_named():
