@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Generator, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -74,7 +73,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
     Raises UsageError: options that cannot be meant, or a file that is there already; DataError: a table or file
     that cannot be read or written; PresetError: names of columns that cannot be meant.
     """
-    out, begun = options.open(), time.monotonic()
+    out = options.open()
     base.require_sound()
     lot = read_lot(path, base)
     for text in lot.notes:
@@ -105,11 +104,8 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
                     write_text("-", to_lines([answer]), out.force)
         if options.resume:
             kept.rewrite(done)  # in the order of the rows, each once
-        kept.require_there()
     if options.lines_file:
         note(f"wrote {options.lines_file}")
-    if options.verbose:
-        note(f"{lot.file}: {time.monotonic() - begun:.1f} s")
     report = page.lot_report(lot, done)
     give("accept", [replace(report, head="") if options.takes_stdout else report], options, out)
     _write_tables(options, lot.file, done, lot.sha256)

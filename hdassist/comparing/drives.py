@@ -80,20 +80,15 @@ class DriveChanges:
 class DrivesComparison:
     """Drives beside the first of them.
 
-    sheets; torques [N*m]; fields, every one of each drive; changes from the first drive to each of the others;
-    certificate of all states.
+    sheets; torques [N*m]; differing, the fields in which they differ; changes from the first drive to each of the
+    others; certificate of all states.
     """
 
     sheets: tuple[DriveSheet, ...]
     torques: tuple[float, ...]
-    fields: tuple[FieldRow, ...]
+    differing: tuple[FieldRow, ...]
     changes: tuple[DriveChanges, ...]
     certificate: Certificate
-
-    @property
-    def differing(self) -> list[FieldRow]:
-        """The fields in which the drives differ."""
-        return [row for row in self.fields if differs(row)]
 
 
 def common_torques(drives: Sequence[Drive]) -> tuple[float, ...]:
@@ -106,8 +101,8 @@ def common_torques(drives: Sequence[Drive]) -> tuple[float, ...]:
     return torques
 
 
-def field_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
-    """Every field of some drives, in the order of the declarations; uncertainties of fields behind them."""
+def differing_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
+    """Fields in which drives differ, in the order of the declarations; uncertainties of fields behind them."""
     rows = list(zip(*map(resolved_fields, drives), strict=True))
     units = {row[0].path: row[0].unit for row in rows}
     paths = dict.fromkeys(path for drive in drives for path in drive.uncertainty)
@@ -116,17 +111,12 @@ def field_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
         kinds = ((value, "default" if value is None else "given") for value in values)
         name, words = f"uncertainty.{path}", "expanded uncertainty (k = 2)"
         rows.append(tuple(ResolvedField(name, value, units[path], kind, "", words, None) for value, kind in kinds))
-    return tuple(rows)
-
-
-def differs(row: FieldRow) -> bool:
-    """Whether drives have different values of a field."""
-    return any(cell.value != row[0].value for cell in row)
+    return tuple(row for row in rows if any(cell.value != row[0].value for cell in row))
 
 
 def differing_fields(drives: Sequence[Drive]) -> list[str]:
     """Paths of the fields in which drives differ and that may move F'_ior at a torque."""
-    return [row[0].path for row in field_rows(drives) if differs(row) and not row[0].path.startswith(UNRELATED)]
+    return [row[0].path for row in differing_rows(drives) if not row[0].path.startswith(UNRELATED)]
 
 
 def estimate_comparison(drives: Sequence[Drive], torques: Sequence[float], draws: int = EFFECTIVE_SAMPLES) -> int:
@@ -156,7 +146,7 @@ def compare_drives(
     compared = [drive_changes(drives[0], other, torques, pairs=pairs, run=run) for other in drives[1:]]
     proofs = [sheet.certificate for sheet in sheets] + [proof for _, proof in compared]
     changes = tuple(change for change, _ in compared)
-    return DrivesComparison(sheets, tuple(torques), field_rows(drives), changes, reduce(add, proofs))
+    return DrivesComparison(sheets, tuple(torques), differing_rows(drives), changes, reduce(add, proofs))
 
 
 def drive_changes(

@@ -128,13 +128,15 @@ class RecordedOrders:
 
     def pairs(self, predicted: Array, difference: Array) -> tuple[OrderPair, ...]:
         """Each order beside predicted coefficients and the difference of both [arcsec], shape (2 orders,) each."""
-        pairs, count = [], len(self.sweep.orders)
+        pairs, count, exact = [], len(self.sweep.orders), EXACT * self.sweep.range.value
         for k, order in enumerate(self.sweep.orders):
             own = [k, count + k]
             cosine, sine = predicted[own]
             size = float(np.hypot(*difference[own]))
-            unit = difference[own] / size if size else np.array([1.0, 0.0])
-            uncertainty = float(np.sqrt(unit @ self.covariance[np.ix_(own, own)] @ unit))
+            block, along = self.covariance[np.ix_(own, own)], difference[own]
+            # the phase of a difference that is none is rounding alone: then the greatest over all phases
+            variance = along @ block @ along / size**2 if size > exact else np.linalg.eigvalsh(block)[-1]
+            uncertainty = float(np.sqrt(variance))
             measured = OrderAmplitude(order.amplitude_arcsec, order.uncertainty_arcsec, order.phase_deg)
             phase = float(np.degrees(np.arctan2(-sine, cosine)))
             prediction = OrderAmplitude(float(np.hypot(cosine, sine)), phase_deg=phase)

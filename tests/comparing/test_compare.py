@@ -9,10 +9,11 @@ import pytest
 
 from hdassist import kinematic_error, load_preset, trace
 from hdassist.comparing.compare import Comparison, RecordConvention, alignment_of, compare, torque_of, zero_of
-from hdassist.comparing.record import Alignment, SolvedStates
+from hdassist.comparing.record import Alignment, RecordedOrders, SolvedStates
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
+from hdassist.measuring.measure import measure
 from hdassist.model.kinematics import Kinematics
 from hdassist.pages.compare import comparison_report
 from hdassist.preset.fields import Drive
@@ -65,6 +66,15 @@ def test_a_drive_agrees_with_itself(drive):
     assert result.mirror is None
     assert result.joint is None
     assert result.certificate.max_residual < 1e-9
+
+
+def test_a_difference_that_is_none_has_one_uncertainty_whatever_its_phase(drive):
+    sweep = measure(rig(drive, 4, noise=0.5), drive=drive, together=True).directions[0]
+    record = RecordedOrders(sweep, ErrorWaves(drive, M_G), Kinematics.of(drive), Alignment(start_deg=START))
+    count = len(record.measured) // 2
+    rounding = [1e-14 * np.repeat(phase, count) for phase in ([1.0, 0.0], [0.0, 1.0])]
+    one, other = ([pair.difference.uncertainty_arcsec for pair in record.pairs(each, each)] for each in rounding)
+    assert one == other
 
 
 def test_a_zero_difference_has_no_sign(drive):

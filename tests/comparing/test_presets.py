@@ -15,9 +15,8 @@ from hdassist.commands.compare import is_preset
 from hdassist.comparing.drives import (
     compare_drives,
     differing_fields,
-    differs,
+    differing_rows,
     drive_changes,
-    field_rows,
     paired_draws,
     sense_of_change,
 )
@@ -59,7 +58,7 @@ def files(tmp_path_factory) -> Path:
 
 def test_what_differs_is_told_with_unit_and_origin():
     one, other = small(), small(*BETTER, "mounting.allowed=[0,3]", "catalogue.K_1=3e3", "uncertainty.phases.xi_b=10")
-    found = {row[0].path: row for row in field_rows([one, other]) if differs(row)}
+    found = {row[0].path: row for row in differing_rows([one, other])}
     assert list(found) == [
         "gears.j_n",
         "tolerances.F_i2",
