@@ -38,11 +38,10 @@ SIGNS = PLAIN_CHARACTERS | str.maketrans("○●◌…°″±≤≥←→↑↓�
 
 @dataclass
 class Known:
-    """Answers about one variant of the drive; old: the headline of the variant before."""
+    """Answers about one variant of the drive."""
 
     curve: SeatCurve | None = None
     headline: Headline | None = None
-    old: Headline | None = None
     advice: Advice | None = None
     report: Report | None = None  # of the advice
     effects: LeverEffects | None = None
@@ -124,7 +123,6 @@ class Asking(App[int]):
         if session.changes != old.changes:
             if self.workers.cancel_group(self, "levers"):
                 before.effects = None
-            self.known.old = before.headline or before.old
             self.ask_of_drive()
         self.when_at_rest()
         self.draw()

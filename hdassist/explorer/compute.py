@@ -176,8 +176,6 @@ def lever_effects(drive: Drive, typical: Mapping[str, float], effort: Effort, te
         for (path, step), there in zip(steps.items(), ranges, strict=True):
             if there is not None:
                 found[path] = step, tuple((there - now).tolist())
-            if len(found) % 8 == 0:
-                tell(LeverEffects(dict(found)))
     tell(LeverEffects(found))
 
 

@@ -44,20 +44,20 @@ def head(session: Session) -> Text:
 
 
 def headline(session: Session, known: Known, of_preset: Known | None) -> Text:
-    """F'_ior by torque as `check` has it, as it stands and in the best hole; an old answer is called so."""
-    found = known.headline or (None if known.failed else known.old)
+    """F'_ior by torque as `check` has it, as it stands and in the best hole."""
+    found = known.headline
     if found is None:
         return Text("F'_ior: no answer" if known.failed else "F'_ior: computing …", "dim")
-    is_old, advice = found is not known.headline, known.advice
+    advice = known.advice
     size = (
         f"5-50-95 %, {found.samples:.0f} samples{' …' * (not found.whole)}" if found.samples else "every state solved"
     )
-    text = Text(f"F'_ior, arcsec, as it stands ({'old, computing …' if is_old else size})", "dim")
+    text = Text(f"F'_ior, arcsec, as it stands ({size})", "dim")
     before = {row.M_g: row for row in of_preset.headline.rows} if of_preset and of_preset.headline else {}
     best_deg = advice.choice.chosen.rotation_deg if advice else 0.0
     place = known.curve.place(best_deg) if known.curve else None
     for k, row in enumerate(found.rows):
-        text.append(f"\n{row.M_g:g} N·m {_values((row.p5, row.p50, row.p95))}", "dim" if is_old else "")
+        text.append(f"\n{row.M_g:g} N·m {_values((row.p5, row.p50, row.p95))}")
         if row.limit_arcsec is not None:
             kept = f": kept {100 * row.probability:.0f} %" if row.probability is not None else ""
             text.append(f", limit {row.limit_arcsec:g}{kept}, ").append(row.verdict, VERDICT_STYLES[row.verdict])

@@ -60,7 +60,7 @@ def test_a_contradiction_and_rolling_balls_are_said() -> None:
     assert found.report and any("no range over them" in note for note in found.report.warnings)
 
 
-def test_an_old_answer_and_one_that_is_not_whole_are_called_so() -> None:
+def test_an_answer_that_is_not_whole_is_called_so() -> None:
     row = ErrorRange(4.0, 1.0, 2.0, 3.0, 2.25, 2.5, 0.7, Verdict.INCONCLUSIVE)
     found, shown = Headline((row,), 16.2), partial(headline, tiny(), of_preset=None)
     first, second = shown(Known(headline=found)).plain.split("\n")
@@ -71,8 +71,8 @@ def test_an_old_answer_and_one_that_is_not_whole_are_called_so() -> None:
         .plain.split("\n")[0]
         .endswith("16 samples)")
     )
-    assert "(old, computing …)" in shown(Known(old=found)).plain
-    assert shown(Known(old=found, failed=Failed("edge"))).plain == "F'_ior: no answer"
+    assert shown(Known()).plain == "F'_ior: computing …"
+    assert shown(Known(failed=Failed("edge"))).plain == "F'_ior: no answer"
 
 
 def test_levers_move_a_typical_drive_with_what_is_unknown_of_it() -> None:
