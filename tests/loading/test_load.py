@@ -80,7 +80,7 @@ def test_units_and_single_items(old: str, new: str, section: str, name: str, val
 
 
 def test_the_model_itself_reads_units_and_uncertainties() -> None:
-    data = load().model_dump() | {"phases": {"xi_b": "1 rad ± 30 arcmin"}, "operation": {"M_g": "0.8 kN*m"}}
+    data = load().model_dump() | {"uncertainty": {"phases.xi_b": "30 arcmin"}, "operation": {"M_g": "0.8 kN*m"}}
     drive = Drive.model_validate(data)
     assert drive.operation.M_g == (800,)
     assert drive.uncertainty == {"phases.xi_b": 0.5}
