@@ -49,7 +49,7 @@ class DoctorCommand(o.PageOptions):
         from hdassist.terminal.runs import give_report
 
         out = self.open()
-        found = [*packages(), surroundings(), engine(), cache(), self_test(), library_finding()]
+        found = [*packages(), surroundings(), engine(), cache(), self_test()]
         broken = any(finding.status == "broken" for finding in found)
         code = UntrustedError.exit_code if broken else 0
         give_report(doctor_report(found, code), out, json=self.json)
@@ -153,11 +153,3 @@ def self_test() -> DoctorFinding:
     return DoctorFinding(
         "self-test", "ok" if fine else "broken", f"{told}; residual {found.certificate.max_residual:.0e}"
     )
-
-
-def library_finding() -> DoctorFinding:
-    """Whether the drives of the library are there."""
-    from hdassist.preset.library import preset_names
-
-    names = preset_names()
-    return DoctorFinding("presets", "ok" if PRESET in names else "broken", f"{len(names)} drives in the library")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 from pydantic import ValidationError
@@ -23,10 +24,10 @@ from hdassist.preset.fields import (
     measures,
     read_range,
     sections,
-    spreads,
 )
 from hdassist.preset.kinds import choices_of, plain, range_of, read_value, unit_of
 from hdassist.preset.knowledge import implausible
+from hdassist.preset.units import UnitError, is_spread, read_spread
 from hdassist.preset.yamltext import OVERRIDE, Document, InvalidValue, Path, near_miss, ordered_findings, shown
 
 
@@ -122,16 +123,25 @@ def _check_schema(document: Document, data: dict[str, Any]) -> None:
 
 
 def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
-    """Of two uncertainties of a field, one beside its value, the one on the command line counts."""
-    if not isinstance(table := data.get("uncertainty"), dict):
-        return
-    for path, spread in spreads(data).items():
-        own = ("uncertainty", path)
-        own_wins, beside_wins = (document.is_override(p) for p in (own, tuple(path.split("."))))
-        if path in table and beside_wins and not own_wins:
-            data["uncertainty"] = table = table | {path: spread}
-        elif path in table and beside_wins == own_wins:
-            document.add(own, "given twice", f"the value has an uncertainty of {spread:g} beside it")
+    """Put uncertainties beside values ("260 ± 10") into their table; of two the one on the command line counts."""
+    table = data.get("uncertainty") or {}
+    beside = [
+        (section, name, value)
+        for section, values in data.items()
+        for name, value in (values.items() if isinstance(values, dict) else ())
+    ]
+    for section, name, value in beside if isinstance(table, dict) else ():
+        path = f"{section}.{name}"
+        if path not in measures() or not isinstance(value, str) or not is_spread(value):
+            continue
+        with suppress(UnitError):  # the value itself is refused
+            spread = read_spread(value, unit_of(measures()[path]))[1]
+            own_wins, beside_wins = (document.is_override(p) for p in (("uncertainty", path), (section, name)))
+            if path in table and beside_wins == own_wins:
+                words = f"the value has an uncertainty of {spread:g} beside it"
+                document.add(("uncertainty", path), "given twice", words)
+            elif path not in table or beside_wins:
+                data["uncertainty"] = table = table | {path: spread}
 
 
 def _check_ranges(valid: dict[str, Any], data: dict[str, Any], document: Document) -> None:

@@ -7,12 +7,11 @@ Numbers are in the unit of their field; the model converts them.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+from pydantic import BaseModel, Field, PrivateAttr, ValidationInfo, field_validator
 from pydantic.fields import FieldInfo
 
 from hdassist.preset.catalogue import Catalogue
@@ -31,7 +30,7 @@ from hdassist.preset.kinds import (
     unit_of,
 )
 from hdassist.preset.measured import Measured
-from hdassist.preset.units import UnitError, is_spread, read_number, read_spread
+from hdassist.preset.units import read_number
 from hdassist.preset.yamltext import MAX_FINDINGS, InvalidValue, near_miss
 
 PRESET_SCHEMA = "hdassist.preset/1"
@@ -171,16 +170,6 @@ class Drive(BaseModel):
 
     _origin: Origin = PrivateAttr(default=Origin())
 
-    @model_validator(mode="before")
-    @classmethod
-    def _join_spreads(cls, data: Any) -> Any:
-        """Add uncertainties written beside values to the table; where it has one for a field, that counts."""
-        table = data.get("uncertainty") or {} if isinstance(data, dict) else None
-        if not isinstance(table, dict):
-            return data
-        beside = {path: spread for path, spread in spreads(data).items() if path not in table}
-        return data | {"uncertainty": table | beside} if beside else data
-
     @field_validator("uncertainty", mode="before")
     @classmethod
     def _read_uncertainty(cls, table: Any) -> Any:
@@ -265,18 +254,6 @@ def fields() -> Iterator[tuple[str, FieldInfo]]:
 def measures() -> dict[str, FieldInfo]:
     """Path and declaration of each field that holds a single number, and so may have an uncertainty."""
     return {path: info for path, info in fields() if kind_of(info) == "number"}
-
-
-def spreads(data: Mapping[str, Any]) -> dict[str, float]:
-    """Uncertainties written beside values ("260 ± 10"), by path, each in the unit of its field."""
-    uncertainties = {}
-    for section, table in data.items():
-        for name, value in table.items() if isinstance(table, dict) else ():
-            path = f"{section}.{name}"
-            if isinstance(value, str) and is_spread(value) and path in measures():
-                with suppress(UnitError):  # the value itself is refused
-                    uncertainties[path] = read_spread(value, unit_of(measures()[path]))[1]
-    return uncertainties
 
 
 def _read_measures(table: Any, no_measure: InvalidValue | None) -> Any:

@@ -15,7 +15,7 @@ def test_a_sound_installation_is_fine() -> None:
     done = run("doctor", "--ascii")
     assert done.returncode == 0, done.stdout
     assert done.stdout.splitlines()[0] == "this installation: fine"
-    for words in ("cvxpy", "daqp", "self-test", "cores", "output", "presets"):
+    for words in ("cvxpy", "daqp", "self-test", "cores", "output"):
         assert words in done.stdout
 
 

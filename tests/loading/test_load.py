@@ -1,4 +1,4 @@
-"""Loading presets: every promise about errors, units, lists, warnings and overrides."""
+"""Loading presets: every promise about errors, units, lists and warnings."""
 
 from __future__ import annotations
 
@@ -44,13 +44,6 @@ def errors(*changes: tuple[str, str], more: str = "", overrides: tuple[str, ...]
     return [str(finding) for finding in caught.value.findings]
 
 
-def usage_error(*overrides: str) -> str:
-    with pytest.raises(UsageError) as caught:
-        load(overrides=overrides)
-    assert caught.value.exit_code == 2
-    return caught.value.message
-
-
 def test_a_preset_with_the_required_fields_only_is_complete() -> None:
     drive = load()
     assert drive.gears.alpha == 20
@@ -87,7 +80,7 @@ def test_units_and_single_items(old: str, new: str, section: str, name: str, val
 
 
 def test_the_model_itself_reads_units_and_uncertainties() -> None:
-    data = load().model_dump() | {"phases": {"xi_b": "1 rad ± 30 arcmin"}, "operation": {"M_g": "0.8 kN*m"}}
+    data = load().model_dump() | {"uncertainty": {"phases.xi_b": "30 arcmin"}, "operation": {"M_g": "0.8 kN*m"}}
     drive = Drive.model_validate(data)
     assert drive.operation.M_g == (800,)
     assert drive.uncertainty == {"phases.xi_b": 0.5}
@@ -350,87 +343,6 @@ def test_torques_of_one_run_leave_the_limits_of_the_file_alone() -> None:
     assert load(more=limits, overrides=("operation.M_g=80",)).origin.warnings == ()
     (said,) = load(more=limits, overrides=("operation.M_g=80", "acceptance.F_ior.70=9")).origin.warnings
     assert "acceptance.F_ior.70: a limit for a torque that is not in operation.M_g: accept" in said
-
-
-def test_overrides_replace_and_are_remembered() -> None:
-    drive = load(overrides=("cam.W_0=950 um", "operation.M_g=[80, 400]", "tolerances.F_i2=60", "acceptance.F_ior=30"))
-    assert (drive.cam.W_0, drive.operation.M_g, drive.tolerances.F_i2) == (0.95, (80, 400), 60)
-    assert drive.limit(80) == 30
-    assert drive.origin.overrides[0] == "cam.W_0=950 um"
-    assert drive.origin.sha256 == load().origin.sha256
-
-
-@pytest.mark.parametrize(
-    ("overrides", "limits"),
-    [
-        (["acceptance.F_ior.80=30"], {"80": 30}),
-        (["acceptance.F_ior=60", "acceptance.F_ior.80=30"], {"all": 60, "80": 30}),
-        (["acceptance.F_ior={80: 30}", "acceptance.F_ior.80=20"], {"80": 20}),
-    ],
-)
-def test_overrides_of_single_limits(overrides: list[str], limits: dict[str, float]) -> None:
-    assert load(overrides=tuple(overrides)).acceptance.F_ior == limits
-
-
-def test_overrides_reach_names_with_a_dot_in_them() -> None:
-    drive = load(
-        overrides=("phases.xi_b=1", "uncertainty.phases.xi_b=10", "source.cam.W_0={kind: given, ref: sheet 1}")
-    )
-    assert drive.uncertainty == {"phases.xi_b": 10}
-    assert drive.source["cam.W_0"].ref == "sheet 1"
-
-
-def test_a_range_is_in_the_unit_of_its_field_and_holds_no_value_back_that_is_tried() -> None:
-    more = "source: {cam.W_0: {kind: assumed, range: [900 um, 1]}}\n"
-    assert load(more=more).source["cam.W_0"].range == (0.9, 1)
-    assert load(more=more, overrides=("cam.W_0=0.89",)).cam.W_0 == 0.89
-
-
-def test_the_last_override_wins() -> None:
-    assert load(overrides=("cam.W_0=1", "cam.W_0=0.95")).cam.W_0 == 0.95
-
-
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (["cam.w0=1"], "--set:1:1: cam.w0: unknown key (did you mean W_0?)"),
-        (["cam.W_0=0.95", "gears.z_g=x"], "--set:2:11: gears.z_g: must be a whole number (got x)"),
-        (["phases.xi_b=unknwon"], "--set:1:13: phases.xi_b: must be a number (got unknwon; did you mean unknown?)"),
-        (["phases.xi_b=north"], "--set:1:13: phases.xi_b: must be a number (got north; in deg)"),
-        (["cam.W_0="], "--set:1:9: cam.W_0: must be a number (got nothing; in mm)"),
-        (["operation.M_g=[80"], "--set:1:18: not valid YAML: a bracket is not closed, or a comma is missing "
-         "(opened in line 1, column 1)"),
-        (["operation.M_g=[80, x]"], "--set:1:20: operation.M_g[1]: must be a number (got x; in N*m)"),
-        (["gears.z_g.x=3"], "--set:1:1: gears.z_g.x: gears.z_g is no table of keys"),
-        (["cam.W_0"], "--set:1:1: not of the form section.key=VALUE (got cam.W_0)"),
-        (["=3"], "--set:1:1: not of the form section.key=VALUE (got =3)"),
-        (["cam.=3"], "--set:1:1: not of the form section.key=VALUE (got cam.=3)"),
-        ([""], "--set:1:1: not of the form section.key=VALUE (got nothing)"),
-        (["cam.W_\udcb0=1"], r"--set:1:1: not of the form section.key=VALUE (got cam.W_\udcb0=1)"),  # a byte, not UTF-8
-    ],
-)  # fmt: skip
-def test_bad_overrides_are_wrong_usage(overrides: list[str], message: str) -> None:
-    assert usage_error(*overrides) == message
-
-
-def test_an_override_that_contradicts_the_file_is_wrong_usage_at_the_override() -> None:
-    assert usage_error("gears.z_b=203").startswith("--set:1:11: gears.z_b: only drives with two waves")
-    assert usage_error("flexspline.b_w=200").startswith("--set:1:16: flexspline.b_w: the shell must be longer")
-
-
-def test_a_bad_file_stays_a_bad_file_whatever_the_overrides_say() -> None:
-    found = errors(("m: 0.8", "m: x"), overrides=("cam.W_0=y",))
-    assert [line.split(": ")[0] for line in found] == ["my.yaml:3:32", "--set:1:9"]
-
-
-def test_findings_only_in_overrides_are_wrong_usage_even_where_an_override_completes_the_file() -> None:
-    with pytest.raises(UsageError, match=r"--set:2:9: gears\.m: must be a number") as caught:
-        load(("W_0: 0.96", ""), overrides=("cam.W_0=0.96", "gears.m=x"))
-    assert len(caught.value.message.splitlines()) == 1
-
-
-def test_an_override_can_put_a_file_right() -> None:
-    assert load(("W_0: 0.96", ""), overrides=("cam.W_0=0.96",)).cam.W_0 == 0.96
 
 
 def test_the_frozen_reference_holds_the_numbers_of_the_paper() -> None:
