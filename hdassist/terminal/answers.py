@@ -11,7 +11,7 @@ from numbers import Number
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError
-from hdassist.json_parts import Json, certificate_object
+from hdassist.json_parts import Json, as_json, attributes, certificate_object
 from hdassist.numerals import NUMBER
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
@@ -43,8 +43,15 @@ def envelope(command: str, drive: Drive | None, exit_code: int = 0, warnings: Se
 
 def report_object(report: Report) -> Json:
     """A report as a JSON object."""
-    proven = {"certificate": certificate_object(report.certificate, report.cross_checks)} if report.certificate else {}
-    return {**envelope(report.command, report.drive, report.exit_code, report.warnings), **report.values, **proven}
+    from hdassist.solve.answers import Certificate
+
+    answer = envelope(report.command, report.drive, report.exit_code, report.warnings) | report.values
+    found = report.certificate
+    if isinstance(found, Certificate):
+        answer["certificate"] = certificate_object(found, report.cross_checks)
+    elif found:
+        answer["certificate"] = attributes(found, "states", "max_residual")
+    return {key: as_json(value) for key, value in answer.items()}
 
 
 def failure(command: str, error: HdassistError, *, preset: str | None = None, file: str | None = None) -> Json:

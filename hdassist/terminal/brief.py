@@ -6,11 +6,12 @@ import re
 import shlex
 from collections.abc import Iterable, Iterator
 
+from hdassist.belief.statistics import Probability
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknown_names, unknowns
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import resolved_fields
-from hdassist.solve.answers import Certificate
+from hdassist.report.report import ReportProof
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict
@@ -34,17 +35,20 @@ def _options(overrides: Iterable[str]) -> Iterator[str]:
             yield from ("--set", override)
 
 
-def proof(certificate: Certificate, cross_checks: Iterable[CrossCheck | None] = ()) -> str:
-    """A certificate in one line: states, greatest residual as a share of its scale, what another solver solved."""
-    words = proof_words(certificate.states, certificate.max_residual)
+def proof(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None] = ()) -> str:
+    """One line of proof: states, greatest residual as a share of its scale, states that another solver solved."""
+    if not found or not found.states:
+        return ""
+    words = f"{thousands(found.states)} states, residual {found.max_residual:.0e}"
     if crosses := [cross for cross in cross_checks if cross]:
         words += f", {sum(cross.states for cross in crosses)} again by {crosses[0].solver}"
     return words
 
 
-def proof_words(states: int, max_residual: float) -> str:
-    """Solved states and their greatest residual, a share of its scale, in words."""
-    return f"{thousands(states)} states, residual {max_residual:.0e}"
+def probability_words(found: Probability) -> str:
+    """A probability in per cent with its Monte Carlo interval: 89 % (81 to 94)."""
+    interval = f" ({100 * found.low:.0f} to {100 * found.high:.0f})" if found.low < found.high else ""
+    return f"{100 * found.value:.0f} %{interval}"
 
 
 def thousands(count: int) -> str:

@@ -234,15 +234,6 @@ def test_a_probability_below_the_one_wanted_is_not_rounded_up_to_it(advice: Tria
     assert float(sure) < float(wanted)
 
 
-def test_four_trials_without_a_repeat_ask_for_one_and_for_the_sense(advice: TrialAdvice) -> None:
-    asked = "repeat hole 0 (0 deg)"
-    assert asked in page(advice)
-    assert "counter-clockwise, seen from the cam side" in page(advice)
-    assert asked not in page(with_trials(advice, advice.trials[:3], predictions=advice.predictions[:2]))
-    repeated = replace(advice, trials=(*advice.trials[:3], replace(advice.trials[3], rotation_deg=0.0)))
-    assert asked not in page(repeated)
-
-
 def test_a_choice_that_hinges_on_one_value_is_not_settled_and_says_which(advice: TrialAdvice) -> None:
     firm = replace(advice, needed=0.0, without=(0.9, 0.7, 0.8, 0.65))
     assert (firm.hinges_on, firm.settled) == (None, True)
