@@ -8,7 +8,7 @@ from datetime import date
 
 from hdassist.belief.statistics import Probability
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.mounting.positions import FREE_STEP, Choice, Position, hole_of
+from hdassist.mounting.positions import FREE_STEP, Choice, hole_of
 from hdassist.mounting.trial import Tried
 from hdassist.pages.seat import ENGLISH, instruction, place_at, seat_of, turn, wheel
 from hdassist.preset.fields import Drive
@@ -162,33 +162,21 @@ def _torques(choice: Choice, say: Texts) -> Table:
 
 
 def _other_positions(choice: Choice, say: Texts) -> Table:
-    """Cost of the nearest positions to both sides, of the best of the others and of the worst one, each once."""
+    """Cost of the nearest positions to both sides, of the best of the others and of the worst one."""
     target, holes = choice.target, choice.drive.mounting.holes
-    others = [p for p in choice.ranked if p != target]
-    least = (360 / holes if holes else FREE_STEP) / 2  # at a free angle the best of the others lies beside the best
-    named: list[tuple[str, Position]] = []
-    for key, side in (("ahead", 1), ("back", -1)):
-        steps = {side * (p.rotation_deg - target.rotation_deg) % 360: p for p in others}
-        if step := min((step for step in steps if step >= least), default=0.0):
-            words = say.holes(round(step * holes / 360)) if holes else say.angle(round(step, 6))
-            named.append((say(f"others.{key}", step=words), steps[step]))
-    named += [(say("others.best"), others[0])] if holes and others else []
-    named.append((say("seat.worst"), choice.ranked[-1]))
-    merged: dict[Position, list[str]] = {}
-    for words, position in named:
-        if position != target:
-            merged.setdefault(position, []).append(words)
-    rows = tuple(
+    least = (360 / holes if holes else FREE_STEP) / 2  # at a free angle one beside the best is no other
+    away = {p: (p.rotation_deg - target.rotation_deg) % 360 for p in choice.ranked}
+    others = [p for p, turned in away.items() if least <= turned <= 360 - least]
+    around = sorted(others, key=lambda p: away[p])
+    rows = [
         (
-            "; ".join(words_of),
-            f"{position.hole}" if holes else say.number(position.rotation_deg),
-            *(say.percent(position.change_from(other), "+") for other in (choice.current, target)),
+            f"{p.hole}" if holes else say.number(p.rotation_deg),
+            *(say.percent(p.change_from(other), "+") for other in (choice.current, target)),
         )
-        for position, words_of in merged.items()
-    )
-    names = ("position", "hole" if holes else "turn", "against_now", "lost")
-    heads = tuple(say(f"others.{name}") for name in names)
-    return Table(say("others.title"), heads, rows, notes=(say("others.counted"),))
+        for p in dict.fromkeys((*around[:1], *around[-1:], *others[:1], *others[-1:]))
+    ]
+    heads = tuple(say(f"others.{name}") for name in ("hole" if holes else "turn", "against_now", "lost"))
+    return Table(say("others.title"), heads, tuple(rows), notes=(say("others.counted"),))
 
 
 def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:

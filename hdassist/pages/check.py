@@ -23,6 +23,7 @@ from hdassist.json_parts import (
 )
 from hdassist.model.geometry import Geometry
 from hdassist.model.unknown import unknown_names
+from hdassist.pages.seat import wheel
 from hdassist.report.blocks import Curve, Facts, Table
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import CsvTable, Report
@@ -31,6 +32,7 @@ from hdassist.terminal.influence_words import influence_words, measure_words, sa
 from hdassist.terminal.wheels_page import heading
 from hdassist.verdict import Verdict
 
+UNKNOWN_AT_ZERO = "F_ior_arcsec, at_max, at_min and sensitivity take what is not known as 0; the verdict is of belief"
 LEAST_ERROR = 1e-3  # arcsec: an F'_ior below it counts as that
 LEAST_SHARE = 0.1  # of F'_ior, that another coupling takes off where it is named
 
@@ -123,10 +125,11 @@ def check_report(check: DesignCheck, seed: int) -> Report:
     least_sure = check.points[check.least_sure]
     first = spread_curve(check, check.samples) if check.unknown and check.samples else error_curve(check, least_sure)
     others = [point for point in check.points if check.unknown or point is not least_sure]
+    k, fixed = check.kinematics, wheel(check.drive)
     return Report(
         command="check",
         drive=check.drive,
-        head=_head(check),
+        head=f"{check.drive.name}, {k.z_g}/{k.z_b} teeth, {fixed} fixed{heading(check.measured)}",
         verdict=str(check.verdict),
         why=tuple(filter(None, map(verdict_reason, check.points))),
         blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
@@ -139,12 +142,6 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         warnings=check.warnings,
         exit_code=check.verdict.exit_code,
     )
-
-
-def _head(check: DesignCheck) -> str:
-    k = check.kinematics
-    where = "rigid wheel" if k.fixed == "rigid" else "flexspline"
-    return f"{check.drive.name}, {k.z_g}/{k.z_b} teeth, {where} fixed{heading(check.measured)}"
 
 
 def F_ior_table(check: DesignCheck) -> Table:
@@ -178,7 +175,7 @@ def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
     if check.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE) and not check.unknown:
         yield "coupling", _coupling(check)
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
-    yield "next", again(step, check.drive) + (" with the same pitch files" if check.measured else "")
+    yield "next", again(step, check.drive, pitch=check.measured)
 
 
 def _more_facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
@@ -264,7 +261,7 @@ def geometry_table(check: DesignCheck) -> Table:
 def _values(check: DesignCheck, seed: int) -> Json:
     k = check.kinematics
     return {
-        "warnings": [*check.warnings, *_at_zero(check)],
+        "warnings": [*check.warnings, *[UNKNOWN_AT_ZERO] * bool(check.unknown and check.samples)],
         "kinematics": {
             "u_hg" if k.fixed == "rigid" else "u_hb": k.u,
             **attributes(k, "fixed", "cycle_states", "cycle_cam_revolutions"),
@@ -282,12 +279,6 @@ def _values(check: DesignCheck, seed: int) -> Json:
         "seed": seed,
         "verdict": check.verdict,
     }
-
-
-def _at_zero(check: DesignCheck) -> list[str]:
-    """A remark for scripts on the value beside a range; a page shows the range alone."""
-    words = "F_ior_arcsec, at_max, at_min and sensitivity take what is not known as 0; the verdict is of belief"
-    return [words] if check.unknown and check.samples else []
 
 
 def check_csv(check: DesignCheck) -> CsvTable:

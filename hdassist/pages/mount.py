@@ -146,8 +146,7 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
     if advice.unknown and not advice.samples:
         yield "unknown", f"taken as 0: {unknown_names(advice.unknown)}"
     if advice.order != "none" and not carded:  # else the sentence above names it
-        card = again("mount", advice.drive, "--card", "card.html")
-        yield "next", card + (" with the same pitch files" if advice.measured else "")
+        yield "next", again("mount", advice.drive, "--card", "card.html", pitch=advice.measured)
 
 
 def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:

@@ -11,7 +11,6 @@ from hdassist.design.sweep import Sweep, SweepRow, Swept, largest
 from hdassist.design.vary import TORQUE, Axis
 from hdassist.json_parts import attributes, unknown_objects
 from hdassist.model.unknown import unknowns
-from hdassist.preset.kinds import plain
 from hdassist.report.blocks import Curve, Facts, HeatMap
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again
@@ -72,7 +71,7 @@ def _facts(swept: Swept) -> Iterator[tuple[str, str]]:
     if swept.failed:
         yield "no answer", f"{swept.failed} of {swept.sweep.rows} rows; the first: {swept.reason}"
     if least:
-        values = [f"{path}={_exact(value)}" for path, value in swept.sweep.values(least[0]).items()]
+        values = [f"{path}={value!r}".removesuffix(".0") for path, value in swept.sweep.values(least[0]).items()]
         yield "next", again("check", swept.drive, *(word for value in values for word in ("--set", value)))
 
 
@@ -80,11 +79,6 @@ def _span(axis: Axis) -> str:
     low, high = min(axis.values), max(axis.values)
     values = f"{low:g}" if low == high else f"{low:g} to {high:g}"
     return f"{axis.path} ({values} {_unit(axis)}".rstrip() + ")"
-
-
-def _exact(value: float) -> str:
-    """A value as one would write it, in every digit that it has."""
-    return plain(value) if float(plain(value)) == value else repr(value)
 
 
 def _unit(axis: Axis) -> str:

@@ -91,6 +91,7 @@ def tolerance_report(
     worst = min(range(len(points)), key=lambda k: summary.yield_of(True, points[k]).share)
     gains = to_measure(law, samples, worst) if samples else ()
     measure = summary.verdict is Verdict.INCONCLUSIVE and (measure_words(gains, False) or MORE_DRIVES)
+    refused = f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
     of_designs = f"; yield: {100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over designs"
     F_ior_table = Table.by_row(
         "F'_ior, arcsec: percentiles over the drives" + of_designs * bool(summary.has_limit and law.shared),
@@ -117,14 +118,9 @@ def tolerance_report(
         line=_yields(summary) + f": {summary.verdict}" * (summary.wanted is not None)
         if summary.has_limit
         else "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]} arcsec" for row in F_ior_table.rows),
-        warnings=(*law_warnings(law), *_refused(summary)),
+        warnings=(*law_warnings(law), *[refused] * bool(summary.refused)),
         exit_code=130 if interrupted else summary.verdict.exit_code,
     )
-
-
-def _refused(summary: Summary) -> Iterator[str]:
-    if summary.refused:
-        yield f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
 
 
 def law_warnings(law: ProductionLaw) -> tuple[str, ...]:

@@ -88,10 +88,9 @@ def _facts(drive: Drive, trace: Trace) -> Iterator[tuple[str, str]]:
     yield "assumed", on_what(drive)
     yield "unknown", not_known(drive)
     cycle = trace.error.kinematics.cycle_cam_revolutions
-    own = again("mount", drive)
-    if trace.revolutions < cycle:
-        own = again("trace", drive, "-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
-    yield "next", own + (" with the same pitch files" if trace.measured else "")
+    whole = ("trace", "-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
+    command, *more = whole if trace.revolutions < cycle else ("mount",)
+    yield "next", again(command, drive, *more, pitch=trace.measured)
 
 
 def trace_csv(trace: Trace) -> CsvTable:

@@ -19,11 +19,12 @@ from hdassist.verdict import Verdict
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
 
 
-def again(command: str, drive: Drive, *more: str) -> str:
-    """A command about the same drive, as a shell takes it."""
+def again(command: str, drive: Drive, *more: str, pitch: object = None) -> str:
+    """A command about the same drive, as a shell takes it; pitch: wheels that are measured, whose files go with it."""
     origin = drive.origin
     preset = "-" if origin.file == STDIN else origin.file or drive.name
-    return shlex.join(["hdassist", command, preset, *_options(origin.overrides), *more])
+    words = shlex.join(["hdassist", command, preset, *_options(origin.overrides), *more])
+    return words + " with the same pitch files" * bool(pitch)
 
 
 def _options(overrides: Iterable[str]) -> Iterator[str]:
