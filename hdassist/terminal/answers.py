@@ -43,14 +43,12 @@ def envelope(command: str, drive: Drive | None, exit_code: int = 0, warnings: Se
 
 def report_object(report: Report) -> Json:
     """A report as a JSON object."""
-    from hdassist.solve.answers import Certificate
-
     answer = envelope(report.command, report.drive, report.exit_code, report.warnings) | report.values
-    found = report.certificate
-    if isinstance(found, Certificate):
-        answer["certificate"] = certificate_object(found, report.cross_checks)
-    elif found:
-        answer["certificate"] = attributes(found, "states", "max_residual")
+    if found := report.certificate:
+        from hdassist.solve.answers import Certificate  # answers without states need no numpy
+
+        residuals = isinstance(found, Certificate) and certificate_object(found, report.cross_checks)
+        answer["certificate"] = residuals or attributes(found, "states", "max_residual")
     return {key: as_json(value) for key, value in answer.items()}
 
 

@@ -5,16 +5,19 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
-from hdassist.belief.statistics import Probability
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknown_names, unknowns
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import resolved_fields
-from hdassist.report.report import ReportProof
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict
+
+if TYPE_CHECKING:
+    from hdassist.belief.statistics import Probability
+    from hdassist.report.report import ReportProof
 
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
 
