@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from math import isinf
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -17,19 +20,32 @@ if TYPE_CHECKING:
 Json = dict[str, Any]
 
 
+def as_json(value: Any) -> Any:
+    """A value as JSON has it: results as objects of their fields, arrays and tuples as lists, enumerations as text."""
+    if is_dataclass(value):
+        return {each.name: as_json(getattr(value, each.name)) for each in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: as_json(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_json(each) for each in value]
+    if isinstance(value, Enum):
+        return str(value)
+    if isinstance(value, float) and isinf(value):
+        return None  # no bound
+    return value.tolist() if hasattr(value, "tolist") else value  # arrays and numbers of numpy
+
+
+def attributes(thing: object, *names: str) -> Json:
+    """Some attributes of a result under their names."""
+    return {name: getattr(thing, name) for name in names}
+
+
 def certificate_object(certificate: Certificate, cross_checks: Iterable[CrossCheck | None] = ()) -> Json:
     """Certificate and cross-check as JSON: the worst of all torques."""
     crosses = [cross for cross in cross_checks if cross]
     return {
-        "states": certificate.states,
-        "max_residual": certificate.max_residual,
-        "residuals": {
-            "negative_force": certificate.negative_force,
-            "negative_gap": certificate.negative_gap,
-            "complementarity": certificate.complementarity,
-            "equilibrium": certificate.equilibrium,
-        },
-        "fallbacks": certificate.fallbacks,
+        **attributes(certificate, "states", "max_residual", "fallbacks"),
+        "residuals": attributes(certificate, "negative_force", "negative_gap", "complementarity", "equilibrium"),
         "cross_check": {
             "solver": crosses[0].solver,
             "states": sum(cross.states for cross in crosses),
@@ -50,7 +66,7 @@ def samples_object(samples: Samples | None) -> dict[str, Any] | None:
     if samples is None:
         return None
     refused = [{"reason": reason, "draws": count} for reason, count in samples.refused.items()]
-    return {"effective": samples.effective, "draws": samples.draws, "refused": refused, "seed": samples.seed}
+    return {**attributes(samples, "effective", "draws", "seed"), "refused": refused}
 
 
 def influence_objects(found: Sequence[Influence]) -> list[dict[str, Any]]:
@@ -73,11 +89,9 @@ def _wheel(wheel: MeasuredWheel | None) -> dict[str, Any] | None:
         return None
     pitch = wheel.pitch
     return {
-        "file": pitch.file,
-        "sha256": pitch.sha256,
+        **attributes(pitch, "file", "sha256", "flank"),
         "mark_tooth": pitch.mark,
         "mark_deg": wheel.mark_deg,
-        "flank": pitch.flank,
         "range_um": float(pitch.deviation.max() - pitch.deviation.min()),
         "notes": list(pitch.notes),
     }

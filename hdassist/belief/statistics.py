@@ -34,6 +34,12 @@ def effective_number(weights: Array) -> float:
     return float(shares.sum() ** 2 / (shares**2).sum()) if weights.any() else 0.0
 
 
+def shares_below(values: Array, weights: Array) -> tuple[Array, Array]:
+    """Per cent of the weight of values up to each of them, and the values in growing order, shape (values,) each."""
+    order = np.argsort(values)
+    return np.asarray(100 * np.cumsum(weights[order]) / weights.sum()), values[order]
+
+
 def weighted_quantile(values: Array, weights: Array, share: float) -> float:
     """Quantile of weighted values, straight between the middles of their weights (Hazen where all weigh the same)."""
     order = np.argsort(values, kind="stable")

@@ -73,13 +73,13 @@ class CardFile:
 
     def text(self, facts: CardFacts) -> str:
         """The card as its file has it."""
-        from hdassist.pages import card_render
         from hdassist.pages.card import card_of
+        from hdassist.pages.documents import card_html, card_markdown, card_text
 
         card = card_of(facts, self.say, serial=self.serial, made=date.today())
         if self.kind == ".txt":
-            return card_render.plain_text(card, ascii=self.ascii)
-        return card_render.html(card) if self.kind == ".html" else card_render.markdown(card)
+            return card_text(card, ascii=self.ascii)
+        return card_html(card) if self.kind == ".html" else card_markdown(card)
 
 
 def give_with_card(

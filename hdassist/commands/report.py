@@ -34,8 +34,8 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
     def run(self) -> int:
         """Make the report; returns the exit code."""
         from hdassist.comparing.sheet import sheet_of, sheet_states
+        from hdassist.pages.documents import report_html, report_markdown
         from hdassist.pages.report import drive_report
-        from hdassist.pages.report_render import report_html, report_markdown
         from hdassist.terminal.answers import json_text, report_object
         from hdassist.terminal.output import warn
         from hdassist.terminal.runs import note_time

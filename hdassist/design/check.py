@@ -24,7 +24,7 @@ from hdassist.belief.samples import (
 )
 from hdassist.belief.statistics import Probability
 from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
-from hdassist.error.error_map import extremes_of, searchable
+from hdassist.error.error_map import Extremes, extremes_of, searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.sensitivity import Sensitivity, sensitivity
 from hdassist.errors import HdassistError
@@ -41,20 +41,12 @@ from hdassist.verdict import SURE, Verdict, verdict_by_probability, worst
 
 
 @dataclass(frozen=True)
-class Floating:
-    """F'_ior [arcsec] of a drive whose cam aligns itself (supports.C_3 of 0), and the proof of it."""
-
-    F_ior_arcsec: float
-    certificate: Certificate
-
-
-@dataclass(frozen=True)
 class OperatingPoint:
     """The error of a drive at one torque M_g [N*m], and the limit [arcsec] it is held against, if any.
 
     error: with unknown deviations as 0 and all else as the preset has it; belief: F'_ior over all that is not known
     exactly, None where that was not computed; open_: whether something is not known exactly; sure: probability of
-    keeping the limit that PASS needs.
+    keeping the limit that PASS needs; floating: F'_ior where the cam aligns itself (supports.C_3 of 0).
     """
 
     M_g: float
@@ -65,7 +57,7 @@ class OperatingPoint:
     open_: bool = False
     belief: ErrorBelief | None = None
     sure: float = SURE
-    floating: Floating | None = None
+    floating: Extremes | None = None
 
     @property
     def F_ior_upper_arcsec(self) -> float:
@@ -237,7 +229,7 @@ def check(
     run.finished(sum(part.certificate.states for part in own))
     known, prior = beside_measured_teeth(drive, measured)
     slopes: Sequence[Sensitivity | None] = [None] * len(torques)
-    floating: Sequence[Floating | None] = [None] * len(torques)
+    floating: Sequence[Extremes | None] = [None] * len(torques)
     rows = zip(torques, errors, own, [drive.limit(M_g) for M_g in torques], strict=True)
     points = [OperatingPoint(*row, open_=bool(prior.fields), sure=sure) for row in rows]
     if searchable(drive) and not measured:
@@ -246,11 +238,12 @@ def check(
         if prior.fields and draws and not samples:
             left = [point.left_arcsec for point in points]
             samples = drive_samples(prior, left, draws=draws, sure=sure, run=run)
-    found = [
-        replace(point, sensitivity=slope, floating=floats)
-        for point, slope, floats in zip(points, slopes, floating, strict=True)
-    ]
-    return DesignCheck(drive, _with_samples(found, samples), measured, unknowns(known), prior, samples)
+    beliefs = [ErrorBelief(samples, k) if samples else None for k in range(len(points))]
+    found = tuple(
+        replace(point, sensitivity=slope, floating=floats, belief=belief)
+        for point, slope, floats, belief in zip(points, slopes, floating, beliefs, strict=True)
+    )
+    return DesignCheck(drive, found, measured, unknowns(known), prior, samples)
 
 
 def beside_measured_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, DrivePrior]:
@@ -260,10 +253,6 @@ def beside_measured_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple
     known = measured.without_harmonics(drive)
     prior = prior_of(known)
     return known, replace(prior, fields=tuple(f for f in prior.fields if known.value(f.path) == drive.value(f.path)))
-
-
-def _with_samples(points: Sequence[OperatingPoint], samples: Samples | None) -> tuple[OperatingPoint, ...]:
-    return tuple(replace(p, belief=ErrorBelief(samples, k) if samples else None) for k, p in enumerate(points))
 
 
 def drive_samples(
@@ -288,12 +277,12 @@ def drive_samples(
     )  # fmt: skip
 
 
-def _floating(drive: Drive) -> list[Floating]:
+def _floating(drive: Drive) -> list[Extremes]:
     """F'_ior at each torque with a cam that aligns itself; none where the cam does so, or no such drive is computed."""
     there = drive.with_values({"supports.C_3": 0.0})
     if drive.number("supports.C_3") and not first_conflict(there):
         with suppress(HdassistError):
-            return [Floating(each.first, each.certificate) for each in extremes_of(there, drive.operation.M_g)]
+            return extremes_of(there, drive.operation.M_g)
     return []
 
 

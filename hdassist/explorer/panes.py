@@ -17,7 +17,7 @@ from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
 from hdassist.mounting.trial import Trial
 from hdassist.pages.seat import seat_holes
-from hdassist.report.blocks import Seat, SeatMark
+from hdassist.report.blocks import Curve, Seat, SeatMark
 from hdassist.terminal.console import Style
 from hdassist.terminal.plot import curve, ticks
 from hdassist.terminal.seat import seat_in_characters
@@ -178,10 +178,8 @@ class Turn(Static):
         if style.width < LEAST_BAR:
             return
         error = found.error
-        drawn = curve(
-            style, np.degrees(error.states.phi_h), error.error_arcsec, x_label="cam angle, deg", y_label="",
-            height=max(self.size.height - ORDERS - 4, 5),
-        )  # fmt: skip
+        rows = max(self.size.height - ORDERS - 4, 5)
+        drawn = curve(style, Curve(np.degrees(error.states.phi_h), error.error_arcsec, "cam angle, deg", "", rows=rows))
         orders = sorted(found.orders, key=lambda order: -order.amplitude_arcsec)[:ORDERS]
         lines = [f"{each.per_cam_rev:6.2f} {each.amplitude_arcsec:7.2f}  {each.cause.split(';')[0]}" for each in orders]
         self.update(Text.assemble(drawn.lstrip("\n"), ("\n" + "\n".join(lines), "dim"), no_wrap=True, overflow="crop"))

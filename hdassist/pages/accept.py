@@ -147,7 +147,7 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
 
 def sentence(check: Decision) -> str:
     """A check in words: value, uncertainty or range, limit, margin, how it is known."""
-    _, _, value, spread, span, limit, margin, kept = (quantity.value(check) for quantity in DECISION_COLUMNS)
+    _, _, value, spread, span, limit, margin, kept = (quantity.of(check) for quantity in DECISION_COLUMNS)
     if not value:
         return f"{check.label}: no value, limit {limit} {check.unit}"
     measure = value + (f" ± {spread}" if spread else "") + (f" ({span})" if span else "")

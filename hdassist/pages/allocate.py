@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from hdassist.belief.measure import MeasurementGain
-from hdassist.json_parts import measure_objects
-from hdassist.pages.tolerance import MORE_DRIVES, law_warnings, probability_words
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.kinds import unit_of
+from hdassist.json_parts import attributes, measure_objects
+from hdassist.pages.tolerance import MORE_DRIVES, law_warnings, yield_range
+from hdassist.preset.fields import Drive
 from hdassist.report.blocks import Facts, Table
 from hdassist.report.report import Report
-from hdassist.terminal.brief import again
-from hdassist.terminal.influence_words import measure_words
+from hdassist.terminal.brief import again, probability_words
+from hdassist.terminal.influence_words import field_unit, measure_words
 from hdassist.tolerance.allocation import Allocation, Tolerance
 from hdassist.tolerance.law import ProductionLaw
-from hdassist.tolerance.yields import YIELD_TAIL
 from hdassist.verdict import Verdict
 
 
@@ -55,7 +53,6 @@ def allocate_report(found: Allocated) -> Report:
     drive, choices, ways = found.drive, found.choices, found.ways
     held = list(zip(drive.operation.M_g, found.limits, found.self_errors, strict=True))
     limits = ", ".join(f"{limit:g} arcsec at {M_g:g} N·m" for M_g, limit, _ in held)
-    units = [unit_of(field_table()[choice.path]) for choice in choices]
     assumed = [choice.path for choice in choices if choice.assumed_law]
     costs = f"costs are assumed, 1 now and growing as 1/tolerance: {', '.join(assumed)} (preset: cost)"
     reasons = [_words(way, found) for way in ways]
@@ -65,41 +62,33 @@ def allocate_report(found: Allocated) -> Report:
         head=f"{drive.name}, tolerances for {100 * found.wanted:g} % of drives within {limits}",
         verdict=str(found.verdict),
         why=tuple(reasons),
-        blocks=(_table(found, units), Facts.of(_facts(found))),
+        blocks=(_table(found), Facts.of(_facts(found))),
         values={
+            **attributes(found, "sure", "seed", "verdict"),
             "yield_wanted": found.wanted,
-            "sure": found.sure,
             "to_measure": measure_objects(found.to_measure),
             "limits": [
                 {"M_g_Nm": M_g, "limit_arcsec": limit, "self_error_arcsec": own} for M_g, limit, own in held
             ],
             "laws": [
                 {
-                    "field": choice.path, "unit": unit, "now": choice.now, "least": choice.least, "most": choice.most,
-                    "share": choice.law.share, "k": choice.law.k, "assumed": choice.assumed_law,
+                    **attributes(choice, "now", "least", "most"),
+                    **attributes(choice.law, "share", "k"),
+                    "field": choice.path,
+                    "unit": field_unit(choice.path),
+                    "assumed": choice.assumed_law,
                 }
-                for choice, unit in zip(choices, units, strict=True)
+                for choice in choices
             ],
             "allocations": [
                 {
-                    "turned": way.turned,
-                    "fits": way.fits,
-                    "tolerances": dict(way.values),
-                    "classes": dict(way.classes),
-                    "cost": way.cost,
-                    "yield": {
-                        "share": way.tried.share,
-                        "low": way.tried.percentile(YIELD_TAIL),
-                        "high": way.tried.percentile(1 - YIELD_TAIL),
-                    },
-                    "probability": asdict(way.probability),
-                    "verdict": str(way.verdict),
-                    "drives": int(way.tried.drives.sum()),
+                    **attributes(way, "turned", "fits", "classes", "cost", "probability", "verdict"),
+                    "tolerances": way.values,
+                    "yield": yield_range(way.tried),
+                    "drives": way.tried.drives.sum(),
                 }
                 for way in ways
             ],
-            "seed": found.seed,
-            "verdict": str(found.verdict),
         },
         csv=(
             ["preset", "wheel", "fits", "field", "now", "tolerance", "cost_of_all"],
@@ -129,12 +118,9 @@ def _words(way: Allocation, found: Allocated) -> str:
 
 
 def _facts(found: Allocated) -> Iterator[tuple[str, str]]:
-    """Saving by turning; where no way is sure enough, the reason and the next measurement; the next command."""
+    """Where no way is sure enough, what the self error takes and the next measurement; the next command."""
     passed = found.verdict is Verdict.PASS
-    yield "saved", _saved(found) if passed else ""
     if not passed:
-        if any(way.values[choice.path] > choice.now for way in found.ways for choice in found.choices):
-            yield "loosen", "no tolerance by this answer: the preset's own assumptions do not bear it"
         taken = (
             f"{own:.1f} of {limit:g} arcsec at {M_g:g} N·m"
             for M_g, own, limit in zip(found.drive.operation.M_g, found.self_errors, found.limits, strict=True)
@@ -150,26 +136,14 @@ def _facts(found: Allocated) -> Iterator[tuple[str, str]]:
         yield "next", again("sensitivity", found.drive)
 
 
-def _saved(found: Allocated) -> str:
-    plain, turned = (
-        next((way for way in found.ways if way.turned is best and not way.classes and way.fits), None)
-        for best in (False, True)
-    )
-    if turned is None:
-        return ""
-    if plain is None:
-        return "only with each wheel turned to its best hole is the yield reached"
-    return f"turning the wheel saves {100 * (1 - turned.cost / plain.cost):.0f} % of the cost"
-
-
-def _table(found: Allocated, units: Sequence[str]) -> Table:
+def _table(found: Allocated) -> Table:
     rows = [
         (
-            f"{choice.path}, {unit}",
+            f"{choice.path}, {field_unit(choice.path)}",
             f"{choice.now:g} ({choice.law.share:.2f})",
             *(f"{way.values[choice.path]:.3g} ({choice.cost(way.values[choice.path]):.2f})" for way in found.ways),
         )
-        for choice, unit in zip(found.choices, units, strict=True)
+        for choice in found.choices
     ]
     now = sum(choice.law.share for choice in found.choices)
     rows.append(("cost", f"{now:.2f}", *(f"{way.cost:.2f}" for way in found.ways)))

@@ -8,7 +8,7 @@ from math import isfinite
 
 from hdassist.calibration.calibrate import Calibration, Fit
 from hdassist.calibration.targets import CalibrationTarget, SoughtField
-from hdassist.json_parts import Json
+from hdassist.json_parts import Json, attributes
 from hdassist.model.unknown import unknown_notes
 from hdassist.report.blocks import Facts, Table
 from hdassist.report.quantities import NO_VALUE, Quantity, as_object
@@ -32,15 +32,15 @@ class FoundValue:
 
 
 FOUND_VALUES: tuple[Quantity[FoundValue], ...] = (
-    Quantity("path", "field", "", "", lambda v: v.unknown.path),
-    Quantity("unit", "unit", "", "", lambda v: v.unknown.unit),
-    Quantity("start", "start", "", "g", lambda v: v.start),
-    Quantity("found", "found", "", "g", lambda v: v.found),
-    Quantity("half_width", "±", "", ".2g", lambda v: v.half_width),
-    Quantity("low", "least", "", "g", lambda v: v.unknown.low),
-    Quantity("high", "most", "", "g", lambda v: v.unknown.high),
-    Quantity("determined", "determined", "", ".0%", lambda v: v.determined),
-    Quantity("held_at", "held at bound", "", "g", lambda v: v.held_at),
+    Quantity("path", "field", "", "", "unknown.path"),
+    Quantity("unit", "unit", "", "", "unknown.unit"),
+    Quantity("start", "start", "", "g"),
+    Quantity("found", "found", "", "g"),
+    Quantity("half_width", "±", "", ".2g"),
+    Quantity("low", "least", "", "g", "unknown.low"),
+    Quantity("high", "most", "", "g", "unknown.high"),
+    Quantity("determined", "determined", "", ".0%"),
+    Quantity("held_at", "held at bound", "", "g"),
 )
 
 
@@ -63,27 +63,16 @@ def calibrate_report(result: Calibration) -> Report:
             Facts((("note", NOTE), ("next", write))),
         ),
         details=(_sets(result),),
-        proof=f"{result.evaluations} drives computed",
         values={
-            "targets_file": {"name": wanted.name, "sha256": wanted.sha256},
+            "targets_file": attributes(wanted, "name", "sha256"),
             "targets": [
-                {
-                    "quantity": t.quantity,
-                    "unit": t.unit,
-                    "asked": dict(t.asked),
-                    "value": t.value,
-                    "low": t.low if isfinite(t.low) else None,
-                    "high": t.high if isfinite(t.high) else None,
-                    "tolerance": t.tolerance,
-                }
-                for t in wanted.targets
+                attributes(each, "quantity", "unit", "asked", "value", "low", "high", "tolerance")
+                for each in wanted.targets
             ],
             "unknowns": [as_object(FOUND_VALUES, value) for value in values],
-            "correlation": result.correlation.tolist(),
             "best": _set_object(result, best),
             "alternatives": [_set_object(result, fit) for fit in result.fits[1:]],
-            "evaluations": result.evaluations,
-            "seed": result.seed,
+            **attributes(result, "correlation", "evaluations", "seed"),
         },
         # in the form of --set
         line="\n".join(f"{path}={value!r}" for path, value in wanted.by_path(best.values).items()),
@@ -130,8 +119,6 @@ def _sets(result: Calibration) -> Table:
     for row, M_g in enumerate(result.drive.operation.M_g):
         phases = (fit.best_deg[row] for fit in result.fits)
         rows.append((f"best phase at {M_g:g} N·m", *(NO_VALUE if deg is None else f"{deg:.0f}" for deg in phases)))
-    furthest = (max(map(abs, fit.deviations)) for fit in result.fits)
-    rows.append(("furthest target, tolerances", *(f"{off:.2f}" for off in furthest)))
     heads = ("field", "best", *(f"other {k}" for k in range(1, len(result.fits))))
     return Table("sets of values that were kept, and the best mounting phase of each, deg", heads, tuple(rows))
 
@@ -139,9 +126,9 @@ def _sets(result: Calibration) -> Table:
 def _set_object(result: Calibration, fit: Fit) -> Json:
     return {
         "values": result.targets.by_path(fit.values),
-        "off_tolerances": list(fit.deviations),
-        "found": list(fit.predictions),
-        "best_phase_deg": list(fit.best_deg),
-        "targets_met": list(fit.met),
+        "off_tolerances": fit.deviations,
+        "found": fit.predictions,
+        "best_phase_deg": fit.best_deg,
+        "targets_met": fit.met,
         "met": fit.all_met,
     }

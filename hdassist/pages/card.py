@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import date
-from math import inf
 
 from hdassist.belief.statistics import Probability
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.mounting.positions import FREE_STEP, Choice, Position
+from hdassist.mounting.positions import FREE_STEP, Choice, hole_of
 from hdassist.mounting.trial import Tried
-from hdassist.pages.seat import instruction, place_at, seat_of, turn, wheel
+from hdassist.pages.seat import ENGLISH, instruction, place_at, seat_of, turn, wheel
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import origin_counts
 from hdassist.preset.yamltext import shown
-from hdassist.report.blocks import Seat, SeatMark, Table
-from hdassist.report.quantities import NO_VALUE
+from hdassist.report.blocks import Block, Facts, Lines, Paragraph, Seat, SeatMark, Table
 from hdassist.terminal.texts import HOME, Texts
 from hdassist.terminal.wheels_page import wheels
 from hdassist.version import __version__
@@ -26,7 +24,6 @@ LETTERS_OF_WARNINGS = 240  # of one of them
 DIGITS = 12  # of a SHA-256
 MOST_TORQUES = 12  # that a card has room for
 CARD_TRIALS = 8  # that a card has room for
-TORQUES_SIDE_BY_SIDE = 4  # torques whose values stand side by side
 
 
 @dataclass(frozen=True)
@@ -52,34 +49,31 @@ class CardFacts:
 
 
 @dataclass(frozen=True)
-class Lines:
-    """Lines of text under a title."""
-
-    title: str
-    lines: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class Card:
     """One page for the bench.
 
-    subject: label and value, an empty value being a line to write on; torques: before and after, the last column
-    empty for what is measured; sign: labels of lines to write on.
+    torques: before and after, the last column empty for what is measured; sign: lines to write on.
     """
 
     language: str
     title: str
-    subject: tuple[tuple[str, str], ...]
+    subject: Facts
     instruction: str
     seat: Seat
-    directions: tuple[str, ...]
+    directions: Lines
     torques: Table
     others: Table
     chance: Lines
     checks: Lines
     warnings: Lines
-    sign: tuple[str, ...]
-    foot: tuple[str, ...]
+    sign: Facts
+    foot: Lines
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """All of it below the title, one after the other."""
+        head = (self.subject, Paragraph(self.instruction), self.seat, self.directions, self.torques, self.others)
+        return (*head, self.chance, self.checks, self.warnings, self.sign, self.foot)
 
 
 def card_of(facts: CardFacts, say: Texts, *, serial: str = "", made: date) -> Card:
@@ -94,17 +88,19 @@ def card_of(facts: CardFacts, say: Texts, *, serial: str = "", made: date) -> Ca
     return Card(
         language=say.language,
         title=say("card.title"),
-        subject=tuple(_subject(facts, say, serial)),
-        instruction=_instruction(facts, say),
+        subject=Facts(tuple(_subject(facts, say, serial))),
+        instruction=after_trials(choice, say, gains=False) if facts.tried else instruction(choice, say, gains=False),
         seat=seat,
-        directions=tuple(f"{p.letter}: {p.words}, {say.angle(round(p.angle_deg, 1))}" for p in seat.pointers),
+        directions=Lines(
+            "", tuple(f"{p.letter}: {p.words}, {say.angle(round(p.angle_deg, 1))}" for p in seat.pointers)
+        ),
         torques=_torques(choice, say),
         others=_other_positions(choice, say),
         chance=Lines(say("chance.title"), tuple(_chances(facts, say))),
-        checks=Lines(say("checks.title"), tuple(_checks(facts, say))),
-        warnings=Lines(say("warnings.title"), tuple(_warnings(facts.warnings, say))),
-        sign=(say("sign.date"), say("sign.name")),
-        foot=tuple(_foot(facts, say, made)),
+        checks=Lines(say("checks.title"), tuple(_checks(facts, say)), "[ ]"),
+        warnings=Lines(say("warnings.title"), tuple(_warnings(facts.warnings, say)), "!"),
+        sign=Facts(((say("sign.date"), ""), (say("sign.name"), ""))),
+        foot=Lines("", tuple(_foot(facts, say, made))),
     )
 
 
@@ -128,15 +124,11 @@ def _subject(facts: CardFacts, say: Texts, serial: str) -> Iterator[tuple[str, s
     yield say("card.sense"), say("card.sense_is")
 
 
-def _instruction(facts: CardFacts, say: Texts) -> str:
-    return (after_trials if facts.tried else instruction)(facts.choice, say, room=TORQUES_SIDE_BY_SIDE)
-
-
-def after_trials(choice: Choice, say: Texts, *, room: float = inf) -> str:
+def after_trials(choice: Choice, say: Texts = ENGLISH, *, gains: bool = True) -> str:
     """What to do after trials: the wheel lies in the last of them, and the first position is one to go to."""
     if not choice.turn:
         return say("instruction.first", wheel=wheel(choice.drive, say))
-    return f"{instruction(choice, say, room=room)} {say('instruction.from_first')}"
+    return f"{instruction(choice, say, gains=gains)} {say('instruction.from_first')}"
 
 
 def _pointers(facts: CardFacts, say: Texts) -> Iterator[SeatMark]:
@@ -170,53 +162,21 @@ def _torques(choice: Choice, say: Texts) -> Table:
 
 
 def _other_positions(choice: Choice, say: Texts) -> Table:
-    """Cost of the positions to both sides, of the best of the others and of the worst one, each once."""
+    """Cost of the nearest positions to both sides, of the best of the others and of the worst one."""
     target, holes = choice.target, choice.drive.mounting.holes
-    ahead, back = _neighbour(choice, 1), _neighbour(choice, -1)
-    named: list[tuple[str, Position | int | None]] = [
-        (say("others.ahead", step=_step(target, ahead, say)), ahead),
-        (say("others.back", step=_step(target, back, say)), back),
-        (say("seat.worst"), choice.ranked[-1]),
+    least = (360 / holes if holes else FREE_STEP) / 2  # at a free angle one beside the best is no other
+    away = {p: (p.rotation_deg - target.rotation_deg) % 360 for p in choice.ranked}
+    others = [p for p, turned in away.items() if least <= turned <= 360 - least]
+    around = sorted(others, key=lambda p: away[p])
+    rows = [
+        (
+            f"{p.hole}" if holes else say.number(p.rotation_deg),
+            *(say.percent(p.change_from(other), "+") for other in (choice.current, target)),
+        )
+        for p in dict.fromkeys((*around[:1], *around[-1:], *others[:1], *others[-1:]))
     ]
-    if holes:  # at a free angle it lies beside the best
-        named.insert(2, (say("others.best"), next((p for p in choice.ranked if p != target), None)))
-    merged: dict[Position | int, list[str]] = {}
-    for words, position in named:
-        if position is not None and position != target:
-            merged.setdefault(position, []).append(words)
-    rows: list[tuple[str, ...]] = []
-    for position, words_of in merged.items():
-        if isinstance(position, int):
-            rows.append(("; ".join([*words_of, say("others.not_allowed")]), f"{position}", NO_VALUE, NO_VALUE))
-            continue
-        where = f"{position.hole}" if holes else say.number(position.rotation_deg)
-        changes = (say.percent(position.change_from(other), "+") for other in (choice.current, target))
-        rows.append(("; ".join(words_of), where, *changes))
-    names = ("position", "hole" if holes else "turn", "against_now", "lost")
-    heads = tuple(say(f"others.{name}") for name in names)
+    heads = tuple(say(f"others.{name}") for name in ("hole" if holes else "turn", "against_now", "lost"))
     return Table(say("others.title"), heads, tuple(rows), notes=(say("others.counted"),))
-
-
-def _neighbour(choice: Choice, side: int) -> Position | int | None:
-    """The position one hole further, its number where it is not allowed; at a free angle the nearest that was tried."""
-    target = choice.target
-    if holes := choice.drive.mounting.holes:
-        wanted = ((target.hole or 0) + side) % holes
-        return next((p for p in choice.ranked if p.hole == wanted), wanted)
-    steps = [(side * _away(p, target), p) for p in choice.ranked]
-    return min((pair for pair in steps if pair[0] >= FREE_STEP / 2), default=(0.0, None), key=lambda pair: pair[0])[1]
-
-
-def _step(target: Position, found: Position | int | None, say: Texts) -> str:
-    """How far away a neighbour is: a hole, or an angle where the seat has none."""
-    if isinstance(found, Position) and found.hole is None:
-        return say.angle(round(abs(_away(found, target)), 6))
-    return say.holes(1)
-
-
-def _away(one: Position, other: Position) -> float:
-    """Counter-clockwise turn from the other to the one [deg], in -180..180."""
-    return (one.rotation_deg - other.rotation_deg + 180) % 360 - 180
 
 
 def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
@@ -271,7 +231,7 @@ def _foot(facts: CardFacts, say: Texts, made: date) -> Iterator[str]:
         trials = [
             say(
                 "foot.trial",
-                where=place_at(t.rotation_deg, drive.mounting.holes, say),
+                where=place_at(t.rotation_deg, hole_of(t.rotation_deg, drive.mounting.holes), say),
                 value=say.number(t.F_ior_arcsec),
             )
             for t in facts.tried.trials[:CARD_TRIALS]

@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import ErrorBelief, Samples
-from hdassist.design.beside_catalogue import accuracy_object, accuracy_words
+from hdassist.belief.statistics import shares_below
+from hdassist.design.beside_catalogue import accuracy_words
 from hdassist.design.check import DesignCheck, OperatingPoint
-from hdassist.json_parts import influence_objects, measure_objects, pitch_object, samples_object, unknown_objects
+from hdassist.json_parts import (
+    Json,
+    attributes,
+    influence_objects,
+    measure_objects,
+    pitch_object,
+    samples_object,
+    unknown_objects,
+)
 from hdassist.model.geometry import Geometry
 from hdassist.model.unknown import unknown_names
-from hdassist.report.blocks import Block, Curve, Facts, Paragraph, Table
+from hdassist.pages.seat import wheel
+from hdassist.report.blocks import Curve, Facts, Table
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import CsvTable, Report
-from hdassist.terminal.brief import again
+from hdassist.terminal.brief import again, probability_words
 from hdassist.terminal.influence_words import influence_words, measure_words, samples_words
 from hdassist.terminal.wheels_page import heading
 from hdassist.verdict import Verdict
 
+UNKNOWN_AT_ZERO = "F_ior_arcsec, at_max, at_min and sensitivity take what is not known as 0; the verdict is of belief"
 LEAST_ERROR = 1e-3  # arcsec: an F'_ior below it counts as that
 LEAST_SHARE = 0.1  # of F'_ior, that another coupling takes off where it is named
 
@@ -31,92 +43,67 @@ def turns_text(degrees: float) -> str:
     return f"{turns:.0f} + {rest:.1f}"
 
 
-def _angle(extreme: str, angle: str) -> Callable[[OperatingPoint], float]:
-    return lambda p: float(np.degrees(getattr(p.error.states, angle)[getattr(p.error, extreme)]))
+def _angle_deg(end: str, angle: str, point: OperatingPoint) -> float:
+    """An angle of the state with the greatest or the least error (at_max, at_min) [deg]."""
+    return float(np.degrees(getattr(point.error.states, angle)[getattr(point.error, end)]))
 
 
+def _percentile_error(percent: int, point: OperatingPoint) -> float | None:
+    """Monte Carlo standard error of a percentile of F'_ior [arcsec]."""
+    return point.belief.percentile_error(percent / 100) if point.belief else None
+
+
+BELIEF_PERCENTILES = {5: "5th percentile", 50: "median", 95: "95th percentile"}
 POINT_QUANTITIES: tuple[Quantity[OperatingPoint], ...] = (
-    Quantity("M_g_Nm", "torque M_g", "N·m", "g", lambda p: p.M_g),
-    Quantity("F_ior_arcsec", "F'_ior, full cycle", "arcsec", ".2f", lambda p: p.error.F_ior_arcsec),
-    Quantity("self_error_arcsec", "self error", "arcsec", ".2f", lambda p: p.self_error.range_arcsec),
-    Quantity("F_ior_upper_arcsec", "F'_ior + self error", "arcsec", ".2f", lambda p: p.F_ior_upper_arcsec),
-    Quantity("limit_arcsec", "limit", "arcsec", "g", lambda p: p.limit_arcsec),
-    Quantity("verdict", "verdict", "", "", lambda p: str(p.verdict)),
-    Quantity(
-        "at_max.phi_h_deg",
-        "greatest at phi_h",
-        "turns + deg",
-        turns_text,
-        _angle("at_max", "phi_h"),
+    Quantity("M_g_Nm", "torque M_g", "N·m", "g", "M_g"),
+    Quantity("F_ior_arcsec", "F'_ior, full cycle", "arcsec", ".2f", "error.F_ior_arcsec"),
+    Quantity("self_error_arcsec", "self error", "arcsec", ".2f", "self_error.range_arcsec"),
+    Quantity("F_ior_upper_arcsec", "F'_ior + self error", "arcsec", ".2f"),
+    Quantity("limit_arcsec", "limit", "arcsec", "g"),
+    Quantity("verdict", "verdict", "", ""),
+    *(
+        Quantity(f"{end}.{angle}_deg", words, unit, digits, partial(_angle_deg, end, angle))
+        for end, label in (("at_max", "greatest at phi_h"), ("at_min", "least at phi_h"))
+        for angle, words, unit, digits in (
+            ("phi_h", label, "turns + deg", turns_text),
+            ("phi_g", "  phi_g there", "deg", ".2f"),
+            ("phi_b", "  phi_b there", "deg", ".2f"),
+        )
     ),
-    Quantity("at_max.phi_g_deg", "  phi_g there", "deg", ".2f", _angle("at_max", "phi_g")),
-    Quantity("at_max.phi_b_deg", "  phi_b there", "deg", ".2f", _angle("at_max", "phi_b")),
-    Quantity(
-        "at_min.phi_h_deg",
-        "least at phi_h",
-        "turns + deg",
-        turns_text,
-        _angle("at_min", "phi_h"),
-    ),
-    Quantity("at_min.phi_g_deg", "  phi_g there", "deg", ".2f", _angle("at_min", "phi_g")),
-    Quantity("at_min.phi_b_deg", "  phi_b there", "deg", ".2f", _angle("at_min", "phi_b")),
-    Quantity("one_wave_share", "one-wave meshing, share", "", ".3f", lambda p: p.error.one_wave_share),
-    Quantity("max_tooth_force_N", "greatest tooth force", "N", ".0f", lambda p: p.error.max_tooth_force_N),
-    Quantity("wind_up_arcsec", "mean wind-up", "arcsec", ".1f", lambda p: p.error.wind_up_arcsec),
-    Quantity(
-        "tooth_phase_arcsec", "self error of tooth phase", "arcsec", ".2f", lambda p: p.self_error.tooth_phase_arcsec
-    ),
-    Quantity(
-        "ball_phase_arcsec", "self error of ball phase", "arcsec", ".2f", lambda p: p.self_error.ball_phase_arcsec
-    ),
-    Quantity(
-        "F_ior_floating_arcsec",
-        "F'_ior, self-aligning cam",
-        "arcsec",
-        ".2f",
-        lambda p: p.floating.F_ior_arcsec if p.floating else None,
-    ),
+    Quantity("one_wave_share", "one-wave meshing, share", "", ".3f", "error.one_wave_share"),
+    Quantity("max_tooth_force_N", "greatest tooth force", "N", ".0f", "error.max_tooth_force_N"),
+    Quantity("wind_up_arcsec", "mean wind-up", "arcsec", ".1f", "error.wind_up_arcsec"),
+    Quantity("tooth_phase_arcsec", "self error of tooth phase", "arcsec", ".2f", "self_error.tooth_phase_arcsec"),
+    Quantity("ball_phase_arcsec", "self error of ball phase", "arcsec", ".2f", "self_error.ball_phase_arcsec"),
+    Quantity("F_ior_floating_arcsec", "F'_ior, self-aligning cam", "arcsec", ".2f", "floating.first"),
 )
-
-
-def _slope(name: str) -> Callable[[OperatingPoint], float | None]:
-    return lambda point: getattr(point.sensitivity, name) if point.sensitivity else None
-
-
-def _of_belief(value: Callable[[ErrorBelief], float]) -> Callable[[OperatingPoint], float | None]:
-    return lambda p: None if p.belief is None else value(p.belief)
-
-
-def _of_probability(name: str) -> Callable[[OperatingPoint], float | None]:
-    return lambda p: None if p.probability is None else getattr(p.probability, name)
-
-
 BELIEF: tuple[Quantity[OperatingPoint], ...] = (
-    Quantity("belief.p5_arcsec", "F'_ior, 5th percentile", "arcsec", ".2f", _of_belief(lambda b: b.p5)),
-    Quantity("belief.p50_arcsec", "F'_ior, median", "arcsec", ".2f", _of_belief(lambda b: b.p50)),
-    Quantity("belief.p95_arcsec", "F'_ior, 95th percentile", "arcsec", ".2f", _of_belief(lambda b: b.p95)),
-    Quantity("belief.probability", "probability of keeping it", "", ".2f", _of_probability("value")),
+    *(
+        Quantity(f"belief.p{percent}_arcsec", f"F'_ior, {words}", "arcsec", ".2f", f"belief.p{percent}")
+        for percent, words in BELIEF_PERCENTILES.items()
+    ),
+    Quantity("belief.probability", "probability of keeping it", "", ".2f", "probability.value"),
 )
 MONTE_CARLO: tuple[Quantity[OperatingPoint], ...] = (
     *(
         Quantity(
             f"belief.p{percent}_error_arcsec", f"standard error of the {words}", "arcsec", ".2f",
-            _of_belief(lambda b, percent=percent: b.percentile_error(percent / 100)),  # type: ignore[misc]
+            partial(_percentile_error, percent),
         )
-        for percent, words in ((5, "5th percentile"), (50, "median"), (95, "95th percentile"))
+        for percent, words in BELIEF_PERCENTILES.items()
     ),
-    Quantity("belief.probability_low", "probability of keeping it, low", "", ".3f", _of_probability("low")),
-    Quantity("belief.probability_high", "probability of keeping it, high", "", ".3f", _of_probability("high")),
+    *(
+        Quantity(f"belief.probability_{end}", f"probability of keeping it, {end}", "", ".3f", f"probability.{end}")
+        for end in ("low", "high")
+    ),
 )  # fmt: skip
-
 SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
-    Quantity(f"sensitivity.{name}_arcsec_per_um", words, "arcsec/um", "+.2f", _slope(name))
-    for name, words in (
-        ("j_n", "flank clearance j_n"),
-        ("W_0", "wave W_0"),
-        ("g_b", "bearing clearance g_b"),
-    )
+    Quantity(f"sensitivity.{name}_arcsec_per_um", f"{words} {name}", "arcsec/um", "+.2f", f"sensitivity.{name}")
+    for name, words in (("j_n", "flank clearance"), ("W_0", "wave"), ("g_b", "bearing clearance"))
 )
+
+
+HELD: Quantity[OperatingPoint] = Quantity("held_arcsec", "F'_ior + self error, 5 to 95 %", "arcsec", "")
 
 
 def _range_text(belief: ErrorBelief) -> str:
@@ -124,12 +111,12 @@ def _range_text(belief: ErrorBelief) -> str:
 
 
 _ON_PAGE: tuple[Quantity[OperatingPoint], ...] = (
-    Quantity("torque", "torque, N·m", "", "g", lambda p: p.M_g),
+    Quantity("M_g", "torque, N·m", "", "g"),
     Quantity("F_ior", "F'_ior", "", ".2f", lambda p: p.belief.p50 if p.belief else p.error.F_ior_arcsec),
-    Quantity("range", "5 to 95 %", "", _range_text, lambda p: p.belief),
-    Quantity("self_error", "self error", "", ".2f", lambda p: p.self_error.range_arcsec),
-    Quantity("limit", "limit", "", "g", lambda p: p.limit_arcsec),
-    Quantity("verdict", "verdict", "", "", lambda p: str(p.verdict)),
+    Quantity("belief", "5 to 95 %", "", _range_text),
+    Quantity("self_error", "self error", "", ".2f", "self_error.range_arcsec"),
+    Quantity("limit_arcsec", "limit", "", "g"),
+    Quantity("verdict", "verdict", "", ""),
 )
 
 
@@ -138,10 +125,11 @@ def check_report(check: DesignCheck, seed: int) -> Report:
     least_sure = check.points[check.least_sure]
     first = spread_curve(check, check.samples) if check.unknown and check.samples else error_curve(check, least_sure)
     others = [point for point in check.points if check.unknown or point is not least_sure]
+    k, fixed = check.kinematics, wheel(check.drive)
     return Report(
         command="check",
         drive=check.drive,
-        head=_head(check),
+        head=f"{check.drive.name}, {k.z_g}/{k.z_b} teeth, {fixed} fixed{heading(check.measured)}",
         verdict=str(check.verdict),
         why=tuple(filter(None, map(verdict_reason, check.points))),
         blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
@@ -156,17 +144,11 @@ def check_report(check: DesignCheck, seed: int) -> Report:
     )
 
 
-def _head(check: DesignCheck) -> str:
-    k = check.kinematics
-    where = "rigid wheel" if k.fixed == "rigid" else "flexspline"
-    return f"{check.drive.name}, {k.z_g}/{k.z_b} teeth, {where} fixed{heading(check.measured)}"
-
-
 def F_ior_table(check: DesignCheck) -> Table:
     """F'_ior by torque, with its range over all that is not known exactly and its limit where there are such."""
-    empty = {"range"} if not check.samples else set()
+    empty = {"belief"} if not check.samples else set()
     if all(point.limit_arcsec is None for point in check.points):
-        empty |= {"limit", "verdict"}
+        empty |= {"limit_arcsec", "verdict"}
     title = "kinematic error F'_ior over the full cycle, arcsec" + ", unknown as 0" * bool(check.unknown)
     if check.samples and check.prior:
         fitted = f" ({len(check.prior.fitted)} others as fitted)" if check.prior.fitted else ""
@@ -179,13 +161,8 @@ def verdict_reason(point: OperatingPoint) -> str:
     found = point.probability
     if found is None:
         return ""
-    held = f"F'_ior + self error keep {point.limit_arcsec:g} arcsec"
-    interval = f"{100 * found.value:.0f} % sure ({100 * found.low:.0f} to {100 * found.high:.0f})"
-    words = {
-        Verdict.PASS: f"{held}, {interval}",
-        Verdict.FAIL: f"{held.replace('keep', 'do not keep')}: {interval}",
-    }
-    return f"{point.M_g:g} N·m: {words.get(point.verdict, f'open, {held}: {interval}')}"
+    kept = f"F'_ior + self error keep {point.limit_arcsec:g} arcsec"
+    return f"{point.M_g:g} N·m: {kept}, probability {probability_words(found)}"
 
 
 def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
@@ -198,44 +175,26 @@ def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
     if check.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE) and not check.unknown:
         yield "coupling", _coupling(check)
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
-    yield "next", again(step, check.drive) + (" with the same pitch files" if check.measured else "")
+    yield "next", again(step, check.drive, pitch=check.measured)
 
 
 def _more_facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
     """More to be known beside the numbers, a label and a text each."""
     yield "catalogue", accuracy_words(check.drive.catalogue.accuracy, check.points)
-    if check.verdict in (Verdict.PASS, Verdict.NO_LIMIT) or check.unknown:
-        yield "coupling", _coupling(check)
-    yield "sensitive", _most_sensitive(check)
     yield "unknown", unknown_names(check.unknown) if check.unknown and check.samples else ""
     yield "samples", samples_words(check.samples) if check.samples else ""
     yield "exact", fitted_words(check.prior) if check.prior and check.samples else ""
 
 
-def _most_sensitive(check: DesignCheck) -> str:
-    """The micrometre that changes the greatest share of F'_ior; empty where nobody computed it."""
-    slopes = [
-        (abs(slope) / max(point.error.F_ior_arcsec, LEAST_ERROR), slope, quantity.label, point.M_g)
-        for point in check.points
-        for quantity in SLOPES
-        if (slope := quantity.value(point))
-    ]
-    if not slopes:
-        return ""
-    _, slope, words, M_g = max(slopes)
-    return f"to {words}: {slope:+.2f} arcsec per µm at {M_g:g} N·m"
-
-
 def _coupling(check: DesignCheck) -> str:
     """F'_ior with a cam that aligns itself, at the torque where it takes most off; empty where it is no lever."""
-    pairs = [(p.error.F_ior_arcsec, p.floating.F_ior_arcsec, p.M_g) for p in check.points if p.floating]
+    pairs = [(p.error.F_ior_arcsec, p.floating.first, p.M_g) for p in check.points if p.floating]
     if not pairs:
         return ""
     now, then, M_g = max(pairs, key=lambda pair: 1 - pair[1] / max(pair[0], LEAST_ERROR))
     if then > (1 - LEAST_SHARE) * now or now < LEAST_ERROR:
         return ""
-    words = f"a self-aligning cam (cam.coupling: oldham) would bring {now:.1f} to {then:.1f} arcsec at {M_g:g} N·m"
-    return words + "; the unknown as 0" * bool(check.unknown)
+    return f"a self-aligning cam (cam.coupling: oldham) would bring {now:.1f} to {then:.1f} arcsec at {M_g:g} N·m"
 
 
 def fitted_words(prior: DrivePrior) -> str:
@@ -261,12 +220,10 @@ def error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
 
 def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
     """Percentiles of F'_ior over samples, at the torque that is least sure."""
-    point, F_ior = check.points[check.least_sure], samples.F_ior_arcsec[:, check.least_sure]
-    order, weights = np.argsort(F_ior), samples.weights / samples.weights.sum()
+    point = check.points[check.least_sure]
     held = "" if point.left_arcsec is None else "; line: limit less self error"
     return Curve(
-        100 * np.cumsum(weights[order]),
-        F_ior[order],
+        *shares_below(samples.F_ior_arcsec[:, check.least_sure], samples.weights),
         x_label="% of them stay below",
         y_label=f"F'_ior at {point.M_g:g} N·m, arcsec, of the drives that it may be{held}",
         caption=f"F'_ior at {point.M_g:g} N·m over all that is not known exactly{held}",
@@ -275,69 +232,53 @@ def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
     )
 
 
-def error_tables(check: DesignCheck) -> Iterator[Block]:
+def error_tables(check: DesignCheck) -> Iterator[Table]:
     """All figures of the error by torque, and of the drive's geometry."""
+    torque, *others = (q for q in POINT_QUANTITIES if q.key != "verdict")
     still = "phi_b" if check.kinematics.fixed == "rigid" else "phi_g"
-    shown = [q for q in POINT_QUANTITIES if not q.label.strip().startswith(still) and q.key != "verdict"]
+    shown = [q for q in others if still not in q.key]
     yield geometry_table(check)
-    yield Table.by_column(f"over the full cycle{', unknown as 0' * bool(check.unknown)}", shown, check.points)
-    if check.samples:
-        if check.unknown:
-            yield Paragraph(f"not known, and 0 above: {unknown_names(check.unknown)}")
-        held = any(point.probability for point in check.points)
-        shown = [q for q in (POINT_QUANTITIES[0], *BELIEF, *MONTE_CARLO) if held or "probability" not in q.key]
-        yield Table.by_column("F'_ior over all that is not known exactly", shown, check.points)
-    if any(point.sensitivity for point in check.points):
-        yield Table.by_column("change of F'_ior by a micrometre more", (POINT_QUANTITIES[0], *SLOPES), check.points)
+    yield Table.by_column(
+        f"over the full cycle{', unknown as 0' * bool(check.unknown)}", (torque, *shown), check.points
+    )
+    yield Table.by_column("F'_ior over all that is not known exactly", (torque, *BELIEF, *MONTE_CARLO), check.points)
+    yield Table.by_column("change of F'_ior by a micrometre more", (torque, *SLOPES), check.points)
 
 
 def geometry_table(check: DesignCheck) -> Table:
-    """Sizes and cycle of the drive."""
-    drive, k, g = check.drive, check.kinematics, Geometry.of(check.drive)
-    rows = (
-        ("module, mm", f"{drive.gears.m:g}"),
-        ("ratio " + ("u_hg" if k.fixed == "rigid" else "u_hb"), f"{k.u:g}"),
-        ("cam deformation W_0, mm", f"{drive.cam.W_0:g}"),
-        ("rim mid-line r_m, mm", f"{g.r_m:.3f}"),
-        ("tip circles g/b, mm", f"{g.r_ag:.3f}/{g.r_ab:.3f}"),
-        ("balls", f"{drive.bearing.N} {drive.bearing.ball_motion}"),
-        ("states in the cycle", f"{k.cycle_states}"),
-        ("cam turns in the cycle", f"{k.cycle_cam_revolutions}"),
-    )
-    return Table("geometry and kinematics", ("", ""), rows, header=False)
+    """Ratio, rim and cycle of the drive."""
+    k, g = check.kinematics, Geometry.of(check.drive)
+    rows = {
+        "ratio " + ("u_hg" if k.fixed == "rigid" else "u_hb"): f"{k.u:g}",
+        "rim mid-line r_m, mm": f"{g.r_m:.3f}",
+        "tip circles g/b, mm": f"{g.r_ag:.3f}/{g.r_ab:.3f}",
+        "states in the cycle": f"{k.cycle_states}",
+        "cam turns in the cycle": f"{k.cycle_cam_revolutions}",
+    }
+    return Table("geometry and kinematics", ("", ""), tuple(rows.items()), header=False)
 
 
-def _values(check: DesignCheck, seed: int) -> dict[str, object]:
+def _values(check: DesignCheck, seed: int) -> Json:
     k = check.kinematics
     return {
-        "warnings": [*check.warnings, *_at_zero(check)],
+        "warnings": [*check.warnings, *[UNKNOWN_AT_ZERO] * bool(check.unknown and check.samples)],
         "kinematics": {
-            "fixed": k.fixed,
             "u_hg" if k.fixed == "rigid" else "u_hb": k.u,
-            "cycle_states": k.cycle_states,
-            "cycle_cam_revolutions": k.cycle_cam_revolutions,
+            **attributes(k, "fixed", "cycle_states", "cycle_cam_revolutions"),
         },
         "pitch": pitch_object(check.measured),
         "operating_points": [
-            {**as_object((*POINT_QUANTITIES, *BELIEF, *MONTE_CARLO, *SLOPES), p), "held_arcsec": p.held_arcsec}
-            for p in check.points
+            as_object((*POINT_QUANTITIES, *BELIEF, *MONTE_CARLO, *SLOPES, HELD), point) for point in check.points
         ],
-        "catalogue": accuracy_object(check.drive.catalogue.accuracy, check.points),
         "unknown": unknown_objects(check.unknown),
-        "identified_as_exact": list(check.prior.fitted) if check.prior else [],
+        "identified_as_exact": check.prior.fitted if check.prior else [],
         "influence": influence_objects(check.influences),
         "to_measure": measure_objects(check.to_measure),
         "least_sure_M_g_Nm": check.points[check.least_sure].M_g,
         "samples": samples_object(check.samples),
         "seed": seed,
-        "verdict": str(check.verdict),
+        "verdict": check.verdict,
     }
-
-
-def _at_zero(check: DesignCheck) -> list[str]:
-    """A remark for scripts on the value beside a range; a page shows the range alone."""
-    words = "F_ior_arcsec, at_max, at_min and sensitivity take what is not known as 0; the verdict is of belief"
-    return [words] if check.unknown and check.samples else []
 
 
 def check_csv(check: DesignCheck) -> CsvTable:

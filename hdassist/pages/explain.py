@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from hdassist.acceptance.checks import CODES, Check
 from hdassist.explaining.lookup import Entry, entries
+from hdassist.json_parts import Json, attributes
 from hdassist.report.blocks import Facts, Paragraph, ReportSection
 from hdassist.report.report import Report
 
@@ -30,7 +31,7 @@ def explain_report(found: Sequence[Entry]) -> Report:
         values={
             "codes": [_code(each.names[0]) for each in shown if each.kind in ("check", "remark")],
             "names": [
-                {"name": each.names[0], "kind": each.kind, "words": each.words, "facts": dict(each.facts)}
+                {"name": each.names[0], **attributes(each, "kind", "words"), "facts": dict(each.facts)}
                 for each in shown
                 if each.kind not in ("check", "remark")
             ],
@@ -50,17 +51,13 @@ def _all_names() -> Iterator[ReportSection]:
         yield ReportSection(title, (Paragraph(names),))
 
 
-def _code(code: str) -> dict[str, str | None]:
+def _code(code: str) -> Json:
     """A check or remark as a JSON object."""
     item = CODES[code]
-    of_check = (f"acceptance.{item.field}", item.unit) if isinstance(item, Check) else (None, None)
     return {
-        "code": item.code,
+        **attributes(item, "code", "words", "tests", "change"),
         "kind": "check" if isinstance(item, Check) else "remark",
-        "words": item.words,
-        "limit": of_check[0],
-        "unit": of_check[1],
-        "tests": item.tests,
+        "limit": f"acceptance.{item.field}" if isinstance(item, Check) else None,
+        "unit": item.unit if isinstance(item, Check) else None,
         "goes_wrong": item.wrong,
-        "change": item.change,
     }

@@ -1,11 +1,9 @@
-"""Positions over samples of F'_ior, as a table and as JSON: of the belief, and after trials."""
+"""Positions over samples of F'_ior, as a table, whiskers and JSON: of the belief, and after trials."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
-
-import numpy as np
 
 from hdassist.json_parts import Json
 from hdassist.mounting.losses import PositionStatistics
@@ -13,13 +11,12 @@ from hdassist.mounting.positions import hole_words
 from hdassist.preset.fields import Drive
 from hdassist.report.blocks import Table
 
+Whisker = tuple[float, float, float]
 LEVELS = {"expected": 0.5, "low": 0.05, "high": 0.95}  # quantiles
 SHARES = ("probability_good", "probability_best", "expected_loss")  # of a position
 
 
-def losses_table(
-    found: PositionStatistics, holes: int, torques: Sequence[float], title: str, most: int, *notes: str
-) -> Table:
+def losses_table(found: PositionStatistics, holes: int, torques: Sequence[float], title: str, most: int) -> Table:
     """The positions best first, at most so many: how sure each is good, its F'_ior at each torque, its loss."""
     heads = ("position", "good, %", "median", "5 %", "95 %", "loss, %")
     rows = []
@@ -27,7 +24,20 @@ def losses_table(
         spread = [beside(found.quantile(level, place), ".1f") for level in LEVELS.values()]
         good, loss = f"{100 * found.probability_good[place]:.0f}", f"{100 * found.expected_loss[place]:.1f}"
         rows.append((hole_words(found.rotations_deg[place], holes), good, *spread, loss))
-    return Table(title, heads, tuple(rows), notes=(*notes, f"F'_ior in arcsec at {beside(torques, 'g')} N·m"))
+    return Table(title, heads, tuple(rows), notes=(f"F'_ior in arcsec at {beside(torques, 'g')} N·m",))
+
+
+def whiskers_of(
+    found: PositionStatistics | None, torque: int, per_deg: float
+) -> tuple[tuple[float, float, float], ...]:
+    """Of each position its place, in turns of per_deg, and 5th and 95th percentile of F'_ior [arcsec] at a torque."""
+    if not found:
+        return ()
+    ends = (
+        (found.quantile(LEVELS["low"], place)[torque], found.quantile(LEVELS["high"], place)[torque])
+        for place in range(len(found.rotations_deg))
+    )
+    return tuple((at / per_deg, *end) for at, end in zip(found.rotations_deg, ends, strict=True))
 
 
 def kept_line(found: PositionStatistics, drive: Drive, torques: Sequence[float]) -> str:
@@ -43,29 +53,22 @@ def kept_line(found: PositionStatistics, drive: Drive, torques: Sequence[float])
     return "; ".join(words)
 
 
-def losses_object(found: PositionStatistics, drive: Drive, cam_deg: float) -> Json:
-    """The positions, each with F'_ior at each torque and what is probable of it, the best, second and worst of them.
+def position_object(found: PositionStatistics, drive: Drive, cam_deg: float, place: int | None) -> Json:
+    """A position, None: rotation 0, with F'_ior at each torque and how probably it is good or best.
 
     Argument: cam_deg, where the offset points that stands with the fixed wheel.
     """
+    F_ior = {name: found.quantile(level, place) for name, level in LEVELS.items()}
+    shares = {} if place is None else {name: getattr(found, name)[place] for name in SHARES}
+    return {**asdict(found.position(drive, cam_deg, place)), "F_ior_arcsec": F_ior, **shares}
 
-    def row(place: int | None) -> Json:
-        F_ior = {name: list(found.quantile(level, place)) for name, level in LEVELS.items()}
-        shares = {} if place is None else {name: float(getattr(found, name)[place]) for name in SHARES}
-        return {**asdict(found.position(drive, cam_deg, place)), "F_ior_arcsec": F_ior, **shares}
 
-    ranked = [row(place) for place in found.ranked]
+def positions_object(found: PositionStatistics, drive: Drive, cam_deg: float) -> Json:
+    """The positions in their order, what chooses among them, and how much worse the worst is than the best."""
     return {
-        "weights": None if found.weights is None else list(found.weights),
         "criterion": found.criterion.name,
-        "positions": sorted(ranked, key=lambda each: each["rotation_deg"]),
-        "current": row(None),
-        "best_bet": ranked[0],
-        "second": ranked[1] if len(ranked) > 1 else None,
-        "worst": ranked[-1],
-        "gain": found.range_of(found.gains(found.best))[1],
-        "probability_gain": found.probability_gain(found.best).value,
-        "worst_over_best": np.array([found.range_of(each) for each in found.ratios])[:, [0, 2]].tolist(),
+        "positions": [position_object(found, drive, cam_deg, place) for place in range(len(found.rotations_deg))],
+        "worst_over_best": [found.range_of(each)[::2] for each in found.ratios],
     }
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from hdassist.belief.statistics import Probability
 from hdassist.json_parts import (
     Json,
     influence_objects,
@@ -21,33 +19,31 @@ from hdassist.model.unknown import unknown_names
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import bare
 from hdassist.pages.card import CardFacts, warnings_of
-from hdassist.pages.losses import beside, kept_line, losses_object, losses_table
-from hdassist.pages.seat import TRADE, hole_place, instruction, seat_of, wheel
-from hdassist.report.blocks import Block, Curve, CurveMark, Facts, Table
-from hdassist.report.quantities import NO_VALUE
+from hdassist.pages.losses import LEVELS, kept_line, losses_table, positions_object, whiskers_of
+from hdassist.pages.seat import ENGLISH, TRADE, hole_place, instruction, seat_of, wheel
+from hdassist.report.blocks import Curve, CurveMark, Facts, Figure, Table
+from hdassist.report.quantities import csv_columns
 from hdassist.report.report import CsvTable, Report
 from hdassist.solve.answers import EMPTY
-from hdassist.terminal.brief import again
+from hdassist.terminal.brief import again, probability_words
 from hdassist.terminal.influence_words import influence_words, measure_words, samples_words
-from hdassist.terminal.texts import Texts, texts
+from hdassist.terminal.texts import Texts
 from hdassist.terminal.wheels_page import heading
 from hdassist.verdict import Verdict
 
 LISTED_POSITIONS = 6  # positions that the table of all samples lists, best first
 OPEN_NAMED = 4  # fields that are not known exactly, which are named
-RANGED = 2  # torques whose ranges stand beside their medians
 ORDER_WORDS = {"turn": "TURN", "leave": "LEAVE", "none": "MEASURE FIRST"}
 NEXT_DRAWS = 4  # times as many samples, where chance alone leaves an order open
+NO_HOLE_BETTER = {
+    "floating": "the cam aligns itself (its support has a stiffness of 0), so no offset of it is felt",
+    "standing": "nothing that stands still with the seat is off",
+    "turning": "the wheel has no deviation that could be turned",
+}
 
 
-def _phase_words(advice: Advice) -> str:
-    symbol, cam = ("xi_b", "phi_hb") if advice.drive.mounting.fixed == "rigid" else ("xi_g", "phi_hg")
-    return f"{'mark' if advice.measured and advice.measured.fixed(advice.drive) else symbol} - {cam}"
-
-
-def mount_warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
-    """What a reader should know beside the numbers."""
-    say = say or texts()
+def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
+    """What a reader should know beside the numbers, in the language of the texts."""
     result, found = advice.curve, list(warnings_of(advice.drive, say))
     done = len(result.rotation_deg)
     if result.missing:
@@ -61,28 +57,32 @@ def mount_warnings(advice: Advice, say: Texts | None = None) -> tuple[str, ...]:
     return tuple(found)
 
 
-def mount_report(advice: Advice, seed: int, *, carded: bool = False) -> Report:
-    """The advice on a drive; seed, of its samples; carded, whether a card is written."""
-    drive, curves = advice.drive, tuple(position_curves(advice))
-    first = curves[_decisive(advice)] if curves else None
-    seat = seat_of(advice.choice, texts(), advice.choice.chosen)
+def mount_report(
+    advice: Advice, seed: int, *, carded: bool = False, limits: Sequence[float | None] | None = None
+) -> Report:
+    """The advice on a drive.
+
+    Arguments: seed, of its samples; carded, whether a card is written; limits that F'_ior is held against at each
+    torque [arcsec], for curves.
+    """
+    drive, figures = advice.drive, list[Figure](position_curves(advice, limits))
+    figures[:0] = [figures.pop(_decisive(advice))] if figures else []
+    if not advice.any_hole:
+        figures.append(seat_of(advice.choice, ENGLISH, advice.choice.chosen))
     table = () if advice.any_hole else (positions_table(advice),)
-    plot = (first,) if first else () if advice.any_hole else (seat,)
-    figures: tuple[Block, ...] = curves if advice.any_hole else (*curves, seat)
-    others = (each for each in figures if each not in plot)
     return Report(
         command="mount",
         drive=drive,
         head=f"{drive.name}, {TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}",
         verdict=ORDER_WORDS[advice.order],
         why=(what_to_do(advice),),
-        blocks=(*table, Facts.of((*gain_lines(advice), *_facts(advice, carded=carded))), *plot),
-        details=(*others, *_samples_table(advice), Facts.of(_more_facts(advice))),
+        blocks=(*table, Facts.of(_facts(advice, carded=carded)), *figures[:1]),
+        details=(*figures[1:], *_samples_table(advice), Facts.of(_more_facts(advice))),
         certificate=advice.curve.certificate + (advice.samples.certificate if advice.samples else EMPTY),
         cross_checks=tuple(advice.curve.cross_checks),
         values=_values(advice, seed),
         csv=_csv(advice),
-        line=_line(advice),
+        line="unknown" if advice.order == "none" else bare(advice.choice.target.rotation_deg, advice.curve.holes),
         warnings=mount_warnings(advice),
         exit_code=mount_exit_code(advice),
     )
@@ -95,87 +95,66 @@ def mount_exit_code(advice: Advice) -> int:
     return Verdict.INCONCLUSIVE.exit_code if advice.order == "none" else 0
 
 
-def what_to_do(advice: Advice, say: Texts | None = None) -> str:
+def what_to_do(advice: Advice) -> str:
     """The order; where none can be given, why, and what to measure."""
-    say = say or texts()
     if advice.order != "none":
-        why = advice.no_hole_better
-        return (say(f"no_hole.{why}", wheel=wheel(advice.drive, say)) + " " if why else "") + instruction(
-            advice.choice, say
+        why = NO_HOLE_BETTER.get(advice.no_hole_better)
+        return (f"No hole is better than another: {why}. " if why else "") + instruction(advice.choice)
+    fixed = wheel(advice.drive)
+    paths = advice.deciding if advice.any_hole else advice.open_
+    fields = ", ".join(paths[:OPEN_NAMED]) + (", ..." if len(paths) > OPEN_NAMED else "")
+    if advice.any_hole:
+        why = f"nothing is known of the direction that decides ({fields}), so any position may be the best"
+    elif found := advice.gain_probability:
+        why = (
+            f"a turn of the {fixed} gains with {probability_words(found)}, and {100 * advice.needed:.0f} % are wanted; "
+            f"the best bet is {hole_place(advice.chosen)}, {-100 * advice.gain:+.0f} %"
         )
-    holes = bool(advice.drive.mounting.holes)
-    fixed, where = wheel(advice.drive, say), ", ".join(hole_place(p, say) for p in advice.to_try)
-    trials = [f"{f'h{p.hole}' if holes else f'{p.rotation_deg:g}'}=F_IOR" for p in advice.to_try]
-    measure = say("instruction.measure", where=where, command=again("trials", advice.drive, *trials))
-    if (found := advice.gain_probability) and not advice.any_hole:
-        why = say(
-            "instruction.unsure", wheel=fixed, gain=_interval(found, say), needed=say.percent(advice.needed),
-            best=hole_place(advice.chosen, say), change=say.percent(-advice.gain, "+"),
-        )  # fmt: skip
     else:
-        key = "instruction.any_hole" if advice.any_hole else "instruction.unknown"
-        paths = advice.deciding if advice.any_hole else advice.open_
-        fields = ", ".join(paths[:OPEN_NAMED]) + (", ..." if len(paths) > OPEN_NAMED else "")
-        why = say(key, wheel=fixed, fields=fields)
-    return f"{why} {measure}"
-
-
-def _interval(found: Probability, say: Texts) -> str:
-    """A probability in per cent with its Monte Carlo interval."""
-    return f"{say.percent(found.value)} ({100 * found.low:.0f}-{100 * found.high:.0f})"
+        why = f"what is not known ({fields}) could reverse it"
+    where = ", ".join(map(hole_place, advice.to_try))
+    trials = [f"{f'h{p.hole}' if advice.drive.mounting.holes else f'{p.rotation_deg:g}'}=F_IOR" for p in advice.to_try]
+    return f"No order: {why}. To decide, measure F'_ior in {where}: {again('trials', advice.drive, *trials)}"
 
 
 def _samples_table(advice: Advice) -> Iterator[Table]:
     """The positions over the samples, if there are such."""
     if found := advice.positions:
-        notes = []
-        for M_g, ratios in zip(advice.curve.torques, found.ratios, strict=True):
-            low, _, high = found.range_of(ratios)
-            words = f"the worst hole has {low:.1f} to {high:.1f} times the error of the best (5 to 95 %)"
-            notes.append(f"{M_g:g} N·m: {words}")
         title = f"all positions over the samples, best first ({found.criterion.name})"
-        yield losses_table(found, advice.curve.holes, advice.curve.torques, title, LISTED_POSITIONS, *notes)
-
-
-def gain_lines(advice: Advice) -> Iterator[tuple[str, str]]:
-    """Gain of turning with its range, and how sure it is, a label and a text each."""
-    say, found = texts(), advice.positions
-    if found and not advice.no_hole_better:
-        low, middle, high = (100 * each for each in (advice.best_gain_range if advice.any_hole else advice.gain_range))
-        where = "the best hole, whichever it is," if advice.any_hole else hole_place(advice.chosen, say)
-        if advice.any_hole or advice.chosen.rotation_deg:
-            served = " at the torque served worst" if len(advice.curve.torques) > 1 else ""
-            yield "gain", f"{middle:.0f} % less error in {where} than now{served} (5 to 95 %: {low:.0f} to {high:.0f})"
-    if (gain := advice.gain_probability) and found and advice.order != "none" and not advice.no_hole_better:
-        at = hole_place(found.position(advice.drive, 0.0, found.challenger), say)
-        needed = f"{100 * advice.needed:g} % needed"
-        yield "sure", f"{at} is better than now by more than 1 % with {_interval(gain, say)}, {needed}"
-    if not advice.curve.usable[0]:
-        yield "forbidden", "the wheel may not stay where it stands (mounting.allowed)"
+        yield losses_table(found, advice.curve.holes, advice.curve.torques, title, LISTED_POSITIONS)
 
 
 def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
-    """Limits, largest influences, the next measurement and the next command, a label and a text each."""
-    if advice.positions and advice.worth_turning:
-        yield "limit", kept_line(advice.positions, advice.drive, advice.curve.torques)
+    """Gain, limits, largest influences, the next measurement and the next command, a label and a text each."""
+    found, torques = advice.positions, advice.curve.torques
+    if found and not advice.no_hole_better:
+        low, middle, high = (100 * each for each in (advice.best_gain_range if advice.any_hole else advice.gain_range))
+        where = "the best hole, whichever it is," if advice.any_hole else hole_place(advice.chosen)
+        if advice.any_hole or advice.chosen.rotation_deg:
+            served = " at the torque served worst" if len(torques) > 1 else ""
+            yield "gain", f"{middle:.0f} % less error in {where} than now{served} (5 to 95 %: {low:.0f} to {high:.0f})"
+        if (gain := advice.gain_probability) and advice.order != "none":
+            at = hole_place(found.position(advice.drive, 0.0, found.challenger))
+            needed = f"{100 * advice.needed:g} % needed"
+            yield "sure", f"{at} is better than now by more than 1 % with {probability_words(gain)}, {needed}"
+    if not advice.curve.usable[0]:
+        yield "forbidden", "the wheel may not stay where it stands (mounting.allowed)"
+    if found and advice.worth_turning:
+        yield "limit", kept_line(found, advice.drive, torques)
     yield "influence", influence_words(advice.influences, "the gain") if advice.influences else ""
     yield "measure", _measure(advice)
     if advice.unknown and not advice.samples:
         yield "unknown", f"taken as 0: {unknown_names(advice.unknown)}"
     if advice.order != "none" and not carded:  # else the sentence above names it
-        card = again("mount", advice.drive, "--card", "card.html")
-        yield "next", card + (" with the same pitch files" if advice.measured else "")
+        yield "next", again("mount", advice.drive, "--card", "card.html", pitch=advice.measured)
 
 
 def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
     """More to be known beside the positions, a label and a text each."""
-    samples = advice.samples
-    yield "unknown", unknown_names(advice.unknown) if advice.unknown and samples else ""
-    more = f"; the order from {advice.all_draws} drawn" if samples and advice.all_draws > samples.draws else ""
-    yield "samples", samples_words(samples) + more if samples else ""
-    solved, places = int(advice.curve.every_state.sum()), advice.curve.every_state.size
-    if solved < places:
-        yield "curves", f"every state solved at {solved} of {places} points of the curves, the others searched"
+    if samples := advice.samples:
+        yield "unknown", unknown_names(advice.unknown)
+        more = f"; the order from {advice.all_draws} drawn" if advice.all_draws > samples.draws else ""
+        yield "samples", samples_words(samples) + more
 
 
 def _measure(advice: Advice) -> str:
@@ -195,7 +174,7 @@ def _decisive(advice: Advice) -> int:
     return int(np.argmax(np.divide(then, np.maximum(now, 1e-9))))
 
 
-def position_curves(advice: Advice) -> Iterator[Curve]:
+def position_curves(advice: Advice, limits: Sequence[float | None] | None = None) -> Iterator[Curve]:
     """F'_ior over the positions of the wheel at each torque; over the phase where nobody knows how it stands."""
     result = advice.curve
     if not advice.has_curve or len(result.rotation_deg) < 2:
@@ -203,94 +182,84 @@ def position_curves(advice: Advice) -> Iterator[Curve]:
     per = 360 / result.holes if result.holes else 1.0
     turned, over = result.rotation_deg / per, "positions"
     x_label = "turned by, holes" if result.holes else "turned by, deg"
+    marked, sampled = {"now": advice.choice.current, "target": advice.choice.chosen}, advice.positions
     if advice.any_hole:
-        turned, over = result.phase_deg, "phases"
-        x_label = f"phase {_phase_words(advice)}, deg"
+        turned, over, marked, sampled = result.phase_deg, "phases", {}, None
+        symbol, cam = ("xi_b", "phi_hb") if advice.drive.mounting.fixed == "rigid" else ("xi_g", "phi_hg")
+        mark = "mark" if advice.measured and advice.measured.fixed(advice.drive) else symbol
+        x_label = f"phase {mark} - {cam}, deg"
     order = np.argsort(turned)
-    now, target = advice.choice.current, advice.choice.chosen
-    for k, M_g in enumerate(result.torques):
-        label = f"F'_ior at {M_g:g} N·m, arcsec"
-        notes = ["bars 5 to 95 % over all that is uncertain"] * bool(advice.positions)
-        notes += ["line: unknown as 0"] * bool(advice.unknown and not advice.any_hole)
-        marks = [] if advice.any_hole else [CurveMark(now.rotation_deg / per, now.F_ior_arcsec[k], "now", "now")]
-        if target.rotation_deg and not advice.any_hole:
-            marks.append(CurveMark(target.rotation_deg / per, target.F_ior_arcsec[k], "best", "target"))
+    notes = ["bars 5 to 95 % over all that is uncertain"] * bool(sampled)
+    notes += ["line: unknown as 0"] * bool(advice.unknown and not advice.any_hole)
+    for k, (M_g, limit) in enumerate(zip(result.torques, limits or [None] * len(result.torques), strict=True)):
+        marks = tuple(
+            CurveMark(at.rotation_deg / per, at.F_ior_arcsec[k], "now" if kind == "now" else "best", kind)
+            for kind, at in marked.items()
+            if kind == "now" or at.rotation_deg
+        )
+        label = "; ".join([f"F'_ior at {M_g:g} N·m, arcsec", *notes])
+        held = ["dashed: the limit less the self error"] * (limit is not None)
         yield Curve(
-            turned[order], result.F_ior_arcsec[k, order], x_label, "; ".join([label, *notes]),
-            caption="; ".join([f"F'_ior over the {over} of the wheel at {M_g:g} N·m", *notes]),
-            whiskers=tuple(_whiskers(advice, k, per)), marks=tuple(marks),
-            points=bool(result.holes) and not advice.any_hole, from_zero=True, rows=6,
+            turned[order], result.F_ior_arcsec[k, order], x_label, label,
+            caption="; ".join([f"F'_ior over the {over} of the wheel at {M_g:g} N·m", *notes, *held]),
+            whiskers=whiskers_of(sampled, k, per), marks=marks,
+            limit=limit, points=bool(result.holes) and not advice.any_hole, from_zero=True, rows=6,
         )  # fmt: skip
-
-
-def _whiskers(advice: Advice, torque: int, per: float) -> Iterator[tuple[float, float, float]]:
-    """For each position that was sampled, its place and F'_ior [arcsec] of 5 and 95 % of the samples."""
-    if found := advice.positions:
-        for k, rotation in enumerate(found.rotations_deg):
-            low, high = (found.quantile(share, k)[torque] for share in (0.05, 0.95))
-            yield rotation / per, low, high
 
 
 def positions_table(advice: Advice) -> Table:
     """The present, chosen and worst position: F'_ior, over samples its median and range."""
-    choice, found, torques = advice.choice, advice.positions, advice.curve.torques
-    title = "F'_ior in arcsec by position; turns counter-clockwise seen from the cam side"
-    ranged = found is not None and len(torques) <= RANGED
-    heads = [f"at {beside(torques, 'g')} N·m"]
-    if ranged:
-        title = "F'_ior in arcsec, median (5 to 95 %); turns ccw seen from the cam side"
-        heads = [f"at {M_g:g} N·m" for M_g in torques]
+    choice, found = advice.choice, advice.positions
+    spread = ": median (5 to 95 %)" if found else ""
     rows = []
-    named = {"now": choice.current, "best": choice.chosen, "worst": choice.ranked[-1]}
-    for words, position in named.items():
-        if position is not None:
-            cells = [beside(position.F_ior_arcsec)]
-            if found and ranged:
-                at = found.place(position.rotation_deg)
-                ends = zip(position.F_ior_arcsec, found.quantile(0.05, at), found.quantile(0.95, at), strict=True)
-                cells = [f"{F_ior:.2f} ({low:.1f}-{high:.1f})" for F_ior, low, high in ends]
-            hole = NO_VALUE if position.hole is None else f"{position.hole}"
-            change = f"{100 * position.change_from(choice.current):+.0f} %"
-            rows.append((words, hole, f"{position.rotation_deg:g}", *cells, change))
-    return Table(title, ("position", "hole", "turn, deg", *heads, "against now"), tuple(rows))
+    for words, position in (("now", choice.current), ("best", choice.chosen), ("worst", choice.ranked[-1])):
+        cells = [f"{F_ior:.2f}" for F_ior in position.F_ior_arcsec]
+        if found:
+            place = found.place(position.rotation_deg)
+            ends = zip(*(found.quantile(LEVELS[end], place) for end in ("low", "high")), strict=True)
+            cells = [f"{cell} ({low:.1f}-{high:.1f})" for cell, (low, high) in zip(cells, ends, strict=True)]
+        change = f"{100 * position.change_from(choice.current):+.0f} %"
+        rows.append((words, bare(position.rotation_deg, advice.curve.holes), *cells, change))
+    heads = (f"at {M_g:g} N·m" for M_g in advice.curve.torques)
+    title = f"F'_ior, arcsec{spread}; turns counter-clockwise from the cam side"
+    where = "hole" if advice.curve.holes else "turn, deg"
+    return Table(title, ("position", where, *heads, "against now"), tuple(rows))
 
 
 def _values(advice: Advice, seed: int) -> Json:
-    """Curves and positions."""
-    result, choice = advice.curve, advice.choice
-    second, gain = choice.second, advice.gain_probability
+    """Curves and positions; those of no direction that is known are none."""
+    result, choice, known = advice.curve, advice.choice, not advice.any_hole
+    curves = zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
+    named = {
+        "current": choice.current,
+        "best_bet": choice.chosen,
+        "second": choice.second,
+        "worst": choice.ranked[-1],
+        "gain": advice.gain,
+        "gain_range": _percentiles(advice.gain_range),
+        "probability_gain": advice.gain_probability,
+    }
     return {
         "complete": not result.interrupted,
         "pitch": pitch_object(advice.measured),
         "instruction": what_to_do(advice),
         "order": advice.order,
         "turn": advice.worth_turning,
-        "measure": [asdict(p) for p in advice.to_try] if advice.order == "none" else [],
+        "measure": advice.to_try if advice.order == "none" else [],
         "to_measure": measure_objects(advice.to_measure),
         "influence": influence_objects(advice.influences),
         "samples": samples_object(advice.samples),
         "curves": [
-            {
-                "M_g_Nm": M_g,
-                "phase_deg": result.phase_deg.tolist(),
-                "F_ior_arcsec": values.tolist(),
-                "every_state": every.tolist(),
-            }
-            for M_g, values, every in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
+            {"M_g_Nm": M_g, "phase_deg": result.phase_deg, "F_ior_arcsec": values, "every_state": every}
+            for M_g, values, every in curves
         ],
-        "rotation_deg": result.rotation_deg.tolist(),
-        "current": None if advice.any_hole else asdict(choice.current),
-        "recommended": asdict(choice.chosen) if advice.order != "none" else None,
-        "best_bet": asdict(choice.chosen) if not advice.any_hole else None,
-        "second": None if second is None or advice.any_hole else asdict(second),
-        "worst": None if advice.any_hole else asdict(choice.ranked[-1]),
-        "weights": None if result.weights is None else list(result.weights),
+        "rotation_deg": result.rotation_deg,
+        "recommended": choice.chosen if advice.order != "none" else None,
+        **{name: value if known else None for name, value in named.items()},
+        "weights": result.weights,
         "belief": _belief(advice),
         "unknown": unknown_objects(advice.unknown),
-        "gain": None if advice.any_hole else advice.gain,
-        "gain_range": None if advice.any_hole else _percentiles(advice.gain_range),
         "best_gain_range": _percentiles(advice.best_gain_range),
-        "probability_gain": None if gain is None or advice.any_hole else asdict(gain),
         "probability_needed": advice.needed,
         "seed": seed,
     }
@@ -308,38 +277,33 @@ def _belief(advice: Advice) -> Json | None:
     direction = advice.drive.number(standing_offset(advice.drive)[1])
     return {
         "now": [{"M_g_Nm": M_g, **each} for M_g, each in zip(advice.curve.torques, now, strict=True)],
-        **losses_object(found, advice.drive, direction),
+        **positions_object(found, advice.drive, direction),
     }
 
 
 def _csv(advice: Advice) -> CsvTable:
     """Header and rows of a table, one row per torque and position."""
     result = advice.curve
-    rows = [
-        [M_g, float(rotation), float(phase), float(value), int(every)]
-        for M_g, values, solved in zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
-        for rotation, phase, value, every in zip(result.rotation_deg, result.phase_deg, values, solved, strict=True)
-    ]
-    return ["M_g_Nm", "rotation_deg", "phase_deg", "F_ior_arcsec", "every_state"], rows
-
-
-def _line(advice: Advice) -> str:
-    """The hole to turn the wheel to, or the angle in degrees where the seat has no holes; 0: stay."""
-    if advice.order == "none":
-        return "unknown"
-    return bare(advice.choice.target.rotation_deg, advice.curve.holes)
+    torques, positions = result.F_ior_arcsec.shape
+    return csv_columns(
+        M_g_Nm=np.repeat(result.torques, positions),
+        rotation_deg=np.tile(result.rotation_deg, torques),
+        phase_deg=np.tile(result.phase_deg, torques),
+        F_ior_arcsec=result.F_ior_arcsec.ravel(),
+        every_state=result.every_state.ravel().astype(int),
+    )
 
 
 def mount_card_facts(advice: Advice, say: Texts) -> CardFacts:
     """What the assembly card tells of an advice; say, the texts of its language."""
-    drive = advice.drive
+    drive, drawn = advice.drive, advice.positions
     offset, cam = standing_offset(drive)
     return CardFacts(
         choice=advice.choice,
         cam_deg=drive.number(cam) if drive.number(offset) else None,
         measured=advice.measured,
-        gain_range=advice.gain_range if advice.positions else None,
+        gain_range=advice.gain_range if drawn else None,
         gain_probability=advice.gain_probability,
-        open_=len(advice.open_) if advice.positions else 0,
+        open_=len(advice.open_) if drawn else 0,
         warnings=mount_warnings(advice, say),
     )

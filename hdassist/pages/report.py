@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
 
 from hdassist.comparing.sheet import DriveSheet
 from hdassist.model.kinematics import Kinematics
+from hdassist.model.unknown import unknown_names
 from hdassist.pages.check import check_report
 from hdassist.pages.compare_presets import F_ior_words, sheet_warnings
 from hdassist.pages.mount import mount_report
 from hdassist.pages.seat import TRADE, hole_place
 from hdassist.pages.stiffness import ARCMIN, stiffness_report
 from hdassist.preset.catalogue import of_catalogue
-from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
-from hdassist.preset.kinds import unit_of
 from hdassist.preset.schema import ResolvedField, origin_counts, resolved_fields, value_text
 from hdassist.report.blocks import Block, Curve, Facts, Paragraph, ReportSection, Seat, Table, Tiles
 from hdassist.report.report import Report
 from hdassist.terminal.answers import report_object
-from hdassist.terminal.influence_words import named, samples_words
+from hdassist.terminal.influence_words import field_unit, named, samples_words
 from hdassist.verdict import Verdict, worst_exit_code
 from hdassist.version import __version__
 
@@ -30,8 +29,6 @@ ORIGIN_WORDS = {
     "override": "set on the command line",
     "assumed": "assumed",
     "identified": "identified from measurements",
-    "given": "given",
-    "default": "left to the default",
 }
 VERDICT_WORDS = {
     Verdict.PASS: "within its limits",
@@ -44,12 +41,13 @@ VERDICT_WORDS = {
 def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     """The report of a drive; draws, seed: of what is not known."""
     drive, verdict = sheet.drive, sheet.check.verdict
-    check, mount = check_report(sheet.check, seed), mount_report(sheet.advice, seed)
+    check = check_report(sheet.check, seed)
+    mount = mount_report(sheet.advice, seed, limits=[point.left_arcsec for point in sheet.check.points])
     stiff = stiffness_report(drive, sheet.stiffness)
     k, facts = Kinematics.of(drive), next(block for block in check.blocks if isinstance(block, Facts))
-    curves = [block for block in (*mount.blocks, *mount.details) if isinstance(block, Curve)]
-    seats = [] if sheet.advice.order == "none" else [b for b in (*mount.blocks, *mount.details) if isinstance(b, Seat)]
-    others = [b for b in (*mount.blocks, *mount.details) if not isinstance(b, Curve | Seat)]
+    mounting = [
+        block for block in (*mount.blocks, *mount.details) if mount.exit_code == 0 or not isinstance(block, Seat)
+    ]
     return Report(
         command="report",
         drive=drive,
@@ -58,9 +56,9 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
         why=(*check.why, *mount.why, *(f"{label}: {text}" for label, text in facts.rows)),
         blocks=(
             Tiles(tuple(_tiles(sheet))),
-            ReportSection("Kinematic error", tuple(_figures_first([*check.blocks, *check.details]))),
-            ReportSection("Mounting the fixed wheel", (*seats, *_held(sheet, curves), *others)),
-            ReportSection("Torsional stiffness", tuple(_figures_first([*stiff.blocks, *stiff.details]))),
+            _section("Kinematic error", *check.blocks, *check.details),
+            _section("Mounting the fixed wheel", *mounting),
+            _section("Torsional stiffness", *stiff.blocks, *stiff.details),
             ReportSection("What it rests on, and what is not known", tuple(_basis(sheet))),
             ReportSection("Where its values come from", tuple(_values(drive))),
             ReportSection("Provenance", (_provenance(drive, draws, seed),)),
@@ -81,19 +79,10 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     )
 
 
-def _figures_first(blocks: Sequence[Block]) -> list[Block]:
-    return sorted(blocks, key=lambda block: not isinstance(block, Curve))
-
-
-def _held(sheet: DriveSheet, curves: Sequence[Curve]) -> Iterator[Curve]:
-    """Curves over the positions with the limit of each torque less the self error."""
-    points = {f"{point.M_g:g} N·m": point for point in sheet.check.points}
-    for curve in curves:
-        point = next(point for torque, point in points.items() if f" at {torque}" in curve.caption)
-        if (limit := point.left_arcsec) is None:
-            yield curve
-        else:
-            yield replace(curve, limit=limit, caption=f"{curve.caption}; dashed: the limit less the self error")
+def _section(title: str, *blocks: Block) -> ReportSection:
+    """Blocks under a title, seat and curves first."""
+    order = {Seat: 0, Curve: 1}
+    return ReportSection(title, tuple(sorted(blocks, key=lambda block: order.get(type(block), 2))))
 
 
 def _tiles(sheet: DriveSheet) -> Iterator[tuple[str, str, str]]:
@@ -114,37 +103,28 @@ def _tiles(sheet: DriveSheet) -> Iterator[tuple[str, str, str]]:
 
 def _basis(sheet: DriveSheet) -> Iterator[Block]:
     check = sheet.check
-    if check.prior and check.prior.fields:
-        units = {path: unit_of(info) for path, info in field_table().items()}
-        drawn = tuple(
-            (named(each.path), f"{each.low:.4g}", f"{each.high:.4g}", units[each.path], each.distribution, each.owner)
-            for each in check.prior.fields
-        )
-        title = f"not known exactly: {samples_words(check.samples)}" if check.samples else "not known exactly"
-        yield Table(title, ("field", "from", "to", "unit", "distribution", "whose"), drawn, words=(0, 3, 4, 5))
-    else:
-        yield Paragraph("Nothing that has a plausible range is assumed.")
-    if check.unknown:
-        units = {path: unit_of(info) for path, info in field_table().items()}
-        rows = tuple((u.path, f"{u.low:g}", f"{u.high:.4g}", units[u.path], u.reason) for u in check.unknown)
-        yield Table("not known", ("field", "from", "to", "unit", "why"), rows, words=(0, 3, 4))
-    else:
-        yield Paragraph("All deviations of the drive are given, as far as they matter.")
+    rows = tuple(
+        (named(f.path), f"{f.low:.4g}", f"{f.high:.4g}", field_unit(f.path), f.distribution, f.owner)
+        for f in (check.prior.fields if check.prior else ())
+    )
+    title = f"not known exactly: {samples_words(check.samples)}" if check.samples else "not known exactly"
+    yield Table(title, ("field", "from", "to", "unit", "distribution", "whose"), rows, words=(0, 3, 4, 5))
+    names = unknown_names(check.unknown)
+    yield Paragraph(f"Deviations that are not known: {names}." if names else "All deviations that matter are given.")
 
 
 def _values(drive: Drive) -> Iterator[Block]:
     rows, values = resolved_fields(drive), origin_counts(drive)
     yield Paragraph(
         f"The preset gives {sum(values.values())} values: {values['given']} given, {values['identified']} identified, "
-        f"{values['assumed']} assumed. What values were identified from agrees with the model by itself and proves "
-        "nothing; what the model was compared with stands in docs/validation.md."
+        f"{values['assumed']} assumed (all of them: hdassist presets show --resolved). What values were identified "
+        "from agrees with the model by itself and proves nothing; what the model was compared with stands in "
+        "docs/validation.md."
     )
+    used = [row for row in rows if row.value is not None or not of_catalogue(row.path)]
     for kind, words in ORIGIN_WORDS.items():
-        found = tuple(_cells(row) for row in rows if row.kind == kind and not of_catalogue(row.path))
-        if found:
-            yield Table(f"{words}: {len(found)}", FIELD_HEADS, found, words=(0, 2, 3))
-    if beside := tuple(_cells(row) for row in rows if of_catalogue(row.path) and row.value is not None):
-        yield Table("figures of the catalogue", FIELD_HEADS, beside, words=(0, 2, 3))
+        found = tuple(_cells(row) for row in used if row.kind == kind)
+        yield Table(f"{words}: {len(found)}", FIELD_HEADS, found, words=(0, 2, 3))
 
 
 def _cells(row: ResolvedField) -> tuple[str, ...]:

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf
 
-from hdassist.mounting.positions import Choice, Position, hole_of
+from hdassist.mounting.positions import Choice, Position
 from hdassist.preset.fields import Drive
 from hdassist.report.blocks import Hole, Seat, SeatMark
 from hdassist.terminal.texts import Texts, texts
 
+ENGLISH = texts()
 TRADE = {"rigid": "rigid wheel (circular spline)", "flexspline": "flexspline"}  # the fixed wheel, in the trade's words
 
 
-def wheel(drive: Drive, say: Texts | None = None) -> str:
+def wheel(drive: Drive, say: Texts = ENGLISH) -> str:
     """The wheel that is fixed, in words."""
-    return (say or texts())(f"wheel.{drive.mounting.fixed}")
+    return say(f"wheel.{drive.mounting.fixed}")
 
 
-def turn(position: Position, say: Texts | None = None) -> str:
+def turn(position: Position, say: Texts = ENGLISH) -> str:
     """The turn to a position by the shorter way: holes, degrees and direction."""
-    say = say or texts()
     way = position.short_way_deg
     direction = say("turn.counter_clockwise" if way > 0 else "turn.clockwise")
     angle = say.angle(abs(way))
@@ -30,32 +29,25 @@ def turn(position: Position, say: Texts | None = None) -> str:
     return say("turn.holes", holes=say.holes(round(abs(way) / per_hole)), angle=angle, direction=direction)
 
 
-def hole_place(position: Position, say: Texts | None = None) -> str:
+def hole_place(position: Position, say: Texts = ENGLISH) -> str:
     """A position in words: its hole, or the angle of the turn where the seat has none."""
-    say = say or texts()
-    return say.angle(position.rotation_deg) if position.hole is None else say("place.hole", hole=position.hole)
+    return place_at(position.rotation_deg, position.hole, say)
 
 
-def place_at(rotation_deg: float, holes: int, say: Texts) -> str:
-    """The same of a turn [deg] on a seat with so many holes."""
-    hole = hole_of(rotation_deg, holes)
+def place_at(rotation_deg: float, hole: int | None, say: Texts = ENGLISH) -> str:
+    """The same of a turn [deg] and its hole."""
     return say.angle(rotation_deg) if hole is None else say("place.hole", hole=hole)
 
 
-def instruction(choice: Choice, say: Texts | None = None, *, room: float = inf) -> str:
-    """One sentence: what to do with the wheel; and what it brings, where there is room for that at each torque."""
-    say = say or texts()
+def instruction(choice: Choice, say: Texts = ENGLISH, *, gains: bool = True) -> str:
+    """One sentence: what to do with the wheel; gains: and what it brings at each torque."""
     fixed = wheel(choice.drive, say)
     if not choice.turn:
         return say("instruction.leave", wheel=fixed)
-    if len(choice.torques) > room:
-        return say("instruction.turn_alone", wheel=fixed, turn=turn(choice.chosen, say))
     values = zip(choice.torques, choice.current.F_ior_arcsec, choice.chosen.F_ior_arcsec, strict=True)
-    gains = say("instruction.and").join(
-        say("instruction.gain", now=say.number(now, ".2f"), new=say.number(new, ".2f"), torque=say.torque(M_g))
-        for M_g, now, new in values
-    )
-    return say("instruction.turn", wheel=fixed, turn=turn(choice.chosen, say), gains=gains)
+    gain = ", ".join(f"F'_ior {now:.2f} -> {new:.2f} arcsec at {M_g:g} N·m" for M_g, now, new in values)
+    order = say("instruction.turn", wheel=fixed, turn=turn(choice.chosen, say))
+    return f"{order}: {gain}." if gains else f"{order}."
 
 
 def seat_holes(drive: Drive) -> tuple[Hole, ...]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
-from hdassist.json_parts import influence_objects, measure_objects
+from hdassist.json_parts import attributes, influence_objects, measure_objects, samples_object
 from hdassist.pages.tolerance import law_warnings
 from hdassist.report.blocks import Facts, Table
 from hdassist.report.quantities import Quantity, csv_table
 from hdassist.report.report import Report
-from hdassist.terminal.brief import again, proof_words
+from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import measure_words, named
 from hdassist.tolerance.production import TIGHTER_STEP
 from hdassist.tolerance.sensitivity import Sensitivities, Tightened
@@ -35,11 +35,11 @@ class FieldEffect:
 
 
 EFFECT_CSV: tuple[Quantity[FieldEffect], ...] = (
-    Quantity("M_g_Nm", "torque", "N·m", "g", lambda e: e.M_g),
-    Quantity("field", "field", "", "", lambda e: e.path),
-    Quantity("share", "variance, %", "", lambda share: f"{100 * share:.0f}", lambda e: e.share),
-    Quantity("now_arcsec", "95th percentile", "", ".2f", lambda e: e.tightened and e.tightened.now),
-    Quantity("tighter_arcsec", STEP_WORDS, "", ".2f", lambda e: e.tightened and e.tightened.then),
+    Quantity("M_g_Nm", "torque", "N·m", "g", "M_g"),
+    Quantity("field", "field", "", "", "path"),
+    Quantity("share", "variance, %", "", lambda share: f"{100 * share:.0f}", "share"),
+    Quantity("now_arcsec", "95th percentile", "", ".2f", "tightened.now"),
+    Quantity("tighter_arcsec", STEP_WORDS, "", ".2f", "tightened.then"),
 )
 EFFECT_COLUMNS: tuple[Quantity[FieldEffect], ...] = (
     *EFFECT_CSV[1:3],
@@ -48,9 +48,9 @@ EFFECT_COLUMNS: tuple[Quantity[FieldEffect], ...] = (
         "takes off, arcsec",
         "",
         lambda way: f"{'' if way.proven else '≤ '}{way.gain:.2f}",
-        lambda e: e.tightened,
+        "tightened",
     ),
-    Quantity("bar", "", "", "", lambda e: e.bar),
+    Quantity("bar", "", "", ""),
 )
 
 
@@ -69,7 +69,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
         why=(reason,),
         blocks=(_table(effects[found.worst], *LISTED), Facts.of(facts)),
         details=(Facts((("drawn", drawn),)), *(_table(each, len(each), len(each)) for each in effects)),
-        proof=f"{proof_words(found.states, found.max_residual)}, {found.drives} drives",
+        certificate=found,
         values={
             "operating_points": [
                 {
@@ -77,7 +77,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
                     "F_ior_arcsec": {f"p{p}": samples.percentile(p / 100, t) for p in (5, 50, 95)},
                     "influence": influence_objects(found.influences[t]),
                     "tighter": [
-                        {"field" if key == "path" else key: value for key, value in asdict(way).items()}
+                        {"field": way.path, **attributes(way, "now", "then", "low", "high", "proven")}
                         for way in found.tightened[t]
                     ],
                 }
@@ -86,10 +86,9 @@ def sensitivity_report(found: Sensitivities) -> Report:
             "tighter_factor": TIGHTER_STEP,
             "tighten_first": found.first.path if found.is_worth_tightening else None,
             "to_measure": measure_objects(found.to_measure),
-            "samples": {"effective": samples.effective, "draws": samples.draws, "seed": samples.seed},
+            "samples": samples_object(samples),
             "drives": found.drives,
             "seed": samples.seed,
-            "certificate": {"states": found.states, "max_residual": found.max_residual},
         },
         csv=csv_table(law.drive.name, EFFECT_CSV, [each for at_torque in effects for each in at_torque]),
         line=f"tighten first: {verdict}; {reason}",

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from hdassist.design.sweep import Sweep, SweepRow, Swept, largest
 from hdassist.design.vary import TORQUE, Axis
-from hdassist.json_parts import unknown_objects
+from hdassist.json_parts import attributes, unknown_objects
 from hdassist.model.unknown import unknowns
-from hdassist.preset.kinds import plain
 from hdassist.report.blocks import Curve, Facts, HeatMap
 from hdassist.report.report import Report
-from hdassist.terminal.brief import again, proof_words
+from hdassist.terminal.brief import again
 from hdassist.verdict import worst_exit_code
 
 
@@ -43,20 +41,17 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
         verdict=line,
         blocks=(Facts.of(_facts(swept)), *figures[:1]),
         details=tuple(figures[1:]),
-        proof=proof_words(swept.states, swept.max_residual) if swept.states else "",
+        certificate=swept,
         values={
             "unknown": unknown_objects(unknowns(largest(drive, sweep.axes))),
             "vary": [
-                {"field": axis.path, "unit": axis.unit, "values": list(axis.values), "effect_arcsec": swept.effect(k)}
+                {"field": axis.path, **attributes(axis, "unit", "values"), "effect_arcsec": swept.effect(k)}
                 for k, axis in enumerate(sweep.axes)
             ],
-            **{
-                key: end and {"row": end[0], "F_ior_arcsec": end[1]}
-                for key, end in (("least", least), ("greatest", greatest))
-            },
-            "rows": list(map(asdict, records)),
+            "least": least and dict(zip(("row", "F_ior_arcsec"), least, strict=True)),
+            "greatest": greatest and dict(zip(("row", "F_ior_arcsec"), greatest, strict=True)),
+            "rows": list(records),
             "rows_without_answer": swept.failed,
-            "certificate": {"states": swept.states, "max_residual": swept.max_residual},
         },
         line=line,
         warnings=tuple(swept.warnings),
@@ -76,7 +71,7 @@ def _facts(swept: Swept) -> Iterator[tuple[str, str]]:
     if swept.failed:
         yield "no answer", f"{swept.failed} of {swept.sweep.rows} rows; the first: {swept.reason}"
     if least:
-        values = [f"{path}={_exact(value)}" for path, value in swept.sweep.values(least[0]).items()]
+        values = [f"{path}={value!r}".removesuffix(".0") for path, value in swept.sweep.values(least[0]).items()]
         yield "next", again("check", swept.drive, *(word for value in values for word in ("--set", value)))
 
 
@@ -84,11 +79,6 @@ def _span(axis: Axis) -> str:
     low, high = min(axis.values), max(axis.values)
     values = f"{low:g}" if low == high else f"{low:g} to {high:g}"
     return f"{axis.path} ({values} {_unit(axis)}".rstrip() + ")"
-
-
-def _exact(value: float) -> str:
-    """A value as one would write it, in every digit that it has."""
-    return plain(value) if float(plain(value)) == value else repr(value)
 
 
 def _unit(axis: Axis) -> str:

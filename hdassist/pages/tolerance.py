@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from hdassist.belief.measure import MeasurementGain
 from hdassist.belief.samples import Samples
-from hdassist.belief.statistics import Probability
-from hdassist.json_parts import Json, measure_objects
-from hdassist.model.geometry import Array
-from hdassist.preset.fields import field_table
-from hdassist.preset.kinds import unit_of
+from hdassist.belief.statistics import shares_below
+from hdassist.json_parts import Json, attributes, measure_objects
 from hdassist.report.blocks import Curve, Facts, Table, TwoCurves
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import Report
-from hdassist.terminal.brief import again, proof_words
-from hdassist.terminal.influence_words import measure_words
+from hdassist.terminal.brief import again, probability_words
+from hdassist.terminal.influence_words import field_unit, measure_words
 from hdassist.tolerance.law import RAYLEIGH_TAIL, ProductionLaw, TolerancedSize
 from hdassist.tolerance.sensitivity import to_measure
 from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief
@@ -26,6 +25,7 @@ from hdassist.verdict import Verdict
 LAW_WORDS = {"rayleigh": f"Rayleigh (tolerance = {RAYLEIGH_TAIL:g} standard deviations)"}
 PLOTTED_SHARES = np.linspace(0, 100, 201)  # of drives, %
 _PLOTTED_ROWS = 5
+GAIN_SHARES = (0.05, 0.5, 0.95)  # quantiles of the gain of turning
 MORE_DRIVES = "more drives (-n) may decide it"
 
 
@@ -60,33 +60,25 @@ def yield_words(found: YieldBelief, digits: str = ".0f") -> str:
     return f"{100 * middle:{digits}} % ({low} to {high})"
 
 
+def _percentile(share: float, drives: MountedDrives) -> float:
+    return drives.percentile(share).value
+
+
 PERCENTILES = (("low", "5 %", 0.05), ("median", "median", 0.5), ("high", "95 %", 0.95))
 MOUNTING_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
-    Quantity("M_g_Nm", "torque, N·m", "", "g", lambda d: d.point.M_g),
+    Quantity("M_g_Nm", "torque, N·m", "", "g", "point.M_g"),
     Quantity("wheel", "wheel", "", "", lambda d: f"best of {d.summary.positions}" if d.best else "as built"),
 )
 F_IOR_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
-    *(
-        Quantity(f"{name}_arcsec", words, "", ".2f", lambda d, share=share: d.percentile(share).value)  # type: ignore[misc]
-        for name, words, share in PERCENTILES
-    ),
+    *(Quantity(f"{name}_arcsec", words, "", ".2f", partial(_percentile, share)) for name, words, share in PERCENTILES),
     Quantity("worst_arcsec", "worst", "", ".2f", lambda d: max(d.F_ior)),
     Quantity("mean_arcsec", "mean", "", ".2f", lambda d: float(np.average(d.F_ior, weights=d.summary.weights))),
 )
-INTERVAL_COLUMNS: tuple[Quantity[MountedDrives], ...] = tuple(
-    Quantity(
-        f"{name}_interval_arcsec", words, "", lambda ends: f"{ends[0]:.2f} to {ends[1]:.2f}",
-        lambda d, share=share: [*asdict(d.percentile(share)).values()][1:],  # type: ignore[misc]
-    )
-    for name, words, share in PERCENTILES
-)  # fmt: skip
 YIELD_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
-    Quantity("limit", "limit", "", "g", lambda d: d.point.limit),
-    Quantity("yield", "yield", "", yield_words, lambda d: d.yield_belief),
+    Quantity("limit", "limit", "", "g", "point.limit"),
+    Quantity("yield", "yield", "", yield_words, "yield_belief"),
 )
-YIELD_SHARE: Quantity[MountedDrives] = Quantity(
-    "yield", "yield", "", ".3f", lambda d: d.yield_belief and d.yield_belief.share
-)
+YIELD_SHARE: Quantity[MountedDrives] = Quantity("yield", "yield", "", ".3f", "yield_belief.share")
 
 
 def tolerance_report(
@@ -99,16 +91,11 @@ def tolerance_report(
     worst = min(range(len(points)), key=lambda k: summary.yield_of(True, points[k]).share)
     gains = to_measure(law, samples, worst) if samples else ()
     measure = summary.verdict is Verdict.INCONCLUSIVE and (measure_words(gains, False) or MORE_DRIVES)
+    refused = f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
     of_designs = f"; yield: {100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over designs"
     F_ior_table = Table.by_row(
         "F'_ior, arcsec: percentiles over the drives" + of_designs * bool(summary.has_limit and law.shared),
         (*MOUNTING_COLUMNS, *F_IOR_COLUMNS[:3], *YIELD_COLUMNS[: 2 * summary.has_limit]),
-        drives,
-        words=(1,),
-    )
-    more = Table.by_row(
-        "Monte Carlo intervals of these percentiles, arcsec (5 to 95 %)",
-        (*MOUNTING_COLUMNS, *INTERVAL_COLUMNS, *F_IOR_COLUMNS[3:]),
         drives,
         words=(1,),
     )
@@ -124,25 +111,16 @@ def tolerance_report(
             Facts.of([("measure", measure or ""), ("next", again("sensitivity", drive))]),
             plots.pop(worst),
         ),
-        details=(Facts((("drawn", _law_words(law, seed)),)), more, *plots),
-        proof=proof_words(summary.states, summary.max_residual),
-        values={
-            **_values(law, seed, summary),
-            "operating_points": [_point_object(point, summary) for point in points],
-            "to_measure": measure_objects(gains),
-        },
+        details=(Facts((("drawn", _law_words(law, seed)),)), *plots),
+        certificate=summary,
+        values=_values(law, seed, summary, gains),
         csv=csv_table(drive.name, (*MOUNTING_COLUMNS, *F_IOR_COLUMNS, YIELD_SHARE), drives),
         line=_yields(summary) + f": {summary.verdict}" * (summary.wanted is not None)
         if summary.has_limit
         else "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]} arcsec" for row in F_ior_table.rows),
-        warnings=(*law_warnings(law), *_refused(summary)),
+        warnings=(*law_warnings(law), *[refused] * bool(summary.refused)),
         exit_code=130 if interrupted else summary.verdict.exit_code,
     )
-
-
-def _refused(summary: Summary) -> Iterator[str]:
-    if summary.refused:
-        yield f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
 
 
 def law_warnings(law: ProductionLaw) -> tuple[str, ...]:
@@ -161,19 +139,15 @@ def _reasons(summary: Summary) -> Iterator[str]:
     """Probability of the yield wanted, and the yields; without a limit, the gain of turning."""
     if summary.has_limit and summary.wanted is not None:
         sure = probability_words(summary.yield_of(True).probability(summary.wanted))
-        yield f"probability that the yield reaches {100 * summary.wanted:g} %: {sure}; {summary.sure:g} needed"
+        needed = f"{100 * summary.sure:g} % needed"
+        yield f"probability that the yield reaches {100 * summary.wanted:g} %: {sure}; {needed}"
         yield _yields(summary)
     elif summary.positions > 1 and not summary.has_limit:
         off = []
         for point in summary.points:
-            low, median, high = 100 * np.quantile(point.gains(), (0.05, 0.5, 0.95))
+            low, median, high = 100 * np.quantile(point.gains(), GAIN_SHARES)
             off.append(f"{median:.0f} % ({low:.0f} to {high:.0f}) at {point.M_g:g} N·m")
         yield f"turning the wheel takes off F'_ior {', '.join(off)}"
-
-
-def probability_words(found: Probability) -> str:
-    """A probability with its Monte Carlo interval."""
-    return f"{found.value:.2f}" + f" ({found.low:.2f} to {found.high:.2f})" * (found.low < found.high)
 
 
 def _law_words(law: ProductionLaw, seed: int) -> str:
@@ -186,11 +160,7 @@ def _share_below(drives: Sequence[MountedDrives]) -> Curve | TwoCurves:
     """F'_ior that a share of the drives at a torque stays below, as built and where wheels are turned."""
     point, weights = drives[0].point, np.array(drives[0].summary.weights)
     limit = None if point.limit is None or point.limit <= point.self_error else point.limit - point.self_error
-    curves: list[Array] = []
-    for each in drives:
-        order = np.argsort(each.F_ior)
-        below = 100 * np.cumsum(weights[order]) / weights.sum()
-        curves.append(np.interp(PLOTTED_SHARES, below, np.array(each.F_ior)[order]))
+    curves = [np.interp(PLOTTED_SHARES, *shares_below(np.array(each.F_ior), weights)) for each in drives]
     x_label, y_label = "share of the drives, %", f"F'_ior at {point.M_g:g} N·m, arcsec"
     y_label += "" if limit is None else f" ({limit:.4g} allowed)"
     built, best = curves[0], curves[-1]
@@ -200,55 +170,62 @@ def _share_below(drives: Sequence[MountedDrives]) -> Curve | TwoCurves:
     return TwoCurves(PLOTTED_SHARES, built, best, names, x_label, y_label, limit=limit, rows=_PLOTTED_ROWS)
 
 
-def _values(law: ProductionLaw, seed: int, summary: Summary) -> Json:
+def _values(law: ProductionLaw, seed: int, summary: Summary, gains: Sequence[MeasurementGain]) -> Json:
+    ways = {"as_built": False, "best_position": True}
+    has_yield = summary.has_limit and summary.count
     return {
         "drives": summary.count,
         "designs": summary.design_count,
         "refused": len(summary.refused),
         "seed": seed,
         "method": "mc",
-        "positions": summary.positions,
         "scatter": [
             {
-                "field": f.path, "kind": f.law if isinstance(f, TolerancedSize) else f.distribution,
-                "low": f.low, "high": f.high, "unit": unit_of(field_table()[f.path]),
-                "shared": f in law.shared, "assumed": f.path in law.not_given,
+                "field": f.path,
+                "kind": f.law if isinstance(f, TolerancedSize) else f.distribution,
+                **attributes(f, "low", "high"),
+                "unit": field_unit(f.path),
+                "shared": f in law.shared,
+                "assumed": f.path in law.not_given,
             }
             for f in law.joint.fields
         ],
-        "yield": {
-            name: _yield_object(summary.yield_of(best), summary.wanted)
-            for name, best in (("as_built", False), ("best_position", True))
-        }
-        if summary.has_limit and summary.count
-        else None,
+        "yield": {name: yield_object(summary, best) for name, best in ways.items()} if has_yield else None,
         "yield_wanted": summary.wanted,
-        "sure": summary.sure,
-        "certificate": {"states": summary.states, "max_residual": summary.max_residual},
-        "verdict": str(summary.verdict),
-    }  # fmt: skip
-
-
-def _point_object(point: AtTorque, summary: Summary) -> Json:
-    gains = np.quantile(point.gains(), [0.05, 0.5, 0.95]).tolist()
-    return {
-        "M_g_Nm": point.M_g,
-        "limit_arcsec": point.limit,
-        "self_error_arcsec": point.self_error,
-        **{
-            name: as_object((*F_IOR_COLUMNS, *INTERVAL_COLUMNS), MountedDrives(summary, point, best))
-            for name, best in (("as_built", False), ("best_position", True))
-        },
-        "gain": dict(zip(("low", "median", "high"), gains, strict=True)),
+        **attributes(summary, "positions", "sure", "verdict"),
+        "operating_points": [
+            {
+                "M_g_Nm": point.M_g,
+                "limit_arcsec": point.limit,
+                "self_error_arcsec": point.self_error,
+                "gain": dict(zip(("low", "median", "high"), np.quantile(point.gains(), GAIN_SHARES), strict=True)),
+                **{name: _F_ior_object(MountedDrives(summary, point, best)) for name, best in ways.items()},
+            }
+            for point in summary.points
+        ],
+        "to_measure": measure_objects(gains),
     }
 
 
-def _yield_object(found: YieldBelief, wanted: float | None) -> Json:
+def _F_ior_object(drives: MountedDrives) -> Json:
+    """F'_ior of random drives, and the Monte Carlo intervals of its percentiles."""
+    found = {name: drives.percentile(share) for name, _, share in PERCENTILES}
+    intervals = {f"{name}_interval_arcsec": (each.low, each.high) for name, each in found.items()}
+    return as_object(F_IOR_COLUMNS, drives) | intervals
+
+
+def yield_object(summary: Summary, best: bool) -> Json:
+    """A yield with its range over the designs, and the probability that it is the wanted one, if any."""
+    found, wanted = summary.yield_of(best), summary.wanted
     return {
-        "share": found.share,
-        "low": found.percentile(YIELD_TAIL),
+        **yield_range(found),
         "median": found.percentile(0.5),
-        "high": found.percentile(1 - YIELD_TAIL),
-        "good": int(found.passed.sum()),
-        "probability": None if wanted is None else asdict(found.probability(wanted)),
+        "good": found.passed.sum(),
+        "probability": None if wanted is None else found.probability(wanted),
     }
+
+
+def yield_range(found: YieldBelief) -> Json:
+    """A yield with 5 and 95 % of its range over the designs."""
+    ends = {"low": found.percentile(YIELD_TAIL), "high": found.percentile(1 - YIELD_TAIL)}
+    return {"share": found.share, **ends}

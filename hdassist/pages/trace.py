@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
 from hdassist.error.orders import Order, order_legend
 from hdassist.error.trace import Trace
-from hdassist.json_parts import pitch_object, unknown_objects
+from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.preset.fields import Drive
 from hdassist.report.blocks import Curve, Facts, Paragraph, Series, Table
-from hdassist.report.quantities import Quantity, as_object
+from hdassist.report.quantities import Quantity, csv_columns
 from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.brief import again, not_known, on_what
 from hdassist.terminal.wheels_page import heading
@@ -23,24 +22,23 @@ _PLOTTED_ROWS = 6
 MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
 ORDER_QUANTITIES: tuple[Quantity[Order], ...] = (
-    Quantity("per_cam_rev", "order", "1/turn", ".2f", lambda o: o.per_cam_rev),
-    Quantity("amplitude_arcsec", "amplitude", "arcsec", ".3f", lambda o: o.amplitude_arcsec),
-    Quantity("phase_deg", "phase", "deg", ".1f", lambda o: o.phase_deg),
-    Quantity("cause", "cause", "", "", lambda o: o.cause),
+    Quantity("per_cam_rev", "order", "", ".2f"),
+    Quantity("amplitude_arcsec", "amplitude", "arcsec", ".3f"),
+    Quantity("phase_deg", "phase", "deg", ".1f"),
+    Quantity("cause", "cause", "", ""),
 )
-_ON_PAGE: tuple[Quantity[Order], ...] = (
-    Quantity("order", "order", "", ".2f", lambda o: o.per_cam_rev),
-    Quantity("amplitude", "arcsec", "", ".2f", lambda o: o.amplitude_arcsec),
-    ORDER_QUANTITIES[-1],
-)
+_ON_PAGE: Quantity[Order] = Quantity("amplitude_arcsec", "arcsec", "", ".2f")
 
 
 def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     """The error of a drive over cam turns; seed, of its sample that was solved again."""
     error = trace.error
+    cycle = error.kinematics.cycle_cam_revolutions
+    is_part = trace.revolutions < cycle
     turns = f"{trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     title = "orders: amplitude·cos(order·phi_h + phase)"
+    order, _, _, cause = ORDER_QUANTITIES
     orders = sorted(trace.orders, key=lambda o: -o.amplitude_arcsec)
     listed = sorted(orders[:_LISTED_ORDERS], key=lambda o: o.per_cam_rev)
     words = f"error F_kpp, arcsec, at {error.M_g:g} N·m"
@@ -49,9 +47,9 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
         drive=drive,
         head=f"{drive.name}, {error.M_g:g} N·m, {turns} from {moving} = {trace.start_deg:g}°{heading(trace.measured)}",
         verdict=f"range {error.range_arcsec:.2f} arcsec",
-        why=tuple(_part_of_cycle(trace)),
+        why=(f"{trace.revolutions} of the {cycle} cam turns of the full cycle: F'_ior is at least as large",) * is_part,
         blocks=(
-            Table.by_row("", _ON_PAGE, orders[:_NAMED_ORDERS], words=(2,)),
+            Table.by_row("", [order, _ON_PAGE, cause], orders[:_NAMED_ORDERS], words=(2,)),
             Facts.of(_facts(drive, trace)),
             curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, words),
         ),
@@ -67,10 +65,9 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
             "M_g_Nm": error.M_g,
             f"{moving}_deg": trace.start_deg,
             "cam_revolutions": trace.revolutions,
-            "phi_h_deg": _degrees(error.states.phi_h),
-            "error_arcsec": error.error_arcsec.tolist(),
-            "range_arcsec": error.range_arcsec,
-            "orders": [as_object(ORDER_QUANTITIES, order) for order in trace.orders],
+            "phi_h_deg": np.degrees(error.states.phi_h),
+            **attributes(error, "error_arcsec", "range_arcsec"),
+            "orders": trace.orders,
             "seed": seed,
         },
         csv=trace_csv(trace),
@@ -86,31 +83,18 @@ def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
     return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over, rows=_PLOTTED_ROWS)
 
 
-def _part_of_cycle(trace: Trace) -> Iterator[str]:
-    """How much of the full cycle the trace is, where it is a part."""
-    cycle = trace.error.kinematics.cycle_cam_revolutions
-    if trace.revolutions < cycle:
-        yield f"{trace.revolutions} of the {cycle} cam turns of the full cycle: F'_ior is at least as large"
-
-
 def _facts(drive: Drive, trace: Trace) -> Iterator[tuple[str, str]]:
     """Assumptions, and the next command, a label and a text each."""
     yield "assumed", on_what(drive)
     yield "unknown", not_known(drive)
     cycle = trace.error.kinematics.cycle_cam_revolutions
-    own = again("mount", drive)
-    if trace.revolutions < cycle:
-        own = again("trace", drive, "-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
-    yield "next", own + (" with the same pitch files" if trace.measured else "")
-
-
-def _degrees(angles: Any) -> list[float]:
-    return [float(a) for a in np.degrees(angles)]
+    whole = ("trace", "-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
+    command, *more = whole if trace.revolutions < cycle else ("mount",)
+    yield "next", again(command, drive, *more, pitch=trace.measured)
 
 
 def trace_csv(trace: Trace) -> CsvTable:
     """One row per state."""
-    error = trace.error
-    columns = (error.states.phi_h, error.states.phi_g, error.states.phi_b)
-    rows = zip(*map(_degrees, columns), error.error_arcsec.tolist(), error.rotation_arcsec.tolist(), strict=True)
-    return ["phi_h_deg", "phi_g_deg", "phi_b_deg", "error_arcsec", "rotation_arcsec"], list(rows)
+    states = trace.error.states
+    angles = {f"{name}_deg": np.degrees(getattr(states, name)) for name in ("phi_h", "phi_g", "phi_b")}
+    return csv_columns(**angles, **attributes(trace.error, "error_arcsec", "rotation_arcsec"))

@@ -7,19 +7,20 @@ from dataclasses import asdict
 
 import numpy as np
 
-from hdassist.json_parts import Json, unknown_objects
+from hdassist.json_parts import Json, attributes, unknown_objects
+from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_names, unknowns
-from hdassist.mounting.losses import GOOD
+from hdassist.mounting.losses import GOOD, PositionStatistics
 from hdassist.mounting.positions import bare, hole_of
 from hdassist.mounting.trial import Trial, Tried
 from hdassist.pages.card import CardFacts, after_trials, warnings_of
-from hdassist.pages.losses import SHARES, kept_line, losses_object, losses_table
+from hdassist.pages.losses import SHARES, kept_line, losses_table, position_object, positions_object, whiskers_of
 from hdassist.pages.mount import ORDER_WORDS
-from hdassist.pages.seat import wheel
+from hdassist.pages.seat import ENGLISH
 from hdassist.report.blocks import Curve, CurveMark, Facts
-from hdassist.report.quantities import Quantity, as_object
+from hdassist.report.quantities import Quantity, as_object, csv_columns
 from hdassist.report.report import CsvTable, Report
-from hdassist.terminal.texts import Texts, texts
+from hdassist.terminal.texts import Texts
 from hdassist.trials.advice import TrialAdvice
 from hdassist.trials.posterior import Prediction
 from hdassist.verdict import Verdict
@@ -27,7 +28,7 @@ from hdassist.verdict import Verdict
 LISTED_HOLES = 3  # positions on the first screen, best first
 TURNS = "turns counter-clockwise from the cam side"
 APART = 3.0  # standard deviations by which values of one position may differ without a remark
-MANY_TRIALS = 4  # trials without a repeat, from which on one is asked for
+UNLIKE = "the values came out unlike those of a drive as the preset has it"
 
 POSTERIOR: tuple[Quantity[TrialAdvice], ...] = (
     Quantity("offset.size_um", "cam offset", "um", ".0f", lambda a: a.offset[0]),
@@ -37,7 +38,7 @@ POSTERIOR: tuple[Quantity[TrialAdvice], ...] = (
     Quantity("scale", "F'_ior over the computed one", "", ".2f", lambda a: float(a.draws.scale.mean())),
     Quantity("scale_sd", "standard deviation (0.10 assumed before)", "", ".2f", lambda a: float(a.draws.scale.std())),
     Quantity("misfit", "misfit (0 to 12 % assumed)", "", ".0%", lambda a: float(a.draws.misfit.mean())),
-    Quantity("effective_samples", "effective samples", "", ".0f", lambda a: a.draws.effective),
+    Quantity("effective_samples", "effective samples", "", ".0f", "draws.effective"),
 )
 
 
@@ -60,7 +61,7 @@ def trials_report(advice: TrialAdvice, *, carded: bool = False) -> Report:
         values=_values(advice),
         csv=_csv(advice),
         line=bare(advice.stay[0], holes) if advice.outcome or advice.settled else "unknown",
-        warnings=tuple(trials_warnings(advice, texts())),
+        warnings=tuple(trials_warnings(advice, ENGLISH)),
         exit_code=(Verdict.PASS if advice.settled and not advice.back_to else back).exit_code,
     )
 
@@ -93,8 +94,8 @@ def trials_warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
             taken = f"it is taken for {advice.noise_arcsec:.1f}"
             yield f"{values} than a noise of {rig.noise_arcsec:g} makes likely; {taken}"
     if advice.unlike_told:
-        unlike = "the values came out unlike those of a drive as the preset has it (one in twenty of them may)"
-        yield f"{unlike}: check the preset, the noise and how the holes were counted{_repeat(advice)}"
+        check = "check the preset, the noise and how the holes were counted"
+        yield f"{UNLIKE} (one in twenty of them may): {check}{_repeat(advice)}"
 
 
 def _measured(advice: TrialAdvice, trial: Trial) -> str:
@@ -128,9 +129,9 @@ def trials_instruction(advice: TrialAdvice) -> str:
     if advice.outcome:
         return f"{there if back else 'Keep it'}: {_outcome(advice, advice.outcome)}."
     if advice.settled:
-        return f"{after_trials(advice.choice, texts())} By the trials {_chance(advice)}."
+        return f"{after_trials(advice.choice)} By the trials {_chance(advice)}."
     if advice.to_repeat and advice.unlike_told:
-        return f"No order yet: the values came out unlike those of a drive as the preset has it{_repeat(advice)}."
+        return f"No order yet: {UNLIKE}{_repeat(advice)}."
     hinge = advice.hinges_on if advice.stay[1] >= advice.needed else None
     sure = f"{_chance(advice)}, but not without {_measured(advice, hinge)}" if hinge else _chance(advice)
     if advice.to_repeat:
@@ -146,11 +147,6 @@ def _facts(advice: TrialAdvice, *, carded: bool) -> Iterator[tuple[str, str]]:
     """Limits, how to go on, and the next command, a label and a text each."""
     torques = advice.drive.operation.M_g
     yield "limit", "" if advice.outcome else kept_line(advice.losses, advice.drive, torques)
-    if len(advice.trials) >= MANY_TRIALS and not advice.repeats and not advice.outcome:
-        again = advice.where((advice.to_repeat or advice.trials[0]).rotation_deg)
-        yield "repeat", f"{again}, the wheel taken out and put back, to learn the noise: none was measured twice"
-        turn = f"turn the {wheel(advice.drive)} by a hole as you counted: its mark must go"
-        yield "look", f"{turn} counter-clockwise, seen from the cam side; no F'_ior shows how holes were counted"
     if not (advice.outcome or (carded and advice.settled)):
         value = f"the value of {advice.where(advice.to_measure_next[0])} as one more trial"
         if len(torques) > 1:
@@ -174,46 +170,55 @@ def _curve(advice: TrialAdvice) -> Curve:
     losses, holes, torques = advice.losses, advice.drive.mounting.holes, advice.drive.operation.M_g
     M_g = advice.prior.rig.M_g if advice.prior.rig.M_g in torques else torques[0]
     per, k = 360 / holes if holes else 1.0, torques.index(M_g)
-    places = range(len(losses.rotations_deg))
-    low, median, high = ([losses.quantile(share, place)[k] for place in places] for share in (0.05, 0.5, 0.95))
-    turned = np.array(losses.rotations_deg) / per
     measured = advice.trials if M_g == advice.prior.rig.M_g else ()
     return Curve(
-        turned, np.array(median), "turned by, holes" if holes else "turned by, deg",
+        np.array(losses.rotations_deg) / per, _medians(losses)[k], "turned by, holes" if holes else "turned by, deg",
         f"F'_ior at {M_g:g} N·m, arcsec: median, 5 to 95 %; M measured",
-        whiskers=tuple(zip(turned.tolist(), low, high, strict=True)), from_zero=True, rows=6,
+        whiskers=whiskers_of(losses, k, per), from_zero=True, rows=6,
         marks=tuple(CurveMark(t.rotation_deg / per, t.F_ior_arcsec, "measured", "now") for t in measured),
     )  # fmt: skip
 
 
+def _medians(losses: PositionStatistics) -> Array:
+    """Median of F'_ior [arcsec] in each position, shape (torques, positions)."""
+    return np.array([losses.quantile(0.5, place) for place in range(len(losses.rotations_deg))]).T
+
+
 def _values(advice: TrialAdvice) -> Json:
     """One shape, whatever was given."""
-    drive, rig, (best, good) = advice.drive, advice.prior.rig, advice.losses.chosen
+    drive, rig, losses, (best, good) = advice.drive, advice.prior.rig, advice.losses, advice.losses.chosen
     then, after = advice.to_measure_next
-    found = losses_object(advice.losses, drive, advice.offset[2])
+    first, second = losses.ranked[0], (*losses.ranked, None)[1]
+    named = {"best_bet": first, "second": second, "worst": losses.ranked[-1]}
+    positions = positions_object(losses, drive, advice.offset[2])
+    found = {name: None if place is None else positions["positions"][place] for name, place in named.items()}
     return {
         "complete": True,
         "instruction": trials_instruction(advice),
         "turn": advice.settled and advice.choice.turn,
-        "M_g_Nm": list(drive.operation.M_g),
+        "M_g_Nm": drive.operation.M_g,
+        "weights": losses.weights,
+        **positions,
         **found,
+        "current": position_object(losses, drive, advice.offset[2], None),
+        "gain": losses.range_of(losses.gains(first))[1],
+        "probability_gain": losses.probability_gain(first).value,
         "recommended": found["best_bet"] if advice.settled else None,
         "unknown": unknown_objects(unknowns(drive)),
-        "settled": advice.settled,
         "probability_needed": advice.needed,
         "next": _place(advice, rotation_deg=then, probability_after=after),
         "trials": {
+            **attributes(rig, "noise_arcsec", "reseat_um"),
             "M_g_Nm": rig.M_g,
-            "noise_arcsec": rig.noise_arcsec,
             "noise_found_arcsec": advice.noise_arcsec,
             "measured": [
-                _place(advice, **asdict(trial), probability_misread=float(misread))
+                _place(advice, **asdict(trial), probability_misread=misread)
                 for trial, misread in zip(advice.trials, advice.draws.misread, strict=True)
             ],
-            "probability_good_without": list(advice.without),
+            "probability_good_without": advice.without,
         },
         "prediction_errors": [_prediction(advice, one) for one in advice.predictions],
-        "unlike_told": advice.unlike_told,
+        **attributes(advice, "settled", "unlike_told"),
         **as_object(POSTERIOR, advice),
         "verification": advice.outcome
         and {
@@ -237,13 +242,13 @@ def _prediction(advice: TrialAdvice, one: Prediction) -> Json:
 
 def _csv(advice: TrialAdvice) -> CsvTable:
     """Header and rows of a table, one row per torque and position."""
-    losses = advice.losses
-    rows = [
-        [M_g, rotation, losses.quantile(0.5, place)[k], *(float(getattr(losses, n)[place]) for n in SHARES)]
-        for k, M_g in enumerate(advice.drive.operation.M_g)
-        for place, rotation in enumerate(losses.rotations_deg)
-    ]
-    return ["M_g_Nm", "rotation_deg", "F_ior_expected_arcsec", *SHARES], rows
+    losses, torques, medians = advice.losses, advice.drive.operation.M_g, _medians(advice.losses)
+    return csv_columns(
+        M_g_Nm=np.repeat(torques, medians.shape[1]),
+        rotation_deg=np.tile(losses.rotations_deg, len(torques)),
+        F_ior_expected_arcsec=medians.ravel(),
+        **{name: np.tile(getattr(losses, name), len(torques)) for name in SHARES},
+    )
 
 
 def trials_card_facts(advice: TrialAdvice, say: Texts) -> CardFacts:

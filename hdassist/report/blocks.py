@@ -20,15 +20,27 @@ class Paragraph:
     text: str
 
 
+BLANK = "_" * 12  # to write on
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Sentences one below the other under a title, each behind a mark."""
+
+    title: str
+    lines: tuple[str, ...]
+    mark: str = ""
+
+
 @dataclass(frozen=True)
 class Facts:
-    """Labelled lines; those without text are left out."""
+    """Labelled lines; one without text is to be written on."""
 
     rows: tuple[tuple[str, str], ...]
 
     @classmethod
     def of(cls, rows: Iterable[tuple[str, str]]) -> Facts:
-        """Labelled lines from labels and texts."""
+        """Labelled lines from labels and texts; those without text are left out."""
         return cls(tuple(row for row in rows if row[1]))
 
 
@@ -47,11 +59,13 @@ class Table:
     header: bool = True
 
     @classmethod
-    def by_row(cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T], **more: object) -> Table:
-        """A table with a column for each quantity and a row for each thing; more: as of a table."""
+    def by_row(
+        cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T], *, words: Collection[int] = (0,)
+    ) -> Table:
+        """A table with a column for each quantity and a row for each thing; words: as of a table."""
         shown = tuple(quantities)
         rows = tuple(tuple(q.text(thing) for q in shown) for thing in things)
-        return cls(title, tuple(q.words.strip() for q in shown), rows, **more)  # type: ignore[arg-type]
+        return cls(title, tuple(q.words.strip() for q in shown), rows, words)
 
     @classmethod
     def by_column(cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> Table:
@@ -178,4 +192,4 @@ class ReportSection:
     blocks: tuple[Block, ...]
 
 
-Block = Paragraph | Facts | Table | Figure | Tiles | ReportSection
+Block = Paragraph | Lines | Facts | Table | Figure | Tiles | ReportSection

@@ -15,18 +15,27 @@ class Quantity(Generic[T]):
     """A reported quantity of things T.
 
     key: dotted place in JSON, with the unit in its last part; label and unit: words in tables; digits: format of the
-    number there, or what writes it; value: how to get it, full precision, None where there is none.
+    number there, or what writes it; value: dotted name of its attribute (empty: the key), or how to get it.
     """
 
     key: str
     label: str
     unit: str
     digits: str | Callable[[Any], str]
-    value: Callable[[T], Any]
+    value: str | Callable[[T], Any] = ""
+
+    def of(self, thing: T) -> Any:
+        """The quantity of a thing in full precision; None where there is none."""
+        if callable(self.value):
+            return self.value(thing)
+        found: Any = thing
+        for name in (self.value or self.key).split("."):
+            found = None if found is None else getattr(found, name)
+        return found
 
     def text(self, thing: T) -> str:
         """The quantity as a table shows it."""
-        value = self.value(thing)
+        value = self.of(thing)
         if value is None:
             return NO_VALUE
         if callable(self.digits):
@@ -42,7 +51,13 @@ class Quantity(Generic[T]):
 def csv_table(preset: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> tuple[list[str], list[list[Any]]]:
     """Header and rows of CSV: a row for each thing, the preset's name in its first column."""
     columns = tuple(quantities)
-    return ["preset", *(q.key for q in columns)], [[preset, *(q.value(thing) for q in columns)] for thing in things]
+    return ["preset", *(q.key for q in columns)], [[preset, *(q.of(thing) for q in columns)] for thing in things]
+
+
+def csv_columns(**columns: Any) -> tuple[list[str], list[tuple[Any, ...]]]:
+    """Header and rows of CSV from columns of the same length by name: arrays or lists."""
+    lists = (values.tolist() if hasattr(values, "tolist") else values for values in columns.values())
+    return [*columns], list(zip(*lists, strict=True))
 
 
 def as_object(quantities: Iterable[Quantity[T]], thing: T) -> dict[str, Any]:
@@ -53,5 +68,5 @@ def as_object(quantities: Iterable[Quantity[T]], thing: T) -> dict[str, Any]:
         place = result
         for name in parents:
             place = place.setdefault(name, {})
-        place[last] = quantity.value(thing)
+        place[last] = quantity.of(thing)
     return result

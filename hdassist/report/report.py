@@ -4,15 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from hdassist.json_parts import Json
 from hdassist.report.blocks import Block
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
-    from hdassist.solve.answers import Certificate
     from hdassist.solve.throughcvxpy import CrossCheck
+
+
+class ReportProof(Protocol):
+    """States that were solved behind an answer, and their greatest residual as a share of its scale.
+
+    A Certificate has the residuals one by one too.
+    """
+
+    @property
+    def states(self) -> int:
+        """How many there are."""
+
+    @property
+    def max_residual(self) -> float:
+        """Their greatest residual."""
+
 
 CsvTable = tuple[Sequence[str], Sequence[Sequence[Any]]]  # header and rows
 
@@ -23,9 +38,9 @@ class Report:
 
     command; drive, None where there is none; head, what the answer is about, empty where there is no page; verdict, a
     word; why, sentences below it.
-    blocks of the page, and those that only --details shows; certificate and cross-checks of the states behind it, or
-    proof, words in their place.
-    values: keys of JSON beside those that all answers have; csv; line: the answer alone.
+    blocks of the page, and those that only --details shows; certificate and cross-checks of the states behind it.
+    values: keys of JSON beside those that all answers have, results among them as as_json takes them; csv; line: the
+    answer alone.
     about: of what warnings are said, the drive or its file where it is empty; warnings; exit_code.
     """
 
@@ -36,9 +51,8 @@ class Report:
     why: tuple[str, ...] = ()
     blocks: tuple[Block, ...] = ()
     details: tuple[Block, ...] = ()
-    certificate: Certificate | None = None
+    certificate: ReportProof | None = None
     cross_checks: tuple[CrossCheck | None, ...] = ()
-    proof: str = ""
     values: Json = field(default_factory=dict)
     csv: CsvTable | None = None
     line: str = ""

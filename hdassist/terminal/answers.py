@@ -11,7 +11,7 @@ from numbers import Number
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError
-from hdassist.json_parts import Json, certificate_object
+from hdassist.json_parts import Json, as_json, attributes, certificate_object
 from hdassist.numerals import NUMBER
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
@@ -43,13 +43,15 @@ def envelope(command: str, drive: Drive | None, exit_code: int = 0, warnings: Se
 
 def report_object(report: Report) -> Json:
     """A report as a JSON object."""
-    from hdassist.solve.walk import walk_library
+    answer = envelope(report.command, report.drive, report.exit_code, report.warnings) | report.values
+    if found := report.certificate:
+        from hdassist.solve.answers import Certificate  # answers without states need no numpy
+        from hdassist.solve.walk import walk_library
 
-    proven: Json = {}
-    if report.certificate:
+        residuals = isinstance(found, Certificate) and certificate_object(found, report.cross_checks)
         engine = {"engine": walk_library()[1]}  # of all states that no --solver was asked for
-        proven = {"certificate": certificate_object(report.certificate, report.cross_checks) | engine}
-    return {**envelope(report.command, report.drive, report.exit_code, report.warnings), **report.values, **proven}
+        answer["certificate"] = (residuals or attributes(found, "states", "max_residual")) | engine
+    return {key: as_json(value) for key, value in answer.items()}
 
 
 def failure(command: str, error: HdassistError, *, preset: str | None = None, file: str | None = None) -> Json:

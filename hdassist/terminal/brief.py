@@ -5,25 +5,30 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknown_names, unknowns
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import resolved_fields
-from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict
+
+if TYPE_CHECKING:
+    from hdassist.belief.statistics import Probability
+    from hdassist.report.report import ReportProof
 
 LIMITED = ("check", "report", "tolerance", "sensitivity", "allocate", "accept")  # commands that take --limit
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
 
 
-def again(command: str, drive: Drive, *more: str) -> str:
-    """A command about the same drive, as a shell takes it."""
+def again(command: str, drive: Drive, *more: str, pitch: object = None) -> str:
+    """A command about the same drive, as a shell takes it; pitch: wheels that are measured, whose files go with it."""
     origin = drive.origin
     preset = "-" if origin.file == STDIN else origin.file or drive.name
-    return shlex.join(["hdassist", command, preset, *_options(command, origin.overrides), *more])
+    words = shlex.join(["hdassist", command, preset, *_options(command, origin.overrides), *more])
+    return words + " with the same pitch files" * bool(pitch)
 
 
 def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
@@ -37,17 +42,20 @@ def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
             yield from ("--set", override)
 
 
-def proof(certificate: Certificate, cross_checks: Iterable[CrossCheck | None] = ()) -> str:
-    """A certificate in one line: states, greatest residual as a share of its scale, what another solver solved."""
-    words = proof_words(certificate.states, certificate.max_residual)
+def proof(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None] = ()) -> str:
+    """One line of proof: states, greatest residual as a share of its scale, states that another solver solved."""
+    if not found or not found.states:
+        return ""
+    words = f"{thousands(found.states)} states, residual {found.max_residual:.0e}"
     if crosses := [cross for cross in cross_checks if cross]:
         words += f", {sum(cross.states for cross in crosses)} again by {crosses[0].solver}"
     return words
 
 
-def proof_words(states: int, max_residual: float) -> str:
-    """Solved states and their greatest residual, a share of its scale, in words."""
-    return f"{thousands(states)} states, residual {max_residual:.0e}"
+def probability_words(found: Probability) -> str:
+    """A probability in per cent with its Monte Carlo interval: 89 % (81 to 94)."""
+    interval = f" ({100 * found.low:.0f} to {100 * found.high:.0f})" if found.low < found.high else ""
+    return f"{100 * found.value:.0f} %{interval}"
 
 
 def thousands(count: int) -> str:

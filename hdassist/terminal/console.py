@@ -42,11 +42,12 @@ PLAIN_CHARACTERS = str.maketrans(
 
 @dataclass(frozen=True)
 class Style:
-    """What a stream can show: 7-bit text only, control codes, and columns."""
+    """What a stream can show: 7-bit text only (and some letters beyond it), control codes, and columns."""
 
     ascii: bool
     codes: bool
     width: int
+    beyond_ascii: range = range(0)
 
     @classmethod
     def of(cls, stream: TextIO, *, ascii: bool = False, no_color: bool = False) -> Style:
@@ -59,7 +60,10 @@ class Style:
     def text(self, text: str) -> str:
         """The text as the stream can show it, whatever it has of control characters escaped."""
         text = visible(text)
-        return text.translate(PLAIN_CHARACTERS).encode("ascii", "replace").decode() if self.ascii else text
+        if not self.ascii:
+            return text
+        plain = text.replace(" ″", "″").translate(PLAIN_CHARACTERS)
+        return "".join(c if c.isascii() or ord(c) in self.beyond_ascii else "?" for c in plain)
 
 
 def _shows_unicode(stream: TextIO) -> bool:

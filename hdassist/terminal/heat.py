@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hdassist.report.blocks import HeatMap
 from hdassist.terminal.console import Style
 from hdassist.terminal.plot import WIDEST_PLOT, figure
 
@@ -18,12 +19,12 @@ CellIndices = NDArray[np.int64]
 
 
 @figure
-def heat(style: Style, x: Sequence[float], y: Sequence[float], z: CellValues, *, x_label: str, y_label: str) -> str:
-    """Draw z, shape (x, y), NaN where there is none, with y upwards, numbered axes and a legend.
+def heat(style: Style, drawn: HeatMap) -> str:
+    """A map with y upwards, numbered axes and a legend; of more values than there is room for some are left out.
 
-    x and y in growing order; of more values than there is room for some are left out. x_label and y_label carry the
-    units, y_label what is drawn as well. Returns lines without a final newline.
+    Returns lines without a final newline.
     """
+    x, y, z = drawn.x, drawn.y, drawn.z
     shades = ".:-=+*#%@" if style.ascii else "·░▒▓█"
     up = _some(len(y), HEAT_ROWS)[::-1]
     margin = max(7, *(len(f"{y[k]:g}") for k in up))
@@ -33,7 +34,7 @@ def heat(style: Style, x: Sequence[float], y: Sequence[float], z: CellValues, *,
     low, high = float(np.nanmin(z)), float(np.nanmax(z))
     step = (high - low) / len(shades) or 1.0
     corner, side, floor = ("+", "|", "-") if style.ascii else ("└", "│", "─")
-    lines = [style.text(y_label)]
+    lines = [style.text(drawn.y_label)]
     for k in up:
         row = (
             NONE if np.isnan(value) else shades[min(int((value - low) / step), len(shades) - 1)]
@@ -42,7 +43,7 @@ def heat(style: Style, x: Sequence[float], y: Sequence[float], z: CellValues, *,
         lines.append(f"{y[k]:>{margin}g} {side}{''.join(glyph * cell for glyph in row)}")
     lines.append(" " * (margin + 1) + corner + floor * (cell * len(across)))
     lines.append(" " * (margin + 2) + _x_numbers([x[k] for k in across], cell))
-    lines.append(" " * (margin + 2) + style.text(x_label).center(cell * len(across)).rstrip())
+    lines.append(" " * (margin + 2) + style.text(drawn.x_label).center(cell * len(across)).rstrip())
     lines.append(_legend(shades, low, high, step, bool(np.isnan(z).any())))
     return "\n".join(lines)
 

@@ -8,6 +8,7 @@ from hdassist.belief.influence import Influence
 from hdassist.belief.measure import MeasurementGain
 from hdassist.belief.samples import Samples
 from hdassist.preset.fields import field_table
+from hdassist.preset.kinds import unit_of
 
 REPORTED = 2  # influences and measurements on a short page
 HOW = {
@@ -32,6 +33,11 @@ def named(path: str, holes: int = 0) -> str:
     if path not in field_table():
         return f"{path.removeprefix('stiffness.')} (hdassist stiffness)"
     return f"{field_table()[path].description} ({path})"
+
+
+def field_unit(path: str) -> str:
+    """The unit of a field."""
+    return unit_of(field_table()[path])
 
 
 def influence_words(found: Sequence[Influence], result: str = "ln F'_ior") -> str:

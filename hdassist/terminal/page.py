@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from rich import box
 from rich.cells import cell_len
@@ -11,10 +11,24 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from hdassist.json_parts import certificate_object
-from hdassist.report.blocks import Block, Curve, Facts, HeatMap, Paragraph, ReportSection, Seat, Table, Tiles, TwoCurves
+from hdassist.report.blocks import (
+    BLANK,
+    Block,
+    Curve,
+    Facts,
+    HeatMap,
+    Lines,
+    Paragraph,
+    ReportSection,
+    Seat,
+    Table,
+    Tiles,
+    TwoCurves,
+)
 from hdassist.report.report import Report
+from hdassist.solve.answers import Certificate
 from hdassist.solve.certificate import TOLERANCE
-from hdassist.solve.throughcvxpy import CROSS_TOLERANCE
+from hdassist.solve.throughcvxpy import CROSS_TOLERANCE, CrossCheck
 from hdassist.terminal.brief import COLOURS, proof
 from hdassist.terminal.console import Style
 from hdassist.terminal.heat import heat
@@ -31,10 +45,11 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     if report.verdict:
         head.append(style.text(": ")).append(word(report.verdict, style))
     blocks = [*report.blocks, *(report.details if details else ())]
-    if details and report.certificate:
-        blocks.append(certificate_table(report))
-    more = "(more: --details)" if report.details and not details else ""
-    proven = proof(report.certificate, report.cross_checks) if report.certificate else report.proof
+    residuals = isinstance(report.certificate, Certificate)
+    if details and isinstance(report.certificate, Certificate):
+        blocks.append(certificate_table(report.certificate, report.cross_checks))
+    more = "(more: --details)" if (report.details or residuals) and not details else ""
+    proven = proof(report.certificate, report.cross_checks)
     last = Facts.of([("proof" if proven else "more", f"{proven} {more}".strip() if proven else more[7:-1])])
     parts = [part for block in blocks for part in block_on_page(block, style, plots)]
     lines = [line for part in parts for line in (part, Text(""))]
@@ -54,6 +69,9 @@ def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[Re
     match block:
         case Paragraph():
             yield Text(style.text(block.text))
+        case Lines() if block.lines:
+            marked = labelled(Facts(tuple((block.mark, line) for line in block.lines)), style)
+            yield Group(Text(style.text(block.title), style="bold"), marked) if block.title else marked
         case Facts() if block.rows:
             yield labelled(block, style)
         case Table() if block.rows:
@@ -73,18 +91,11 @@ def in_characters(block: Curve | TwoCurves | HeatMap | Seat, style: Style) -> st
     """A figure in characters; empty, with a remark on stderr, where it cannot be drawn."""
     match block:
         case Curve():
-            return curve(
-                style, block.x, block.y, x_label=block.x_label, y_label=block.y_label, height=block.rows,
-                over=block.over, limit=block.limit, whiskers=block.whiskers, marks=block.marks,
-                from_zero=block.from_zero,
-            )  # fmt: skip
+            return curve(style, block)
         case TwoCurves():
-            return two_curves(
-                style, block.x, block.first, block.second, names=block.names, x_label=block.x_label,
-                y_label=block.y_label, height=block.rows, limit=block.limit,
-            )  # fmt: skip
+            return two_curves(style, block)
         case HeatMap():
-            return heat(style, block.x, block.y, block.z, x_label=block.x_label, y_label=block.y_label)
+            return heat(style, block)
         case Seat():
             return style.text(f"{seat_in_characters(block)}\n\n{block.legend}")
 
@@ -95,7 +106,7 @@ def labelled(block: Facts, style: Style) -> RichTable:
     grid.add_column(no_wrap=True)
     grid.add_column(overflow="fold")
     for label, text in block.rows:
-        grid.add_row(style.text(label), style.text(text))
+        grid.add_row(style.text(label), style.text(text or BLANK))
     return grid
 
 
@@ -116,7 +127,8 @@ def tables(block: Table, style: Style) -> Iterator[RenderableType]:
 def _width(block: Table, columns: list[int], style: Style) -> int:
     """Columns of characters of a table in which only words wrap."""
     whole = [[block.heads[k] if block.header else "", *(row[k] for row in block.rows)] for k in columns]
-    parts = [" ".join(cells).split() if k in block.words else cells for k, cells in zip(columns, whole, strict=True)]
+    shown = [list(map(style.text, cells)) for cells in whole]
+    parts = [" ".join(cells).split() if k in block.words else cells for k, cells in zip(columns, shown, strict=True)]
     apart = 3 * (len(columns) - 1) + (4 if style.ascii else 0)
     return apart + sum(max(map(cell_len, cells), default=0) for cells in parts)
 
@@ -131,7 +143,7 @@ def _table(block: Table, columns: list[int], style: Style) -> RichTable:
     for k in columns:
         head = style.text(block.heads[k])
         if k in block.words:
-            spaced = any(" " in row[k] for row in block.rows)
+            spaced = any(" " in cell for cell in (head, *(row[k] for row in block.rows)))
             found.add_column(head, overflow="fold", no_wrap=not spaced)
         else:
             found.add_column(head, justify="right", no_wrap=True)
@@ -140,10 +152,9 @@ def _table(block: Table, columns: list[int], style: Style) -> RichTable:
     return found
 
 
-def certificate_table(report: Report) -> Table:
+def certificate_table(found: Certificate, cross_checks: Iterable[CrossCheck | None]) -> Table:
     """Residuals of the states behind a report, each with the bound that it keeps."""
-    assert report.certificate
-    found, cross = report.certificate, certificate_object(report.certificate, report.cross_checks)["cross_check"]
+    cross = certificate_object(found, cross_checks)["cross_check"]
     names = {"negative_force": "negative force, share of its scale", "negative_gap": "negative gap"}
     names |= {"complementarity": "force on an open gap", "equilibrium": "equilibrium"}
     rows = [("states solved", f"{found.states}", "")]

@@ -10,7 +10,7 @@ from typing import ParamSpec
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.report.blocks import CurveMark
+from hdassist.report.blocks import Curve, TwoCurves
 from hdassist.terminal.console import Style, made_or
 
 FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
@@ -20,7 +20,6 @@ PlotValues = NDArray[np.float64]
 Dots = NDArray[np.bool_]
 
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
-HEIGHT = 10  # rows, about
 WIDEST_PLOT = 80  # columns: wider says no more
 
 
@@ -35,68 +34,44 @@ def figure(draw: Callable[Drawn, str]) -> Callable[Drawn, str]:
 
 
 @figure
-def curve(
-    style: Style,
-    x: PlotValues,
-    y: PlotValues,
-    *,
-    x_label: str,
-    y_label: str,
-    height: int = HEIGHT,
-    over: float = 0.0,
-    limit: float | None = None,
-    whiskers: Sequence[tuple[float, float, float]] = (),
-    marks: Sequence[CurveMark] = (),
-    from_zero: bool = False,
-) -> str:
-    """Draw y over x, both shape (n,), with numbered axes; where points crowd, from least to greatest.
+def curve(style: Style, drawn: Curve) -> str:
+    """A curve with numbered axes; where points crowd, from least to greatest; marks by the first letter of their words.
 
-    x_label and y_label carry the units; height, about how many rows; the others as those of report.blocks.Curve, marks
-    by the first letter of their words. Returns lines without a final newline.
+    Returns lines without a final newline.
     """
-    wide, tall = (1, 1) if style.ascii else (2, 4)
-    ends = [end for _, *both in whiskers for end in both] + [0.0] * from_zero
-    frame = _Frame.around(style, [y, np.array([*ends, *y[:1]])], height, limit)
+    x, y, wide, tall = drawn.x, drawn.y, *((1, 1) if style.ascii else (2, 4))
+    ends = [end for _, *both in drawn.whiskers for end in both] + [0.0] * drawn.from_zero
+    frame = _Frame.around(style, [y, np.array([*ends, *y[:1]])], drawn)
     columns, rows = frame.columns * wide, frame.rows * tall
     bottom, top = frame.ticks[0], frame.ticks[-1]
-    lines = least_and_greatest(x, y, columns, over) if over else [(x, y)]
+    lines = least_and_greatest(x, y, columns, drawn.over) if drawn.over else [(x, y)]
     dots = np.logical_or.reduce([_fill(*line, columns, rows, bottom, top) for line in lines])
 
     def place(at_x: float, at_y: float, across: int, down: int) -> tuple[int, int]:
         share = (at_x - x[0]) / max(float(x[-1] - x[0]), np.finfo(float).tiny)
         return min(int(share * across), across - 1), round((top - at_y) / (top - bottom) * (down - 1))
 
-    for at_x, low, high in whiskers:
+    for at_x, low, high in drawn.whiskers:
         (column, first), (_, last) = place(at_x, high, columns, rows), place(at_x, low, columns, rows)
         dots[first : last + 1, column] = True
     cells = dots_to_ascii(dots) if style.ascii else dots_to_braille(dots)
-    for mark in marks:
+    for mark in drawn.marks:
         column, row = place(mark.x, mark.y, frame.columns, frame.rows)
         cells[row][column] = mark.words[0].upper()
-    return frame.drawn(style, ["".join(row) for row in cells], x, x_label, y_label)
+    return frame.drawn(style, ["".join(row) for row in cells], drawn, drawn.y_label)
 
 
 @figure
-def two_curves(
-    style: Style,
-    x: PlotValues,
-    first: PlotValues,
-    second: PlotValues,
-    *,
-    names: tuple[str, str],
-    x_label: str,
-    y_label: str,
-    height: int = 2 * HEIGHT,
-    limit: float | None = None,
-) -> str:
-    """Draw two curves over x, all shape (n,), with a glyph each, a third where they meet, and a legend in words."""
-    frame = _Frame.around(style, [first, second], height, limit)
-    both = [_fill(x, y, frame.columns, frame.rows, frame.ticks[0], frame.ticks[-1]) for y in (first, second)]
+def two_curves(style: Style, drawn: TwoCurves) -> str:
+    """Two curves with a glyph each, a third where they meet, and a legend in words."""
+    both = (drawn.first, drawn.second)
+    frame = _Frame.around(style, both, drawn)
+    first, second = (_fill(drawn.x, y, frame.columns, frame.rows, frame.ticks[0], frame.ticks[-1]) for y in both)
     glyphs = " .o#" if style.ascii else " ·o●"
-    rows = ["".join(glyphs[k] for k in row) for row in (both[0] + 2 * both[1].astype(int)).tolist()]
-    words = (*names, "both")
+    rows = ["".join(glyphs[k] for k in row) for row in (first + 2 * second.astype(int)).tolist()]
+    words = (*drawn.names, "both")
     legend = ", ".join(f"{glyph} {name}" for glyph, name in zip(glyphs[1:], words, strict=True))
-    return frame.drawn(style, rows, x, x_label, f"{y_label}: {legend}")
+    return frame.drawn(style, rows, drawn, f"{drawn.y_label}: {legend}")
 
 
 @dataclass(frozen=True)
@@ -110,13 +85,13 @@ class _Frame:
     limit: float | None
 
     @classmethod
-    def around(cls, style: Style, series: Sequence[PlotValues], height: int, limit: float | None) -> _Frame:
-        limits = [] if limit is None else [limit]
+    def around(cls, style: Style, series: Sequence[PlotValues], figure: Curve | TwoCurves) -> _Frame:
+        limits, height = [] if figure.limit is None else [figure.limit], figure.rows
         low, high = (float(end([*(end(y) for y in series), *limits])) for end in (min, max))
         marks = ticks(low, high, max(2, height // 2))
         margin = max(7, *(len(f"{tick:g}") for tick in marks))
         apart = max(1, round((height - 1) / (len(marks) - 1)))
-        return cls(marks, apart, min(style.width, WIDEST_PLOT) - margin - 2, margin, limit)
+        return cls(marks, apart, min(style.width, WIDEST_PLOT) - margin - 2, margin, figure.limit)
 
     @property
     def rows(self) -> int:
@@ -128,7 +103,7 @@ class _Frame:
         top, bottom = self.ticks[-1], self.ticks[0]
         return None if self.limit is None else round((top - self.limit) / (top - bottom) * (self.rows - 1))
 
-    def drawn(self, style: Style, rows: Sequence[str], x: PlotValues, x_label: str, y_label: str) -> str:
+    def drawn(self, style: Style, rows: Sequence[str], figure: Curve | TwoCurves, y_label: str) -> str:
         numbers = {k * self.apart: f"{tick:g}" for k, tick in enumerate(reversed(self.ticks))}
         corner, side, floor, mark = ("+", "|", "-", "+") if style.ascii else ("└", "│", "─", "┤")
         lines = [style.text(y_label)]
@@ -137,8 +112,8 @@ class _Frame:
                 row = row.replace(" ", floor)
             lines.append(f"{numbers.get(k, ''):>{self.margin}} {mark if k in numbers else side}{row}".rstrip())
         lines.append(" " * (self.margin + 1) + corner + floor * self.columns)
-        lines.append(" " * (self.margin + 2) + _x_numbers(float(x[0]), float(x[-1]), self.columns))
-        lines.append(" " * (self.margin + 2) + style.text(x_label).center(self.columns).rstrip())
+        lines.append(" " * (self.margin + 2) + _x_numbers(float(figure.x[0]), float(figure.x[-1]), self.columns))
+        lines.append(" " * (self.margin + 2) + style.text(figure.x_label).center(self.columns).rstrip())
         return "\n".join(lines)
 
 

@@ -59,13 +59,14 @@ def run_each(
 
 def note_time(report: Report, begun: float, name: str = "") -> None:
     """Note on stderr how long a report took since begun [s], its residuals, and the engine that solved its states."""
+    from hdassist.solve.answers import Certificate
     from hdassist.solve.walk import walk_library
+    from hdassist.terminal.brief import proof
 
-    proof = report.certificate or report.proof
-    note(
-        f"{report.subject or name}: {time.monotonic() - begun:.1f} s"
-        + (f", {proof}; engine: {walk_library()[1]}" if proof else "")
-    )
+    found = report.certificate
+    words = str(found) if isinstance(found, Certificate) else proof(found)
+    seconds = f"{time.monotonic() - begun:.1f} s"
+    note(f"{report.subject or name}: {seconds}" + (f", {words}; engine: {walk_library()[1]}" if words else ""))
 
 
 def give(
@@ -90,7 +91,7 @@ def give(
         else:
             from rich.console import Group
 
-            made = [made_or("page", partial(_page, report, out), partial(getattr, report, "line")) for report in pages]
+            made = [made_or("page", partial(_page, each, out), partial(getattr, each, "line")) for each in pages]
             out.human(Group(*[part for page in made for part in (page, "")][:-1], *below))
     if out.csv is not None and (tables := [report.csv for report in reports if report.csv]):
         out.figures(csv_text(tables[0][0], [row for _, rows in tables for row in rows]))

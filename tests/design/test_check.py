@@ -64,15 +64,15 @@ def test_json_has_what_others_build_on(answer):
 @pytest.mark.moves("catalogue.accuracy")
 def test_the_accuracy_of_a_catalogue_stands_beside_and_decides_nothing(answer):
     without = json.loads(answer.stdout)
-    assert without["catalogue"] is None
     low = min(point["F_ior_arcsec"] for point in without["operating_points"])
-    found = run("check", TINY, "--json", "--set", f"catalogue.accuracy={low / 2!r} arcsec")
+    given = ("--set", f"catalogue.accuracy={low / 2!r} arcsec")
+    found = run("check", TINY, "--json", *given)
     told = json.loads(found.stdout)
     assert (found.returncode, told["verdict"]) == (0, "NO_LIMIT")
     assert told["operating_points"] == without["operating_points"]
-    shares = [2 * point["F_ior_arcsec"] / low for point in without["operating_points"]]
-    assert [share["low"] for share in told["catalogue"]["F_ior_share"]] == pytest.approx(shares)
-    assert [share["high"] for share in told["catalogue"]["F_ior_share"]] == pytest.approx(shares)
+    share = 200 * without["operating_points"][0]["F_ior_arcsec"] / low
+    page = run("check", TINY, "--details", "--no-plot", *given).stdout
+    assert f"F'_ior at 1 N·m is {share:.0f} % of it" in page
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,8 @@ def test_the_short_page_fits_a_screen_and_ends_in_a_command():
     asked = ("--no-plot", "--torque", "4", "--set", "phases.phi_hb=unknown", "--set", ASSUMED)
     lines = run("check", TINY, *asked, "--set", "acceptance.F_ior=2050").stdout.splitlines()
     assert lines[0] == "tiny, 20/22 teeth, rigid wheel fixed: INCONCLUSIVE"
-    assert re.match(r"4 N·m: open, F'_ior \+ self error keep 2050 arcsec: \d+ % sure \(\d+ to \d+\)", lines[1])
+    words = r"4 N·m: F'_ior \+ self error keep 2050 arcsec, probability \d+ % \(\d+ to \d+\)"
+    assert re.match(words, lines[1])
     assert len(lines) <= 24
     assert lines[-1].endswith("(more: --details)")
     labels = "influence|measure|next|proof"
@@ -141,17 +142,13 @@ def test_a_coupling_is_named_where_it_is_a_lever():
     assert floats["operating_points"][0]["F_ior_floating_arcsec"] is None
     words = "coupling a self-aligning cam (cam.coupling: oldham) would bring "
     now, then = point["F_ior_arcsec"], point["F_ior_floating_arcsec"]
-    page = " ".join(run("check", TINY, *stiff, "--no-plot", "--details").stdout.split())
+    limit = ("--limit", "0.1")
+    page = " ".join(run("check", TINY, *stiff, *limit, "--no-plot").stdout.split())
     assert then < 0.9 * now
     assert f"{words}{now:.1f} to {then:.1f} arcsec at 4 N·m" in page
     # it is none where the wheels run true, and a cam is all that could be off
     for others in ("tolerances={F_i1: 0, F_i2: 0, e_hb: 0, e_hh: 0, e_hg: 0, e_b: 0}", "cam.coupling=oldham"):
-        assert words not in " ".join(
-            run("check", TINY, *stiff, "--set", others, "--no-plot", "--details").stdout.split()
-        )
-    open_ = run("check", TINY, *stiff, "--set", "tolerances.e_hb=unknown", "--draws", "2", "--details").stdout
-    open_ = " ".join(open_.split())
-    assert re.search(f"{re.escape(words)}.* arcsec at 4 N·m; the unknown as 0 ", open_)
+        assert words not in " ".join(run("check", TINY, *stiff, *limit, "--set", others, "--no-plot").stdout.split())
 
 
 def test_the_rest_stands_in_the_details(answer):

@@ -52,9 +52,8 @@ def test_people_figures_and_the_answer_alone(answer):
     slopes = [f"{t['stiffness_Nm_per_rad'] / 1e4:.3g} at {t['M_g_Nm']:g} N·m" for t in told["tangents"]]
     assert ", ".join(slopes) in page.stdout
     more = run("stiffness", SMALL, "--set", "operation.rated=4", "--details", "--at", "3", "--at=-3").stdout
-    for words in ("0 to -", "tangent stiffness dT/dphi", "equilibrium"):
+    for words in ("0 to -", " at 3 N·m, ", " at -3 N·m, 1e4 N·m/rad", "equilibrium"):
         assert words in more
-    assert [line.split()[0] for line in more.split("dT/dphi")[1].splitlines()[3:5]] == ["3", "-3"]
     quiet = run("stiffness", SMALL, "-q").stdout.splitlines()
     assert quiet[-1] == f"lost motion: {told['lost_motion_arcsec']:.2f} arcsec"
 
@@ -96,12 +95,9 @@ def test_a_page_says_what_is_compared():
     assert rows[0][4:6] == ["catalogue", "off by"]
     assert [row[4] for row in rows[1:]] == 2 * ["0.3", "-", "0.59"]
     assert [bool(re.fullmatch(r"[-+]\d+ %", row[5])) for row in rows[1:]] == 2 * [True, False, True]
-    assert "T1 by the catalogue, T2 in proportion to the other" in page
     assert re.search(r"catalogue +300 arcsec, with friction; ours is off by -\d+ %", page)
     page = run("stiffness", SMALL, "--no-plot", *SAID, "--t1", "3", "--details", "--ascii").stdout
-    assert "T1 as asked for, T2 in proportion to the other; not the catalogue's, so K is not compared" in " ".join(
-        page.split()
-    )
+    assert "end at other torques than the catalogue's, so K is not compared" in " ".join(page.split())
     assert " %|" not in page
     assert "catalogue" not in run("stiffness", SMALL, "--no-plot").stdout
 
@@ -123,7 +119,7 @@ def test_headings_and_numbers_are_whole_in_forty_columns(found: Stiffness, ascii
     style, stream = Style(ascii, False, 40), io.StringIO()
     report = stiffness_report(load_preset(SMALL, ["catalogue.K_1=2e4"]), found)
     console(stream, style).print(report_page(report, style, plots=False, details=True))
-    segments = stream.getvalue().split("torsional stiffness in")[1].split("near zero")[0]
+    segments = stream.getvalue().split("torsional stiffness in")[1].split("tangent")[0].split("lost motion")[0]
     assert "…" not in segments
     assert max(map(len, segments.splitlines())) <= 40
     words = segments.replace("|", " ").split()

@@ -43,7 +43,7 @@ def test_kinds_and_languages(tmp_path):
 def test_the_card_alone_on_stdout():
     result = run(*QUICK, "--card", "-", "--ascii")
     assert (result.returncode, result.stderr) == (0, "")
-    assert result.stdout.startswith("Assembly card: position of the fixed wheel\n====")
+    assert result.stdout.startswith("Assembly card: position of the fixed wheel\n\ndrive  ")
     assert result.stdout.isascii()
     assert "certificate" not in result.stdout
 

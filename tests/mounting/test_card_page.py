@@ -8,8 +8,7 @@ import subprocess
 
 import pytest
 
-from hdassist.pages import card_render
-from hdassist.pages.card_render import lines_on_paper
+from hdassist.pages.documents import card_html, lines_on_paper
 from hdassist.terminal.texts import languages
 from tests.advices import card, cards, crowded
 
@@ -23,7 +22,7 @@ PAGES = {"sampled": CARDS["sampled"], "leave": CARDS["leave"], "crowded": crowde
 @pytest.mark.parametrize("name", PAGES)
 def test_it_prints_on_one_page(tmp_path, name, language):
     page, paper = tmp_path / "card.html", tmp_path / "card.pdf"
-    page.write_text(card_render.html(card(PAGES[name], language, serial="17-042")), encoding="utf-8")
+    page.write_text(card_html(card(PAGES[name], language, serial="17-042")), encoding="utf-8")
     subprocess.run(
         [
             str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
@@ -42,7 +41,7 @@ def test_letters_shrink_only_where_they_must():
         """As the style sheet has it, against the full size."""
         return min(1, 277 / (183 + 3.75 * lines_on_paper(card(PAGES[name], language))))
 
-    assert "min(10pt, calc(2770pt / (183 + 3.75 * var(--lines))))" in card_render.html(card(PAGES["leave"]))
+    assert "min(10pt, calc(2770pt / (183 + 3.75 * var(--lines))))" in card_html(card(PAGES["leave"]))
     assert size("leave") == 1
     assert 0.8 < size("sampled") < 0.95
     assert 0.5 < size("crowded", "ru") < size("sampled", "ru")

@@ -19,12 +19,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from hdassist.pages import card_render, report_render
+from hdassist.pages import documents
 from hdassist.report.blocks import (
     Curve,
     CurveMark,
     Facts,
     HeatMap,
+    Lines,
     Paragraph,
     ReportSection,
     Table,
@@ -194,12 +195,12 @@ CARD = card(advice_of([30.0, 20.0, 25.0]), serial="17")
 def test_cards(word: str, ascii: bool) -> None:
     made = replace(
         CARD,
-        subject=(("drive", word), *CARD.subject[1:]),
-        foot=(*CARD.foot, word),
+        subject=Facts((("drive", word), *CARD.subject.rows[1:])),
+        foot=replace(CARD.foot, lines=(word,)),
         warnings=replace(CARD.warnings, lines=(word,)),
         torques=replace(CARD.torques, rows=((word, *CARD.torques.rows[0][1:]),)),
     )
-    pages = card_render.html(made), card_render.markdown(made), card_render.plain_text(made, ascii=ascii)
+    pages = documents.card_html(made), documents.card_markdown(made), documents.card_text(made, ascii=ascii)
     assert not hidden("".join(pages))
 
 
@@ -208,14 +209,16 @@ def report_of(word: str) -> Report:
     x, advice = np.arange(3.0), advice_of([30.0, 20.0, 25.0])
     drive = advice.drive.model_copy(update={"name": word})
     drive._origin = advice.drive.origin
+    drawn = (TwoCurves(x, x, -x, (word, word), word, word, limit=2.0), HeatMap((1, 2), (1, 2), np.eye(2), word, word))
     blocks = (
         Paragraph(word),
         Facts(((word, word),)),
         Table(f"{word}\n{word}", (word, word), ((word, word),), notes=(word,)),
         Curve(x, x, word, word, caption=word, marks=(CurveMark(1, 1, f"b{word}", "now"),)),
         replace(CARD.seat, title=word, legend=word),
+        Lines(word, (word,), word),
+        *drawn,
     )
-    drawn = (TwoCurves(x, x, -x, (word, word), word, word, limit=2.0), HeatMap((1, 2), (1, 2), np.eye(2), word, word))
     return Report(
         command="report",
         drive=drive,
@@ -223,7 +226,6 @@ def report_of(word: str) -> Report:
         verdict=word,
         why=(word,),
         blocks=(Tiles(((word, word, word),)), ReportSection(word, blocks)),
-        details=drawn,
         csv=((word, word), ((word, word),)),
         line=word,
         warnings=(word,),
@@ -231,7 +233,7 @@ def report_of(word: str) -> Report:
 
 
 STYLES = [Style(ascii=ascii, codes=False, width=200) for ascii in (False, True)]
-PLAIN = [*map(report_render.report_html(report_of("a")).count, "<>")]
+PLAIN = [*map(documents.report_html(report_of("a")).count, "<>")]
 
 
 @hostile
@@ -241,7 +243,7 @@ PLAIN = [*map(report_render.report_html(report_of("a")).count, "<>")]
 @given(WORDS)
 def test_reports(word: str) -> None:
     report = report_of(word)
-    page, text = report_render.report_html(report), report_render.report_markdown(report, STYLES[0])
+    page, text = documents.report_html(report), documents.report_markdown(report, STYLES[0])
     assert not hidden(page + text)
     assert [*map(page.count, "<>")] == PLAIN  # no more elements than with a word of letters
     assert report.csv

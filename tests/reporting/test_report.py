@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.dom.minidom import parseString
@@ -14,12 +15,12 @@ import pytest
 from hdassist import load_preset
 from hdassist.comparing.sheet import DriveSheet, sheet_of
 from hdassist.pages.check import check_report
+from hdassist.pages.documents import report_html, report_markdown
+from hdassist.pages.drawings import ENVELOPE_COLUMNS, outline
 from hdassist.pages.mount import mount_report, what_to_do
 from hdassist.pages.report import drive_report
-from hdassist.pages.report_charts import ENVELOPE_COLUMNS, chart
-from hdassist.pages.report_render import report_html, report_markdown
 from hdassist.preset.schema import origin_counts
-from hdassist.report.blocks import Curve, Facts, Paragraph, ReportSection, Seat, Table, Tiles
+from hdassist.report.blocks import Curve, Facts, HeatMap, Lines, Paragraph, ReportSection, Seat, Table, Tiles, TwoCurves
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.brief import proof
 from hdassist.terminal.console import Style
@@ -138,7 +139,8 @@ def test_markdown_says_the_same(sheet):
                 case Facts():
                     words = [f"{label}: {fact}" for label, fact in block.rows]
                 case Table():
-                    words = [block.title, *block.notes, *(cell for row in block.rows for cell in row)]
+                    shown = [block.title, *block.notes, *(cell for row in block.rows for cell in row)]
+                    words = shown * bool(block.rows)
                 case Curve():
                     words = [block.caption]
                 case Seat():
@@ -202,12 +204,18 @@ def test_a_chart_keeps_the_extremes_of_a_curve_of_many_points():
     x = np.linspace(0, 100, 20_000)
     y = np.sin(x) * 0.1
     y[12_345], y[777] = 5.0, -3.0
-    drawn = chart(Curve(x, y, x_label="x", y_label="y"))
-    [area] = drawn.shapes
-    down = [float(pair.split(",")[1]) for pair in area.points.split()]
-    heights = {float(label.words): label.y - 4 for label in drawn.ticks if label.kind == "y"}
-    (low, at_low), (high, at_high) = min(heights.items()), max(heights.items())
-    scale = (at_high - at_low) / (high - low)
-    assert min(down) == pytest.approx(at_low + scale * (5.0 - low), abs=0.06)
-    assert max(down) == pytest.approx(at_low + scale * (-3.0 - low), abs=0.06)
-    assert len(down) == 2 * ENVELOPE_COLUMNS
+    corners = outline(Curve(x, y, x_label="x", y_label="y"), y)
+    assert (min(high for _, high in corners), max(high for _, high in corners)) == (-3.0, 5.0)
+    assert len(corners) == 2 * ENVELOPE_COLUMNS
+
+
+def test_no_block_is_dropped(sheet):
+    x, report = np.arange(3.0), drive_report(sheet, draws=64, seed=0)
+    figures = (
+        TwoCurves(x, x, -x, ("now", "then"), "x of two", "y of two"),
+        HeatMap((1.0, 2.0), (1.0, 2.0), np.eye(2), "x of the map", "y of the map"),
+    )
+    report = replace(report, blocks=(*report.blocks, ReportSection("more", (Lines("listed", ("a line",)), *figures))))
+    for page in (report_html(report), report_markdown(report, UNICODE)):
+        for words in ("listed", "a line", "x of two", "y of two", "now", "then", "x of the map", "y of the map"):
+            assert words in page

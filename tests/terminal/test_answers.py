@@ -1,17 +1,22 @@
-"""CSV that a spreadsheet reads as what it says, and computes nothing of."""
+"""CSV that a spreadsheet reads as what it says, and computes nothing of; results as JSON."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
+import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hdassist.json_parts import as_json
+from hdassist.report.quantities import Quantity
 from hdassist.terminal.answers import FORMULA, csv_text, json_text
+from hdassist.verdict import Verdict
 from hdassist.visible import visible
 from tests.test_visible import EVERY_HIDDEN, hidden
 
@@ -50,3 +55,38 @@ def test_json_is_exact_and_printable(text: str) -> None:
     made = json_text({"name": text})
     assert json.loads(made) == {"name": text}
     assert made.isascii() and not hidden(made)
+
+
+@dataclass(frozen=True)
+class Inner:
+    values: np.ndarray
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Outer:
+    inner: Inner | None
+    bounds: tuple[float, float]
+    by_name: dict[str, np.float64]
+
+
+def test_a_result_is_json_by_its_fields():
+    found = Outer(Inner(np.array([[1.0, 2.0]]), Verdict.PASS), (-math.inf, 3.0), {"a": np.float64(0.5)})
+    told = as_json({"found": found, "count": np.int64(2), "many": [found.inner]})
+    inner = {"values": [[1.0, 2.0]], "verdict": "PASS"}
+    assert told == {
+        "found": {"inner": inner, "bounds": [None, 3.0], "by_name": {"a": 0.5}}, "count": 2, "many": [inner],
+    }  # fmt: skip
+    assert json.loads(json_text(told)) == told
+    with pytest.raises(ValueError, match="JSON"):
+        json_text(as_json({"value": math.nan}))  # what is no number is no answer
+
+
+def test_a_quantity_is_the_attribute_that_it_names():
+    there, not_there = Outer(Inner(np.zeros(1), Verdict.FAIL), (0.0, 1.0), {}), Outer(None, (0.0, 1.0), {})
+    quantity: Quantity[Outer] = Quantity("kept", "verdict", "", "", "inner.verdict")
+    assert [quantity.of(each) for each in (there, not_there)] == [Verdict.FAIL, None]
+    assert [quantity.text(each) for each in (there, not_there)] == ["FAIL", "-"]
+    assert Quantity[Outer]("bounds", "", "", "").of(there) == (0.0, 1.0)
+    with pytest.raises(AttributeError):
+        Quantity[Outer]("inner.verdct", "", "", "").of(there)

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hdassist.report.blocks import Curve, HeatMap, TwoCurves
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.terminal.answers import combine, csv_text, json_text
 from hdassist.terminal.console import Style
@@ -23,7 +24,7 @@ def rows(page: str) -> list[str]:
 
 
 def test_axes_are_numbered_and_carry_units():
-    page = curve(BRAILLE, np.array([0.0, 360.0]), np.array([-7.0, 12.0]), x_label="angle, deg", y_label="error, arcsec")
+    page = curve(BRAILLE, Curve(np.array([0.0, 360.0]), np.array([-7.0, 12.0]), "angle, deg", "error, arcsec"))
     lines = page.splitlines()
     assert lines[0] == "error, arcsec"
     assert lines[-1].strip() == "angle, deg"
@@ -36,7 +37,7 @@ def test_axes_are_numbered_and_carry_units():
 
 @pytest.mark.parametrize("style", [BRAILLE, ASCII])
 def test_a_rising_line_rises(style):
-    drawn = rows(curve(style, np.linspace(0, 1, 200), np.linspace(0, 1, 200), x_label="x", y_label="y"))
+    drawn = rows(curve(style, Curve(np.linspace(0, 1, 200), np.linspace(0, 1, 200), "x", "y")))
     first = [min((k for k, c in enumerate(row) if c.strip()), default=None) for row in drawn]
     seen = [k for k in first if k is not None]
     assert len(seen) == len(drawn)
@@ -47,13 +48,13 @@ def test_a_rising_line_rises(style):
 
 def test_crowded_points_show_their_range():
     x = np.linspace(0, 1, 20000)
-    drawn = rows(curve(ASCII, x, np.where(np.arange(20000) % 2, 1.0, -1.0), x_label="x", y_label="y"))
+    drawn = rows(curve(ASCII, Curve(x, np.where(np.arange(20000) % 2, 1.0, -1.0), "x", "y")))
     assert all(set(row) == {"*"} and len(row) >= 70 for row in drawn)
 
 
 def test_an_envelope_has_two_lines_and_nothing_between():
     x = np.linspace(0, 100, 20000)
-    drawn = rows(curve(ASCII, x, 10 * np.sin(2 * np.pi * x), x_label="x", y_label="y", over=1.0))
+    drawn = rows(curve(ASCII, Curve(x, 10 * np.sin(2 * np.pi * x), "x", "y", over=1.0)))
     marked = [row for row in drawn if row.strip()]
     assert len(marked) == 2
     assert all(set(row) == {"*"} and len(row) >= 70 for row in marked)
@@ -64,7 +65,7 @@ def test_an_envelope_has_two_lines_and_nothing_between():
 def test_a_gap_is_drawn_as_one():
     x = np.linspace(0, 100, 20000)
     x = x[(x < 30) | (x > 60)]
-    drawn = rows(curve(ASCII, x, 10 * np.sin(2 * np.pi * x), x_label="x", y_label="y", over=1.0))
+    drawn = rows(curve(ASCII, Curve(x, 10 * np.sin(2 * np.pi * x), "x", "y", over=1.0)))
     marked = [row for row in drawn if row.strip()]
     assert len(marked) == 2
     assert all(row[:20] == "*" * 20 and not row[23:40].strip() and row[45:65] == "*" * 20 for row in marked)
@@ -74,7 +75,9 @@ def test_a_gap_is_drawn_as_one():
 def test_a_limit_is_a_line_across_within_the_axis(draw):
     x, y, labels = np.linspace(0, 1, 50), np.linspace(0, 1, 50), {"x_label": "x", "y_label": "y", "limit": 3.0}
     page = (
-        curve(ASCII, x, y, **labels) if draw == "curve" else two_curves(ASCII, x, y, y / 2, names=("a", "b"), **labels)
+        curve(ASCII, Curve(x, y, **labels))
+        if draw == "curve"
+        else two_curves(ASCII, TwoCurves(x, y, y / 2, names=("a", "b"), **labels))
     )
     across = [row for row in rows(page) if set(row) == {"-"}]
     assert len(across) == 1
@@ -96,7 +99,7 @@ def test_braille_dots_are_where_unicode_has_them():
 )
 def test_any_curve_can_be_drawn(values, width, plain, scale):
     style = Style(ascii=plain, codes=False, width=width)
-    page = curve(style, np.arange(len(values), dtype=float), np.array(values) * scale, x_label="x", y_label="y")
+    page = curve(style, Curve(np.arange(len(values), dtype=float), np.array(values) * scale, "x", "y"))
     assert max(map(len, page.splitlines())) <= min(width, 80)
     assert not plain or page.isascii()
 
@@ -172,12 +175,12 @@ def test_csv_is_plain():
 def test_two_curves_have_a_glyph_each_and_a_legend():
     x = np.linspace(0, 1, 200)
     for style, glyphs in ((ASCII, ".o#"), (BRAILLE, "·o●")):
-        page = two_curves(style, x, np.sin(6 * x), np.sin(6 * x + 0.5), names=("one", "two"), x_label="x", y_label="y")
+        page = two_curves(style, TwoCurves(x, np.sin(6 * x), np.sin(6 * x + 0.5), ("one", "two"), "x", "y"))
         legend, *picture = page.splitlines()
         assert legend == f"y: {glyphs[0]} one, {glyphs[1]} two, {glyphs[2]} both"
         assert all(glyph in "".join(picture) for glyph in glyphs)
         assert max(map(len, page.splitlines())) <= 80
-    same = two_curves(ASCII, x, x, x, names=("one", "two"), x_label="x", y_label="y").splitlines()[1:]
+    same = two_curves(ASCII, TwoCurves(x, x, x, ("one", "two"), "x", "y")).splitlines()[1:]
     drawn = {glyph for line in same for glyph in line[9:] if glyph in ".o#"}
     assert "#" in drawn
     assert "o" not in drawn
@@ -185,7 +188,7 @@ def test_two_curves_have_a_glyph_each_and_a_legend():
 
 def test_a_map_is_darker_where_there_is_more_and_says_where_there_is_nothing():
     z = np.array([[0.0, 1.0, 2.0], [3.0, np.nan, 9.0]])
-    lines = heat(ASCII, [5.0, 7.5], [1.0, 2.0, 3.0], z, x_label="x, mm", y_label="y, um; z, arcsec").splitlines()
+    lines = heat(ASCII, HeatMap((5.0, 7.5), (1.0, 2.0, 3.0), z, "x, mm", "y, um; z, arcsec")).splitlines()
     assert lines[0] == "y, um; z, arcsec"
     assert [line.split("|")[0].strip() for line in lines[1:4]] == ["3", "2", "1"]
     cells = [(set(drawn[:35]), set(drawn[35:])) for drawn in (line.split("|")[1] for line in lines[1:4])]
@@ -200,7 +203,7 @@ def test_a_map_is_darker_where_there_is_more_and_says_where_there_is_nothing():
 @pytest.mark.parametrize("count", [1, 2, 71, 500])
 def test_a_map_of_any_size_fits(style, count):
     z = np.outer(np.arange(count), np.ones(count))
-    lines = heat(style, range(count), range(count), z, x_label="x", y_label="y").splitlines()
+    lines = heat(style, HeatMap(tuple(range(count)), tuple(range(count)), z, "x", "y")).splitlines()
     assert max(map(len, lines[:-1])) <= 80
     assert len(lines) <= 25
     drawn = [re.split(r"[│|]", line)[1] for line in lines[1:-4]]

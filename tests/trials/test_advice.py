@@ -234,15 +234,6 @@ def test_a_probability_below_the_one_wanted_is_not_rounded_up_to_it(advice: Tria
     assert float(sure) < float(wanted)
 
 
-def test_four_trials_without_a_repeat_ask_for_one_and_for_the_sense(advice: TrialAdvice) -> None:
-    asked = "repeat hole 0 (0 deg)"
-    assert asked in page(advice)
-    assert "counter-clockwise, seen from the cam side" in page(advice)
-    assert asked not in page(with_trials(advice, advice.trials[:3], predictions=advice.predictions[:2]))
-    repeated = replace(advice, trials=(*advice.trials[:3], replace(advice.trials[3], rotation_deg=0.0)))
-    assert asked not in page(repeated)
-
-
 def test_a_repeat_is_asked_for_where_one_value_decides_or_before_a_seventh_position(advice: TrialAdvice) -> None:
     unsure = replace(advice, needed=1.1, losses=losses_of(20.0, 15.0, 15.5))
     few, many = (tuple(Trial(30.0 * k, 15.0) for k in range(count)) for count in (5, 6))

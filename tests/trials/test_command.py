@@ -205,7 +205,7 @@ def test_a_card_tells_the_trials_it_rests_on(answer, tmp_path: Path):
     assert "not from the last trial" in text
     told = json.loads(run(*LOOSE, *MANY, "--json", "--sure", "0.3").stdout)
     now, best = (f"{told[name]['F_ior_arcsec']['expected'][0]:.2f}" for name in ("current", "best_bet"))
-    assert f"F'_ior {now} -> {best} arcsec at 4" in text
+    assert f" 4 {now} {best} " in text
     assert (told["settled"], told["probability_needed"]) == (True, 0.3)
     assert min(told["trials"]["probability_good_without"]) >= 0.6
 

@@ -1,0 +1,119 @@
+"""Reports and assembly cards as HTML, Markdown and plain text: the templates of templates/."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import groupby
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from rich.console import Group
+from rich.text import Text
+
+from hdassist.pages import drawings
+from hdassist.pages.card import Card
+from hdassist.report.blocks import BLANK, Block, Curve, Figure, HeatMap, Paragraph, Seat, TwoCurves
+from hdassist.report.report import Report
+from hdassist.terminal.brief import proof
+from hdassist.terminal.console import Style, console
+from hdassist.terminal.page import block_on_page, in_characters
+from hdassist.visible import visible
+
+CARD_COLUMNS = 78  # of the card as plain text
+LINES_BESIDE = 46  # of the card as text: drawing, checks and empty lines, which stand side by side on paper
+CYRILLIC = range(0x400, 0x500)
+FIGURES = (Curve, TwoCurves, HeatMap, Seat)
+UNICODE = Style(ascii=False, codes=False, width=80)
+
+
+def report_html(report: Report) -> str:
+    """A report as one HTML file: everything inside it, no scripts."""
+    return _html("report.html", report=report, proof=proof(report.certificate, report.cross_checks))
+
+
+def report_markdown(report: Report, style: Style) -> str:
+    """A report as Markdown, with the tables of GitHub's dialect and figures in characters; style: of its texts."""
+    return _markdown("report.md", style, report=report, proof=proof(report.certificate, report.cross_checks))
+
+
+def card_html(card: Card) -> str:
+    """The card as one HTML file that prints on an A4 page: everything inside it, no scripts."""
+    return _html("card.html", card=card, lines=lines_on_paper(card))
+
+
+def card_markdown(card: Card) -> str:
+    """The card as Markdown."""
+    return _markdown("card.md", UNICODE, card=card)
+
+
+def card_text(card: Card, *, ascii: bool = False) -> str:
+    """The card as text; ascii: with 7-bit characters only, but for Cyrillic letters."""
+    style, page = Style(ascii, codes=False, width=CARD_COLUMNS, beyond_ascii=CYRILLIC), io.StringIO()
+    for block in (Paragraph(card.title), *card.blocks):
+        for part in block_on_page(block, style):
+            console(page, style).print(Group(part, Text("")))
+    return "\n".join(line.rstrip() for line in page.getvalue().splitlines()) + "\n"
+
+
+def lines_on_paper(card: Card) -> int:
+    """About how many lines a card has beside its drawing, rows to write in counted by their height.
+
+    By that the style sheet chooses letters with which the card is one page.
+    """
+    return len(card_text(card).splitlines()) - LINES_BESIDE + len(card.torques.rows)
+
+
+def _html(name: str, **parts: Any) -> str:
+    page = _environment(html_safe, UNICODE, autoescape=True)
+    return page.get_template(name).render(**parts)
+
+
+def _markdown(name: str, style: Style, **parts: Any) -> str:
+    def safe(value: Any) -> Any:
+        return markdown_safe(value if isinstance(value, Markup) else style.text(str(value)))
+
+    return _environment(safe, style).get_template(name).render(**parts)
+
+
+def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bool = False) -> Environment:
+    """Where templates are found, how what they print is made safe, and what they know of blocks.
+
+    Lines with nothing but a tag leave none.
+    """
+    found = Environment(
+        loader=PackageLoader("hdassist.pages"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True, autoescape=autoescape, finalize=finalize,
+    )  # fmt: skip
+    plain = replace(style, codes=False, width=UNICODE.width)
+
+    def drawn(figure: Figure) -> str:
+        """A figure in characters; in a fenced block of Markdown nothing is a sign but the fence."""
+        text = visible(in_characters(figure, plain))
+        return text if autoescape else Markup(text.replace("```", "'''"))
+
+    found.filters.update(drawn=drawn, kind=lambda block: type(block).__name__, together=_figures_together)
+    found.globals.update(vars(drawings), BLANK=BLANK)
+    return found
+
+
+def html_safe(value: Any) -> Any:
+    """Text with hidden characters escaped (jinja2 does the rest); numbers of the drawing need no more digits."""
+    if isinstance(value, float):
+        return round(value, 2)
+    return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
+def markdown_safe(value: Any) -> Any:
+    """The text with what Markdown or HTML would take for a sign of their own behind a backslash."""
+    if isinstance(value, Markup):
+        return value
+    return re.sub(r"([\\`*_\[\]<>|~&#])", r"\\\1", visible(str(value)).replace("\n", "\\n"))
+
+
+def _figures_together(blocks: tuple[Block, ...]) -> list[tuple[bool, list[Block]]]:
+    """Blocks in their order, figures and others apart, each with whether they are figures."""
+    return [(is_figure, list(some)) for is_figure, some in groupby(blocks, lambda block: isinstance(block, FIGURES))]
