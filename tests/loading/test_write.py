@@ -172,8 +172,7 @@ def test_changes_keep_comments_and_order_and_a_changed_value_is_assumed() -> Non
     assert {line[2:] for line in lines if line.startswith("- ")} == {
         "  j_n: 0.48         # um, clearance per flank",
         "  M_g: [80, 800]    # N*m",
-        "  gears.j_n: {kind: identified, range: [0, 20], "
-        'ref: "tooth thinning; Fig. 3 leaves 0 to 3 um, Fig. 2 some 0.5"}',
+        '  gears.j_n: {kind: identified, range: [0, 20], ref: "tooth thinning; Fig. 3 leaves 0 to 3 um, Fig. 2 0.5"}',
         '  operation.M_g: {kind: given, ref: "p. 6, Fig. 2 and 3"}',
     }
     assert {line[2:] for line in lines if line.startswith("+ ")} == {

@@ -74,5 +74,5 @@ def test_the_page_shows_what_comes_out_for_each_size() -> None:
     )
     assert f"| {', '.join(f'{k:.3g}' for k in K)} |" in row
     np.testing.assert_allclose(K[1:], size.K[1:], rtol=0.1)
-    assert 1.4 < K[0] / size.K[0] < 1.5
+    assert 1.45 < K[0] / size.K[0] < 1.55
     np.testing.assert_allclose(cleared, size.K, rtol=0.1)

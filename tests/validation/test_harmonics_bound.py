@@ -25,7 +25,7 @@ ABOUT = (
     "The accuracy is one angle for sizes 20 to 65; the presets fall with the diameter. That is the class of the teeth, "
     "not the model: F_p of class 7 (ISO 1328-1) is 32 µm at size 20, 40 µm at 65, on 3.25 times the diameter. As large "
     "in angle (class 9 to 10) size 65 keeps the limit too (last row). A limit does not say how far below it drives "
-    "lie: the presets may be too good by up to 1.7 (size 40) and 2.3 (65)."
+    "lie: the presets may be too good by up to 1.7 (size 40) and 2.2 (65)."
 )
 SOURCE = "Harmonic Drive CSF/CSG catalogue, table 40"
 
