@@ -240,6 +240,7 @@ def test_a_choice_that_hinges_on_one_value_is_not_settled_and_says_which(advice:
     loose = replace(firm, without=(0.9, 0.7, 0.8, 0.55))
     assert (loose.hinges_on, loose.settled, exit_code(loose)) == (advice.trials[3], False, 6)
     assert loose.to_repeat == advice.trials[3]
+    assert f"but not without {advice.trials[3].F_ior_arcsec:g} arcsec at hole" in trials_instruction(loose)
     assert f"hinges on {advice.trials[3].F_ior_arcsec:g} arcsec at hole" in " ".join(trials_warnings(loose, texts()))
     suspected = replace(loose, draws=replace(advice.draws, misread=np.array([0.1, 0.6, 0.0, 0.1])))
     assert suspected.to_repeat == advice.trials[1]
