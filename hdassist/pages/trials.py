@@ -130,11 +130,13 @@ def trials_instruction(advice: TrialAdvice) -> str:
         return f"{there if back else 'Keep it'}: {_outcome(advice, advice.outcome)}."
     if advice.settled:
         return f"{after_trials(advice.choice)} By the trials {_chance(advice)}."
+    if advice.to_repeat and advice.unlike_told:
+        return f"No order yet: {UNLIKE}{_repeat(advice)}."
     hinge = advice.hinges_on if advice.stay[1] >= advice.needed else None
     sure = f"{_chance(advice)}, but not without {_measured(advice, hinge)}" if hinge else _chance(advice)
-    if trial := advice.to_repeat:
-        why, again = UNLIKE if advice.unlike_told else sure, advice.where(trial.rotation_deg)
-        return f"No order yet: {why}. Before a new position measure {again} again: none was measured twice."
+    if advice.to_repeat:
+        again = advice.where(advice.to_repeat.rotation_deg)
+        return f"No order yet: {sure}. Before a new position measure {again} again: none was measured twice."
     return (
         f"No order yet: {sure}. To decide, measure {advice.where(advice.next[0])} next: "
         f"{100 * advice.next[1]:.0f} % are expected then. Five or six trials are normal."
