@@ -78,9 +78,9 @@ LOT = "serial;preset;measured@1;limit F_ior@1\nA1;drive.yaml;run.csv;60\nA2;driv
 LOTS = (
     LOT,
     "# lot 3\nserial,measured,limit order_2,lost_motion,limit lost_motion,note\n"
-    "B1,1:run.csv,5,3±1,9,x\nB2,run.csv,4,,,\n",
+    "B1,1=run.csv,5,3±1,9,x\nB2,run.csv,4,,,\n",
     "preset\tserial\tmeasured\tgears.j_n\tlimit turn_range\n"
-    "drive.yaml\t1\trun.csv\t5,5\t40\nvzp160\t2\t1:run.csv\t\t40\n",
+    "drive.yaml\t1\trun.csv\t5,5\t40\nvzp160\t2\t1=run.csv\t\t40\n",
 )
 TARGETS = """\
 schema: hdassist.targets/1
@@ -225,7 +225,7 @@ def lot_input(rng: Rng) -> Input:
 
 
 def replay_input(rng: Rng) -> Input:
-    more: Args = pick(rng, ((), ("--json",), ("drive.yaml",)))
+    more: Args = pick(rng, ((), ("--json",)))
     changed = mutate.json_text(pick(rng, answers()), rng)
     return Input("replay", ("accept", "--replay", "given.json", *more, *JOBS), LOADED | {"given.json": changed})
 
