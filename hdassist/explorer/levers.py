@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import floor, inf, log10
-from typing import Any
 
 from pydantic.fields import FieldInfo
 
 from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.kinds import bounds_of, kind_of, plain, range_of, unit_of
+from hdassist.preset.kinds import bounds_of, kind_of, range_of, text_of, unit_of
 from hdassist.preset.schema import resolved_fields
 
 SETTING_SECTIONS = (
@@ -48,19 +47,6 @@ def levers(drive: Drive, changed: set[str]) -> Iterator[Lever]:
         mark = "*" if row.path in changed else "?" * (by_default or row.kind == "assumed")
         reach = range_of(field_table()[row.path], row.unit)
         yield Lever(row.path, text_of(row.value), row.unit, reach, row.meaning, mark)
-
-
-def text_of(value: Any) -> str:
-    """A value as one would write it in a preset."""
-    if value is None:
-        return "unknown"
-    if isinstance(value, bool | str):
-        return str(value)
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(text_of, value))}]"
-    if isinstance(value, dict):
-        return f"{{{', '.join(f'{key}: {text_of(each)}' for key, each in value.items())}}}"
-    return plain(value) if float(plain(value)) == value else repr(value)
 
 
 def step_of(info: FieldInfo, value: float) -> float:

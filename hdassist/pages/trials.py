@@ -208,7 +208,7 @@ def _values(advice: TrialAdvice) -> Json:
         "probability_needed": advice.needed,
         "next": _place(advice, rotation_deg=then, probability_after=after),
         "trials": {
-            **attributes(rig, "noise_arcsec", "reseat_um"),
+            **attributes(rig, "noise_arcsec"),
             "M_g_Nm": rig.M_g,
             "noise_found_arcsec": advice.noise_arcsec,
             "measured": [
