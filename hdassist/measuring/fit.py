@@ -197,18 +197,21 @@ class TraceFit:
         kept = np.tile(~self.is_slow, 2)
         return replace(self, coefficients=self.coefficients * kept, factor=self.factor * kept[:, None])
 
-    def wave(self, own: OrderIndices) -> tuple[float, float, float, float]:
+    def mean_square(self, own: OrderIndices) -> Array:
+        """Twice the mean products of cosines and sines of some orders over the record: of even turns, the identity."""
+        columns, weight = order_columns(self.design.bins.turns, self.orders[own]), self.design.bins.weight
+        return np.asarray(2 * (columns.T * weight) @ columns / weight.sum() if len(own) > 1 else np.eye(2))
+
+    def wave(self, own: OrderIndices, square: Array | None = None) -> tuple[float, float, float, float]:
         """Order, amplitude, its standard uncertainty [arcsec] and phase [deg] of the wave of the orders of a group.
 
-        Of several: the amplitude of a wave of the same mean square over the record, and its mean order.
+        Of several: the amplitude of a wave of the same mean square, by default over the record, and its mean order.
         """
         orders, pair = self.orders[own], np.concatenate([own, own + len(self.orders)])
-        coefficients, square = self.coefficients[pair], np.eye(len(pair))
+        coefficients, square = self.coefficients[pair], self.mean_square(own) if square is None else square
         a, b = coefficients[: len(own)], coefficients[len(own) :]
         order = float(orders[0])
         if len(own) > 1:
-            columns, weight = order_columns(self.design.bins.turns, orders), self.design.bins.weight
-            square = 2 * (columns.T * weight) @ columns / weight.sum()
             slope = np.concatenate([orders * b, -orders * a])
             order = float(np.sqrt(slope @ square @ slope / max(coefficients @ square @ coefficients, 1e-300)))
         amplitude = float(np.sqrt(coefficients @ square @ coefficients))
@@ -216,11 +219,14 @@ class TraceFit:
         return order, amplitude, float(np.linalg.norm(along)), float(np.degrees(np.angle((a - 1j * b).sum())))
 
     def joint_wave(self, own: OrderIndices) -> tuple[float, float, float, float]:
-        """The wave of a group without the part that noise adds to its mean square: many orders hold much of it."""
-        order, amplitude, uncertainty, phase = self.wave(own)
+        """The wave of an order and its beats without the part that noise adds to its mean square.
+
+        The mean is over whole turns of the output, or over the record where it is part of one.
+        """
         pair = np.concatenate([own, own + len(self.orders)])
-        columns, weight = order_columns(self.design.bins.turns, self.orders[own]), self.design.bins.weight
-        noise = 2 * (columns.T * weight) @ columns / weight.sum() @ self.factor[pair] @ self.factor[pair].T
+        square = self.mean_square(own) if self.design.slow.by_angle else np.eye(len(pair))
+        order, amplitude, uncertainty, phase = self.wave(own, square)
+        noise = square @ self.factor[pair] @ self.factor[pair].T
         spread = float(np.hypot(2 * amplitude * uncertainty, np.sqrt(2 * np.trace(noise @ noise))))
         left = float(np.sqrt(max(0.0, amplitude**2 - np.trace(noise))))
         return order, left, min(spread / max(2 * left, 1e-300), float(np.sqrt(spread))), phase

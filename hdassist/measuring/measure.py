@@ -185,6 +185,7 @@ def measure(
     gearing = gearing_of(drive, ratio)
     notes, warnings = list(trace.notes), []
     directions: list[SweepResult] = []
+    cleaned, degree = trace, DRIFTS[drift]
     for sign in (0,) if together else (1, -1):
         sweeps = [sweep for sweep in trace.sweeps if together or sweep.direction == sign]
         longest = max((abs(trace.cam_deg[s.stop - 1] - trace.cam_deg[s.start]) / 360 for s in sweeps), default=0.0)
@@ -192,20 +193,18 @@ def measure(
             if sweeps:
                 notes.append(f"{'growing' if sign > 0 else 'falling'} angles left out: {longest:.2g} of a cam turn")
             continue
-        declared, finest = _declared(trace, sweeps, orders, notes)
-        bins = bins_of(trace, sweeps, declared[-1])
-
-        degree = DRIFTS[drift]
-        slow = SlowTerms(degree) if together else slow_terms(bins.span, gearing.ratio if gearing else None, degree)
-        if trace.time_s is not None and not together:
-            slow = replace(slow, lag=speed_changes(bins))
-        fit = _fit(bins, declared, gearing, slow, notes)
-        if cleaned := without_spikes(trace, sweeps, fit):
-            rest = measure(
-                cleaned[0], drive=drive, ratio=ratio, orders=orders, drift=drift, stated=stated, seed=seed,
-                together=together,
-            )  # fmt: skip
-            return replace(rest, trace=trace, warnings=(cleaned[1], *rest.warnings))
+        while True:
+            sweeps = [sweep for sweep in cleaned.sweeps if together or sweep.direction == sign]
+            declared, finest = _declared(cleaned, sweeps, orders, notes)
+            bins = bins_of(cleaned, sweeps, declared[-1])
+            slow = SlowTerms(degree) if together else slow_terms(bins.span, gearing.ratio if gearing else None, degree)
+            if trace.time_s is not None and not together:
+                slow = replace(slow, lag=speed_changes(bins))
+            fit = _fit(bins, declared, gearing, slow, notes)
+            cleaned, spikes = without_spikes(cleaned, sweeps, fit)
+            if not spikes:
+                break
+            warnings += spikes
         drift_left = 0.0
         if not together:  # a comparison looks for drift in the difference, and counts lines as noise
             fit, drift_left = _with_lines_or_drift(fit, finest)
@@ -216,7 +215,7 @@ def measure(
                 )
             elif drift_left:
                 warnings.append(DRIFT_LEFT.format(drift_left))
-        result = _sweep_result(sign, trace, sweeps, fit, declared, drift_left, gearing, drive, stated or {}, seed)
+        result = _sweep_result(sign, cleaned, sweeps, fit, declared, drift_left, gearing, drive, stated or {}, seed)
         if not fit.unmodelled < UNMODELLED * result.range.value:
             size = f"{fit.unmodelled:.2g} arcsec"
             warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")

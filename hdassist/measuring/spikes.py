@@ -26,8 +26,8 @@ FEW_SPIKES = 3  # spikes that are no fault of the rig in a short record either
 
 def without_spikes(
     trace: MeasuredTrace, sweeps: Sequence[AngleSweep], fit: TraceFit
-) -> tuple[MeasuredTrace, str] | None:
-    """A trace without the spikes beside a fit to its sweeps, and the warning that names them; None if there are none.
+) -> tuple[MeasuredTrace, list[str]]:
+    """A trace without the spikes beside a fit to its sweeps, and the warning that names them; the same without any.
 
     Raises UntrustedError: too many to leave out.
     """
@@ -45,7 +45,7 @@ def without_spikes(
     edges = np.flatnonzero(np.diff(np.concatenate([[0], far, [0]]))).reshape(-1, 2)
     short = [k for first, last in edges.tolist() if last - first <= LONGEST_SPIKE for k in range(first, last)]
     if not short:
-        return None
+        return trace, []
     count, named = len(short), ", ".join(map(str, trace.line[rows[short[:NAMED_LINES]]]))
     where = f"line{'s' * (count > 1)} {named}{f' and {count - NAMED_LINES} more' if count > NAMED_LINES else ''}"
     words = f"{where}: {size[short].max():.2g} arcsec off all readings around"
@@ -53,4 +53,4 @@ def without_spikes(
         hint = "check the encoders' cables and counters, or leave out these rows: --robust"
         raise UntrustedError(f"{trace.file}: {words}: too many to leave out", hint, Fault.ORDERS_UNTOLD)
     warning = f"{words}, left out; else the curve would span {np.ptp(fit.curve(bins.turns)):.1f} arcsec"
-    return trace.without(rows[short]), warning
+    return trace.without(rows[short]), [warning]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks import encoders
+from benchmarks import encoders, records
 from hdassist import load_preset, trace
 from hdassist.acceptance.decision import AcceptedValue, decide
 from hdassist.acceptance.limits import Limit
@@ -401,3 +401,16 @@ def test_rounding_does_not_move_the_draws():
     apart = turns + 1e-13 * np.random.default_rng(2).standard_normal(len(turns))
     (one,), (two,) = (measure(recorded(angles, error), ratio=RATIO).directions for angles in (turns, apart))
     assert np.abs(one.fit.factor - two.fit.factor).max() < 1e-6 * np.abs(one.fit.factor).max()
+
+
+def test_simulated_benches_are_held():
+    """The short form of `python -m benchmarks.records`."""
+    held = records.Held({})
+    for seed in range(3):
+        records.look(seed, records.RATIO, held)
+    records.look(0, 0.6 * records.RATIO, held)
+    for quantity in ("F'_ior", "range of the cam's orders", "lag"):
+        hits, count = held.count[quantity]
+        assert hits == count
+    hits, count = held.count["orders"]
+    assert hits >= count - 1
