@@ -31,7 +31,7 @@ COARSEST_CLASS = 9
 # 10 um at 160 mm
 STANDING_OFFSET, TURNING_OFFSET, CENTRE_OFFSET = 0.5, 0.2, 0.06
 # of half of F'_i, amplitudes of order 2 and of orders 3 and 4; assumed: twice as much breaks the accuracy that
-# catalogues promise of size 20, half as much makes the one recorded drive one in fifty (docs/validation.md)
+# catalogues promise of size 20, half as much makes the one recorded drive one in a hundred (docs/validation.md)
 SECOND_ORDER, HIGHER_ORDERS = 0.08, 0.04
 # by cam.coupling: stiffness of the cam's support and its plausible range [N/mm] at the reference diameter, with which
 # they grow, and why

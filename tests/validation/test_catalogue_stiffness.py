@@ -17,7 +17,8 @@ TITLE = "Catalogue stiffness"
 ABOUT = (
     "Held back: all but the rows called fitted. `vzp160` is compared with sizes 58 and 65 (40, 61, 71 and 54, 88, "
     "98·10⁴ N·m/rad) by the cube of the diameter; all other rows are of sizes 17 to 65, as the catalogue of 14 falls "
-    "off from that cube. No catalogue's lost motion is at hand."
+    "off from that cube. K1 follows the clearance: 0.005 modules a flank, 4 µm at 160 mm, would give 1.26 to 1.31. No "
+    "catalogue's lost motion is at hand."
 )
 SIZES = {58: (40, 61, 71), 65: (54, 88, 98)}
 SIMILAR = (17, 20, 25, 32, 40, 45, 50, 58, 65)
