@@ -6,9 +6,9 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from hdassist.acceptance.decision import Decision
 from hdassist.acceptance.predictions import Predictions
@@ -26,7 +26,7 @@ from hdassist.json_parts import (
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.kinds import OneLine
 from hdassist.run.kept import ClosedRecord, RecordKind, read_kept
-from hdassist.textfile import STDIN, read_bytes
+from hdassist.textfile import PART, STDIN, opened
 from hdassist.verdict import Verdict
 from hdassist.visible import printable
 
@@ -77,7 +77,7 @@ class AcceptAnswer(ClosedRecord):
     exit_code: int
     warnings: tuple[str, ...] = ()
     serial: OneLine
-    seed: int
+    seed: Annotated[int, Field(ge=0)]
     request: Request | None
     time: OneLine
     verdict: Verdict | None = None
@@ -164,10 +164,15 @@ def read_answers(path: str) -> list[AcceptAnswer]:
 
     A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
     """
-    data, file = read_bytes(path, MOST_ANSWER_BYTES)[0], STDIN if path == "-" else path
-    if (kept := read_kept(data, file, ANSWERS)) is not None:
+    data, file, hint = bytearray(), STDIN if path == "-" else path, "a file of --json or --jsonl"
+    with opened(path) as stream:
+        while part := stream.read(PART):
+            data += part
+            if b"\0" in part or len(data) > MOST_ANSWER_BYTES:  # a device may never end
+                raise DataError(f"{file}: a binary file, or larger than {MOST_ANSWER_BYTES / 1e6:g} MB", hint)
+    if (kept := read_kept(bytes(data), file, ANSWERS)) is not None:
         return kept
-    text, hint = data.decode("utf-8", "replace"), "a file of --json or --jsonl"
+    text = data.decode("utf-8", "replace")
     try:
         try:
             found = [json.loads(text)]

@@ -42,6 +42,13 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         """Whether there is a file that a drive without an answer stands in too."""
         return self.jsonl is not None or self.junit is not None
 
+    @property
+    def replaces_suite(self) -> bool:
+        """Whether the file of --junit may be replaced: a lot that goes on replaces that of its last run."""
+        from hdassist.pages.accept_junit import is_suite_of_lot
+
+        return self.force or (self.resume and self.junit is not None and is_suite_of_lot(self.junit))
+
     def open(self) -> Output:
         """Where answers go. Raises UsageError and DataError unless each file has its own place, and can be written."""
         from hdassist.terminal.files import take_output
@@ -54,7 +61,7 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         if self.jsonl is not None:
             take_output(self.jsonl, self.force, is_kept=self.resume)
         if self.junit is not None:
-            take_output(self.junit, self.force)
+            take_output(self.junit, self.replaces_suite)
         return out
 
 

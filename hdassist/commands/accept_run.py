@@ -117,7 +117,7 @@ def _write_tables(options: AcceptOptions, name: str, answers: Sequence[AcceptAns
     if options.csv is not None:
         write_text(options.csv, page.csv(answers), options.force)
     if options.junit is not None:
-        write_text(options.junit, junit(name, answers, lot_sha256), options.force)
+        write_text(options.junit, junit(name, answers, lot_sha256), options.replaces_suite)
 
 
 def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[AcceptAnswer | None]:
