@@ -21,7 +21,6 @@ from hdassist.explorer.failed import Failed
 from hdassist.explorer.levers import SETTING_SECTIONS, step_of
 from hdassist.explorer.state import Session, rig_of
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import no_hole_better, unknown_turn, unknowns
@@ -255,7 +254,7 @@ def _moved_ranges(drive: Drive, grid: int, step: tuple[str, float]) -> Array | N
 
 def _estimates(rotations_deg: tuple[float, ...], grid: int, drive: Drive) -> Array:
     """F'_ior of turned drives from a grid of states, shape (torques, turns)."""
-    turned = Batch(drive, {path: drive.number(path) + np.array(rotations_deg) for path in carried(drive)})
+    turned = Batch.turned(drive, rotations_deg)
     formulation, like, found = formulate(contact_system(drive)), None, []
     for M_g in drive.operation.M_g:
         error_map = ErrorMap(drive, M_g, formulation, like)
