@@ -30,11 +30,11 @@ from hdassist.belief.misfit import require_shown
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.proposal import PILOT_DRAWS, proposed_draws
 from hdassist.belief.statistics import Probability, effective_number, probability_of, weighted_quantile
-from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.error_map import SHORT_CYCLE, Batch, ErrorMap, Extremes
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
+from hdassist.model.kinematics import Kinematics
 from hdassist.model.rules import first_conflict
 from hdassist.preset.deviations import DEVIATION_FIELDS
 from hdassist.preset.fields import Drive
@@ -306,28 +306,41 @@ def errors_by_turn(
     Arguments: maps, `maps_by_turn` of a drive with the same deviations at each torque; measured, single torques [N*m]
     with a turn each [deg]. Raises UsageError for rolling balls, UntrustedError where an answer cannot be trusted.
     """
-    (own, turned), moved = _turns(drive, rotations_deg)
     like, proof, formulation = None, EMPTY, formulate(contact_system(drive))
     F_ior, found = np.empty(len(torques)), np.empty((len(torques), len(rotations_deg)))
-    at_measured, torque_of = np.empty(len(measured)), np.array([M_g for M_g, _ in measured])
-    for k, M_g in enumerate(dict.fromkeys((*torques, *torque_of.tolist()))):
+    at_measured = np.empty(len(measured))
+    for k, M_g in enumerate(dict.fromkeys((*torques, *(torque for torque, _ in measured)))):
         error_map = ErrorMap(drive, M_g, formulation, like)
         like, alike = error_map.fresh, maps[k] if maps and k < len(torques) else {}
-        now = error_map.many_extremes(own, grid=COARSE_POINTS, alike=alike[0.0][None] if alike else None)
+        now = error_map.many_extremes(Batch.of(drive), grid=COARSE_POINTS, alike=alike[0.0][None] if alike else None)
         proof += now.certificate
         if k < len(torques):
-            F_ior[k], found[k] = now.first, now.first
-            if len(moved):
-                at_turns = np.stack([alike[rotations_deg[place]] for place in moved]) if alike else None
-                there = error_map.many_extremes(turned, grid=COARSE_POINTS, alike=at_turns)
-                found[k, moved], proof = there.F_ior_arcsec, proof + there.certificate
-        rows = np.flatnonzero(torque_of == M_g)
-        (_, elsewhere), away = _turns(drive, [turn for torque, turn in measured if torque == M_g])
-        at_measured[rows] = now.first
-        if len(away):  # by themselves, so that their digits are the same whatever else is searched
-            there = error_map.many_extremes(elsewhere, grid=COARSE_POINTS)
-            at_measured[rows[away]], proof = there.F_ior_arcsec, proof + there.certificate
+            F_ior[k] = now.first
+            found[k], more = _at_turns(error_map, now, rotations_deg, alike)
+            proof += more
+        rows = [row for row, (torque, _) in enumerate(measured) if torque == M_g]
+        # by themselves, so that their digits are the same whatever else is searched
+        at_measured[rows], more = _at_turns(error_map, now, [measured[row][1] for row in rows], {})
+        proof += more
     return F_ior, found, at_measured, proof
+
+
+def _at_turns(
+    error_map: ErrorMap, now: Extremes, turns: Sequence[float], maps: Mapping[float, Array]
+) -> tuple[Array, Certificate]:
+    """F'_ior [arcsec] of a map's drive with its fixed wheel turned [deg], shape (turns,), and the proof of it.
+
+    Arguments: now, the extremes as it stands; maps of a drive with the same deviations, by turn, where there are any.
+    """
+    away = np.flatnonzero(np.array(turns) % 360)
+    F_ior = np.full(len(turns), now.first)
+    if not len(away):
+        return F_ior, EMPTY
+    moved = [turn for turn in turns if turn % 360]
+    alike = np.stack([maps[turn] for turn in moved]) if maps else None
+    there = error_map.many_extremes(Batch.turned(error_map.drive, moved), grid=COARSE_POINTS, alike=alike)
+    F_ior[away] = there.F_ior_arcsec
+    return F_ior, there.certificate
 
 
 def maps_by_turn(drive: Drive, M_g: float, rotations_deg: Sequence[float]) -> dict[float, Array]:
@@ -335,24 +348,16 @@ def maps_by_turn(drive: Drive, M_g: float, rotations_deg: Sequence[float]) -> di
 
     Errors as those of errors_by_turn.
     """
-    batches, moved = _turns(drive, rotations_deg)
-    error_map = ErrorMap(drive, M_g)
-    maps = np.concatenate([error_map.solved_map(batch) for batch in batches if len(batch)])
-    return dict(zip([0.0, *(rotations_deg[place] for place in moved)], maps, strict=True))
-
-
-def _turns(drive: Drive, rotations_deg: Sequence[float]) -> tuple[tuple[Batch, Batch], NDArray[np.int64]]:
-    """A drive as it stands, and with its fixed wheel turned, by those of the rotations that turn it."""
-    turns = np.array(rotations_deg, dtype=float)
-    moved = np.flatnonzero(turns % 360)
-    return (Batch.of(drive), Batch(drive, {path: drive.number(path) + turns[moved] for path in carried(drive)})), moved
+    turns = list(dict.fromkeys((0.0, *rotations_deg)))
+    return dict(zip(turns, ErrorMap(drive, M_g).solved_map(Batch.turned(drive, turns)), strict=True))
 
 
 def reference_maps(
     prior: DrivePrior, torques: Sequence[float], rotations_deg: Sequence[float], run: Run
 ) -> ReferenceMaps | None:
-    """Maps of the drive as given where its draws have the same deviations; None where they do not."""
-    if DEVIATION_FIELDS & {each.path for each in prior.fields}:
+    """Maps of the drive as given where its draws have the same deviations; None where they do not, or need none."""
+    short = Kinematics.of(prior.drive).cycle_states < SHORT_CYCLE  # every state is solved
+    if short or DEVIATION_FIELDS & {each.path for each in prior.fields}:
         return None
     solve = partial(maps_by_turn, rotations_deg=rotations_deg)
     try:

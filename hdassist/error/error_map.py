@@ -21,7 +21,7 @@ from hdassist.error.cycle import kinematic_error, state_place
 from hdassist.error.hills import HILL_BLOCK, Hills, Indices, hills_of, interpolated
 from hdassist.errors import UsageError
 from hdassist.model.contacts import StateGaps, contact_system
-from hdassist.model.deviations import TEETH, scalars_of, waves_of
+from hdassist.model.deviations import carried, scalars_of, waves_of
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, States, pitch_locked_states
 from hdassist.preset.fields import Drive
@@ -43,7 +43,6 @@ LEAST_F_IOR = 4.0  # arcsec: F'_ior that both are taken of at least
 STRIDES = 2, 4  # steps to the states of the first look around: on a grid of READ positions or more, on a coarser one
 SHORT_CYCLE = 4000  # states of a cycle below which all are solved
 MAP_STATES = 8192  # states of a grid, about, whose gaps are held at once
-DISC = 8  # drives from which on their states are solved together
 SEARCHED = 3800  # states that proposals solve of a drive, about
 
 
@@ -59,6 +58,11 @@ class Batch:
     def of(cls, drive: Drive) -> Batch:
         """A drive alone."""
         return cls(drive, {"tolerances.F_i1": np.array([drive.number("tolerances.F_i1")])})
+
+    @classmethod
+    def turned(cls, drive: Drive, rotations_deg: Sequence[float]) -> Batch:
+        """A drive with its fixed wheel turned on its seat [deg], counter-clockwise seen from the cam side."""
+        return cls(drive, {path: drive.number(path) + np.array(rotations_deg) for path in carried(drive)})
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
@@ -156,11 +160,8 @@ class ErrorMap:
     def solved_map(self, batch: Batch) -> Array:
         """Rotation [arcsec] of drives at the points of a grid, shape (drives, k, l).
 
-        No points of a short cycle, of which every state is solved. Raises UntrustedError where an answer
-        cannot be trusted.
+        Raises UntrustedError where an answer cannot be trusted.
         """
-        if not len(batch) or len(self.states) < SHORT_CYCLE:
-            return np.empty((len(batch), 0, 0))
         return _Solved(self, batch).at_points(self.points(GRID))
 
     def many_extremes(
@@ -255,27 +256,12 @@ class _Solved:
 
     def at_points(self, points: Indices) -> Array:
         """Rotation [arcsec] at the points of a grid, shape (k, l, 2), of all drives, shape (drives, k, l)."""
-        rows = np.arange(len(self._batch))[:, None, None]
-        for lines in np.array_split(points, 1 + len(rows) * points[..., 0].size // MAP_STATES):
-            row, state = (each.ravel() for each in np.broadcast_arrays(rows, self._search.state(lines)))
-            order = self._neighbours_together(row, state, points.shape[1])
-            self._at(row[order], np.broadcast_to(lines, (len(rows), *lines.shape)).reshape(-1, 2)[order])
-        return np.asarray(self.value[rows, self._search.state(points)])
-
-    def _neighbours_together(self, row: Indices, state: Indices, across: int) -> Indices:
-        """Order in which states of a grid, with so many positions across, follow each other by the least of pivots.
-
-        Of few drives, there and back over the rows of the grid. Of many, all drives' states in such a row together:
-        their tooth vectors fill a disc, which is gone over in strips.
-        """
-        line, place = np.divmod(np.arange(len(row)) % (len(row) // len(self._batch)), across)
-        if len(self._batch) < DISC:
-            return np.lexsort((np.where(line % 2, -place, place), line, row))
-        states = self._search.states.take(state)
-        x, y = self._batch.scalars(row, states.alpha_g, states.alpha_b)[:, TEETH : TEETH + 2].T
-        strip = np.floor((x - x.min()) / max(np.ptp(x), 1e-9) * np.sqrt(len(self._batch) * across / 2))
-        strip = np.where(line % 2, -strip, strip)
-        return np.lexsort((np.where(strip % 2, -y, y), strip, line))
+        there_and_back, drives = points.copy(), np.arange(len(self._batch))
+        there_and_back[1::2] = points[1::2, ::-1]
+        path = there_and_back.reshape(-1, 2)
+        for rows in np.array_split(drives, 1 + len(drives) * len(path) // MAP_STATES):
+            self._at(rows[:, None], path)
+        return np.asarray(self.value[drives[:, None, None], self._search.state(points)])
 
     def promising(self, hills: Hills, scale: Array) -> Hills:
         """Hills near the highest of their drive, after one state was solved on each that may be it.
@@ -308,7 +294,6 @@ class _Solved:
             best, height = value.argmax(axis=1), value.max(axis=1)
             to, going = around[np.arange(len(best)), best], best > 0
             if stride > 1:
-                to = self._search.to_lattice(hills.point + stride * self._summit(value))
                 going = height >= hills.highest(height, len(scale)) - STILL_NEAR * scale[hills.row]
             hills, stride = replace(hills, point=to)[going], max(stride // 2, 1)
 
@@ -342,16 +327,3 @@ class _Solved:
             self.value[rows, j] = answers.rotation_arcsec
             self.certificate += answers.certificate
         return np.asarray(self.value[row, state])
-
-    def _summit(self, value: Array) -> Array:
-        """Top of the parabola through values at the points around, shape (hills, 9), in strides from the middle.
-
-        The highest of the points where the parabola has no top near them.
-        """
-        x, y = self._around.T.astype(float)
-        _, p, q, xx, xy, yy = np.linalg.pinv(np.stack([np.ones(9), x, y, x * x, x * y, y * y], axis=1)) @ value.T
-        det = 4 * xx * yy - xy * xy
-        with np.errstate(divide="ignore", invalid="ignore"):
-            top = np.stack([xy * q - 2 * yy * p, xy * p - 2 * xx * q], axis=1) / det[:, None]
-        near = (xx < 0) & (det > 0) & (np.abs(top) <= 1.5 * self._search.finest).all(axis=1)
-        return np.asarray(np.where(near[:, None], top, self._around[value.argmax(axis=1)]))

@@ -134,12 +134,11 @@ class _Job:
         """Search the extremes at every position; maps as those of mounting_curve."""
         order = _coarse_first(len(self.rotations))
         groups = [order[first : first + POSITIONS_A_TASK] for first in range(0, len(order), POSITIONS_A_TASK)]
-        known: ReferenceMaps = maps or [{}] * len(self.torques)
         tasks: list[tuple[Any, ...]] = []
         for group in groups:
-            rotations = self.rotations[group].tolist()
-            of_group = [{turn: each[turn] for turn in rotations if turn in each and each[turn].size} for each in known]
-            tasks.append((self.drive, self.torques, rotations, of_group))
+            turns = self.rotations[group].tolist()
+            known = [[each[turn] for turn in turns] for each in maps or () if each.keys() >= {*turns}]
+            tasks.append((self.drive, self.torques, turns, known or None))
         for group, (values, proof) in zip(groups, self._run(_searched, tasks), strict=False):
             self.values[:, group] = values
             self._take(proof)
@@ -230,18 +229,16 @@ def _with_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, To
 
 
 def _searched(
-    drive: Drive, torques: Sequence[float], rotations: Sequence[float], maps: ReferenceMaps
+    drive: Drive, torques: Sequence[float], rotations: Sequence[float], maps: Sequence[Sequence[Array]] | None = None
 ) -> tuple[Array, Certificate]:
-    """F'_ior [arcsec] of extremes that were proposed, by maps where there are any, and proven: (torques, rotations)."""
-    found = []
-    for M_g, of_torque in zip(torques, maps, strict=True):
-        error_map, row = ErrorMap(drive, M_g), []
-        for turn in rotations:
-            known = of_torque[turn][None] if turn in of_torque else None
-            row.append(error_map.many_extremes(Batch.of(rotated(drive, turn)), known))
-        found.append(row)
-    values = np.array([[one.first for one in row] for row in found])
-    return values, sum((one.certificate for row in found for one in row), EMPTY)
+    """F'_ior [arcsec] of extremes that were proposed and proven, shape (torques, rotations).
+
+    Argument: maps that propose them, of each torque and rotation, by default solved.
+    """
+    estimates = [np.array(each) for each in maps] if maps else [None] * len(torques)
+    batch = Batch.turned(drive, rotations)
+    found = [ErrorMap(drive, M_g).many_extremes(batch, each) for M_g, each in zip(torques, estimates, strict=True)]
+    return np.array([each.F_ior_arcsec for each in found]), sum((each.certificate for each in found), EMPTY)
 
 
 def _bottom(
@@ -256,7 +253,7 @@ def _bottom(
     proofs: list[Certificate] = []
 
     def at(rotation: float) -> Array:
-        values, proof = _searched(drive, torques, [rotation], [{}] * len(torques))
+        values, proof = _searched(drive, torques, [rotation])
         proofs.append(proof)
         return values[:, 0]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from itertools import pairwise
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,32 +17,14 @@ from hdassist.solve.certificate import TOLERANCE, Residuals
 from hdassist.solve.sums import StateSums
 from hdassist.solve.window import EdgeOfWindowError
 
+if TYPE_CHECKING:
+    from hdassist.solve.engine import Engine
+    from hdassist.solve.throughcvxpy import ThroughCvxpy
+
 STATES_AT_A_TIME = 1024  # states between two reports of progress
 EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
 ARCSEC = float(np.degrees(3600))  # arcsec in a radian
 N_MM = 1e3  # N*mm in a N*m
-
-
-class StateSolver(Protocol):
-    """Anything that solves states of one contact system at one torque."""
-
-    def load(self, torque: float) -> None:
-        """Go on with another torque [N*mm]."""
-        ...
-
-    def forces(self, delta_p: Array) -> tuple[Array, Array, int]:
-        """Forces [N], shape (states, M), free displacements [mm, rad], and how many states the first way gave up.
-
-        Arguments: delta_p, gaps without force [mm], shape (states, M). States that nothing solves as solve has them.
-        """
-        ...
-
-    def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
-        """Sums of states, and forces along the deviation scalars where asked for.
-
-        A state that nothing solves has sums without proof, or NaN; states behind it are not tried, and NaN.
-        """
-        ...
 
 
 @dataclass(frozen=True)
@@ -60,23 +42,24 @@ class Certificate:
     fallbacks: int
 
     @property
+    def residuals(self) -> tuple[float, float, float, float]:
+        """The four residuals, in the order of the fields."""
+        return self.negative_force, self.negative_gap, self.complementarity, self.equilibrium
+
+    @property
     def max_residual(self) -> float:
         """Greatest of the four residuals."""
-        return max(self.negative_force, self.negative_gap, self.complementarity, self.equilibrium)
+        return max(self.residuals)
 
     def __str__(self) -> str:
-        residuals = ", ".join(f"{f.name.replace('_', ' ')} {getattr(self, f.name):.1e}" for f in fields(Residuals))
+        names = (f.name.replace("_", " ") for f in fields(Residuals))
+        residuals = ", ".join(f"{name} {value:.1e}" for name, value in zip(names, self.residuals, strict=True))
         return f"{self.states} states, worst residuals: {residuals}; {self.fallbacks} fallbacks"
 
     def __add__(self, other: Certificate) -> Certificate:
-        return Certificate(
-            self.states + other.states,
-            max(self.negative_force, other.negative_force),
-            max(self.negative_gap, other.negative_gap),
-            max(self.complementarity, other.complementarity),
-            max(self.equilibrium, other.equilibrium),
-            self.fallbacks + other.fallbacks,
-        )
+        force, gap, complementarity, equilibrium = map(max, self.residuals, other.residuals)
+        states, fallbacks = self.states + other.states, self.fallbacks + other.fallbacks
+        return Certificate(states, force, gap, complementarity, equilibrium, fallbacks)
 
 
 EMPTY = Certificate(0, 0.0, 0.0, 0.0, 0.0, 0)
@@ -101,7 +84,7 @@ class Answers:
 
 def solve_states(
     system: ContactSystem,
-    solver: StateSolver,
+    solver: Engine | ThroughCvxpy,
     torque: float,
     gaps: StateGaps,
     place: Callable[[int], str],

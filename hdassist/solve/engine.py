@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,8 +22,35 @@ from hdassist.solve.walk import Walk, walk_library
 
 POOR_PROOF = 1e-9  # residual of a state of the walk from which on it is solved once more, alone
 MANY_STATES = 64  # states from which on a reference pays
-AT_ONCE = 256  # states whose forces are held at once: in the cache
 CARRIES = 1e-9  # of the greatest force: more is contact
+
+
+@dataclass(frozen=True)
+class _References:
+    """Where the engines start from at one torque [N*mm]; None where that contact set is no use."""
+
+    formulation: Formulation
+    torque: float
+    compiled: bool
+
+    @cached_property
+    def contact(self) -> NDArray[np.bool_]:
+        """Contacts of the drive without deviations, so that they do not depend on the states asked for, shape (M,)."""
+        nominal = ActiveSet(self.formulation, self.torque, compiled=self.compiled)
+        forces, _, _ = nominal.solve(self.formulation.system.delta_p[None])
+        return np.asarray(forces[0] > CARRIES * forces[0].max())
+
+    @cached_property
+    def by_candidates(self) -> Reference | None:
+        """That of the numpy engine."""
+        return Reference.at(self.formulation.P, self.formulation.A, self.contact)
+
+    @cached_property
+    def by_places(self) -> PlaceReference | None:
+        """That of the compiled walk."""
+        with suppress(ValueError):
+            return PlaceReference(self.formulation, self.contact)
+        return None
 
 
 class Engine:
@@ -50,7 +77,10 @@ class Engine:
         self._torque = torque
         contact = near._one_by_one.contact if near else None
         self._one_by_one: ActiveSet = ActiveSet(formulation, torque, contact, compiled=compiled)
-        self._same = near if near and near._formulation is formulation and near._torque == torque else None
+        same = near is not None and near._formulation is formulation and near._torque == torque
+        self._references: _References = (
+            near._references if near and same else _References(formulation, torque, compiled)
+        )
         self._pivoting: Pivoting | None = None
         self._walk: Walk | None = None
         self._compiled = compiled and walk_library()[0] is not None
@@ -64,9 +94,12 @@ class Engine:
             self._walk.load(torque)
 
     def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
-        """Solve states as StateSolver says."""
-        if self._walk is None and self._compiled and len(gaps) >= self._pays and self._places:
-            self._walk = Walk(self._places, self._torque)
+        """Sums of states, and forces along the deviation scalars where asked for.
+
+        A state that nothing solves has sums without proof, or NaN; states behind it are not tried, and NaN.
+        """
+        if self._walk is None and self._compiled and len(gaps) >= self._pays and (places := self._references.by_places):
+            self._walk = Walk(places, self._torque)
         if self._walk is None:
             return self._sums(gaps, self.forces, pull)
         sums = self._walk.solve(gaps, pull=pull)
@@ -81,15 +114,12 @@ class Engine:
         Arguments: delta_p, gaps without force [mm], shape (states, M). A state that nothing solves has an answer
         without proof, or NaN; states behind it are not tried, and NaN.
         """
-        if self._pivoting is None and len(delta_p) >= self._pays and self._reference:
-            self._pivoting = Pivoting(self._reference)
+        if self._pivoting is None and len(delta_p) >= self._pays and (reference := self._references.by_candidates):
+            self._pivoting = Pivoting(reference)
         if self._pivoting is None:
             return self._one_by_one.solve(delta_p)
-        right, found = self._formulation.right_side(self._torque), []
-        for first in range(0, max(len(delta_p), 1), AT_ONCE):
-            part = self._formulation.gaps(delta_p[first : first + AT_ONCE])
-            found.append(self._formulation.answer(*self._pivoting.solve(part, right)))
-        forces, free = (np.concatenate(each) for each in zip(*found, strict=True))
+        right = self._formulation.right_side(self._torque)
+        forces, free = self._formulation.answer(*self._pivoting.solve(self._formulation.gaps(delta_p), right))
         given_up = np.flatnonzero(np.isnan(forces[:, 0]))
         if len(given_up):
             forces[given_up], free[given_up], _ = self._one_by_one.solve(delta_p[given_up])
@@ -99,28 +129,3 @@ class Engine:
         system = self._formulation.system
         delta_p = system.delta_p_of(gaps)
         return StateSums.of(system, delta_p, self._torque, *solve(delta_p), pull=pull)
-
-    @cached_property
-    def _contact(self) -> NDArray[np.bool_]:
-        """Contacts of the drive without deviations, so that they do not depend on the states asked for, shape (M,)."""
-        if self._same:
-            return self._same._contact
-        nominal = ActiveSet(self._formulation, self._torque, compiled=self._compiled)
-        forces, _, _ = nominal.solve(self._formulation.system.delta_p[None])
-        return np.asarray(forces[0] > CARRIES * forces[0].max())
-
-    @cached_property
-    def _reference(self) -> Reference | None:
-        """The reference of the numpy engine; None where it is no use."""
-        if self._same:
-            return self._same._reference
-        return Reference.at(self._formulation.P, self._formulation.A, self._contact)
-
-    @cached_property
-    def _places(self) -> PlaceReference | None:
-        """The reference of the compiled walk; None where it is no use."""
-        if self._same:
-            return self._same._places
-        with suppress(ValueError):
-            return PlaceReference(self._formulation, self._contact)
-        return None

@@ -10,7 +10,7 @@ from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Progress
-from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, StateSolver, proven_answers, solve_states
+from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, proven_answers, solve_states
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.sums import StateSums
@@ -40,7 +40,7 @@ class LoadCase:
         self.formulation, self.system, self._torque = formulation, formulation.system, M_g * N_MM
         self._first = LOOKED_AT_FIRST
         near = like._solver if like and isinstance(like._solver, Engine) else None
-        self._solver: StateSolver = (
+        self._solver: Engine | ThroughCvxpy = (
             ThroughCvxpy(formulation, self._torque, solver)
             if solver
             else Engine(formulation, self._torque, near, many=many)

@@ -118,13 +118,13 @@ class ThroughCvxpy:
         self._torque = torque
 
     def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
-        """Solve states as StateSolver says; raises UntrustedError where the solver gives no answer."""
+        """Sums of states, as Engine.solve has them; raises UntrustedError where the solver gives no answer."""
         system = self._formulation.system
         delta_p = system.delta_p_of(gaps)
         return StateSums.of(system, delta_p, self._torque, *self.forces(delta_p), pull=pull)
 
     def forces(self, delta_p: Array) -> tuple[Array, Array, int]:
-        """Forces and free displacements as StateSolver says, none given up; errors as those of solve."""
+        """Forces and free displacements as Engine.forces has them, none given up; errors as those of solve."""
         formulation = self._formulation
         forces, free = np.full(delta_p.shape, np.nan), np.full((len(delta_p), len(formulation.A)), np.nan)
         for k, at_state in enumerate(delta_p):
