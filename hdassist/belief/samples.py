@@ -15,7 +15,6 @@ from functools import partial
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdassist.belief.evidence import (
     ACCURACY,
