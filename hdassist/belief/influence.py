@@ -71,7 +71,7 @@ def shares_of_variance(groups: Mapping[str, Array], y: Array, weights: Array) ->
     """Shares of the weighted variance of y, shape (samples,), that groups of columns add, the largest first."""
     root = np.sqrt(weights / weights.sum())[:, None]
     basis = root / np.linalg.norm(root)
-    rest = beside(basis, root * y[:, None])
+    rest = orthogonal_to(basis, root * y[:, None])
     whole, free = float(np.sum(rest**2)), effective_number(weights) - 1
     if whole <= 1e-18:
         return ()
@@ -85,7 +85,7 @@ def shares_of_variance(groups: Mapping[str, Array], y: Array, weights: Array) ->
             break
         found.append(Influence(best, gain / whole))
         basis = np.hstack([basis, directions])
-        rest = beside(basis, rest)
+        rest = orthogonal_to(basis, rest)
         free -= directions.shape[1]
         del left[best]
     return tuple(sorted(found, key=lambda each: -each.share))
@@ -106,12 +106,12 @@ def explained_by(columns: Array, basis: Array, rest: Array, free: float) -> tupl
     return directions, gain - count * left, float(fdtrc(count, free - count, gain / count / left))
 
 
-def beside(basis: Array, columns: Array) -> Array:
+def orthogonal_to(basis: Array, columns: Array) -> Array:
     """What of columns is orthogonal to a basis."""
     return columns - basis @ (basis.T @ columns)
 
 
 def _new_directions(basis: Array, columns: Array) -> Array:
     """Orthonormal directions of columns beside a basis, those that are independent of it."""
-    u, size, _ = np.linalg.svd(beside(basis, columns), full_matrices=False)
+    u, size, _ = np.linalg.svd(orthogonal_to(basis, columns), full_matrices=False)
     return np.asarray(u[:, size > INDEPENDENT * np.linalg.norm(columns)])

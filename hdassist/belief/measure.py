@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdassist.belief.evidence import evidence_of
-from hdassist.belief.influence import CHANCE_OF_INFLUENCE, beside, columns_of, explained_by, groups_of
+from hdassist.belief.influence import CHANCE_OF_INFLUENCE, columns_of, explained_by, groups_of, orthogonal_to
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import effective_number, log_error
 from hdassist.model.geometry import Array
@@ -92,7 +92,7 @@ def _regression(columns: Array, y: Array, weights: Array) -> tuple[Array, float,
     The share is less what chance would explain; weights of the samples sum to 1.
     """
     root = np.sqrt(weights)[:, None]
-    rest = beside(root, root * y[:, None])
+    rest = orthogonal_to(root, root * y[:, None])
     directions, gain, by_chance = explained_by(root * columns, root, rest, effective_number(weights) - 1)
     fitted = np.divide(directions @ (directions.T @ rest), root, out=np.zeros_like(root), where=root > 0)
     return weights @ y + fitted[:, 0], gain / float(np.sum(rest**2)), by_chance
