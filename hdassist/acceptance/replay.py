@@ -19,7 +19,7 @@ from hdassist.version import __version__
 RELATIVE = 1e-6  # of the greatest number of its object: how far a number may lie off that agrees
 ROUNDING = 1e-12  # how far in any case: residuals of another processor
 # of the run and not of the drive; the difference of two solvers is rounding alone
-NOT_COMPARED = ("version", "time", "request", "place", "message", "hint", "max_difference_arcsec")
+NOT_COMPARED = ("version", "time", "request", "place", "message", "hint", "max_difference_arcsec", "engine")
 
 
 def changed_file(answer: AcceptAnswer) -> DataError | None:

@@ -25,7 +25,7 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
       hdassist plan vzp160
       hdassist plan my-drive.yaml --limit F_ior@6.7=45 --noise 0.5
       hdassist plan my-drive.yaml --limit 45 --positions 127
-      hdassist plan vzp160 --step 30 --turns 2 --json
+      hdassist plan vzp160 --positions 24 --turns 2 --json
 
     A test reads the output at some positions, from an angle that is not known, and takes the greatest less the least
     error. It misses all that lies between, and sees nothing of what comes as often as there are positions. Each drive
@@ -40,9 +40,6 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
     preset: o.Preset
     positions: Annotated[
         int | None, typer.Option(metavar="N", min=2, max=100_000, help="Judge a test of N positions.")
-    ] = None
-    step: Annotated[
-        float | None, typer.Option(metavar="DEG", min=0.001, help="The same by their step at the output.")
     ] = None
     turns: Annotated[float, typer.Option(metavar="K", min=0.001, max=1000, help="Output turns of that test.")] = 1.0
     both: Annotated[bool, typer.Option("--both", help="Backwards too, the greater range counts.")] = False
@@ -59,16 +56,9 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
     details: o.Details = False
 
     def plan(self) -> ReadingPlan | None:
-        """The test to judge, None where none was asked about. Raises UsageError for options that contradict."""
+        """The test to judge, None where none was asked about. Raises UsageError for options without one."""
         from hdassist.planning.plan import ReadingPlan
 
-        if self.step is not None and self.positions is not None:
-            raise UsageError("invalid --step: expected none with --positions", "leave out one of them")
-        if self.step is not None:
-            count = int(360 * self.turns / self.step + 1e-9)
-            if count < 2:
-                raise UsageError(f"invalid --step {self.step:g}: expected two positions or more", "a smaller step")
-            return ReadingPlan.positions(count, count * self.step / 360, self.both)
         if self.positions is not None:
             return ReadingPlan.positions(self.positions, self.turns, self.both)
         if self.both or self.turns != 1:
@@ -80,8 +70,6 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
         from hdassist.design.check import check_states
         from hdassist.pages.plan import plan_report
         from hdassist.planning.plan import PlanDemands, choose_plan
-        from hdassist.run.processes import workers
-        from hdassist.run.run import Run
         from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.runs import give, run_each
 
@@ -90,11 +78,7 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
         def one(name: str) -> Report:
             drive = self.load(name)
-            with (
-                out.progress(drive.name, check_states(drive, draws=self.draws)) as progress,
-                workers(self.jobs) as pool,
-            ):
-                run = Run(pool, progress, self.seed)
+            with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
                 chosen = partial(choose_plan, asked=asked, demands=demands, draws=self.draws, run=run)
                 return plan_report(in_wide_enough_window(drive, chosen))
 

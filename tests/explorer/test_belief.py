@@ -62,7 +62,7 @@ def test_a_contradiction_and_rolling_balls_are_said() -> None:
 
 def test_an_old_answer_and_one_that_is_not_whole_are_called_so() -> None:
     row = ErrorRange(4.0, 1.0, 2.0, 3.0, 2.25, 2.5, 0.7, Verdict.INCONCLUSIVE)
-    found, shown = Headline((row,), 16.2), partial(headline, tiny(), of_preset=None)
+    found, shown = Headline((row,), 16.2), partial(headline, tiny(), pinned=None)
     first, second = shown(Known(headline=found)).plain.split("\n")
     assert first.endswith("(5-50-95 %, 16 samples …)")
     assert second == "4 N·m 1.00 - 2.00 - 3.00″, limit 2.5: kept 70 %, INCONCLUSIVE (-0.75″ to the limit)"

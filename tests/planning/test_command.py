@@ -58,10 +58,10 @@ def test_a_verdict_that_is_known_without_a_test_is_named():
 def test_a_test_asked_about_is_the_first_and_decides():
     asked = run("plan", TINY, "--positions", "10", "-q")
     assert (asked.returncode, asked.stdout) == (3, "not enough: 10 positions\n")
-    assert run("plan", TINY, "--step", "1", "-q").stdout == "enough: 360 positions\n"
-    steps = json.loads(run("plan", TINY, "--step", "100", "--turns", "2", "--both", "--json").stdout)
-    assert steps["plans"][0]["test"] == "7 positions over 1.944 output turns both ways"
-    assert steps["plans"][0]["step_output_deg"] == pytest.approx(100)
+    assert run("plan", TINY, "--positions", "360", "-q").stdout == "enough: 360 positions\n"
+    steps = json.loads(run("plan", TINY, "--positions", "8", "--turns", "2", "--both", "--json").stdout)
+    assert steps["plans"][0]["test"] == "8 positions over 2 output turns both ways"
+    assert steps["plans"][0]["step_output_deg"] == pytest.approx(90)
     assert steps["plans"][1]["test"] == "12 positions"
 
 
@@ -89,8 +89,6 @@ def test_the_belief_is_that_of_check():
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        (("--positions", "12", "--step", "30"), 2, "invalid --step: expected none with --positions"),
-        (("--step", "200"), 2, "invalid --step 200: expected two positions or more"),
         (("--turns", "2"), 2, "--turns and --both are of a test to judge"),
         (("--limit", "self_error=3"), 2, "expected a limit of F_ior"),
         (("--set", "bearing.ball_motion=rolling", "--set", "bearing.d_ball=5"), 2, "a plan needs locked balls"),
