@@ -135,12 +135,12 @@ class ErrorTable:
         """
         angles, drive = 2 * np.pi * np.arange(self.turns) / self.turns, self.drive
         alpha_g, alpha_b = (alpha.ravel() for alpha in np.meshgrid(angles, angles, indexing="ij"))
+        drives = {path: column[:, None] for path, column in values.items()}
+        waves = waves_of(lambda path: drives.get(path, drive.number(path)), drive.mounting.mark_kind)
         ranges = []
         for k in range(0, len(next(iter(values.values()))), READ_AT_ONCE):
-            here = {path: column[k : k + READ_AT_ONCE, None] for path, column in values.items()}
-            waves = waves_of(lambda path, of=here: of.get(path, drive.number(path)), drive.mounting.mark_kind)  # type: ignore[misc]
-            scalars = scalars_of(waves, alpha_g, alpha_b)
-            ranges.append(np.ptp(self.rotation(scalars), axis=-1))
+            some = {key: wave[k : k + READ_AT_ONCE] if np.ndim(wave) else wave for key, wave in waves.items()}
+            ranges.append(np.ptp(self.rotation(scalars_of(some, alpha_g, alpha_b)), axis=-1))
         return np.concatenate(ranges)
 
 
