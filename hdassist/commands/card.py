@@ -90,16 +90,14 @@ def give_with_card(
     options: AnswerOptions,
     out: Output,
 ) -> int:
-    """Say the warnings of a report, write it and its card; returns the exit code.
+    """Write a report and its card; returns the exit code.
 
     Arguments: command, for the schema; report; card that was asked for; facts that it tells, in the language of its
     texts, None where the work was interrupted or nothing can be ordered: then there is no card; options; out.
     """
-    from hdassist.terminal.output import note, warn
+    from hdassist.terminal.output import note
     from hdassist.terminal.runs import give
 
-    for text in report.warnings:
-        warn(text)
     if card and card.path == out.target == "-":  # the card in place of the page
         report = replace(report, head="")
     code = give(command, [report], options, out)

@@ -27,6 +27,7 @@ PLOTTED_SHARES = np.linspace(0, 100, 201)  # of drives, %
 _PLOTTED_ROWS = 5
 GAIN_SHARES = (0.05, 0.5, 0.95)  # quantiles of the gain of turning
 MORE_DRIVES = "more drives (-n) may decide it"
+FEW_DESIGNS = 8  # fewer say little of what the yield of the type may be
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,10 @@ def tolerance_report(
     worst = min(range(len(points)), key=lambda k: summary.yield_of(True, points[k]).share)
     gains = to_measure(law, samples, worst) if samples else ()
     measure = summary.verdict is Verdict.INCONCLUSIVE and (measure_words(gains, False) or MORE_DRIVES)
+    few = bool(law.shared) and summary.design_count < FEW_DESIGNS
+    few_words = (
+        f"designs drawn: {summary.design_count}. Yields of a type range over {FEW_DESIGNS} at least; more drives: -n"
+    )
     refused = f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
     of_designs = f"; yield: {100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over designs"
     F_ior_table = Table.by_row(
@@ -118,7 +123,7 @@ def tolerance_report(
         line=_yields(summary) + f": {summary.verdict}" * (summary.wanted is not None)
         if summary.has_limit
         else "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]} arcsec" for row in F_ior_table.rows),
-        warnings=(*law_warnings(law), *[refused] * bool(summary.refused)),
+        warnings=(*law_warnings(law), *[few_words] * few, *[refused] * bool(summary.refused)),
         exit_code=130 if interrupted else summary.verdict.exit_code,
     )
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import hypot
 from typing import Literal
 
 import numpy as np
@@ -31,6 +32,7 @@ ENCODERS = 2
 FEWEST_ROWS = 20  # rows
 TURNING_ROWS = 200  # rows for each of the greatest and least steps that are no rounding
 ROUNDED_STEP = 0.01  # of a step: rounding by printed digits
+COUNTS_APART = 2  # counts of the cam by which steps at one speed differ, at most
 
 Shaft = Literal["cam", "output"]
 
@@ -77,7 +79,10 @@ class TraceForm:
 
 @dataclass(frozen=True)
 class Roles:
-    """Columns (from 0) of the angle and of the error or second angle; sizes of their units in arcsec."""
+    """Columns (from 0) of the angle and of the error or second angle.
+
+    Sizes of their units in arcsec, and whether these are counts of an encoder.
+    """
 
     angle: int
     angle_of: Shaft
@@ -85,6 +90,7 @@ class Roles:
     other: int
     other_is: Literal["error", "second"]
     other_size: float
+    in_counts: tuple[bool, bool]
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +175,10 @@ def read_trace(
         error, sense = _second(table, column.other, output, cam, abs(ratio or 0), notes)
         if not step:
             step, in_time = _step_in_time(cam, output, abs(ratio or 1))
+        if any(column.in_counts):
+            sizes = column.angle_size / abs(ratio or 1), column.other_size
+            step = max(step, hypot(*(size * is_count for size, is_count in zip(sizes, column.in_counts, strict=True))))
+            in_time = in_time or _is_even(cam, COUNTS_APART * abs(column.angle_size) / ARCSEC_PER_DEG)
     else:
         error, sense = readings * column.other_size, 0
     try:
@@ -272,6 +282,11 @@ def _step_in_time(cam: Array, output: Array, ratio: float) -> tuple[float, bool]
     return (step, True) if in_time else (0.0, False)
 
 
+def _is_even(cam: Array, within_deg: float) -> bool:
+    """Whether nine in ten steps of the cam [deg] are as long but for so much: what is rounded may come round again."""
+    return float(np.ptp(np.quantile(np.abs(np.diff(cam)), (0.05, 0.95)))) <= within_deg
+
+
 def _fault(table: NumberTable, row: int, column: int, message: str, hint: str) -> PresetError:
     return PresetError([Finding(table.file, int(table.lines[row]), 1, table.name(column), message, hint=hint)])
 
@@ -301,9 +316,11 @@ def _roles(table: NumberTable, form: TraceForm, notes: list[str]) -> Roles:
     other_unit = (form.error_unit, "arcsec") if not by_second else (second, angle_unit.removeprefix("-"))
     unit = _unit(table, other, *other_unit, "--angle-unit" if by_second else "--error-unit", notes)
     words = "output angle, second encoder" if by_second else "error"
-    units = [each if plain_unit(each) in ANGLES else f"{each} a turn" for each in (angle_unit, unit)]
+    counts = plain_unit(angle_unit) not in ANGLES, plain_unit(unit) not in ANGLES
+    units = [f"{each} a turn" if count else each for each, count in zip((angle_unit, unit), counts, strict=True)]
     notes.append(f'"{table.name(angle)}": {of} angle, {units[0]}; "{table.name(other)}": {words}, {units[1]}')
-    return Roles(angle, of, angle_size(angle_unit), other, "second" if by_second else "error", angle_size(unit))
+    kind_of_other: Literal["error", "second"] = "second" if by_second else "error"
+    return Roles(angle, of, angle_size(angle_unit), other, kind_of_other, angle_size(unit), counts)
 
 
 def _first_of(kinds: Sequence[str], *wanted: str) -> list[int]:

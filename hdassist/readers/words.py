@@ -31,6 +31,8 @@ _SPELLED = {
 _MICRO = str.maketrans("µμ", "uu")
 _WORD = r"(?<![^\W_\d])(?:{})(?![^\W_\d])"  # between letters it is none
 _ROLES = {
+    "other": r"torque|moment|drehmoment|nm|temp|temperature|temperatur|speed|velocity|rpm|drehzahl|current|voltage|"
+    r"момент|температура|скорость|ток",
     "error": r"err|error|te|dev|deviation|fehler|abweichung|fkpp|kpp|погрешность|ошибка",
     "cam": r"cam|wg|wave|generator|input|motor|mot|antrieb|eingang|phih|phi_h|thetah|вход|генератор|кулачок",
     "output": r"output|out|load|abtrieb|ausgang|link|phig|phi_g|phib|phi_b|выход",
@@ -60,7 +62,7 @@ _TOOTH = re.compile(
 
 
 def role_in(name: str) -> str:
-    """Content of a column of a trace by its name: error, cam, output, time, angle, or empty for any other name."""
+    """Content of a column of a trace by its name: error, cam, output, time, angle, other; empty for an unknown one."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
     return next((role for role, words in _ROLES.items() if re.search(_WORD.format(words), spaced)), "")
 

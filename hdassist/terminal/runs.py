@@ -50,8 +50,6 @@ def run_each(
             reports.append(Report(command, None, "", values=fault, exit_code=error.exit_code))
             continue
         reports.append(report)
-        for text in report.warnings:
-            warn(f"{report.subject}: {text}" if report.subject else text)
         if options.verbose:
             note_time(report, begun, name)
     return reports
@@ -78,11 +76,14 @@ def give(
     more: Mapping[str, Any] | None = None,
     below: Sequence[str] = (),
 ) -> int:
-    """Write reports as JSON, pages or their lines, and their tables; returns the worst of their exit codes.
+    """Say warnings, write reports as JSON, pages or lines, and tables; returns the worst of their exit codes.
 
     Arguments: command, for the schema of several; reports, of which those without a head have no page; options; out;
     more, keys of JSON about all of them; below, lines under all pages.
     """
+    for report in reports:
+        for text in report.warnings:
+            warn(f"{report.subject}: {text}" if report.subject else text)
     if options.json:
         out.text(json_text({**combine(command, list(map(report_object, reports))), **(more or {})}))
     elif pages := [report for report in reports if report.head]:

@@ -122,6 +122,26 @@ def test_encoders_in_counts_begin_again_at_their_own_modulus(unit, holds):
     assert any("a turn" in note for note in trace.notes)
 
 
+@pytest.mark.parametrize(("jitter_deg", "in_time"), [(0.0, True), (0.5, False)])
+def test_what_counts_round_off_is_a_step_of_the_reading(jitter_deg, in_time):
+    cam = CAM + jitter_deg * np.random.default_rng(1).uniform(-1, 1, len(CAM))
+    data = text([counted(cam, 16384), counted(cam / 100 + 359, 4194304)], "enc1,enc2_cts", digits=0)
+    trace = read(data, ratio=100, angle="enc1", second="enc2_cts", angle_unit="14bit,22bit")
+    assert trace.step_arcsec == pytest.approx(np.hypot(1296000 / 16384 / 100, 1296000 / 4194304))
+    assert trace.in_time is in_time
+
+
+@pytest.mark.parametrize("other", ["Load torque [Nm]", "output_temp_C", "cam_speed_rpm", "motor current"])
+def test_columns_of_other_quantities_are_no_angles(other):
+    plain = text([CAM, ERROR], "cam_deg,error_arcsec")
+    trace = read(text([CAM, ERROR, CAM * 0 + 7], f"cam_deg,error_arcsec,{other}"))
+    assert trace.error_arcsec.tolist() == read(plain).error_arcsec.tolist()
+    both = text(
+        [CAM, CAM / 100 + ERROR / 3600, CAM * 0 + 7], f"Motor position [deg],Load position [deg],{other}", digits=9
+    )
+    assert read(both, ratio=100).sense == 1
+
+
 def test_counts_of_an_unknown_encoder_are_asked_for():
     data = text([counted(CAM, 16384), counted(CAM / 100, 4194304)], "cam_counts,output_counts", digits=0)
     assert '"cam_counts": counts of how many in a turn?' in fault(data, ratio=100)

@@ -84,7 +84,9 @@ def test_a_yield_that_hangs_on_what_is_not_known_of_the_design_is_a_range() -> N
     assert words.startswith("tiny, 100 random drives of 10 designs: INCONCLUSIVE")
     yields = r"yield as built [\d.]+ % \([\d.]+ to 100.0\) F'_ior, arcsec: .*; yield: 5 to 95 % over designs"
     assert re.search(yields, words)
-    assert "more drives (-n)" in words
+    assert "more drives (-n)" in words and "designs drawn" not in open_.stderr
+    two = run("tolerance", TINY, *few, *sizes, *soft, "-n", "20")
+    assert "warning: tiny: designs drawn: 2. Yields of a type range over 8 at least" in two.stderr
     quiet = run("tolerance", TINY, *FEW, "-n", "3", "--limit", "2050", "-q")
     assert re.fullmatch(r"yield as built 100.0 % \([\d.]+ to [\d.]+\)\n", quiet.stdout)
 
