@@ -76,8 +76,8 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
             for stream in (sys.stdout, sys.stderr):
                 silence(stream)
         if app.session.step != session.step:
-            for name in ("explore", "check"):
-                say(f"back to it: {app.session.command(name)}")
+            for words, name in (("back to it", "explore"), ("its numbers", "check")):
+                say(f"{words}: {app.session.command(name)}")
             if is_hung_up:
                 put_text(str(user_state_path("hdassist", ensure_exists=True) / HUNG_UP), app.session.command("explore"))
         return app.return_code or 0

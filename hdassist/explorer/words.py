@@ -70,7 +70,8 @@ def headline(session: Session, known: Known, pinned: Known | None) -> Text:
         f"5-50-95 %, {found.samples:.0f} samples{' …' * (not found.whole)}" if found.samples else "every state solved"
     )
     text = Text(f"F'_ior, arcsec, as it stands ({'old, computing …' if is_old else size})", "dim")
-    before = {row.M_g: row for row in pinned.headline.rows} if pinned and pinned.headline else {}
+    behind = pinned.headline if pinned else None  # compared once both are whole: fewer samples differ by chance
+    before = {row.M_g: row for row in behind.rows} if behind and behind.whole and found.whole else {}
     best_deg = advice.choice.chosen.rotation_deg if advice else 0.0
     place = known.curve.place(best_deg) if known.curve else None
     for k, row in enumerate(found.rows):

@@ -131,7 +131,7 @@ def test_a_session_in_a_terminal() -> None:
         assert terminal.as_it_was
         left = terminal.sent.rpartition(b"\x1b[?1049l")[2].decode()
         assert f"back to it: hdassist explore {TINY} --torque=4 --set {FEW[1]} h1=28.1\r\n" in left
-        assert f"back to it: hdassist check {TINY} --torque=4 --set {FEW[1]}\r\n" in left
+        assert f"its numbers: hdassist check {TINY} --torque=4 --set {FEW[1]}\r\n" in left
     assert vanished(before)
 
 
