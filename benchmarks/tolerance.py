@@ -14,11 +14,9 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 
 HARMONICS = {
@@ -129,21 +127,13 @@ def speed(case: str, count: int) -> dict:
     return {"case": case, "value_ms": value, "drive_states": states, "designs_s": designs}
 
 
-@contextmanager
-def processes(jobs: int) -> Iterator[tuple[Executor, int]]:
-    from hdassist.run.processes import workers
-
-    with workers(jobs) as executor:
-        yield executor, jobs
-
-
 def efficiency(case: str, count: int) -> dict:
     from hdassist.run.stream import stream
 
     made, took = production(case, count), []
     for jobs in (1, 2):
         begun = time.perf_counter()
-        for _ in stream(made.records, count, pool=partial(processes, jobs)):
+        for _ in stream(made.records, count, jobs=jobs):
             pass
         took.append(time.perf_counter() - begun)
     share = took[0] / took[1] / 2
