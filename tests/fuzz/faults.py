@@ -32,7 +32,7 @@ STARTS = 0.1  # s: the interpreter itself starts, and what it says of an interru
 GRACE = 5.0  # s for what was begun to end after its parent
 LONGEST = 300.0  # s of one run, on a machine that has other work
 # one line says it, behind those that any run says
-STOPPED = re.compile(r"(many.csv: 100 drives\n)?(warning: )?(interrupted|terminated|hung up)(: [^\n]+)?\n")
+STOPPED = re.compile(r"(many.csv: 100 drives\n)?(warning: ([\w.-]+: )?)?(interrupted|terminated|hung up)(: [^\n]+)?\n")
 TOLD = 20  # runs after which the count so far is printed
 SOON = 2.0  # s in which a command ends that is told to stop
 ENDS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
