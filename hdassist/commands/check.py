@@ -48,19 +48,20 @@ class CheckCommand(o.FigureOptions, o.SamplingOptions, o.PitchOptions, o.Limited
         files = pitch_files(self.presets, self)
 
         def one(name: str) -> Report:
-            from hdassist.design.check import check, check_states
-            from hdassist.pages.check import check_report
-            from hdassist.solve.window import in_wide_enough_window
+            with out.progress(name) as progress:  # words before numpy is imported
+                drive = self.load(name)
+                measured = read_teeth(files, drive)
+                torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
+                progress.expect(words := f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m")
+                from hdassist.design.check import check, check_states
+                from hdassist.pages.check import check_report
+                from hdassist.solve.window import in_wide_enough_window
 
-            drive = self.load(name)
-            measured = read_teeth(files, drive)
-            torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
-            words = f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m"
-            with out.run(words, check_states(drive, measured, self.draws), self) as run:
-                analysis = partial(
-                    check, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run
-                )
-                result = in_wide_enough_window(drive, analysis)
+                with out.run(words, check_states(drive, measured, self.draws), self, progress) as run:
+                    analysis = partial(
+                        check, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run
+                    )
+                    result = in_wide_enough_window(drive, analysis)
             return check_report(result, self.seed)
 
         return give("check", run_each("check", self.presets, one, self), self, out)

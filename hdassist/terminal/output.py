@@ -68,8 +68,8 @@ class Output:
             write_text(self.csv, csv, self.force)
 
     @contextmanager
-    def run(self, words: str, states: int, options: object) -> Iterator[Run]:
-        """How work of so many states is carried out, with a bar and words beside it.
+    def run(self, words: str, states: int, options: object, begun: ProgressBar | None = None) -> Iterator[Run]:
+        """How work of so many states is carried out, with a bar and words beside it; begun: a bar that is there.
 
         Its processes, seed and other solver are those that the options of a command have; one that solves each state
         by a slow solver of its own works in this process, and shows how far it is.
@@ -79,12 +79,18 @@ class Output:
 
         found = {"jobs": None, "seed": 0, "cross_check": CROSS_SOLVER, "solver": None} | vars(options)
         alone = found["jobs"] is None or found["solver"] is not None
-        with self.progress(words, states) as progress, nullcontext() if alone else workers(found["jobs"]) as executor:
+        if begun:
+            begun.expect(words, states)
+        bar = nullcontext(begun) if begun else self.progress(words, states)
+        with bar as progress, nullcontext() if alone else workers(found["jobs"]) as executor:
             yield Run(executor, progress, found["seed"], found["cross_check"])
 
     @contextmanager
-    def progress(self, words: str, total: int) -> Iterator[ProgressBar]:
-        """A bar with the time left, on a terminal only, after BAR_PATIENCE of work; words beside it, total of work."""
+    def progress(self, words: str, total: int | None = None) -> Iterator[ProgressBar]:
+        """A bar with the time left, on a terminal only: at once without a total, else after BAR_PATIENCE of work.
+
+        Arguments: words beside it; total of work, None before that is known (`ProgressBar.expect`).
+        """
         style = stderr_style(no_color=self.no_color)
         if not style.codes:
             yield ProgressBar()
@@ -101,6 +107,8 @@ class Output:
             redirect_stdout=sys.stdout.isatty(),  # lines above the bar; what goes to a file is none of its business
         )  # fmt: skip
         bar.add_task(style.text(words), total=total)
+        if total is None:
+            bar.start()
 
         def wipe() -> None:
             if bar.live.is_started:
@@ -109,17 +117,17 @@ class Output:
 
         try:
             with at_stop(wipe):
-                yield ProgressBar(bar)
+                yield ProgressBar(bar, style)
         finally:
             if bar.live.is_started:
                 bar.stop()
 
 
 class ProgressBar:
-    """Called with work that was done, it moves a bar with one task; None where nobody looks."""
+    """Called with work that was done, it moves a bar with one task; None where nobody looks. style: of its words."""
 
-    def __init__(self, bar: Progress | None = None) -> None:
-        self._bar = bar
+    def __init__(self, bar: Progress | None = None, style: Style | None = None) -> None:
+        self._bar, self._style = bar, style
         self._next = time.monotonic() + BAR_PATIENCE  # that it is drawn
 
     def __call__(self, done: int) -> None:
@@ -130,6 +138,11 @@ class ProgressBar:
                 self._next = now + REDRAWN
                 self._bar.start()
                 self._bar.refresh()
+
+    def expect(self, words: str, total: int | None = None) -> None:
+        """Words beside the bar and the total, as soon as they are known."""
+        if self._bar and self._style:
+            self._bar.update(TASK, description=self._style.text(words), total=total, refresh=True)
 
 
 def complain(error: HdassistError, about: str = "") -> None:
