@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from math import isinf
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -30,8 +29,6 @@ def as_json(value: Any) -> Any:
         return [as_json(each) for each in value]
     if isinstance(value, Enum):
         return str(value)
-    if isinstance(value, float) and isinf(value):
-        return None  # no bound
     return value.tolist() if hasattr(value, "tolist") else value  # arrays and numbers of numpy
 
 

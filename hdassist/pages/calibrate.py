@@ -66,7 +66,8 @@ def calibrate_report(result: Calibration) -> Report:
         values={
             "targets_file": attributes(wanted, "name", "sha256"),
             "targets": [
-                attributes(each, "quantity", "unit", "asked", "value", "low", "high", "tolerance")
+                attributes(each, "quantity", "unit", "asked", "value", "tolerance")
+                | {end: bound if isfinite(bound := getattr(each, end)) else None for end in ("low", "high")}
                 for each in wanted.targets
             ],
             "unknowns": [as_object(FOUND_VALUES, value) for value in values],

@@ -81,11 +81,6 @@ def _lettered(result: DrivesComparison) -> dict[str, DriveSheet]:
     return {ascii_uppercase[k] if k < 26 else f"#{k + 1}": sheet for k, sheet in enumerate(result.sheets)}
 
 
-def _hole(sheet: DriveSheet) -> str:
-    """The position that is ordered, open where none can be."""
-    return "open" if sheet.advice.order == "none" else hole_place(sheet.advice.choice.target)
-
-
 def _mounted_best(sheet: DriveSheet, torque: int) -> str:
     """F'_ior [arcsec] in the position that is ordered, at a torque by its place; open where none can be."""
     best = sheet.advice.choice.target

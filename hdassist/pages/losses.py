@@ -11,7 +11,6 @@ from hdassist.mounting.positions import hole_words
 from hdassist.preset.fields import Drive
 from hdassist.report.blocks import Table
 
-Whisker = tuple[float, float, float]
 LEVELS = {"expected": 0.5, "low": 0.05, "high": 0.95}  # quantiles
 SHARES = ("probability_good", "probability_best", "expected_loss")  # of a position
 

@@ -108,7 +108,7 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
     yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior} arcsec) of smooth teeth"
     risk, beyond = first.false_pass, drives.beyond
     if not risk or not beyond:
-        yield f"enough without a --limit: to see {100 * SEEN_SHARE:g} % of F'_ior in {100 * SEEN_SHARE:g} % of cases"
+        yield f"enough without a --limit: to see {100 * SEEN_SHARE:g} % of F'_ior in {100 * (1 - wrong):g} % of cases"
     elif wrong < beyond.value < 1 - wrong:
         sure = f"{_percent(risk.value)} % ({_percent(risk.low)} to {_percent(risk.high)})"
         yield f"{_percent(beyond.value)} % of drives are beyond the limit; {sure} are and pass, {100 * wrong:g} % may"

@@ -27,6 +27,7 @@ FEWEST_POSITIONS, MOST_A_CAM_TURN = 6, 5  # positions that are tried, from and u
 RANDOM_STARTS, LEAST_STARTS = 256, 16  # random starts over all samples, and of each, at least
 LEAST_ARCSEC = 1e-9  # of an error: of a lesser one all is seen
 LISTED_LINES = 12  # the largest
+NEVER = Probability(0.0, 0.0, 0.0)  # of a test that sees all: no chance is in it
 SEEN_SHARE = 0.95  # of F'_ior, that a test sees which is enough where there is no limit
 
 
@@ -55,6 +56,10 @@ class ReadingPlan:
         """A record over turns of the cam, of which there are so many in a turn of the output."""
         name = f"record of {cam_turns:g} cam turn{'s' * (cam_turns != 1)}"
         return cls(name, round(cam_turns * POINTS_A_TURN), 1 / POINTS_A_TURN / ratio, is_record=True)
+
+    def sees_all(self, cycle_output: int) -> bool:
+        """Whether nothing is left out of a cycle of so many output turns."""
+        return self.is_record and self.readings * self.step_turns >= cycle_output - 1e-9
 
     def seen_as(self, per_output_turn: Array) -> Array:
         """How often lines seem to come in the test; 0: the same in all readings, so that the test is blind to it.
@@ -85,8 +90,8 @@ class PlanJudgement:
     """What a plan sees of F'_ior: share at 5, 50 and 95 % of drives and starts.
 
     false_pass: probability that a drive passes though beyond the limit; false_fail: that it fails though within; None
-    without a limit. verdict: PASS where both keep what is demanded; without a limit, where the plan sees SEEN_SHARE
-    of F'_ior in as large a share of cases.
+    without a limit. verdict: PASS where both keep what is demanded, over the whole Monte
+    Carlo interval; without a limit, where less than SEEN_SHARE of F'_ior is seen as seldom as that.
     """
 
     plan: ReadingPlan
@@ -144,16 +149,25 @@ class DrivesUnderTest:
         rng, demands, drives = np.random.default_rng(self.seed), self.demands, len(self.curves)
         shares = self.seen_shares(plan, rng.random((drives, max(LEAST_STARTS, RANDOM_STARTS // drives))))
         seen = self.percentiles(shares)
-        if self.left_arcsec is None:
-            return PlanJudgement(plan, seen, None, None, Verdict.PASS if seen[0] >= SEEN_SHARE else Verdict.FAIL)
         noise = demands.noise_arcsec * rng.standard_normal((1 + plan.both, *shares.shape)).max(axis=0)
+        sees_all = plan.sees_all(self.cycle_output)
+        if self.left_arcsec is None:
+            missed = NEVER if sees_all else self.probability(shares < SEEN_SHARE)
+            return PlanJudgement(plan, seen, None, None, self._verdict(missed.low, missed.high))
         read = (shares * self.F_ior_arcsec + noise) / (seen[1] if demands.corrected else 1)
         passed, good = read <= self.left_arcsec, self.F_ior_arcsec <= self.left_arcsec
-        false_pass, false_fail = self.probability(passed & ~good), self.probability(good & ~passed)
+        is_exact = sees_all and not demands.noise_arcsec
+        false_pass, false_fail = (
+            NEVER if is_exact else self.probability(each) for each in (passed & ~good, good & ~passed)
+        )
         low, high = (max(getattr(each, end) for each in (false_pass, false_fail)) for end in ("low", "high"))
-        worst = Verdict.FAIL if low > demands.wrong else Verdict.INCONCLUSIVE
-        verdict = Verdict.PASS if high <= demands.wrong else worst
-        return PlanJudgement(plan, seen, false_pass, false_fail, verdict)
+        return PlanJudgement(plan, seen, false_pass, false_fail, self._verdict(low, high))
+
+    def _verdict(self, low: float, high: float) -> Verdict:
+        """Whether a probability of being wrong, by the ends of its Monte Carlo interval, is what may be."""
+        if high <= self.demands.wrong:
+            return Verdict.PASS
+        return Verdict.FAIL if low > self.demands.wrong else Verdict.INCONCLUSIVE
 
 
 @dataclass(frozen=True)

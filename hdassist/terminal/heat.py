@@ -14,7 +14,6 @@ from hdassist.terminal.plot import WIDEST_PLOT, figure
 HEAT_ROWS = 20  # at most
 NONE = "!"  # where there is no value
 
-CellValues = NDArray[np.float64]
 CellIndices = NDArray[np.int64]
 
 

@@ -116,6 +116,14 @@ def test_shares_that_lie_about_the_demand_are_open():
     assert drives(*sizes, left=20.0, wrong=share).judge(three).verdict is Verdict.INCONCLUSIVE
 
 
+def test_without_a_limit_few_drives_leave_open_whether_a_test_is_enough():
+    nearly_all = ReadingPlan.positions(40)
+    assert drives(*[20.0] * 200).judge(nearly_all).verdict is Verdict.PASS
+    assert drives(*[20.0] * 8).judge(nearly_all).verdict is Verdict.INCONCLUSIVE  # no miss of 8 does not show 5 %
+    assert drives(*[20.0] * 8).judge(ReadingPlan.record(20, 20)).verdict is Verdict.PASS  # no chance is in it
+    assert drives(*[20.0] * 200).judge(ReadingPlan.positions(3)).verdict is Verdict.FAIL
+
+
 def test_plans_of_a_drive_with_unknown_directions():
     drive = load_preset(TINY, ["phases.xi_b=unknown", "acceptance.F_ior={4: 2040}"])
     choice = choose_plan(drive, draws=8)

@@ -71,15 +71,16 @@ class Outer:
 
 
 def test_a_result_is_json_by_its_fields():
-    found = Outer(Inner(np.array([[1.0, 2.0]]), Verdict.PASS), (-math.inf, 3.0), {"a": np.float64(0.5)})
+    found = Outer(Inner(np.array([[1.0, 2.0]]), Verdict.PASS), (-1.0, 3.0), {"a": np.float64(0.5)})
     told = as_json({"found": found, "count": np.int64(2), "many": [found.inner]})
     inner = {"values": [[1.0, 2.0]], "verdict": "PASS"}
     assert told == {
-        "found": {"inner": inner, "bounds": [None, 3.0], "by_name": {"a": 0.5}}, "count": 2, "many": [inner],
+        "found": {"inner": inner, "bounds": [-1.0, 3.0], "by_name": {"a": 0.5}}, "count": 2, "many": [inner],
     }  # fmt: skip
     assert json.loads(json_text(told)) == told
-    with pytest.raises(ValueError, match="JSON"):
-        json_text(as_json({"value": math.nan}))  # what is no number is no answer
+    for no_answer in (math.nan, math.inf, -math.inf):
+        with pytest.raises(ValueError, match="JSON"):
+            json_text(as_json({"value": no_answer}))
 
 
 def test_a_quantity_is_the_attribute_that_it_names():
