@@ -221,11 +221,15 @@ def os_reason(error: Exception) -> str:
     return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
 
 
+def near_files(path: Path) -> list[str]:
+    """Files beside it whose names look like the one that is missing. Raises OSError, ValueError: no such directory."""
+    names = [item.name for item in path.parent.iterdir()]
+    return [str(path.parent / name) for name in difflib.get_close_matches(path.name[:60], names, 3, 0.6)]
+
+
 def _near_by(path: Path) -> str:
-    """A hint at files beside it whose names look like the one that is missing."""
     try:
-        names = [item.name for item in path.parent.iterdir()]
+        close = near_files(path)
     except (OSError, ValueError):
         return f"there is no directory {path.parent} either"
-    close = difflib.get_close_matches(path.name[:60], names, 3, 0.6)
-    return f"did you mean {' or '.join(str(path.parent / name) for name in close)}?" if close else "is the path right?"
+    return f"did you mean {' or '.join(close)}?" if close else "is the path right?"

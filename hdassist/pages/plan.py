@@ -56,9 +56,9 @@ def plan_report(choice: PlanChoice) -> Report:
     """Which test of F'_ior of a drive is enough, and what the first of the plans sees."""
     drive, drives, first = choice.drive, choice.drives, choice.judged[0].plan
     limit, F_ior = drive.limit(choice.M_g), drives.percentiles(drives.F_ior_arcsec)
-    names = " or ".join(each.plan.name for each in choice.enough)
-    how = {Verdict.PASS: "enough", Verdict.FAIL: "not enough"}.get(choice.verdict, "perhaps enough")
-    answer = f"{how}: {first.name if choice.asked else names or 'any of these tests'}"
+    names = " or a ".join(each.plan.name for each in choice.enough)
+    how = {Verdict.PASS: "will do", Verdict.FAIL: "will not do"}.get(choice.verdict, "may do")
+    answer = f"{first.name if choice.asked else names or 'any of these tests'} {how}"
     origin = drive.origin
     preset = "-" if origin.file == STDIN else origin.file or drive.name
     facts = (

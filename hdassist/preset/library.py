@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import difflib
+from contextlib import suppress
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from hdassist.errors import DataError, Fault
-from hdassist.textfile import is_file, open_at_once, os_reason, read_bytes
+from hdassist.textfile import is_file, near_files, open_at_once, os_reason, read_bytes
 
 READ_AT_MOST = 1024 * 1024  # more than a preset may have, so that it is refused with the reason
 
@@ -57,6 +58,8 @@ def _library() -> dict[str, Traversable]:
 
 def _unknown(name: str, names: list[str]) -> DataError:
     beside = [file for file in (f"{name}.yaml", f"{name}.yml") if name and is_file(file)]
+    with suppress(OSError, ValueError):
+        beside = beside or [file for file in near_files(Path(name)) if file.endswith((".yaml", ".yml"))]
     close = beside or difflib.get_close_matches(Path(name).stem.lower()[:60], names, 3, 0.5)
     hint = f"did you mean {' or '.join(close)}? " if close else ""
     kind = "no such file" if Path(name).suffix or "/" in name else "no such preset or file"

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknown_names, unknowns
 from hdassist.preset.fields import Drive
-from hdassist.preset.schema import resolved_fields
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict
@@ -64,10 +63,9 @@ def thousands(count: int) -> str:
 
 
 def on_what(drive: Drive) -> str:
-    """What is assumed of a drive, or left to a default that has a range, where nobody has weighed it."""
-    ranges = {each.path for each in assumptions(drive)}
-    assumed = ranges.union(row.path for row in resolved_fields(drive) if row.kind == "assumed")
-    return f"{len(ranges)} of {len(assumed)} assumed values have a range: hdassist check weighs them" if ranges else ""
+    """How many values of a drive are assumed, or left to a default, and have a range that nobody has weighed."""
+    ranges = len(assumptions(drive))
+    return f"the ranges of {ranges} values are not weighed here: hdassist check weighs them" if ranges else ""
 
 
 def not_known(drive: Drive) -> str:

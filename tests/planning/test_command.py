@@ -18,7 +18,7 @@ def test_a_screen_says_what_twelve_positions_see_and_what_is_enough():
     page = run("plan", TINY)
     lines = page.stdout.splitlines()
     assert page.returncode == 0
-    assert lines[0] == "tiny, test at 1 N·m: enough: record of 10 cam turns"
+    assert lines[0] == "tiny, test at 1 N·m: record of 10 cam turns will do"
     assert lines[1].startswith("12 positions see ")
     assert any(line.startswith("next ") and "hdassist measure record.csv --drive" in line for line in lines)
     assert any("positions in an output turn (B: blind to a large line, E: enough)" in line for line in lines)
@@ -32,7 +32,9 @@ def test_with_a_limit_the_page_has_wrong_verdicts_and_fits_a_screen():
     assert "% of drives are beyond the limit; " in page.stdout
     assert "false PASS | false FAIL" in page.stdout
     assert page.returncode == 0
-    assert "enough: record of 10 cam turns\n" in page.stdout  # the whole cycle; eight samples leave all others open
+    assert (
+        "2040 arcsec: record of 10 cam turns will do\n" in page.stdout
+    )  # the whole cycle; eight samples leave all others open
     assert page.stdout.isascii()
     assert max(map(len, page.stdout.splitlines())) <= 80
 
@@ -57,8 +59,8 @@ def test_a_verdict_that_is_known_without_a_test_is_named():
 
 def test_a_test_asked_about_is_the_first_and_decides():
     asked = run("plan", TINY, "--positions", "10", "-q")
-    assert (asked.returncode, asked.stdout) == (3, "not enough: 10 positions\n")
-    assert run("plan", TINY, "--positions", "360", "-q").stdout == "enough: 360 positions\n"
+    assert (asked.returncode, asked.stdout) == (3, "10 positions will not do\n")
+    assert run("plan", TINY, "--positions", "360", "-q").stdout == "360 positions will do\n"
     steps = json.loads(run("plan", TINY, "--positions", "8", "--turns", "2", "--both", "--json").stdout)
     assert steps["plans"][0]["test"] == "8 positions over 2 output turns both ways"
     assert steps["plans"][0]["step_output_deg"] == pytest.approx(90)

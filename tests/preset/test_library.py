@@ -132,7 +132,13 @@ def test_what_cannot_be_read_is_said_plainly(name: str, message: str, hint: str)
 def test_a_file_beside_of_that_name_is_offered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "own40.yaml").write_bytes(read_preset("vzp160")[0])
     monkeypatch.chdir(tmp_path)
-    for name, file in (("own40", "own40.yaml"), ("./own40", "./own40.yaml"), (str(tmp_path / "own40"), "own40.yaml")):
+    here = str(tmp_path / "own40")
+    for name, file in {
+        "own40": "own40.yaml",
+        "./own40": "./own40.yaml",
+        here: "own40.yaml",
+        "ownn40.yaml": "own40.yaml",
+    }.items():
         with pytest.raises(DataError) as caught:
             load_preset(name)
         assert caught.value.hint.startswith("did you mean ") and f"{file}?" in caught.value.hint
