@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
+from typing import Any
 
 from hdassist import kinematic_error, load_preset
 from hdassist.model.contacts import contact_system
@@ -12,7 +13,7 @@ from hdassist.run.run import UNCHECKED
 STATIONS = (1, 3, 4, 5)
 
 
-def measure(quick: bool) -> list[dict]:
+def measure(quick: bool) -> list[dict[str, Any]]:
     """Microseconds of processor time a state of vzp160 over the full cycle, set-up and certificate included.
 
     Numbers of stations take turns, so that what else the machine does falls on all of them.

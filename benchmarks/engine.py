@@ -5,7 +5,9 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -19,7 +21,7 @@ from hdassist.model.deviations import state_gaps
 from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
 from hdassist.solve import walk
 from hdassist.solve.activeset import ActiveSet
-from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, solve_states
+from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, solve_states
 from hdassist.solve.build import library_name
 from hdassist.solve.certificate import residuals
 from hdassist.solve.engine import Engine
@@ -44,7 +46,7 @@ class Warm:
         return StateSums.of(self._system, delta_p, self._torque, *self._one_by_one.solve(delta_p), pull=pull)
 
 
-def measure(quick: bool) -> list[dict]:
+def measure(quick: bool) -> list[dict[str, Any]]:
     """For each torque of vzp160 with whole flanks: processor time a state [us], of the cycle and of a search.
 
     Engines take turns, each over the full cycle and over the batches in which proposals of extremes are solved; a
@@ -73,7 +75,7 @@ def searched(drive: Drive, M_g: float) -> list[StateGaps]:
     batches: list[StateGaps] = []
     solve = LoadCase.solve
 
-    def kept(case, gaps, *others, **options):
+    def kept(case: LoadCase, gaps: StateGaps, *others: Any, **options: Any) -> Answers:
         batches.append(gaps)
         return solve(case, gaps, *others, **options)
 
@@ -92,9 +94,9 @@ def walks() -> Iterator[tuple[str, object]]:
 
 
 def _engines(formulation: Formulation, torque: float, batches: list[StateGaps], rounds: int) -> dict[str, float]:
-    makers: dict[str, Callable[[], Engine | Warm]] = {}
+    makers: dict[str, Callable[[], Any]] = {}  # of what solves as an engine does
     for words, library in walks():
-        makers[words] = lambda library=library: _with(library, formulation, torque, batches[0][:1])
+        makers[words] = partial(_with, library, formulation, torque, batches[0][:1])
     makers[NUMPY] = lambda: Engine(formulation, torque, many=True, compiled=False)
     makers[WARM_DAQP] = lambda: Warm(formulation, torque)
     times: dict[str, list[float]] = {name: [] for name in makers}

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 DOCS = Path(__file__).parents[1] / "docs"
 FIGURE = DOCS / "figures" / "evidence.svg"
 M_G = 6.7
 STIFFNESS = ("catalogue.K_1=3.1e4", "catalogue.K_2=5.0e4", "catalogue.K_3=5.7e4")
-EVIDENCE = {
+EVIDENCE: dict[str, tuple[str, ...]] = {
     "nothing": (),
     "K_1 to K_3 of the catalogue": STIFFNESS,
     "and its lost motion, at most 60″": (*STIFFNESS, "catalogue.lost_motion=60"),
@@ -24,7 +25,7 @@ EVIDENCE = {
 WIDTH, ROW, LEFT, MOST = 720, 44, 250, 190.0  # of the figure; MOST arcsec at its right edge
 
 
-def rows(draws: int):
+def rows(draws: int) -> Iterator[tuple[str, list[float], list[float], float, int]]:
     """A row for each evidence: its words, 5th, 50th and 95th percentile of F'_ior and W_0, effective samples of all."""
     from hdassist import load_preset
     from hdassist.belief.evidence import evidence_of

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
+from typing import Any
 
 from hdassist import Drive, kinematic_error, load_preset
 from hdassist.model.contacts import contact_system
@@ -21,7 +22,7 @@ def drive_of(z_g: int) -> Drive:
     return load_preset("vzp160", [*(f"gears.{name}={value}" for name, value in fields.items()), f"cam.W_0={1.2 * m}"])
 
 
-def measure(quick: bool) -> list[dict]:
+def measure(quick: bool) -> list[dict[str, Any]]:
     """Microseconds of processor time a state over the full cycle of each drive, set-up and certificate included."""
     found = []
     for z_g in TEETH[:2] if quick else TEETH:

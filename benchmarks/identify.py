@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -80,7 +80,7 @@ def towards_both(values: Mapping[str, float], rounds: int, executor: ProcessPool
     width = BOX * np.array([WEAK.get(path, 1) for path in paths])
     best = cube.point([values[path] for path in paths])
 
-    def at(points):
+    def at(points: Sequence[np.ndarray]) -> list[list[float]]:
         sets = [dict(zip(paths, cube.values(point), strict=True)) for point in points]
         return list(executor.map(coarsely, sets))
 

@@ -86,7 +86,7 @@ def _missed(targets: list[Row]) -> str:
 def _solvers(torques: list[dict[str, Any]]) -> str:
     lines = []
     for name in torques[0]["us"]["cycle"]:
-        cells = (f"{t['us'][order][name]:.1f}" for t in torques for order in ("cycle", "search"))
+        cells = [f"{t['us'][order][name]:.1f}" for t in torques for order in ("cycle", "search")]
         lines.append([name, *cells])
     lines.append(["the certificate alone, numpy", *(x for t in torques for x in (f"{t['certificate_us']:.1f}", ""))])
     for solver in torques[0]["cvxpy_us"]:

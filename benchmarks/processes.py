@@ -13,6 +13,7 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 EVERY = 0.2  # s between two looks at the memory
 ANSWERS = (0, 3, 6)  # exit codes of a command that has its answer
@@ -61,7 +62,7 @@ PROCESSES = (
 LONG = ("tolerance", "sensitivity")  # once in a quick run
 
 
-def measure(quick: bool) -> dict:
+def measure(quick: bool) -> dict[str, Any]:
     """Medians of every process, in a folder that holds a preset of a data sheet; quick: fewer runs."""
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run(Process(NEW, 1).call, cwd=folder, check=True, capture_output=True)
@@ -73,8 +74,10 @@ def measure(quick: bool) -> dict:
 def _first_words(process: Process, folder: str) -> float:
     """Seconds of processor time until a command shows words on a terminal, not controls of it alone."""
     ours, theirs = pty.openpty()
-    streams = {"stdin": subprocess.DEVNULL, "stdout": theirs, "stderr": theirs}
-    child = subprocess.Popen(process.call, cwd=folder, env=os.environ | {"TERM": "xterm"}, **streams)
+    environment = os.environ | {"TERM": "xterm"}
+    child = subprocess.Popen(
+        process.call, cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=theirs, stderr=theirs
+    )
     os.close(theirs)
     shown = b""
     while not CONTROL.sub(b"", shown).strip():
@@ -86,7 +89,7 @@ def _first_words(process: Process, folder: str) -> float:
     return usage.ru_utime + usage.ru_stime
 
 
-def measured(process: Process, runs: int, folder: str) -> dict:
+def measured(process: Process, runs: int, folder: str) -> dict[str, Any]:
     """Medians of runs in a folder; over: words of the other process, and the most times its processor time."""
     found = [_run(process, folder) for _ in range(runs)]
     return {

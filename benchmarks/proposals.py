@@ -10,10 +10,14 @@ import argparse
 import os
 import statistics
 import time
-from collections.abc import Iterable
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hdassist import Drive
 
 KINDS = ("light", "heavy", "any")  # of tests/searched_drives.py
 OFFSETS = (0.0, 80.0, 120.0)  # um, of the cam offset that stands still
@@ -36,28 +40,24 @@ class Compared:
         return abs(self.F_ior[0] - self.F_ior[1])
 
 
-def compared(case) -> Compared | None:
+def compared(case: tuple[Drive, float]) -> Compared | None:
     """Compare both ways of a drive at a torque [N*m]; None where its answer is outside the limits of the model."""
     from hdassist.error.error_map import Batch, ErrorMap
     from hdassist.errors import UntrustedError
 
     drive, M_g = case
-    found, seconds = [], []
-    for way in (ErrorMap.extremes, ErrorMap.many_extremes):
-        error_map, batch = ErrorMap(drive, M_g), Batch.of(drive)
+    try:
         begun = time.process_time()
-        try:
-            found.append(way(error_map, *([batch] if way is ErrorMap.many_extremes else [])))
-        except UntrustedError:
-            return None
-        seconds.append(time.process_time() - begun)
-    every, proposed = found
-    return Compared(
-        (every.first, proposed.first), (every.certificate.states, proposed.certificate.states), tuple(seconds)
-    )
+        every = ErrorMap(drive, M_g).extremes()
+        between = time.process_time()
+        proposed = ErrorMap(drive, M_g).many_extremes(Batch.of(drive))
+        seconds = (between - begun, time.process_time() - between)
+    except UntrustedError:
+        return None
+    return Compared((every.first, proposed.first), (every.certificate.states, proposed.certificate.states), seconds)
 
 
-def cases(random: int) -> dict[str, Iterable]:
+def cases(random: int) -> dict[str, list[tuple[Drive, float]]]:
     """Drives with their torques [N*m], by group."""
     from hdassist import load_preset, preset_names
     from tests.searched_drives import searched_drive
@@ -67,7 +67,7 @@ def cases(random: int) -> dict[str, Iterable]:
     return groups | {f"random drives, {kind}": [searched_drive(kind, k) for k in range(random)] for kind in KINDS}
 
 
-def _hard(drive) -> Iterable:
+def _hard(drive: Drive) -> Iterator[tuple[Drive, float]]:
     import numpy as np
 
     from hdassist.error.error_map import ErrorMap
@@ -81,7 +81,7 @@ def _hard(drive) -> Iterable:
             yield from ((turned[k], M_g) for k in (np.argmin(values), np.argmax(values)))
 
 
-def measure(quick: bool, random: int = RANDOM) -> list[dict]:
+def measure(quick: bool, random: int = RANDOM) -> list[dict[str, Any]]:
     """What proposals miss [arcsec], states [1] and processor time [ms] of both, by group of drives."""
     with ProcessPoolExecutor(os.cpu_count()) as executor:
         return [
@@ -90,7 +90,7 @@ def measure(quick: bool, random: int = RANDOM) -> list[dict]:
         ]
 
 
-def _summary(group: str, rows: list[Compared]) -> dict:
+def _summary(group: str, rows: list[Compared]) -> dict[str, Any]:
     values, missed = [row.F_ior[0] for row in rows], [row.missed for row in rows]
     median = partial(map, statistics.median)
     return {

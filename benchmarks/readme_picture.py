@@ -17,7 +17,7 @@ PRESET = ("presets", "new", "own", "--ratio", "100", "--pitch-diameter", "63.5",
 COMMAND = ("check", "own.yaml", "--torque", "6.7", "--limit", "55")
 INCONCLUSIVE = 6  # exit code
 FIGURES = Path(__file__).parents[1] / "docs/figures"
-LIGHT = TerminalTheme((255, 255, 255), (36, 41, 46), DIMMED_MONOKAI.ansi_colors._colors)
+LIGHT = TerminalTheme((255, 255, 255), (36, 41, 46), list(DIMMED_MONOKAI.ansi_colors._colors))
 
 
 def main() -> None:

@@ -18,12 +18,17 @@ from collections.abc import Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hdassist import Drive
+    from hdassist.tolerance.production import Production
 
 HARMONICS = {
     "tolerances.e_b": 10.0, "harmonics.a_g2": 3.0, "harmonics.a_b2": 3.0, "harmonics.a_g3": 1.5, "harmonics.a_b3": 1.5,
     "harmonics.a_g4": 1.5, "harmonics.a_b4": 1.5,
 }  # fmt: skip
-CASES = {"vzp160": {}, "with harmonics": HARMONICS}
+CASES: dict[str, dict[str, float]] = {"vzp160": {}, "with harmonics": HARMONICS}
 SEED = 1
 EVERY = 5
 CHUNK = 10
@@ -45,7 +50,7 @@ class Drawn:
     loss: float | None = None
 
 
-def production(case: str, drives: int, executor: Executor | None = None):
+def production(case: str, drives: int, executor: Executor | None = None) -> Production:
     from hdassist import load_preset
     from hdassist.run.run import Run
     from hdassist.tolerance.law import production_law
@@ -56,7 +61,7 @@ def production(case: str, drives: int, executor: Executor | None = None):
     return made.with_designs(drives, run=Run(executor))[0]
 
 
-def compare(task) -> list[Drawn]:
+def compare(task: tuple[str, Production, int, int]) -> list[Drawn]:
     import numpy as np
 
     from hdassist import kinematic_error
@@ -68,9 +73,11 @@ def compare(task) -> list[Drawn]:
     found = []
     for k, record in enumerate(made.records(first, last), first):
         drive = made.drive.with_values(record.values)
-        turned = rotated(drive, record.best_rotation_deg)
+        best_deg = record.best_rotation_deg
+        assert best_deg is not None  # None has no F'_ior either
+        turned = rotated(drive, best_deg)
 
-        def every_state(there) -> list[float]:
+        def every_state(there: Drive) -> list[float]:
             return [kinematic_error(there, M_g, run=UNCHECKED).F_ior_arcsec for M_g in made.torques]
 
         exact = every_state(drive)
@@ -81,7 +88,7 @@ def compare(task) -> list[Drawn]:
             searches = [ErrorMap(drive, M_g) for M_g in made.torques]
             all_ = np.array([[s.extremes(rotated(drive, r)).first for r in made.rotations] for s in searches])
             values = merit(all_, all_[:, 0])
-            loss = float(values[made.rotations.index(record.best_rotation_deg)] / values.min() - 1)
+            loss = float(values[made.rotations.index(best_deg)] / values.min() - 1)
         found.append(Drawn(case, k, exact, missed, best, loss))
     return found
 
@@ -104,12 +111,12 @@ def report(case: str, rows: Sequence[Drawn]) -> None:
     print(f"{case}, choice: of {len(loss)} drives {better}")
 
 
-def measure(quick: bool) -> list[dict]:
+def measure(quick: bool) -> list[dict[str, Any]]:
     """For each case: ms of processor time a value, states a drive, seconds of designs, use of two processes."""
     return [speed(case, 10 if quick else 100) | efficiency(case, 20 if quick else 200) for case in CASES]
 
 
-def speed(case: str, count: int) -> dict:
+def speed(case: str, count: int) -> dict[str, Any]:
     begun = time.process_time()
     made = production(case, 2 + count)
     designs = time.process_time() - begun
@@ -127,7 +134,7 @@ def speed(case: str, count: int) -> dict:
     return {"case": case, "value_ms": value, "drive_states": states, "designs_s": designs}
 
 
-def efficiency(case: str, count: int) -> dict:
+def efficiency(case: str, count: int) -> dict[str, Any]:
     from hdassist.run.stream import stream
 
     made, took = production(case, count), []

@@ -8,8 +8,14 @@ from __future__ import annotations
 
 import argparse
 import os
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Mapping
+from concurrent.futures import Executor, ProcessPoolExecutor
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hdassist.model.geometry import Array
+    from hdassist.tolerance.production import Production, RandomDrive
 
 PRESETS = ("vzp160", "synthetic-160-162")
 SEED = 0
@@ -24,12 +30,12 @@ INK = {
 }
 
 
-def chunk(task):
+def chunk(task: tuple[Production, int, int]) -> list[RandomDrive]:
     made, first, last = task
     return made.records(first, last)
 
 
-def drives(preset: str, finer: bool, count: int, executor):
+def drives(preset: str, finer: bool, count: int, executor: Executor) -> tuple[tuple[float, ...], list[RandomDrive]]:
     from hdassist import load_preset
     from hdassist.run.run import Run
     from hdassist.tolerance.law import production_law
@@ -44,7 +50,7 @@ def drives(preset: str, finer: bool, count: int, executor):
     return made.torques, [record for records in executor.map(chunk, tasks) for record in records]
 
 
-def figure(M_g: float, curves) -> str:
+def figure(M_g: float, curves: Mapping[tuple[str, str], Array]) -> str:
     import numpy as np
 
     most = max(float(np.quantile(values, 0.995)) for values in curves.values())
