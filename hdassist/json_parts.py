@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from hdassist.belief.samples import Samples
     from hdassist.model.unknown import Unknown
     from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
-    from hdassist.solve.answers import Certificate
     from hdassist.solve.throughcvxpy import CrossCheck
 
 Json = dict[str, Any]
+SCHEMA_NUMBERS = {"accept": 2, "accept-replay": 2}  # of JSON whose keys have changed; all other has 1
 
 
 def as_json(value: Any) -> Any:
@@ -37,12 +37,26 @@ def attributes(thing: object, *names: str) -> Json:
     return {name: getattr(thing, name) for name in names}
 
 
-def certificate_object(certificate: Certificate, cross_checks: Iterable[CrossCheck | None] = ()) -> Json:
-    """Certificate and cross-check as JSON: the worst of all torques."""
+def schema_of(command: str) -> str:
+    """Schema of the JSON of a command."""
+    return f"hdassist.{command}/{SCHEMA_NUMBERS.get(command, 1)}"
+
+
+def certificate_object(found: object, cross_checks: Iterable[CrossCheck | None] = ()) -> Json:
+    """Certificate, cross-check and engine as JSON, the worst of all torques; of kept states their residual alone.
+
+    found: certificate of states, or what is kept of one; the engine is that of states that no --solver was asked for.
+    """
+    from hdassist.solve.answers import Certificate
+    from hdassist.solve.walk import walk_library
+
+    proof = {**attributes(found, "states", "max_residual"), "engine": walk_library()[1]}
+    if not isinstance(found, Certificate):
+        return proof
     crosses = [cross for cross in cross_checks if cross]
-    return {
-        **attributes(certificate, "states", "max_residual", "fallbacks"),
-        "residuals": attributes(certificate, "negative_force", "negative_gap", "complementarity", "equilibrium"),
+    return proof | {
+        "fallbacks": found.fallbacks,
+        "residuals": attributes(found, "negative_force", "negative_gap", "complementarity", "equilibrium"),
         "cross_check": {
             "solver": crosses[0].solver,
             "states": sum(cross.states for cross in crosses),

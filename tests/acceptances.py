@@ -10,7 +10,7 @@ from hdassist.acceptance.answer import AcceptAnswer
 from hdassist.acceptance.decision import AcceptedValue
 from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.predictions import Predictions, predict
-from hdassist.acceptance.request import Inputs, Request, limits_to_predict
+from hdassist.acceptance.request import Inputs, Request
 from hdassist.measuring.measure import Measurement
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
@@ -28,7 +28,7 @@ def accept(
     """The answer about a drive; asked: fields of the request."""
     request = Request(drive.name, **asked)
     inputs = Inputs(drive, dict(measured or {}), dict(stated or {}), wheels)
-    left = [] if request.measured_only else limits_to_predict(drive, list(inputs.measurements), list(inputs.stated))
+    left = () if request.measured_only else inputs.unmeasured
     if left and predictions is None:
         predictions = predict(drive, left, wheels=wheels, draws=request.draws, sure=request.sure)
     return acceptance.accept(request, inputs, predictions if left else None)

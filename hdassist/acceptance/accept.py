@@ -18,7 +18,7 @@ from hdassist.acceptance.checks import (
 from hdassist.acceptance.decision import GUARD, AcceptedValue, Decision, decide
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.predictions import Predictions
-from hdassist.acceptance.request import Inputs, Request, limits_to_predict
+from hdassist.acceptance.request import Inputs, Request
 from hdassist.errors import DataError
 from hdassist.json_parts import Json
 from hdassist.measuring.measure import Measurement
@@ -46,7 +46,7 @@ def accept(
     """
     drive = with_window(inputs.drive, predictions.prior.drive.numerics.window) if predictions else inputs.drive
     limits, measured, rule = limits_of(drive), inputs.measurements, drive.acceptance.rule
-    left = limits_to_predict(drive, list(measured), list(inputs.stated))
+    left = inputs.unmeasured
     if predictions is None and len(left) == len(limits):
         raise DataError(
             f"{drive.name}: nothing was measured that has a limit",

@@ -6,9 +6,9 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
 
 from hdassist.acceptance.decision import Decision
 from hdassist.acceptance.predictions import Predictions
@@ -21,18 +21,25 @@ from hdassist.json_parts import (
     measure_objects,
     pitch_object,
     samples_object,
+    schema_of,
     unknown_objects,
 )
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.kinds import OneLine
-from hdassist.run.kept import ClosedRecord, RecordKind, read_kept
+from hdassist.run.kept import ClosedRecord, RecordKind, read_kept, why_invalid
 from hdassist.textfile import PART, STDIN, opened
 from hdassist.verdict import Verdict
 from hdassist.visible import printable
 
 MOST_ANSWER_BYTES = 1_000_000_000
-ACCEPT_SCHEMA: Literal["hdassist.accept/1"] = "hdassist.accept/1"
+ACCEPT_SCHEMA = schema_of("accept")
 BROKEN_VERDICT = "BROKEN"  # in place of a verdict, of a drive without an answer
+
+
+def _require_schema(schema: str) -> str:
+    if schema != ACCEPT_SCHEMA:
+        raise ValueError(f"{schema[:60]}, where this version of hdassist reads and writes {ACCEPT_SCHEMA}")
+    return schema
 
 
 @dataclass(frozen=True)
@@ -71,7 +78,7 @@ class AcceptAnswer(ClosedRecord):
     to_measure, samples and pitch (wheels with measured teeth): of its predictions, as `hdassist check` has them.
     """
 
-    schema: Literal["hdassist.accept/1"] = ACCEPT_SCHEMA
+    schema: Annotated[str, AfterValidator(_require_schema)] = ACCEPT_SCHEMA
     version: OneLine
     preset: PresetRecord
     exit_code: int
@@ -87,7 +94,6 @@ class AcceptAnswer(ClosedRecord):
     measured: tuple[Json, ...] = ()
     rule: Json | None = None
     certificate: Json | None = None
-    solver: str | None = None
     unknown: tuple[Json, ...] = ()
     pitch: tuple[Json, ...] = ()
     influence: tuple[Json, ...] = ()
@@ -113,7 +119,6 @@ def of_predictions(found: Predictions | None, wheels: MeasuredTeeth | None) -> J
         return fields
     return fields | {
         "certificate": certificate_object(found.certificate, found.quantities.cross_checks),
-        "solver": "engine",
         "unknown": tuple(unknown_objects(found.unknown)),
         "influence": tuple(influence_objects(found.influences)),
         "to_measure": tuple(measure_objects(found.to_measure)),
@@ -141,7 +146,7 @@ def provenance(answer: AcceptAnswer) -> Json:
         "measured_sha256": " ".join(trace["sha256"] for trace in answer.measured) or None,
         "pitch_sha256": " ".join(wheel["sha256"] for wheel in answer.pitch) or None,
         "seed": answer.seed,
-        "solver": answer.solver,
+        "engine": answer.certificate and answer.certificate["engine"],
         "max_residual": answer.certificate and answer.certificate["max_residual"],
         "time": answer.time,
     }
@@ -193,7 +198,5 @@ def _read(fields: Any, place: str) -> AcceptAnswer:
     try:
         return ANSWER.validate_python(fields)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(key) or "''" for key in first["loc"])
-        words = f"{place}: an answer is not whole: {where}: {first['msg']}"
+        words = f"{place}: an answer is not whole: {why_invalid(error)}"
         raise DataError(words, "it was changed, or another version wrote it") from None

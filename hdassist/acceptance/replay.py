@@ -73,11 +73,16 @@ def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[Differ
     if bool(recorded.error) != bool(now.error):
         errors = (each.error and each.error.message for each in (recorded, now))
         return [Difference("verdict", recorded.status, now.status), Difference("error", *errors)]
-    return list(differences(_by_check(recorded), _by_check(now)))
+    engine, engine_now = (each.certificate and each.certificate["engine"] for each in (recorded, now))
+    then, comes = (_by_check(each, same_engine=engine == engine_now) for each in (recorded, now))
+    return list(differences(then, comes))
 
 
-def _by_check(answer: AcceptAnswer) -> Json:
+def _by_check(answer: AcceptAnswer, *, same_engine: bool) -> Json:
+    """An answer with its checks by name; of another engine without the residuals, which it has of its own."""
     found = answer_json(answer)
+    if found["certificate"] and not same_engine:
+        found["certificate"] = {key: found["certificate"][key] for key in ("states", "cross_check")}
     checks = zip(answer.checks, found["checks"], strict=True)
     return found | {"checks": {f"{place} {check.label}": each for place, (check, each) in enumerate(checks, 1)}}
 

@@ -52,6 +52,27 @@ class Inputs:
     stated: dict[Limit, AcceptedValue] = field(default_factory=dict)
     wheels: MeasuredTeeth | None = None
 
+    @property
+    def unmeasured(self) -> tuple[Limit, ...]:
+        """Limits of the drive that neither a trace nor a stated value is for.
+
+        Raises DataError: no limit, something measured that no limit is for, or an order that the full cycle does not
+        have; UsageError: such an order on the command line.
+        """
+        drive, limits = self.drive, limits_of(self.drive)
+        for order in filter(None, (limit.per_cam_rev for limit in limits)):
+            try:
+                order_place(Kinematics.of(drive), order)
+            except UsageError as error:
+                if is_overridden("acceptance.order_amplitude", drive.origin.overrides):
+                    raise
+                raise DataError(f"{drive.name}: acceptance.order_amplitude: {error.message}", error.hint) from None
+        by_trace = [each for each in limits if each.check.measured and each.M_g_Nm in self.measurements]
+        if without := set(self.measurements) - {each.M_g_Nm for each in by_trace}:
+            words = f"{drive.name}: measured at {min(without):g} N*m, where it has no limit"
+            raise DataError(words, f"--limit F_ior@{min(without):g}=30")
+        return tuple(each for each in limits if each not in by_trace and each not in self.stated)
+
 
 @dataclass(frozen=True)
 class Request(ClosedRecord):
@@ -136,17 +157,18 @@ class Request(ClosedRecord):
         self.wheels.require_sound()
         return None if self.measured_only else self.wheels.read(drive)
 
-    def predict(self, drive: Drive, wheels: MeasuredTeeth | None, run: Run = Run()) -> Predictions | None:
-        """Predictions that it needs, without a look at what was measured; None where it needs none.
+    def predict(
+        self, drive: Drive, limits: Sequence[Limit], wheels: MeasuredTeeth | None, run: Run = Run()
+    ) -> Predictions | None:
+        """Predictions for limits of the drive; None without any, and where nothing is predicted.
 
-        Raises DataError: no limit, or something measured that no limit is for; UntrustedError: no answer to be trusted.
+        Raises UntrustedError: no answer to be trusted.
         """
-        if self.measured_only:
+        if self.measured_only or not limits:
             return None
-        left = limits_to_predict(drive, [*self.traces(drive)], [*stated_values(self.values, drive)])
         run = replace(run, seed=self.seed, cross_check=self.cross_check)
-        analysis = partial(predict, limits=left, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
-        return in_wide_enough_window(drive, analysis) if left else None
+        analysis = partial(predict, limits=limits, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
+        return in_wide_enough_window(drive, analysis)
 
 
 def torque_and_file(text: str) -> tuple[str, str]:
@@ -167,24 +189,3 @@ def stated_values(texts: Sequence[str], drive: Drive) -> dict[Limit, AcceptedVal
             raise UsageError(f"--value {given}: given twice")
         found[limit] = AcceptedValue.stated(given, limit)
     return found
-
-
-def limits_to_predict(drive: Drive, torques: Sequence[float], stated: Sequence[Limit]) -> list[Limit]:
-    """Limits of a drive that neither a trace at one of the torques [N*m] nor a stated value is for.
-
-    Raises DataError: no limit, something measured that no limit is for, or an order that the full cycle does not have;
-    UsageError: such an order on the command line.
-    """
-    limits = limits_of(drive)
-    for order in filter(None, (limit.per_cam_rev for limit in limits)):
-        try:
-            order_place(Kinematics.of(drive), order)
-        except UsageError as error:
-            if is_overridden("acceptance.order_amplitude", drive.origin.overrides):
-                raise
-            raise DataError(f"{drive.name}: acceptance.order_amplitude: {error.message}", error.hint) from None
-    for M_g in torques:
-        if not any(limit.M_g_Nm == M_g and limit.check.measured for limit in limits):
-            words = f"{drive.name}: measured at {M_g:g} N*m, where it has no limit"
-            raise DataError(words, f"--limit F_ior@{M_g:g}=30")
-    return [each for each in limits if each not in stated and not (each.check.measured and each.M_g_Nm in torques)]

@@ -8,9 +8,10 @@ from functools import lru_cache
 
 from hdassist.acceptance.accept import accept
 from hdassist.acceptance.answer import AcceptAnswer, ErrorRecord, PresetRecord, now
+from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.lot import LotRow
 from hdassist.acceptance.predictions import Predictions
-from hdassist.acceptance.request import Request, torque_and_file
+from hdassist.acceptance.request import Request
 from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.version import __version__
 
@@ -34,7 +35,8 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
             raise row.fault
         drive = row.request.load()
         inputs = row.request.read(drive)
-        predictions = None if row.request.measured_only else predicted(_prediction_key(row.request))
+        alike = replace(row.request, serial="", measured=(), values=())
+        predictions = predicted(alike, inputs.unmeasured)
         return accept(row.request, inputs, predictions, row.place)
     except HdassistError as error:
         return failure_of(row, error)
@@ -49,17 +51,10 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
 
 
 @lru_cache(maxsize=2)
-def predicted(request: Request) -> Predictions | None:
-    """Predictions of a drive, kept for the next row in this process that needs the same."""
+def predicted(request: Request, limits: tuple[Limit, ...]) -> Predictions | None:
+    """Predictions for limits of a drive, kept for the next row in this process that needs the same."""
     drive = request.load()
-    return request.predict(drive, request.read_wheels(drive))
-
-
-def _prediction_key(request: Request) -> Request:
-    """A request without what predictions do not depend on: serial, files and values that were measured."""
-    measured = tuple(f"{torque}=" * bool(torque) for torque, _ in map(torque_and_file, request.measured))
-    values = tuple(f"{text.partition('=')[0]}=0±0" for text in request.values)
-    return replace(request, serial="", measured=measured, values=values)
+    return request.predict(drive, limits, request.read_wheels(drive))
 
 
 def failure_of(row: LotRow, error: HdassistError) -> AcceptAnswer:

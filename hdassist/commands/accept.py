@@ -42,12 +42,13 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         """Whether there is a file that a drive without an answer stands in too."""
         return self.jsonl is not None or self.junit is not None
 
-    @property
-    def replaces_suite(self) -> bool:
-        """Whether the file of --junit may be replaced: a lot that goes on replaces that of its last run."""
-        from hdassist.pages.accept_junit import is_suite_of_lot
+    def replaces(self, path: str) -> bool:
+        """Whether an existing file may be replaced: a lot that goes on replaces figures and suites of its last run."""
+        from hdassist.pages.accept import FIGURES_HEAD
+        from hdassist.pages.accept_junit import SUITES_HEAD
+        from hdassist.terminal.files import begins_with
 
-        return self.force or (self.resume and self.junit is not None and is_suite_of_lot(self.junit))
+        return self.force or (self.resume and begins_with(path, (FIGURES_HEAD, SUITES_HEAD)))
 
     def open(self) -> Output:
         """Where answers go. Raises UsageError and DataError unless each file has its own place, and can be written."""
@@ -61,7 +62,7 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         if self.jsonl is not None:
             take_output(self.jsonl, self.force, is_kept=self.resume)
         if self.junit is not None:
-            take_output(self.junit, self.replaces_suite)
+            take_output(self.junit, self.replaces(self.junit))
         return out
 
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 from hdassist.acceptance.accept import accept
 from hdassist.acceptance.answer import ANSWERS, AcceptAnswer, answer_json, read_answers, to_lines
-from hdassist.acceptance.limits import limits_of
 from hdassist.acceptance.lot import Lot, LotRow, read_lot
 from hdassist.acceptance.predictions import prediction_states
 from hdassist.acceptance.replay import changed_file, still_stands
@@ -46,9 +45,9 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
         drive = request.load()
         inputs = request.read(drive)
         say_notes(inputs.wheels)
-        states = 0 if request.measured_only else prediction_states(drive, limits_of(drive), request.draws)
+        states = 0 if request.measured_only else prediction_states(drive, inputs.unmeasured, request.draws)
         with out.progress(drive.name, states) as progress, workers(options.jobs) as executor:
-            predictions = request.predict(drive, inputs.wheels, Run(executor, progress))
+            predictions = request.predict(drive, inputs.unmeasured, inputs.wheels, Run(executor, progress))
         answer = accept(request, inputs, predictions)
         answers.append(answer)
         report = page.accept_report(answer, predictions, drive)
@@ -115,9 +114,9 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
 def _write_tables(options: AcceptOptions, name: str, answers: Sequence[AcceptAnswer], lot_sha256: str = "") -> None:
     """Write answers as CSV and as JUnit, with a name of the whole, where they are asked for."""
     if options.csv is not None:
-        write_text(options.csv, page.csv(answers), options.force)
+        write_text(options.csv, page.csv(answers), options.replaces(options.csv))
     if options.junit is not None:
-        write_text(options.junit, junit(name, answers, lot_sha256), options.replaces_suite)
+        write_text(options.junit, junit(name, answers, lot_sha256), options.replaces(options.junit))
 
 
 def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[AcceptAnswer | None]:

@@ -63,17 +63,21 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
     plot: o.Plot = True
     details: o.Details = False
 
+    @property
+    def changes(self) -> list[str]:
+        """All that the options change of a preset, its torque too."""
+        return [*super().changes, *o.torque_overrides(self.torque)]
+
     def run(self) -> int:
         """Compare; returns the exit code."""
         return self._compare_presets() if any(map(is_preset, self.files)) else self._compare_traces()
 
     def _compare_traces(self) -> int:
         """Compare measured traces with the drive; returns the exit code."""
-        from dataclasses import replace
         from functools import partial
 
-        from hdassist.comparing.compare import FIT_STATES, RecordConvention, compare, torque_of, zero_of
-        from hdassist.loading.load import load_preset
+        from hdassist.comparing.compare import FIT_STATES, compare, torque_of, zero_of
+        from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment
         from hdassist.measuring.orders import parse_orders
         from hdassist.measuring.uncertainty import parse_stated
         from hdassist.model.kinematics import Kinematics
@@ -86,19 +90,21 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
 
         o.stdin_once(*self.files, self.preset)
         out = self.open()
-        angles = o.degrees_or_fit("--phi-g0", self.start), o.degrees_or_fit("--cam-zero", self.zero or "0")
-        asked = RecordConvention(*angles, self.error_is, self.cam_sense)
+        start, given_zero = o.degrees_or_fit("--phi-g0", self.start), o.degrees_or_fit("--cam-zero", self.zero or "0")
+        sign = 1.0 if self.error_is == ERROR_SIGNS[1.0] else -1.0
+        sense = 1.0 if self.cam_sense == SENSES[1.0] else -1.0
         orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
         how = partial(compare, orders=orders, drift=self.drift, stated=stated)
-        drive = load_preset(self.preset, [*self.changes, *o.torque_overrides(self.torque)])
+        drive = self.load(self.preset)
         M_g, form = torque_of(drive), self.form()
 
         def one(name: str) -> Report:
             trace = read_trace(name, form, abs(Kinematics.of(drive).u))
-            convention = asked if self.zero else replace(asked, zero_deg=zero_of(trace, drive, asked.start_deg))
+            zero = given_zero if self.zero else zero_of(trace, drive, start)
+            asked = Alignment(start or 0.0, zero or 0.0, sign, sense, (start is None, zero is None))
             with out.progress(f"{drive.name}, {trace.file}", FIT_STATES) as progress:
                 run = Run(progress=progress, seed=self.seed)
-                analysis = partial(how, trace, M_g=M_g, convention=convention, run=run)
+                analysis = partial(how, trace, M_g=M_g, asked=asked, run=run)
                 result = in_wide_enough_window(drive, analysis)
             return comparison_report(result)
 
@@ -108,13 +114,10 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
     def _compare_presets(self) -> int:
         """Compare presets; returns the exit code.
 
-        Raises UsageError where traces stand among presets, options are asked for that belong to traces, or the torque
-        is none.
+        Raises UsageError where traces stand among presets, or options are asked for that belong to traces.
         """
-        from hdassist.comparing.drives import common_torques, compare_drives, estimate_comparison
+        from hdassist.comparing.drives import at_common_torques, compare_drives, estimate_comparison
         from hdassist.pages.compare_presets import comparison_warnings, drives_report
-        from hdassist.run.processes import workers
-        from hdassist.run.run import Run
         from hdassist.terminal.answers import failure
         from hdassist.terminal.output import warn
         from hdassist.terminal.runs import give, run_each
@@ -130,15 +133,10 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         out = self.open()
 
         def one(_: str) -> Report:
-            loaded = [self.load(name) for name in names]
-            if self.torque is not None and not (self.torque and loaded[0].allows("operation.M_g", self.torque)):
-                raise UsageError(f"invalid --torque {self.torque:g}: expected a torque in N*m up to 1e7, and not 0")
-            torques = common_torques(loaded) if self.torque is None else (self.torque,)
-            states = estimate_comparison(loaded, torques, self.draws)
-            words = ", ".join(drive.name for drive in loaded)
-            with out.progress(words, states) as progress, workers(self.jobs) as executor:
-                run = Run(executor, progress, self.seed)
-                result = compare_drives(loaded, torques, draws=self.draws, run=run)
+            drives = at_common_torques([self.load(name) for name in names])
+            words = ", ".join(drive.name for drive in drives)
+            with out.run(words, estimate_comparison(drives, self.draws), self) as run:
+                result = compare_drives(drives, draws=self.draws, run=run)
             for text in comparison_warnings(result):
                 warn(text)
             return drives_report(result, self.seed)

@@ -40,29 +40,10 @@ FIT_STATES = 200_000  # that the fits of a comparison solve, about
 
 
 @dataclass(frozen=True)
-class RecordConvention:
-    """How the angles and errors of a file count.
-
-    start_deg, zero_deg: alignment of the record, None to fit them; error_is: "cam-output", F_kpp as `hdassist trace`
-    writes it, or "output-cam"; cam_sense: "ccw" or "cw", seen from the cam side.
-    """
-
-    start_deg: float | None = None
-    zero_deg: float | None = 0.0
-    error_is: str = "cam-output"
-    cam_sense: str = "ccw"
-
-    @property
-    def free(self) -> tuple[bool, bool]:
-        """Whether start and zero are fitted."""
-        return self.start_deg is None, self.zero_deg is None
-
-
-@dataclass(frozen=True)
 class MirroredFile:
-    """Another convention by which a file fits clearly better, and rms of the difference then."""
+    """How else a file is read that fits clearly better, and rms of the difference then."""
 
-    convention: RecordConvention
+    asked: Alignment
     rms_arcsec: float
 
 
@@ -70,7 +51,7 @@ class MirroredFile:
 class Comparison:
     """A measured trace beside the predicted one of a drive.
 
-    M_g [N*m]; convention: how the file was read; unchanged: the drive as it is, with the alignment of the record;
+    M_g [N*m]; asked: how the file was to be read; unchanged: the drive as it is, with the alignment of the record;
     uncertainties_deg: standard, of start and zero of that, None where given; predicted_arcsec at the bins, levels and
     drift as the residual has none; residual_arcsec at the bins; orders, measured and predicted; predicted_curve,
     difference_curve [arcsec] limited to the orders, at the angles visited (sweep.grid_turns); singles: one explanation
@@ -80,7 +61,7 @@ class Comparison:
     drive: Drive
     measurement: Measurement
     M_g: float
-    convention: RecordConvention
+    asked: Alignment
     unchanged: Explanation
     uncertainties_deg: tuple[float | None, float | None]
     predicted_arcsec: Array
@@ -130,27 +111,12 @@ def zero_of(trace: MeasuredTrace, drive: Drive, start_deg: float | None) -> floa
     return None if start_deg is None else -Kinematics.of(drive).u * start_deg
 
 
-def alignment_of(trace: MeasuredTrace, drive: Drive, convention: RecordConvention) -> Alignment:
-    """Alignment of a record, with fitted angles as 0. Raises UsageError for a sign of the error with two encoders."""
-    direct = Kinematics.of(drive).u > 0
-    sense = 1.0 if convention.cam_sense == "ccw" else -1.0
-    if trace.angle_of == "output" and not direct:
-        sense = -sense  # the cam turns against the output
-    sign = 1.0 if convention.error_is == "cam-output" else -1.0
-    if trace.sense:
-        if sign < 0:
-            raise UsageError("invalid --error-is: expected none with two encoders, which give the sign", "leave it out")
-        # the output's encoder counts as the model's angles do, or the other way
-        sign = -trace.sense * sense * (1.0 if direct else -1.0)
-    return Alignment(convention.start_deg or 0.0, convention.zero_deg or 0.0, sign, sense)
-
-
 def compare(
     trace: MeasuredTrace,
     drive: Drive,
     M_g: float,
     *,
-    convention: RecordConvention | None = None,
+    asked: Alignment,
     orders: Sequence[float] | None = None,
     drift: str = "none",
     stated: Mapping[str, float] | None = None,
@@ -158,26 +124,25 @@ def compare(
 ) -> Comparison:
     """Compare a measured trace with a drive at a torque M_g [N*m].
 
-    Arguments: convention, how the file counts; orders per cam turn to keep (None: 1 to 12); drift to take off: none,
-    linear or quadratic; stated, standard uncertainties of F'_ior [arcsec] by source. Both directions count as one, each
-    with its own level: the model knows no friction. Raises UsageError for rolling balls and for invalid orders, drift
-    or sources; UntrustedError where the record does not resolve its orders, or an answer cannot be trusted.
+    Arguments: asked, how the file counts; orders per cam turn to keep (None: 1 to 12); drift to take off: none, linear
+    or quadratic; stated, standard uncertainties of F'_ior [arcsec] by source. Both directions count as one, each with
+    its own level: the model knows no friction. Raises UsageError for rolling balls and for invalid orders, drift or
+    sources; UntrustedError where the record does not resolve its orders, or an answer cannot be trusted.
     """
-    convention = convention or RecordConvention()
     torus = ErrorWaves(drive, M_g, run)
     measurement = measure(trace, drive=drive, orders=orders, drift=drift, stated=stated, seed=run.seed, together=True)
     sweep = measurement.directions[0]
     doubt = partial(doubtful_waves, M_g=M_g, torus=torus, run=run)
 
-    def fitter_of(convention: RecordConvention) -> VectorFitter:
-        record = RecordedOrders(sweep, torus, Kinematics.of(drive), alignment_of(trace, drive, convention))
-        return VectorFitter(drive, record, torus, doubt, convention.free)
-
     changes = doubt(drive)
-    fitter, base = fitter_of(convention).doubted(changes)
+
+    def fitted(asked: Alignment) -> tuple[VectorFitter, VectorFit]:
+        record = RecordedOrders(sweep, torus, Kinematics.of(drive), asked.of_file(trace, drive))
+        return VectorFitter(drive, record, torus, doubt, asked.fitted).doubted(changes)
+
+    fitter, base = fitted(asked)
     unchanged = explanation(base, base, fitter.record, drive)
-    others = [] if unchanged.sufficient else _swapped(convention, error=not trace.sense)
-    mirrored = [(other, *fitter_of(other).doubted(changes)) for other in others]
+    mirrored = [(other, *fitted(other)) for other in (() if unchanged.sufficient else asked.swapped)]
     singles, joint, mirror = _explanations(fitter, base, unchanged, mirrored)
 
     # every range and every residual from solved states
@@ -193,9 +158,9 @@ def compare(
         drive=drive,
         measurement=measurement,
         M_g=M_g,
-        convention=convention,
+        asked=asked,
         unchanged=unchanged,
-        uncertainties_deg=_angle_uncertainties(base, unchanged, convention.free),
+        uncertainties_deg=_angle_uncertainties(base, unchanged),
         predicted_arcsec=sweep.fit.curve(turns) + sweep.fit.residual - residual,
         residual_arcsec=residual,
         orders=record.pairs(predicted, difference),
@@ -223,18 +188,11 @@ def _difference(sweep: SweepResult, apart: Array) -> tuple[Array, Array, float]:
     return orders, residual, slope
 
 
-def _swapped(convention: RecordConvention, *, error: bool) -> list[RecordConvention]:
-    """Conventions with the cam's sense swapped, with error its sign as well, and both."""
-    turned = replace(convention, cam_sense="cw" if convention.cam_sense == "ccw" else "ccw")
-    other = "output-cam" if convention.error_is == "cam-output" else "cam-output"
-    return [turned, *(replace(each, error_is=other) for each in (convention, turned) if error)]
-
-
 def _explanations(
     fitter: VectorFitter,
     base: VectorFit,
     unchanged: Explanation,
-    mirrored: Sequence[tuple[RecordConvention, VectorFitter, VectorFit]],
+    mirrored: Sequence[tuple[Alignment, VectorFitter, VectorFit]],
 ) -> tuple[list[Explanation], Explanation | None, MirroredFile | None]:
     """Explanations of the difference: each vector alone, all together, or the file read the other way round."""
     record, drive = fitter.record, fitter.drive
@@ -243,8 +201,8 @@ def _explanations(
         return [], None, None
     mirror, other = None, base
     if mirrored:
-        convention, reader, other = min(mirrored, key=lambda each: each[2].chi_square)
-        mirror = MirroredFile(convention, reader.residual_rms_arcsec(other))
+        asked, reader, other = min(mirrored, key=lambda each: each[2].chi_square)
+        mirror = MirroredFile(asked, reader.residual_rms_arcsec(other))
         if record.within_noise(other.chi_square, len(base.free)):
             return [], None, mirror
     fits = [fitter.single(k, base) for k in range(len(VECTORS))]
@@ -281,11 +239,9 @@ def _solved(
     return replace(explained, difference_left_arcsec=rms(residual), orders_left=tuple(clear[:RESIDUAL_ORDERS]))
 
 
-def _angle_uncertainties(
-    base: VectorFit, unchanged: Explanation, free: tuple[bool, bool]
-) -> tuple[float | None, float | None]:
+def _angle_uncertainties(base: VectorFit, unchanged: Explanation) -> tuple[float | None, float | None]:
     """Standard uncertainties [deg] of start and zero of the alignment, None of one that is given."""
     blind = (base.unidentifiable**2).sum(axis=1) > BLIND_SHARE
     fitted = iter(np.where(blind, UNIDENTIFIABLE_ANGLE, np.sqrt(unchanged.excess * np.diag(base.covariance))).tolist())
-    start, zero = (next(fitted) if each else None for each in free)
+    start, zero = (next(fitted) if each else None for each in unchanged.alignment.fitted)
     return start, zero

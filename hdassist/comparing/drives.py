@@ -10,7 +10,7 @@ from operator import add
 import numpy as np
 
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
-from hdassist.comparing.sheet import DriveSheet, at_torques, sheet_of, sheet_states
+from hdassist.comparing.sheet import DriveSheet, sheet_of, sheet_states
 from hdassist.error.error_map import SEARCHED, extremes_of, searchable
 from hdassist.errors import HdassistError, UsageError
 from hdassist.model.geometry import Array
@@ -80,25 +80,30 @@ class DriveChanges:
 class DrivesComparison:
     """Drives beside the first of them.
 
-    sheets; torques [N*m]; differing, the fields in which they differ; changes from the first drive to each of the
-    others; certificate of all states.
+    sheets, all at the same torques; differing, the fields in which they differ; changes from the first drive to each of
+    the others; certificate of all states.
     """
 
     sheets: tuple[DriveSheet, ...]
-    torques: tuple[float, ...]
     differing: tuple[FieldRow, ...]
     changes: tuple[DriveChanges, ...]
     certificate: Certificate
 
+    @property
+    def torques(self) -> tuple[float, ...]:
+        """Torques [N*m] of all drives."""
+        return self.sheets[0].drive.operation.M_g
 
-def common_torques(drives: Sequence[Drive]) -> tuple[float, ...]:
-    """Torques [N*m] that all drives have, in the order of the first. Raises UsageError where there are none."""
+
+def at_common_torques(drives: Sequence[Drive]) -> list[Drive]:
+    """Drives at the torques that all of them have, in the order of the first. Raises UsageError: there is none."""
     first, *others = (drive.operation.M_g for drive in drives)
     torques = tuple(M_g for M_g in first if all(M_g in other for other in others))
     if not torques:
         lists = "; ".join(f"{d.name}: {', '.join(f'{M_g:g}' for M_g in d.operation.M_g)} N*m" for d in drives)
         raise UsageError(f"no torque that all presets have ({lists})", "--torque says at which to compare them")
-    return torques
+    changed = (drive.operation.model_copy(update={"M_g": torques}) for drive in drives)
+    return [drive.model_copy(update={"operation": each}) for drive, each in zip(drives, changed, strict=True)]
 
 
 def differing_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
@@ -119,52 +124,39 @@ def differing_fields(drives: Sequence[Drive]) -> list[str]:
     return [row[0].path for row in differing_rows(drives) if not row[0].path.startswith(UNRELATED)]
 
 
-def estimate_comparison(drives: Sequence[Drive], torques: Sequence[float], draws: int = EFFECTIVE_SAMPLES) -> int:
+def estimate_comparison(drives: Sequence[Drive], draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a comparison solves, about, for a progress bar."""
     pairs = min(draws, DRAWN_PAIRS) if any(map(unknowns, drives)) else 1
-    searches = sum(
-        2 * pairs + min(pairs, SCREENED_PAIRS) * len(differing_fields((drives[0], each))) for each in drives[1:]
-    )
-    sheets = sum(sheet_states(at_torques(drive, torques), draws) for drive in drives)
-    return sheets + SEARCHED * len(torques) * searches
+    fields = sum(len(differing_fields((drives[0], each))) for each in drives[1:])
+    searches = 2 * pairs * len(drives[1:]) + min(pairs, SCREENED_PAIRS) * fields
+    return sum(sheet_states(drive, draws) for drive in drives) + SEARCHED * len(drives[0].operation.M_g) * searches
 
 
-def compare_drives(
-    drives: Sequence[Drive],
-    torques: Sequence[float],
-    *,
-    draws: int = EFFECTIVE_SAMPLES,
-    run: Run = Run(),
-) -> DrivesComparison:
-    """Compare drives with the first of them, at torques [N*m].
+def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()) -> DrivesComparison:
+    """Compare two drives or more with the first of them, all at the same torques.
 
-    Arguments: two drives or more; torques; draws, of each from its unknown fields.
-    Raises UntrustedError where an answer cannot be trusted, KeyboardInterrupt.
+    Argument: draws, of each from its unknown fields. Raises UntrustedError where an answer cannot be trusted,
+    KeyboardInterrupt.
     """
-    sheets = tuple(sheet_of(drive, torques=torques, draws=draws, run=run) for drive in drives)
+    sheets = tuple(sheet_of(drive, draws=draws, run=run) for drive in drives)
     pairs = min(draws, DRAWN_PAIRS)
-    compared = [drive_changes(drives[0], other, torques, pairs=pairs, run=run) for other in drives[1:]]
+    compared = [drive_changes(drives[0], other, pairs=pairs, run=run) for other in drives[1:]]
     proofs = [sheet.certificate for sheet in sheets] + [proof for _, proof in compared]
     changes = tuple(change for change, _ in compared)
-    return DrivesComparison(sheets, tuple(torques), differing_rows(drives), changes, reduce(add, proofs))
+    return DrivesComparison(sheets, differing_rows(drives), changes, reduce(add, proofs))
 
 
 def drive_changes(
-    first: Drive,
-    second: Drive,
-    torques: Sequence[float],
-    *,
-    pairs: int = DRAWN_PAIRS,
-    run: Run = Run(),
+    first: Drive, second: Drive, *, pairs: int = DRAWN_PAIRS, run: Run = Run()
 ) -> tuple[DriveChanges, Certificate]:
-    """Changes of F'_ior from a first drive to a second one at torques [N*m], of all fields and of single ones alone.
+    """Changes of F'_ior from a first drive to a second one at their torques, of all fields and of single ones alone.
 
     With rolling balls there are no draws: unknown fields are 0. Argument: pairs that are drawn. Raises UntrustedError
     where one of both drives has no answer that can be trusted.
     """
     drawn = searchable(first) and searchable(second)
     before, after = paired_draws((first, second), pairs if drawn else 0, run.seed)
-    proof, paths = EMPTY, differing_fields((first, second))
+    proof, paths, torques = EMPTY, differing_fields((first, second)), first.operation.M_g
 
     def F_ior(drives: Sequence[Drive], *, required: bool = False) -> Array:
         """F'_ior [arcsec], shape (drives, torques); NaN where one has no answer, unless it is required."""

@@ -81,9 +81,8 @@ class VectorFitter:
 
     def base(self) -> VectorFit:
         """The drive as it is, with start and zero fitted as far as they are free."""
-        given = self.record.alignment
-        unknowns = np.array([*vectors_of(self.drive).view(float), given.start_deg, given.zero_deg])
-        unknowns[-2:], _ = self.record.scan(self._waves(unknowns, ())[0], unknowns[-2:], self.angles)
+        unknowns = np.concatenate([vectors_of(self.drive).view(float), self.record.alignment.angles])
+        unknowns[-2:], _ = self.record.scan(self._waves(unknowns, ())[0], unknowns[-2:])
         return self._descend(unknowns, ())
 
     def doubted(self, changes: Complex) -> tuple[VectorFitter, VectorFit]:
@@ -112,9 +111,7 @@ class VectorFitter:
     def single(self, vector: int, base: VectorFit) -> VectorFit:
         """One vector fitted, the others as they are, on a torus fine enough to rank the fits."""
         starts = list(self._starts(vector, base))
-        scans = [
-            self.record.scan(self._waves(start, (vector,), COARSE)[0], start[-2:], self.angles) for start in starts
-        ]
+        scans = [self.record.scan(self._waves(start, (vector,), COARSE)[0], start[-2:]) for start in starts]
         best = int(np.argmin([chi_square for _, chi_square in scans]))
         if scans[best][1] <= NEARER * scans[0][1]:
             starts[0] = np.append(starts[best][:-2], scans[best][0])

@@ -7,7 +7,7 @@ measured one, so both have the same resolution.
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,12 +18,15 @@ from hdassist.measuring.measure import SweepResult
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.preset.fields import Drive
+from hdassist.readers.trace import MeasuredTrace
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY, Certificate
 
 EXACT = 2e-4  # of F'_ior, in each coefficient: as far as a predicted curve counts as exact
 MODEL_ERROR = 0.03  # of each order: standard deviation of all else that a model may have wrong
 CHI_SQUARE_CLEAR = 4.0  # standard deviations of a chi-square
+ERROR_SIGNS = {1.0: "cam-output", -1.0: "output-cam"}  # of the error of a file, as F_kpp or against it
+SENSES = {1.0: "ccw", -1.0: "cw"}  # of its cam angle, seen from the cam side
 SCANNED = {1: 72, 2: 48}  # places of each angle of the alignment that is scanned, where so many are
 
 
@@ -33,13 +36,34 @@ class Alignment:
 
     start_deg: angle of the moving wheel at phi_h = 0 (phi_g0 with the rigid wheel fixed); zero_deg: phi_h where the
     rig's cam angle is 0; sign: F_kpp over the error of the file, 1 or -1; sense: of the rig's cam angle, 1
-    counter-clockwise seen from the cam side, or -1.
+    counter-clockwise seen from the cam side, or -1; fitted: whether start and zero are.
     """
 
     start_deg: float = 0.0
     zero_deg: float = 0.0
     sign: float = 1.0
     sense: float = 1.0
+    fitted: tuple[bool, bool] = (False, False)
+
+    @property
+    def angles(self) -> Array:
+        """Start and zero [deg], shape (2,)."""
+        return np.array([self.start_deg, self.zero_deg])
+
+    @property
+    def swapped(self) -> tuple[Alignment, ...]:
+        """The record with its error, its cam angle, and both counted the other way."""
+        ways = ((-1, 1), (1, -1), (-1, -1))
+        return tuple(replace(self, sign=way * self.sign, sense=turn * self.sense) for way, turn in ways)
+
+    def of_file(self, trace: MeasuredTrace, drive: Drive) -> Alignment:
+        """The alignment of a file that is asked to be read so.
+
+        Of two encoders the sign is that of the error as they count: the output's counts as the model does, or against.
+        """
+        way = 1 if Kinematics.of(drive).u > 0 else -1
+        sense = self.sense * (way if trace.angle_of == "output" else 1)
+        return replace(self, sense=sense, sign=self.sign * (-trace.sense * sense * way if trace.sense else 1))
 
 
 @dataclass(frozen=True)
@@ -144,10 +168,11 @@ class RecordedOrders:
             pairs.append(OrderPair(order.per_cam_rev, order.cause, measured, prediction, apart))
         return tuple(pairs)
 
-    def scan(self, waves: Complex, angles: Array, free: tuple[bool, bool]) -> tuple[Array, float]:
-        """Start and zero [deg] that fit waves best on a grid of the free ones, shape (2,), and chi-square (13)."""
-        count = SCANNED.get(sum(free), 1)
-        steps = [np.arange(count if each else 1) * (360 / count) for each in free]
+    def scan(self, waves: Complex, angles: Array) -> tuple[Array, float]:
+        """Start and zero [deg] that fit waves best on a grid of the fitted ones, shape (2,), and chi-square (13)."""
+        fitted = self.alignment.fitted
+        count = SCANNED.get(sum(fitted), 1)
+        steps = [np.arange(count if each else 1) * (360 / count) for each in fitted]
         grid = angles + np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
         chi_square = (self.whitened(self.measured - self.predicted(waves, grid)) ** 2).sum(axis=1)
         return grid[chi_square.argmin()], float(chi_square.min())

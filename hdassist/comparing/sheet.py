@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
@@ -41,43 +40,30 @@ class DriveSheet:
         return (*self.check.cross_checks, *self.advice.curve.cross_checks, self.stiffness.cross_check)
 
 
-def at_torques(drive: Drive, torques: Sequence[float]) -> Drive:
-    """The drive at other torques [N*m]."""
-    return drive.model_copy(update={"operation": drive.operation.model_copy(update={"M_g": tuple(torques)})})
-
-
 def sheet_states(drive: Drive, draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a sheet solves, about, for a progress bar."""
-    torques, turns = drive.operation.M_g, seat_positions(drive)
-    mounting = advice_states(drive, torques, turns, every_state=False, draws=draws)
+    mounting = advice_states(drive, drive.operation.M_g, seat_positions(drive), every_state=False, draws=draws)
     return check_states(drive, draws=draws) + mounting + stiffness_states()
 
 
-def sheet_of(
-    drive: Drive,
-    *,
-    torques: Sequence[float] | None = None,
-    draws: int = EFFECTIVE_SAMPLES,
-    run: Run = Run(),
-) -> DriveSheet:
+def sheet_of(drive: Drive, *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()) -> DriveSheet:
     """Check a drive, look for its best position and compute its stiffness, each as the command of that name does.
 
-    Arguments: torques [N*m] in place of the drive's, but for the stiffness; draws, from the unknown fields.
-    Raises UntrustedError where an answer cannot be trusted; KeyboardInterrupt, as half an advice is none here.
+    Argument: draws, from the unknown fields. Raises UntrustedError where an answer cannot be trusted;
+    KeyboardInterrupt, as half an advice is none here.
     """
 
     def checked(wider: Drive) -> DesignCheck:
         samples = advice.samples if advice.drive == wider else None  # not those of a wider window
         return check(wider, draws=draws, samples=samples, run=run)
 
-    loaded = drive if torques is None else at_torques(drive, torques)
     advice = in_wide_enough_window(
-        loaded, lambda wider: advise(wider, wider.operation.M_g, seat_positions(wider), draws=draws, run=run)
+        drive, lambda wider: advise(wider, wider.operation.M_g, seat_positions(wider), draws=draws, run=run)
     )
     if advice.curve.interrupted:
         raise KeyboardInterrupt
     return DriveSheet(
-        in_wide_enough_window(loaded, checked),
+        in_wide_enough_window(drive, checked),
         advice,
         in_wide_enough_window(drive, lambda wider: stiffness(wider, run=run)),
     )

@@ -284,6 +284,9 @@ def figures(check: Decision | None) -> dict[str, object]:
     return {**own, "unstated": " ".join(check.unstated) if check else None, **belief}
 
 
+FIGURES_HEAD = ",".join(("serial", "preset", *figures(None), "exit_code", "error", ""))  # of CSV
+
+
 def csv(answers: Sequence[AcceptAnswer]) -> str:
     """One row per drive and check; a drive without an answer has a row with its error."""
     rows = [

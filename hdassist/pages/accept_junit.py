@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hdassist.acceptance.answer import AcceptAnswer, provenance
@@ -18,8 +17,7 @@ from hdassist.acceptance.decision import Decision
 from hdassist.pages.accept import figures, is_open, measured_option, sentence
 from hdassist.visible import visible
 
-STARTS = 100_000  # bytes in which the first suite of a lot says so
-XML_HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
+SUITES_HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<!-- hdassist accept -->\n'
 ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
 COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
 
@@ -34,17 +32,7 @@ def junit(name: str, answers: Sequence[AcceptAnswer], lot_sha256: str = "") -> s
         counted = {key: str(kinds[tag]) for key, tag in COUNTED.items() if element is not root or key != "skipped"}
         element.attrib.update(counted)
     indent(root)
-    return XML_HEAD + tostring(root, encoding="unicode") + "\n"
-
-
-def is_suite_of_lot(path: str) -> bool:
-    """Whether a file holds suites that `junit` made of a lot."""
-    try:
-        with Path(path).open("rb") as stream:
-            start = stream.read(STARTS).decode("utf-8", "replace")
-    except (OSError, ValueError):
-        return False
-    return start.startswith(f"{XML_HEAD}<testsuites ") and '<property name="lot_sha256" ' in start
+    return SUITES_HEAD + tostring(root, encoding="unicode") + "\n"
 
 
 def _suite(root: Element, answer: AcceptAnswer, lot_sha256: str) -> None:

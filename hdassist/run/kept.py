@@ -111,7 +111,7 @@ class RecordKind(Generic[RecordT]):
                 if _is_unfinished(line, b'{"item":%d,' % item):
                     return
                 hint = "it was changed or damaged; without this line and all below it the same command goes on"
-                raise DataError(f"{name}:{item + 2}: invalid record: {_why(error)}", hint) from None
+                raise DataError(f"{name}:{item + 2}: invalid record: {why_invalid(error)}", hint) from None
             yield record, line
 
 
@@ -360,15 +360,15 @@ def _owner_of(line: bytes, name: str) -> tuple[KeptOwner, bytes]:
         fields, checksum = _unsealed(line, b"")
         return _OWNER.validate_python(fields), checksum
     except (ValueError, RecursionError) as error:
-        raise DataError(f"{name}:1: invalid first line: {_why(error)}", "it was changed or damaged") from None
+        raise DataError(f"{name}:1: invalid first line: {why_invalid(error)}", "it was changed or damaged") from None
 
 
-def _why(error: Exception) -> str:
-    """What is wrong with a line: of a record, its first field at fault."""
+def why_invalid(error: Exception) -> str:
+    """The fault of a line or of fields that are no record: of a record, its first field at fault."""
     if not isinstance(error, ValidationError):
         return "nested too deep" if isinstance(error, RecursionError) else str(error)
     first = error.errors(include_url=False)[0]
-    where, words = ".".join(map(str, first["loc"])), first["msg"].removeprefix("Value error, ")
+    where, words = ".".join(str(key) or "''" for key in first["loc"]), first["msg"].removeprefix("Value error, ")
     return f"{where}: {words}" if where else words
 
 

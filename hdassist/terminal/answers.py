@@ -11,7 +11,7 @@ from numbers import Number
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError
-from hdassist.json_parts import Json, as_json, attributes, certificate_object
+from hdassist.json_parts import Json, as_json, certificate_object, schema_of
 from hdassist.numerals import NUMBER
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
@@ -29,7 +29,7 @@ def envelope(command: str, drive: Drive | None, exit_code: int = 0, warnings: Se
     """Keys common to all answers of a command; drive, what the answer is about, None where there is none."""
     origin = drive.origin if drive else None
     return {
-        "schema": f"hdassist.{command}/1",
+        "schema": schema_of(command),
         "version": __version__,
         "preset": {
             "name": drive.name if drive else None,
@@ -44,13 +44,8 @@ def envelope(command: str, drive: Drive | None, exit_code: int = 0, warnings: Se
 def report_object(report: Report) -> Json:
     """A report as a JSON object."""
     answer = envelope(report.command, report.drive, report.exit_code, report.warnings) | report.values
-    if found := report.certificate:
-        from hdassist.solve.answers import Certificate  # answers without states need no numpy
-        from hdassist.solve.walk import walk_library
-
-        residuals = isinstance(found, Certificate) and certificate_object(found, report.cross_checks)
-        engine = {"engine": walk_library()[1]}  # of all states that no --solver was asked for
-        answer["certificate"] = (residuals or attributes(found, "states", "max_residual")) | engine
+    if report.certificate:
+        answer["certificate"] = certificate_object(report.certificate, report.cross_checks)
     return {key: as_json(value) for key, value in answer.items()}
 
 
@@ -60,7 +55,7 @@ def failure(command: str, error: HdassistError, *, preset: str | None = None, fi
     Arguments: command; error; preset and file, the names of what was asked for.
     """
     return {
-        "schema": f"hdassist.{command}/1",
+        "schema": schema_of(command),
         "version": __version__,
         "preset": {"name": preset, "sha256": None},
         **({} if file is None else {"file": {"name": file, "sha256": None}}),
@@ -78,7 +73,7 @@ def combine(command: str, results: Sequence[Json]) -> Json:
 def together(command: str, results: Sequence[Json]) -> Json:
     """One object with a list of answers, be it one or many; its exit code is the worst of theirs."""
     return {
-        "schema": f"hdassist.{command}/1",
+        "schema": schema_of(command),
         "version": __version__,
         "exit_code": worst_exit_code(result["exit_code"] for result in results),
         "warnings": [],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -33,6 +34,16 @@ def write_text(path: str, text: str, force: bool) -> None:
     require_writable(path, force)
     put_text(path, text)
     say(f"wrote {path}")
+
+
+def begins_with(path: str, heads: Sequence[str]) -> bool:
+    """Whether a file begins with one of some texts."""
+    try:
+        with Path(path).open("rb") as stream:
+            start = stream.read(max(map(len, heads)))
+    except (OSError, ValueError):
+        return False
+    return start.startswith(tuple(head.encode() for head in heads))
 
 
 def give_stdout(answer: str | bytes) -> None:

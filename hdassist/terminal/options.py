@@ -101,6 +101,10 @@ class PageOptions(OptionGroup):
     no_color: NoColor = False
     debug: Debug = False
 
+    def replaces(self, _path: str) -> bool:
+        """Whether an existing file may be replaced."""
+        return self.force
+
     def open(self) -> "Output":
         """Where the answer goes; refuses files that cannot be written before anything is computed.
 
@@ -114,7 +118,7 @@ class PageOptions(OptionGroup):
 
         csv = getattr(self, "csv", None)
         for path in filter(None, (self.output, csv)):
-            take_output(path, self.force)
+            take_output(path, self.replaces(path))
         style = Style.of(sys.stdout, ascii=self.ascii, no_color=self.no_color)
         style = style if self.output == "-" else Style(style.ascii, False, PIPE_WIDTH)
         plots, details = getattr(self, "plot", True), getattr(self, "details", False)

@@ -44,7 +44,7 @@ def test_json_has_all_that_it_takes_to_do_it_again(rig):
     assert (done.returncode, done.stderr) == (0, "")
     told = json.loads(done.stdout)
     assert {k: told[k] for k in ("schema", "verdict", "exit_code", "serial", "seed", "certificate", "left_out")} == {
-        "schema": "hdassist.accept/1", "verdict": "PASS", "exit_code": 0, "serial": "17", "seed": 0,
+        "schema": "hdassist.accept/2", "verdict": "PASS", "exit_code": 0, "serial": "17", "seed": 0,
         "certificate": None, "left_out": [],
     }  # fmt: skip
     (found,) = told["checks"]

@@ -14,6 +14,7 @@ from xml.dom.minidom import parseString
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from hdassist.acceptance import work as lotwork
 from hdassist.acceptance.answer import ANSWERS, read_answers
@@ -21,7 +22,7 @@ from hdassist.acceptance.replay import answer_differences
 from hdassist.acceptance.request import Request
 from hdassist.commands.accept import AcceptOptions
 from hdassist.commands.accept_run import accept_lot
-from hdassist.run.kept import KeptOwner, open_kept
+from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from tests.process import CLEAN, COMMAND, SMALL, TINY, run
 from tests.rigs import drive_error, text
 
@@ -92,7 +93,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     code, out, _ = here(*MEASURED, "--json", "--jobs", "1")
     assert code == 4
     told = json.loads(out)
-    assert told["schema"] == "hdassist.accept/1"
+    assert told["schema"] == "hdassist.accept/2"
     assert told["exit_code"] == 4
     assert told["lot"]["rows"] == 5
     assert told["summary"]["verdicts"] == {"PASS": 1, "FAIL": 1, "INCONCLUSIVE": 1}
@@ -181,7 +182,7 @@ def test_replay_agrees_differs_or_says_which_file_changed(folder, here):
     assert here(*MEASURED, "--jsonl", "lot.jsonl", "-q")[0] == 4
     code, out, _ = here("accept", "--replay", "one.json", "--json")
     told = json.loads(out)
-    assert (code, told["schema"], told["agrees"]) == (0, "hdassist.accept-replay/1", True)
+    assert (code, told["schema"], told["agrees"]) == (0, "hdassist.accept-replay/2", True)
     code, out, _ = here("accept", "--replay", "lot.jsonl")
     assert code == 0
     assert [line.split(",")[0] for line in out.split("\n\n")] == [f"17-{n}" for n in range(1, 6)]
@@ -235,7 +236,6 @@ FORGED = {
         cross_check={"solver": "CLARABEL", "states": 9, "max_difference_arcsec": 0.0}
     ),
     "the seed": lambda told: told.update(seed=5),
-    "the solver": lambda told: told.update(solver="guessed"),
     "the exit code": lambda told: told.update(exit_code=0),
     "a remark": lambda told: told.update(remarks=told["remarks"][1:]),
     "how sure it is": lambda told: told["rule"].update(sure=0.9),
@@ -257,6 +257,13 @@ def test_replay_compares_the_whole_answer(folder, here):
         change(answers[-1])
     (folder / "all.json").write_text(json.dumps({"schema": "hdassist.accept/1", "results": answers}))
     now, *forged = read_answers(str(folder / "all.json"))
+    assert now.certificate == answers[0]["certificate"]
+    assert now.certificate["engine"]
+    by_another_engine = json.loads(out)
+    by_another_engine["certificate"].update(engine="numpy", fallbacks=3, max_residual=9e-9)
+    FORGED["a residual"](by_another_engine)
+    (folder / "other.json").write_text(json.dumps(by_another_engine))
+    assert answer_differences(*read_answers(str(folder / "other.json")), now) == []
     found = [answer_differences(each, now) for each in forged]
     assert all(found), [name for name, each in zip(FORGED, found, strict=True) if not each]
     assert [each.key.rpartition(".")[2] for each in found[0]] == ["limit", "margin"]
@@ -305,6 +312,42 @@ def test_two_runs_do_not_write_the_same_answers(folder):
     assert "a.jsonl is being written by another run" in second.stderr
     assert (folder / "a.jsonl").read_bytes() == before
     assert len((folder / "a.jsonl").read_text().splitlines()) == 6
+
+
+def test_a_lot_that_goes_on_replaces_the_tables_of_its_last_run_and_no_others(folder, here):
+    args = (*MEASURED, "--jsonl", "a.jsonl", "--csv", "a.csv", "--junit", "a.xml", "-q", "--resume")
+    assert here(*args)[0] == 4
+    first = [(folder / name).read_text(encoding="utf-8") for name in ("a.csv", "a.xml")]
+    assert here(*args)[0] == 4  # the same rows, broken ones done again
+    again = [(folder / name).read_text(encoding="utf-8") for name in ("a.csv", "a.xml")]
+    assert [text.count("\n") for text in again] == [text.count("\n") for text in first]
+    for name in ("a.csv", "a.xml"):
+        (folder / name).write_text("serial,preset\n<?xml mine")
+        code, out, said = here(*args)
+        assert (code, out) == (2, "")
+        assert f"{name} exists" in said
+        assert (folder / name).read_text() == "serial,preset\n<?xml mine"
+        (folder / name).unlink()
+
+
+def test_an_answer_of_another_schema_is_refused_by_its_number(folder, here):
+    assert here(*MEASURED, "--json", "-o", "a.json")[0] == 4
+    assert here(*MEASURED, "--jsonl", "a.jsonl", "-q")[0] == 4
+    told = json.loads((folder / "a.json").read_text())["results"][0]
+    assert told["schema"] == "hdassist.accept/2"
+    (folder / "old.json").write_text(json.dumps({**told, "schema": "hdassist.accept/1", "fail_on": "fail"}))
+    with open_kept(
+        str(folder / "old.jsonl"), KeptOwner(command="accept", inputs={}), RecordKind(TypeAdapter(dict))
+    ) as kept:
+        kept.append([{**told, "schema": "hdassist.accept/1"}])
+    for args in (
+        ("--replay", "old.json"),
+        ("--replay", "old.jsonl"),
+        (*MEASURED[1:], "--jsonl", "old.jsonl", "--resume"),
+    ):
+        code, out, said = here("accept", *args)
+        assert (code, out) == (4, "")
+        assert "schema: hdassist.accept/1, where this version of hdassist reads and writes hdassist.accept/2" in said
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset, trace
-from hdassist.comparing.compare import Comparison, RecordConvention, alignment_of, compare, torque_of, zero_of
+from hdassist.comparing.compare import Comparison, compare, torque_of, zero_of
 from hdassist.comparing.record import Alignment, RecordedOrders, SolvedStates
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.waves import ErrorWaves
@@ -17,17 +17,18 @@ from hdassist.measuring.measure import measure
 from hdassist.model.kinematics import Kinematics
 from hdassist.pages.compare import comparison_report
 from hdassist.preset.fields import Drive
-from hdassist.readers.trace import MeasuredTrace
+from hdassist.readers.trace import MeasuredTrace, read_trace
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.options import degrees_or_fit
 from tests.paper import on_paper
 from tests.process import SMALL
-from tests.rigs import recorded
+from tests.rigs import recorded, text
 
 M_G = 4.0
 FEW = ["numerics.n_max=8", "numerics.n_2=16"]  # nodes: the numbers are held against the same model's
 START = 20.0
-KNOWN = RecordConvention(start_deg=START)
+KNOWN = Alignment(start_deg=START)
+FITTED = Alignment(fitted=(True, False))
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +59,7 @@ def test_waves_of_the_torus_are_the_error_of_the_cycle(drive):
 
 
 def test_a_drive_agrees_with_itself(drive):
-    result = compare(rig(drive, 4), drive, M_G, convention=KNOWN)
+    result = compare(rig(drive, 4), drive, M_G, asked=KNOWN)
     assert result.conclusion.kind == "agrees"
     assert np.abs(result.residual_arcsec).max() < 1e-6
     assert result.unchanged.alignment == Alignment(start_deg=START)
@@ -78,28 +79,26 @@ def test_a_difference_that_is_none_has_one_uncertainty_whatever_its_phase(drive)
 
 
 def test_a_zero_difference_has_no_sign(drive):
-    result = compare(rig(drive, 4), drive, M_G, convention=KNOWN)
+    result = compare(rig(drive, 4), drive, M_G, asked=KNOWN)
     below = replace(result, difference_curve=0 * result.difference_curve - 1e-4)
     assert "-0.00" not in told_on(below, details=True)
 
 
 def test_its_mirror_image_does_not_and_is_reported(drive):
-    result = compare(rig(drive, 4, way=-1.0), drive, M_G, convention=KNOWN)
+    result = compare(rig(drive, 4, way=-1.0), drive, M_G, asked=KNOWN)
     assert result.conclusion.kind == "mirrored"
     assert result.mirror is not None
-    assert result.mirror.convention == RecordConvention(start_deg=START, error_is="output-cam")
+    assert result.mirror.asked == replace(KNOWN, sign=-1)
     assert "--error-is output-cam" in told_on(result)
     assert result.difference_rms_arcsec > 20 * result.mirror.rms_arcsec
-    again = compare(
-        rig(drive, 4, way=-1.0), drive, M_G, convention=RecordConvention(start_deg=START, error_is="output-cam")
-    )
+    again = compare(rig(drive, 4, way=-1.0), drive, M_G, asked=replace(KNOWN, sign=-1))
     assert np.abs(again.residual_arcsec).max() < 1e-6
 
 
 def test_a_cam_angle_that_counts_clockwise(drive):
     turned = rig(drive, 4)
     clockwise = recorded(-turned.cam_deg / 360, turned.error_arcsec)
-    result = compare(clockwise, drive, M_G, convention=RecordConvention(start_deg=START, cam_sense="cw"))
+    result = compare(clockwise, drive, M_G, asked=replace(KNOWN, sense=-1))
     assert np.abs(result.residual_arcsec).max() < 1e-6
 
 
@@ -109,15 +108,26 @@ def test_two_encoders_tell_the_sign(drive, fixed):
     u = Kinematics.of(there).u
     column = recorded(np.arange(100) / 40, np.zeros(100))
     counts_alike = replace(column, sense=np.sign(u))  # both encoders counter-clockwise
-    assert alignment_of(counts_alike, there, RecordConvention()).sign == -1  # output - cam/ratio = -F_kpp
-    assert alignment_of(replace(column, sense=-np.sign(u)), there, RecordConvention()).sign == 1
-    assert alignment_of(replace(counts_alike, angle_of="output"), there, RecordConvention()).sense == np.sign(u)
-    with pytest.raises(UsageError, match="two encoders"):
-        alignment_of(counts_alike, there, RecordConvention(error_is="output-cam"))
+    assert Alignment().of_file(counts_alike, there).sign == -1  # output - cam/ratio = -F_kpp
+    assert Alignment().of_file(replace(column, sense=-np.sign(u)), there).sign == 1
+    assert Alignment().of_file(replace(counts_alike, angle_of="output"), there).sense == np.sign(u)
+
+
+@pytest.mark.parametrize(("cam", "output"), [(1, 1), (1, -1), (-1, 1), (-1, -1)])
+def test_a_mirror_image_by_two_encoders_is_reported_whichever_way_they_count(drive, cam, output):
+    turned = rig(drive, 4)
+    angle = turned.cam_deg / Kinematics.of(drive).u + turned.error_arcsec / 3600  # its error is -F_kpp
+    columns = [cam * turned.cam_deg, output * angle]
+    both = read_trace(text(columns, "cam_deg,output_deg", digits=9).encode(), ratio=abs(Kinematics.of(drive).u))
+    result = compare(both, drive, M_G, asked=replace(KNOWN, sense=cam))
+    assert result.conclusion.kind == "mirrored"
+    assert "--error-is output-cam" in told_on(result)
+    again = compare(both, drive, M_G, asked=replace(KNOWN, sense=cam, sign=-1))
+    assert again.conclusion.kind == "agrees"
 
 
 def test_where_the_record_begins_is_found(drive):
-    result = compare(rig(drive, 30, noise=0.5), drive, M_G)
+    result = compare(rig(drive, 30, noise=0.5), drive, M_G, asked=FITTED)
     uncertainty, of_zero = result.uncertainties_deg
     assert of_zero is None
     assert uncertainty is not None
@@ -136,7 +146,7 @@ def test_where_the_record_begins_is_found(drive):
 )
 def test_a_hidden_deviation_is_recovered(drive, values, size):
     hidden = drive.with_values(values)
-    result = compare(rig(hidden, 10, noise=0.5), drive, M_G, convention=KNOWN)
+    result = compare(rig(hidden, 10, noise=0.5), drive, M_G, asked=KNOWN)
     assert result.conclusion.kind == "one"
     best = result.conclusion.best
     assert best is not None
@@ -168,7 +178,7 @@ def test_a_hidden_deviation_is_recovered(drive, values, size):
     [("supports.C_2", 7.8e3), ("supports.C_3", 1.4e3), ("contact.c_t", 7.8e-5), ("gears.j_n", 7.0), ("cam.W_0", 0.591)],
 )
 def test_another_stiffness_is_no_deviation_and_is_in_the_interval(drive, path, value):
-    result = compare(rig(drive.with_values({path: value}), 30, noise=0.5), drive, M_G)
+    result = compare(rig(drive.with_values({path: value}), 30, noise=0.5), drive, M_G, asked=FITTED)
     assert result.conclusion.kind == "agrees"
     uncertainty, _ = result.uncertainties_deg
     assert uncertainty is not None
@@ -180,7 +190,7 @@ def test_another_stiffness_is_no_deviation_and_is_in_the_interval(drive, path, v
 @pytest.mark.slow
 def test_a_deviation_is_found_beside_another_stiffness(drive):
     hidden = drive.with_values({"tolerances.F_i2": 60.0, "gears.j_n": 7.0})
-    result = compare(rig(hidden, 30, noise=0.5), drive, M_G, convention=KNOWN)
+    result = compare(rig(hidden, 30, noise=0.5), drive, M_G, asked=KNOWN)
     best = min(result.singles, key=lambda single: single.chi_square)
     (change,) = best.changes
     assert best.clear
@@ -191,7 +201,7 @@ def test_a_deviation_is_found_beside_another_stiffness(drive):
 @pytest.mark.slow
 def test_what_a_short_record_does_not_tell_has_no_number(drive):
     hidden = drive.with_values({"phases.xi_b": 150.0})
-    result = compare(rig(hidden, 3, noise=1.0), drive, M_G)
+    result = compare(rig(hidden, 3, noise=1.0), drive, M_G, asked=FITTED)
     assert result.joint is not None
     assert result.joint.not_told_apart
     assert result.joint.overrides == ()
@@ -200,7 +210,9 @@ def test_what_a_short_record_does_not_tell_has_no_number(drive):
 
 @pytest.mark.slow
 def test_direction_against_an_unknown_start_is_no_number(drive):
-    result = compare(rig(drive.with_values({"tolerances.F_i1": 60.0, "phases.xi_g": 70.0}), 10, noise=0.5), drive, M_G)
+    result = compare(
+        rig(drive.with_values({"tolerances.F_i1": 60.0, "phases.xi_g": 70.0}), 10, noise=0.5), drive, M_G, asked=FITTED
+    )
     (change,) = next(single for single in result.singles if single.deviations == ("tolerances.F_i1",)).changes
     assert change.direction_deg is None
     assert change.size_um == pytest.approx(60, abs=4 * change.size_uncertainty_um)
@@ -211,7 +223,7 @@ def test_what_no_deviation_explains_is_said(drive):
     turns = np.arange(10 * 62) / 62
     error = rig(drive, 10).error_arcsec + 6 * np.cos(2 * np.pi * 5 * turns)
     noisy = recorded(turns, error + 0.3 * np.random.default_rng(1).standard_normal(len(turns)))
-    result = compare(noisy, drive, M_G, convention=KNOWN)
+    result = compare(noisy, drive, M_G, asked=KNOWN)
     assert result.conclusion.kind == "unexplained"
     five = next(order for order in result.orders if order.per_cam_rev == 5)
     assert five.difference.amplitude_arcsec == pytest.approx(6, abs=0.2)
@@ -239,7 +251,7 @@ def test_torque_and_balls_are_asked_for(drive):
         torque_of(drive)
     rolling = load_preset(SMALL, ["bearing.ball_motion=rolling", "bearing.d_ball=3"])
     with pytest.raises(UsageError, match="locked balls"):
-        compare(rig(drive, 2), rolling, M_G)
+        compare(rig(drive, 2), rolling, M_G, asked=KNOWN)
 
 
 def test_an_angle_of_the_output_says_where_the_cam_is(drive):
@@ -247,7 +259,6 @@ def test_an_angle_of_the_output_says_where_the_cam_is(drive):
     ratio = abs(Kinematics.of(drive).u)
     by_output = replace(recorded(ratio * result.states.phi_g / (2 * np.pi), result.error_arcsec), angle_of="output")
     assert zero_of(by_output, drive, None) is None
-    convention = RecordConvention(start_deg=START, zero_deg=zero_of(by_output, drive, START))
-    found = compare(by_output, drive, M_G, convention=convention)
+    found = compare(by_output, drive, M_G, asked=replace(KNOWN, zero_deg=zero_of(by_output, drive, START)))
     assert np.abs(found.residual_arcsec).max() < 1e-6
     assert zero_of(rig(drive, 2), drive, None) == 0
