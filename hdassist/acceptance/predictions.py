@@ -141,7 +141,7 @@ class Predictions:
         """Shares of the variance of ln F'_ior at the torque that is least sure, by field, the largest first."""
         if self.least_sure is None or self.error_samples is None:
             return ()
-        return influences(self.error_samples, self.error_samples.torques.index(self.least_sure.M_g_Nm or 0.0))
+        return influences(self.error_samples.of_ranges, self.error_samples.torques.index(self.least_sure.M_g_Nm or 0.0))
 
     @cached_property
     def to_measure(self) -> tuple[MeasurementGain, ...]:
@@ -169,7 +169,8 @@ class Predictions:
             values = samples.F_ior_arcsec[:, samples.torques.index(M_g)] + own
         else:
             values = samples.figures[limit.label]
-        p5, p50, p95 = (weighted_quantile(values, samples.weights, share) for share in (0.05, 0.5, 0.95))
+        first = samples.of_ranges.weights
+        p5, p50, p95 = (weighted_quantile(values[: len(first)], first, share) for share in (0.05, 0.5, 0.95))
         kept = probability_of(limit.room(values) >= 0, samples.weights)
         return Belief(p5, p50, p95, kept.value, kept.low, kept.high)
 
