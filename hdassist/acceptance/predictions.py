@@ -35,7 +35,7 @@ from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.verdict import SURE, is_settled
+from hdassist.verdict import SURE, is_settled, percent_text
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,7 @@ class Belief(ClosedRecord):
     @property
     def percent(self) -> str:
         """The probability with its interval, in words."""
-        low, high = (f"{100 * end:.0f}" for end in (self.probability_low, self.probability_high))
-        return f"{100 * self.probability:.0f} % ({low} to {high})"
+        return percent_text(self.probability, self.probability_low, self.probability_high)
 
 
 @dataclass(frozen=True)

@@ -164,7 +164,8 @@ def verdict_reason(point: OperatingPoint) -> str:
     if found is None:
         return ""
     kept = f"F'_ior + self error keep {point.limit_arcsec:g} arcsec"
-    return f"{point.M_g:g} N·m: {kept}, probability {probability_words(found)}"
+    needed = point.sure if point.verdict is Verdict.INCONCLUSIVE else None
+    return f"{point.M_g:g} N·m: {kept}, probability {probability_words(found, needed)}"
 
 
 def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
