@@ -73,11 +73,12 @@ def unknown_objects(unknown: Iterable[Unknown]) -> list[Json]:
 
 
 def samples_object(samples: Samples | None) -> dict[str, Any] | None:
-    """Number of samples, draws and refused draws, and the seed; None where none were drawn."""
+    """Number of samples, draws (those of ranges too) and refused draws, and the seed; None where none were drawn."""
     if samples is None:
         return None
     refused = [{"reason": reason, "draws": count} for reason, count in samples.refused.items()]
-    return {**attributes(samples, "effective", "draws", "seed"), "refused": refused}
+    counts = attributes(samples, "effective", "draws", "seed")
+    return {**counts, "draws_of_ranges": samples.of_ranges.draws, "refused": refused}
 
 
 def influence_objects(found: Sequence[Influence]) -> list[dict[str, Any]]:

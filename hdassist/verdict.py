@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from enum import StrEnum
+from math import ceil, floor
 
 
 class Verdict(StrEnum):
@@ -31,6 +32,16 @@ def verdict_by_probability(low: float, high: float, sure: float = SURE) -> Verdi
     if low >= sure:
         return Verdict.PASS
     return Verdict.FAIL if high <= 1 - sure else Verdict.INCONCLUSIVE
+
+
+def percent_text(value: float, low: float, high: float, needed: float | None = None) -> str:
+    """A probability in per cent with its Monte Carlo interval, the ends rounded outwards: 89 % (81 to 94).
+
+    So the text never shows an interval clear of a threshold (needed, named where it is given) that it reaches over.
+    """
+    ends = f" ({floor(round(100 * low, 6))} to {ceil(round(100 * high, 6))})" if low < high else ""
+    more = "" if needed is None else f", {100 * needed:g} % needed" + " by all of it" * bool(ends)
+    return f"{100 * value:.0f} %{ends}{more}"
 
 
 def is_settled(low: float, high: float, sure: float = SURE) -> bool:

@@ -20,7 +20,7 @@ from hdassist.measuring.measure import SweepResult
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.preset.units import UnitError, is_spread, read_spread
 from hdassist.run.kept import ClosedRecord
-from hdassist.verdict import Verdict, verdict_by_probability
+from hdassist.verdict import Verdict, percent_text, verdict_by_probability
 
 GUARD = 1.65  # standard uncertainties: one-sided 95 %
 
@@ -126,7 +126,8 @@ def _verdict(found: AcceptedValue, room: float | None, guard: float, rule: Rule,
     if belief := found.belief:
         verdict = verdict_by_probability(belief.probability_low, belief.probability_high, sure)
         open_ = verdict is Verdict.INCONCLUSIVE
-        return verdict, f"kept with a probability of {belief.percent}, {100 * sure:g} % needed" * open_
+        kept = percent_text(belief.probability, belief.probability_low, belief.probability_high, sure)
+        return verdict, f"kept with a probability of {kept}" * open_
     if found.extent == "not known":
         return Verdict.INCONCLUSIVE, "what is not known exactly was not drawn"
     if found.extent == "part":

@@ -35,7 +35,7 @@ from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.verdict import SURE, is_settled
+from hdassist.verdict import SURE, is_settled, percent_text
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,7 @@ class Belief(ClosedRecord):
     @property
     def percent(self) -> str:
         """The probability with its interval, in words."""
-        low, high = (f"{100 * end:.0f}" for end in (self.probability_low, self.probability_high))
-        return f"{100 * self.probability:.0f} % ({low} to {high})"
+        return percent_text(self.probability, self.probability_low, self.probability_high)
 
 
 @dataclass(frozen=True)
@@ -141,7 +140,7 @@ class Predictions:
         """Shares of the variance of ln F'_ior at the torque that is least sure, by field, the largest first."""
         if self.least_sure is None or self.error_samples is None:
             return ()
-        return influences(self.error_samples, self.error_samples.torques.index(self.least_sure.M_g_Nm or 0.0))
+        return influences(self.error_samples.of_ranges, self.error_samples.torques.index(self.least_sure.M_g_Nm or 0.0))
 
     @cached_property
     def to_measure(self) -> tuple[MeasurementGain, ...]:
@@ -169,7 +168,8 @@ class Predictions:
             values = samples.F_ior_arcsec[:, samples.torques.index(M_g)] + own
         else:
             values = samples.figures[limit.label]
-        p5, p50, p95 = (weighted_quantile(values, samples.weights, share) for share in (0.05, 0.5, 0.95))
+        first = samples.of_ranges.weights
+        p5, p50, p95 = (weighted_quantile(values[: len(first)], first, share) for share in (0.05, 0.5, 0.95))
         kept = probability_of(limit.room(values) >= 0, samples.weights)
         return Belief(p5, p50, p95, kept.value, kept.low, kept.high)
 

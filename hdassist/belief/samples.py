@@ -77,7 +77,7 @@ class Samples:
     figures: predictions beside F'_ior by name, shape (samples,) each; weights, shape (samples,); draws: how many were
     made; refused: draws that are no drive, or have no trustworthy answer, by the reason; seed of the draws;
     turned_arcsec: F'_ior with the fixed wheel turned by rotations_deg, shape (samples, torques, rotations); made: each
-    draw, also those without an answer.
+    draw, also those without an answer; first: the fewest of them that are enough for any question, None of these.
     """
 
     prior: DrivePrior
@@ -93,6 +93,12 @@ class Samples:
     rotations_deg: tuple[float, ...]
     turned_arcsec: Array
     made: tuple[Draw, ...]
+    first: Samples | None = None
+
+    @property
+    def of_ranges(self) -> Samples:
+        """The first samples, which ranges and influences are of: a limit that takes more of them moves neither."""
+        return self.first or self
 
     def turned_by(self, rotations_deg: Sequence[float]) -> list[Draw]:
         """Each draw with F'_ior at some of the rotations alone."""
@@ -127,7 +133,10 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class ErrorBelief:
-    """F'_ior [arcsec] at one of the torques of samples, by its place: percentiles and probabilities."""
+    """F'_ior [arcsec] at one of the torques of samples, by its place: percentiles and probabilities.
+
+    Percentiles are of the first samples, whatever was drawn further for a probability.
+    """
 
     samples: Samples
     torque: int
@@ -135,21 +144,21 @@ class ErrorBelief:
     @property
     def p5(self) -> float:
         """5th percentile of F'_ior [arcsec]."""
-        return self.samples.percentile(0.05, self.torque)
+        return self.samples.of_ranges.percentile(0.05, self.torque)
 
     @property
     def p50(self) -> float:
         """Median of F'_ior [arcsec]."""
-        return self.samples.percentile(0.5, self.torque)
+        return self.samples.of_ranges.percentile(0.5, self.torque)
 
     @property
     def p95(self) -> float:
         """95th percentile of F'_ior [arcsec]."""
-        return self.samples.percentile(0.95, self.torque)
+        return self.samples.of_ranges.percentile(0.95, self.torque)
 
     def percentile_error(self, share: float) -> float:
         """Monte Carlo standard error [arcsec] of a percentile, by its share."""
-        return self.samples.percentile_error(share, self.torque)
+        return self.samples.of_ranges.percentile_error(share, self.torque)
 
     def probability_within(self, limit_arcsec: float) -> Probability:
         """Probability that F'_ior is at most a limit [arcsec]."""
@@ -185,7 +194,7 @@ def draw_samples(
     solve: Callable[..., Draw] | None = None
     kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, run.seed)
     earlier = kept.read() if further_name or not further else []
-    draws = begun.turned_by(rotations) if begun else []
+    draws, first = (begun.turned_by(rotations), begun.first) if begun else ([], None)
     try:
         while True:
             size = min(effort.batch, max(HOPELESS, len(draws)))
@@ -204,16 +213,15 @@ def draw_samples(
                 run.solved(each.certificate.states)
             samples = _collected(prior, tuple(torques), rotations, evidence, draws, run.seed)
             if seen:
-                seen(samples)
+                seen(replace(samples, first=first))
             effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
-            if effective >= effort.effective and (effective >= effort.most_effective or enough(samples)):
+            first = first or (samples if effective >= effort.effective else None)
+            is_last = len(draws) >= effort.most_draws or (len(draws) >= HOPELESS and not len(samples.weights))
+            if is_last and effective < effort.effective:
+                raise _too_few(samples, draws, evidence, effort.effective)
+            if is_last or (effective >= effort.effective and (effective >= effort.most_effective or enough(samples))):
                 _require_shown(draws, evidence)
-                return samples
-            if len(draws) >= effort.most_draws or (len(draws) >= HOPELESS and not len(samples.weights)):
-                if effective < effort.effective:
-                    raise _too_few(samples, draws, evidence, effort.effective)
-                _require_shown(draws, evidence)
-                return samples
+                return replace(samples, first=first)
     finally:
         if len(draws) > len(earlier) and (further_name or not further):
             kept.keep(draws)

@@ -31,6 +31,7 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
     count: Annotated[
         int, typer.Option("-n", metavar="N", min=16, max=65536, help="Random drives, each of another design.")
     ] = 96
+    plot: o.Plot = True
     details: o.Details = False
 
     def run(self) -> int:
@@ -53,4 +54,4 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
         production, samples = drives.with_designs(production, self.count)
         assert samples
         found = sensitivities(production, samples, drives.records)
-        return give("sensitivity", [sensitivity_report(replace(found, law=law))], self, out)
+        return give("sensitivity", [sensitivity_report(replace(found, law=law), bars=self.plot)], self, out)

@@ -60,9 +60,16 @@ class OperatingPoint:
     floating: Extremes | None = None
 
     @property
-    def F_ior_upper_arcsec(self) -> float:
-        """F'_ior with the self error on top [arcsec], as the preset gives the drive."""
-        return self.error.F_ior_arcsec + self.self_error.range_arcsec
+    def F_ior_arcsec(self) -> float | None:
+        """F'_ior [arcsec]: the median over what is not known exactly; None where that was not drawn."""
+        if self.belief:
+            return self.belief.p50
+        return None if self.open_ else self.error.F_ior_arcsec
+
+    @property
+    def F_ior_upper_arcsec(self) -> float | None:
+        """The same with the self error on top [arcsec]."""
+        return None if self.F_ior_arcsec is None else self.F_ior_arcsec + self.self_error.range_arcsec
 
     @property
     def held_arcsec(self) -> tuple[float, float] | None:
@@ -70,10 +77,11 @@ class OperatingPoint:
 
         Both the same where all is known; None where it is not and was not drawn.
         """
-        own = self.self_error.range_arcsec
-        if self.belief:
-            return self.belief.p5 + own, self.belief.p95 + own
-        return None if self.open_ else (self.F_ior_upper_arcsec, self.F_ior_upper_arcsec)
+        if self.F_ior_upper_arcsec is None:
+            return None
+        own, known = self.self_error.range_arcsec, self.error.F_ior_arcsec
+        ends = (self.belief.p5, self.belief.p95) if self.belief else (known, known)
+        return ends[0] + own, ends[1] + own
 
     @property
     def left_arcsec(self) -> float | None:
@@ -102,7 +110,7 @@ class OperatingPoint:
             return Verdict.NO_LIMIT
         if found := self.probability:
             return verdict_by_probability(found.low, found.high, self.sure)
-        if self.open_:
+        if self.F_ior_upper_arcsec is None:
             return Verdict.INCONCLUSIVE
         return Verdict.PASS if self.F_ior_upper_arcsec <= self.limit_arcsec else Verdict.FAIL
 
@@ -145,19 +153,17 @@ class DesignCheck:
 
     @property
     def least_sure(self) -> int:
-        """Place of the torque whose verdict is least sure; without limits, of that where F'_ior is least known."""
-        points = range(len(self.points))
-        found = {k: point.probability for k, point in enumerate(self.points)}
-        doubts = {k: min(each.value, 1 - each.value) for k, each in found.items() if each}
-        if doubts:
-            return max(doubts, key=lambda k: doubts[k])
-        beliefs = {k: belief for k in points if (belief := self.points[k].belief)}
-        return max(beliefs, key=lambda k: beliefs[k].p95 / max(beliefs[k].p5, 1e-9), default=0)
+        """Place of the torque whose verdict is least sure; where none is open, of that where F'_ior is least known."""
+        open_ = {k: each.probability for k, each in enumerate(self.points) if each.verdict is Verdict.INCONCLUSIVE}
+        doubts = {k: min(found.value, 1 - found.value) for k, found in open_.items() if found}
+        spreads = {k: each.belief.p95 / max(each.belief.p5, 1e-9) for k, each in enumerate(self.points) if each.belief}
+        found = doubts or spreads
+        return max(found, key=lambda k: found[k], default=0)
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
         """Shares of the variance of ln F'_ior at the torque that is least sure, by field, the largest first."""
-        return influences(self.samples, self.least_sure) if self.samples else ()
+        return influences(self.samples.of_ranges, self.least_sure) if self.samples else ()
 
     @cached_property
     def to_measure(self) -> tuple[MeasurementGain, ...]:

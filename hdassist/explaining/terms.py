@@ -160,6 +160,13 @@ QUANTITIES = (
         "arcsec",
     ),
     Term(
+        "F'_ior, numbers of the preset",
+        "",
+        "F'_ior by the preset's own numbers, with what is not known as 0: no answer where anything is open.",
+        ("F_ior_nominal_arcsec",),
+        "arcsec",
+    ),
+    Term(
         "F'_ior, self-aligning cam",
         "",
         "F'_ior where the cam aligned itself (an Oldham coupling: no support, C_3 = 0): what its support adds goes.",

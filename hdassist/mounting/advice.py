@@ -175,14 +175,14 @@ class Advice:
         """Shares of the variance of the logarithm of that ratio by field, the largest first."""
         if self.samples is None or self._log_ratios is None:
             return ()
-        return influences_on(self.samples, self._log_ratios)
+        return influences_on(self.samples.of_ranges, self._log_ratios)
 
     @cached_property
     def to_measure(self) -> tuple[MeasurementGain, ...]:
         """Measurements that would settle the order, by how much more often it would be right; empty where settled."""
         if self.order != "none" or self.samples is None or self._log_ratios is None:
             return ()
-        return gains_for(self.samples, self._log_ratios, np.log(1 - LEAST_TURNED_GAIN))
+        return gains_for(self.samples.of_ranges, self._log_ratios, np.log(1 - LEAST_TURNED_GAIN))
 
 
 def advice_states(
@@ -255,7 +255,7 @@ def advise(
     draw = partial(draw_samples, prior, torques, evidence=evidence, maps=maps, effort=effort, run=run)
     as_check = partial(limits_settled, left, sure=needed)  # the same samples as `check` with the same sureness
     first = draw(rotations_deg=turns, enough=as_check)
-    found = PositionStatistics.of(first, positions, criterion, shares)
+    found = PositionStatistics.of(first.of_ranges, positions, criterion, shares)
     now, place = found.place(0.0), found.challenger
     advice = replace(advice, samples=first, positions=found, all_draws=first.draws)
 

@@ -113,7 +113,7 @@ def _words(way: Allocation, found: Allocated) -> str:
     return (
         f"{how}: {f'cost {way.cost:.2f}' if way.fits else none}; {100 * way.tried.share:.1f} % of "
         f"{way.tried.drives.sum()} drives drawn anew pass, probability that {100 * found.wanted:g} % do: "
-        f"{probability_words(way.probability)}"
+        f"{probability_words(way.probability, found.sure)}"
     )
 
 

@@ -32,7 +32,7 @@ from hdassist.terminal.influence_words import influence_words, measure_words, sa
 from hdassist.terminal.wheels_page import heading
 from hdassist.verdict import Verdict
 
-UNKNOWN_AT_ZERO = "F_ior_arcsec, at_max, at_min and sensitivity take what is not known as 0; the verdict is of belief"
+UNKNOWN_AT_ZERO = "F_ior_nominal_arcsec, at_max, at_min and sensitivity take what is not known as 0"
 LEAST_ERROR = 1e-3  # arcsec: an F'_ior below it counts as that
 LEAST_SHARE = 0.1  # of F'_ior, that another coupling takes off where it is named
 
@@ -56,11 +56,12 @@ def _percentile_error(percent: int, point: OperatingPoint) -> float | None:
 BELIEF_PERCENTILES = {5: "5th percentile", 50: "median", 95: "95th percentile"}
 POINT_QUANTITIES: tuple[Quantity[OperatingPoint], ...] = (
     Quantity("M_g_Nm", "torque M_g", "N·m", "g", "M_g"),
-    Quantity("F_ior_arcsec", "F'_ior, full cycle", "arcsec", ".2f", "error.F_ior_arcsec"),
+    Quantity("F_ior_arcsec", "F'_ior", "arcsec", ".2f"),
     Quantity("self_error_arcsec", "self error", "arcsec", ".2f", "self_error.range_arcsec"),
     Quantity("F_ior_upper_arcsec", "F'_ior + self error", "arcsec", ".2f"),
     Quantity("limit_arcsec", "limit", "arcsec", "g"),
     Quantity("verdict", "verdict", "", ""),
+    Quantity("F_ior_nominal_arcsec", "F'_ior, numbers of the preset", "arcsec", ".2f", "error.F_ior_arcsec"),
     *(
         Quantity(f"{end}.{angle}_deg", words, unit, digits, partial(_angle_deg, end, angle))
         for end, label in (("at_max", "greatest at phi_h"), ("at_min", "least at phi_h"))
@@ -103,6 +104,7 @@ SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
 )
 
 
+OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of what is not known exactly too
 HELD: Quantity[OperatingPoint] = Quantity("held_arcsec", "F'_ior + self error, 5 to 95 %", "arcsec", "")
 
 
@@ -162,7 +164,8 @@ def verdict_reason(point: OperatingPoint) -> str:
     if found is None:
         return ""
     kept = f"F'_ior + self error keep {point.limit_arcsec:g} arcsec"
-    return f"{point.M_g:g} N·m: {kept}, probability {probability_words(found)}"
+    needed = point.sure if point.verdict is Verdict.INCONCLUSIVE else None
+    return f"{point.M_g:g} N·m: {kept}, probability {probability_words(found, needed)}"
 
 
 def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
@@ -234,7 +237,7 @@ def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
 
 def error_tables(check: DesignCheck) -> Iterator[Table]:
     """All figures of the error by torque, and of the drive's geometry."""
-    torque, *others = (q for q in POINT_QUANTITIES if q.key != "verdict")
+    torque, *others = (q for q in POINT_QUANTITIES if q.key not in OVER_BELIEF)
     still = "phi_b" if check.kinematics.fixed == "rigid" else "phi_g"
     shown = [q for q in others if still not in q.key]
     yield geometry_table(check)
@@ -261,7 +264,7 @@ def geometry_table(check: DesignCheck) -> Table:
 def _values(check: DesignCheck, seed: int) -> Json:
     k = check.kinematics
     return {
-        "warnings": [*check.warnings, *[UNKNOWN_AT_ZERO] * bool(check.unknown and check.samples)],
+        "warnings": [*check.warnings, *[UNKNOWN_AT_ZERO] * bool(check.unknown)],
         "kinematics": {
             "u_hg" if k.fixed == "rigid" else "u_hb": k.u,
             **attributes(k, "fixed", "cycle_states", "cycle_cam_revolutions"),

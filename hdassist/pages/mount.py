@@ -107,7 +107,7 @@ def what_to_do(advice: Advice) -> str:
         why = f"nothing is known of the direction that decides ({fields}), so any position may be the best"
     elif found := advice.gain_probability:
         why = (
-            f"a turn of the {fixed} gains with {probability_words(found)}, and {100 * advice.needed:.0f} % are wanted; "
+            f"a turn of the {fixed} gains with {probability_words(found, advice.needed)}; "
             f"the best bet is {hole_place(advice.chosen)}, {-100 * advice.gain:+.0f} %"
         )
     else:
@@ -135,8 +135,8 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
             yield "gain", f"{middle:.0f} % less error in {where} than now{served} (5 to 95 %: {low:.0f} to {high:.0f})"
         if (gain := advice.gain_probability) and advice.order != "none":
             at = hole_place(found.position(advice.drive, 0.0, found.challenger))
-            needed = f"{100 * advice.needed:g} % needed"
-            yield "sure", f"{at} is better than now by more than 1 % with {probability_words(gain)}, {needed}"
+            sure = probability_words(gain, advice.needed)
+            yield "sure", f"{at} is better than now by more than 1 % with {sure}"
     if not advice.curve.usable[0]:
         yield "forbidden", "the wheel may not stay where it stands (mounting.allowed)"
     if found and advice.worth_turning:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hdassist.json_parts import attributes, influence_objects, measure_objects, samples_object
 from hdassist.pages.tolerance import law_warnings
@@ -17,6 +17,7 @@ from hdassist.tolerance.sensitivity import Sensitivities, Tightened
 
 BAR = 10  # columns of the longest bar
 LISTED = (5, 3)  # on the first screen: fields with a tolerance, and others
+NO_SHARE = "no variance: a share too small to be told from chance by so many drives (-n)"
 STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
 
 
@@ -54,8 +55,8 @@ EFFECT_COLUMNS: tuple[Quantity[FieldEffect], ...] = (
 )
 
 
-def sensitivity_report(found: Sensitivities) -> Report:
-    """The sensitivities of a drive."""
+def sensitivity_report(found: Sensitivities, *, bars: bool = True) -> Report:
+    """The sensitivities of a drive; bars, whether gains have bars."""
     law, samples, torques = found.law, found.samples, found.samples.torques
     effects = [_effects(found, t) for t in range(len(torques))]
     verdict, reason = _answer(found)
@@ -67,8 +68,8 @@ def sensitivity_report(found: Sensitivities) -> Report:
         head=f"{law.drive.name}, tighten first at {torques[found.worst]:g} N·m",
         verdict=verdict,
         why=(reason,),
-        blocks=(_table(effects[found.worst], *LISTED), Facts.of(facts)),
-        details=(Facts((("drawn", drawn),)), *(_table(each, len(each), len(each)) for each in effects)),
+        blocks=(_table(effects[found.worst], *LISTED, bars=bars), Facts.of(facts)),
+        details=(Facts((("drawn", drawn),)), *(_table(each, len(each), len(each), bars=bars) for each in effects)),
         certificate=found,
         values={
             "operating_points": [
@@ -120,9 +121,13 @@ def _effects(found: Sensitivities, torque: int) -> list[FieldEffect]:
     return [FieldEffect(M_g, p, shares.get(p), ways.get(p), bars.get(p, "")) for p in dict.fromkeys((*shares, *ways))]
 
 
-def _table(effects: Sequence[FieldEffect], tolerances: int, others: int) -> Table:
+def _table(effects: Sequence[FieldEffect], tolerances: int, others: int, *, bars: bool) -> Table:
     """So many fields with a tolerance, the greatest gain first, and so many others."""
     tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
     rest = [e for e in effects if not e.tightened]
     title = f"at {effects[0].M_g:g} N·m: share of the variance of ln F'_ior; gain of a tolerance {STEP_WORDS}"
-    return Table.by_row(title, EFFECT_COLUMNS, [*tight[:tolerances], *rest[:others]], words=(0, 3))
+    shown = [*tight[:tolerances], *rest[:others]]
+    empty = {"share"} if all(each.share is None for each in shown) else set()
+    columns = [q for q in EFFECT_COLUMNS if q.key not in empty | ({"bar"} if not bars else set())]
+    table = Table.by_row(title, columns, shown, words=(0, len(columns) - 1 if bars else 0))
+    return replace(table, notes=(NO_SHARE,) * any(each.share is None for each in shown))

@@ -143,9 +143,8 @@ def _yields(summary: Summary) -> str:
 def _reasons(summary: Summary) -> Iterator[str]:
     """Probability of the yield wanted, and the yields; without a limit, the gain of turning."""
     if summary.has_limit and summary.wanted is not None:
-        sure = probability_words(summary.yield_of(True).probability(summary.wanted))
-        needed = f"{100 * summary.sure:g} % needed"
-        yield f"probability that the yield reaches {100 * summary.wanted:g} %: {sure}; {needed}"
+        sure = probability_words(summary.yield_of(True).probability(summary.wanted), summary.sure)
+        yield f"probability that the yield reaches {100 * summary.wanted:g} %: {sure}"
         yield _yields(summary)
     elif summary.positions > 1 and not summary.has_limit:
         off = []

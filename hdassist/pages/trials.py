@@ -111,10 +111,8 @@ def _repeat(advice: TrialAdvice) -> str:
 
 def _chance(advice: TrialAdvice) -> str:
     here, good = advice.stay
-    sure, needed = f"{100 * good:.0f}", f"{100 * advice.needed:.0f}"
-    if sure == needed and not advice.settled:
-        sure, needed = f"{np.floor(1000 * good) / 10:.1f}", f"{np.ceil(1000 * advice.needed) / 10:.1f}"
-    return f"{advice.where(here)} loses less than {100 * GOOD:.0f} % with {sure} % probability, {needed} % are needed"
+    sure = f"{np.floor(round(1000 * good, 6)) / 10:g} % probability, {100 * advice.needed:g} % are needed"
+    return f"{advice.where(here)} loses less than {100 * GOOD:.0f} % with {sure}"
 
 
 def _outcome(advice: TrialAdvice, of: Prediction) -> str:

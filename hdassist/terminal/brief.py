@@ -12,7 +12,7 @@ from hdassist.model.unknown import unknown_names, unknowns
 from hdassist.preset.fields import Drive
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.textfile import STDIN
-from hdassist.verdict import Verdict
+from hdassist.verdict import Verdict, percent_text
 
 if TYPE_CHECKING:
     from hdassist.belief.statistics import Probability
@@ -51,10 +51,9 @@ def proof(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None] =
     return words
 
 
-def probability_words(found: Probability) -> str:
-    """A probability in per cent with its Monte Carlo interval: 89 % (81 to 94)."""
-    interval = f" ({100 * found.low:.0f} to {100 * found.high:.0f})" if found.low < found.high else ""
-    return f"{100 * found.value:.0f} %{interval}"
+def probability_words(found: Probability, needed: float | None = None) -> str:
+    """A probability in per cent with its Monte Carlo interval, and that which is needed, as percent_text has them."""
+    return percent_text(found.value, found.low, found.high, needed)
 
 
 def thousands(count: int) -> str:

@@ -62,4 +62,6 @@ def samples_words(samples: Samples) -> str:
     """How many samples there are, and why others are not."""
     refused = sum(samples.refused.values())
     words = f"{samples.effective:.0f} effective of {samples.draws} drawn"
+    if samples.of_ranges.draws < samples.draws:
+        words += f", ranges and influence by the first {samples.of_ranges.draws}"
     return words + (f"; {refused} are no drive ({next(iter(samples.refused))})" if refused else "")

@@ -25,7 +25,7 @@ from hdassist.calibration.targets import CalibrationTarget
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
 from hdassist.run.run import Run
-from hdassist.verdict import Verdict, is_settled, verdict_by_probability
+from hdassist.verdict import Verdict, is_settled, percent_text, verdict_by_probability
 from tests.process import TINY
 
 C_3 = "source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}"
@@ -301,3 +301,14 @@ def test_more_samples_are_worth_drawing_only_as_long_as_they_could_make_sure():
     assert [worth(hits) for hits in (32, 58, 62, 64)] == [False, False, True, True]
     assert [worth(64 - hits) for hits in (58, 62, 64)] == [False, True, True]
     assert not worth(247, of=256)  # all are drawn
+
+
+def test_the_words_of_a_probability_never_show_another_verdict_than_the_rule():
+    for low in np.linspace(0.90, 0.999, 100):
+        shown = int(percent_text(0.9995, low, 1.0).split("(")[1].split()[0])
+        assert (shown >= 95) == (verdict_by_probability(low, 1.0) is Verdict.PASS)
+        high = 1 - low
+        shown = int(percent_text(0.0005, 0.0, high).split("to ")[1].rstrip(")"))
+        assert (shown <= 5) == (verdict_by_probability(0.0, high) is Verdict.FAIL)
+    assert percent_text(0.96, 0.9461, 0.981, 0.95) == "96 % (94 to 99), 95 % needed by all of it"
+    assert percent_text(0.0, 0.0, 0.0, 0.95) == "0 %, 95 % needed"

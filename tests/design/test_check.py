@@ -141,7 +141,7 @@ def test_a_coupling_is_named_where_it_is_a_lever():
     assert point["F_ior_floating_arcsec"] == pytest.approx(floats["operating_points"][0]["F_ior_arcsec"], rel=0.011)
     assert floats["operating_points"][0]["F_ior_floating_arcsec"] is None
     words = "coupling a self-aligning cam (cam.coupling: oldham) would bring "
-    now, then = point["F_ior_arcsec"], point["F_ior_floating_arcsec"]
+    now, then = point["F_ior_nominal_arcsec"], point["F_ior_floating_arcsec"]
     limit = ("--limit", "0.1")
     page = " ".join(run("check", TINY, *stiff, *limit, "--no-plot").stdout.split())
     assert then < 0.9 * now

@@ -44,7 +44,7 @@ def test_a_verdict_is_the_probability_of_keeping_the_limit(open_):
 def test_what_is_assumed_counts_as_what_is_unknown_does():
     assumed = [PLAY, "operation.M_g=4"]
     (point,) = check(load_preset(TINY, assumed), draws=16).points
-    limit = point.F_ior_upper_arcsec + 0.1  # the preset's own values keep it
+    limit = point.error.F_ior_arcsec + point.self_error.range_arcsec + 0.1  # the preset's own values keep it
     assert point.belief.p95 > point.error.F_ior_arcsec + 1
     assert replace(point, limit_arcsec=limit).verdict is Verdict.INCONCLUSIVE
 
@@ -77,7 +77,9 @@ def test_json_has_the_belief_and_the_same_from_any_number_of_workers(open_):
         "p5_arcsec", "p50_arcsec", "p95_arcsec", "p5_error_arcsec", "p50_error_arcsec", "p95_error_arcsec",
         "probability", "probability_low", "probability_high",
     }  # fmt: skip
-    assert told["samples"] == {"effective": pytest.approx(64), "draws": 64, "refused": [], "seed": 0}
+    assert told["samples"] == {
+        "effective": pytest.approx(64), "draws": 64, "draws_of_ranges": 64, "refused": [], "seed": 0,
+    }  # fmt: skip
     assert told["influence"][0]["field"] == "tolerances.e_hb"
     assert {each["what"] for each in told["to_measure"]} >= {"tolerances.e_hb", "F_ior@1"}
     shares = [each["share"] for each in told["influence"]]
@@ -105,3 +107,38 @@ def test_a_measured_figure_without_anything_open_is_remarked_upon():
     drives = [load_preset(TINY, each) for each in ([measured], [measured, PLAY], [])]
     said = [" ".join(check(drive, draws=0).warnings) for drive in drives]
     assert [words in each for each in said] == [True, False, False]
+
+
+def test_a_limit_for_which_more_is_drawn_moves_neither_ranges_nor_influence():
+    drive = load_preset(TINY, ["phases.phi_hb=unknown", PLAY])
+    free = check(drive, draws=16)
+    widest = free.points[free.least_sure]
+    limit = widest.belief.p95 + widest.self_error.range_arcsec  # near the threshold of PASS
+    held = check(
+        load_preset(TINY, ["phases.phi_hb=unknown", PLAY, f"acceptance.F_ior={{{widest.M_g:g}: {limit!r}}}"]), draws=16
+    )
+    assert held.samples.draws > free.samples.draws
+    assert held.samples.made[: free.samples.draws] == free.samples.made
+
+    def shown(found):
+        return [(b.p5, b.p50, b.p95, b.percentile_error(0.95)) for b in (each.belief for each in found.points)]
+
+    assert shown(held) == shown(free)
+    assert held.least_sure == free.least_sure
+    assert held.influences == free.influences
+    assert report_object(check_report(held, 0))["samples"]["draws_of_ranges"] == free.samples.draws
+    # the probability is of all that was drawn
+    point, k = held.points[held.least_sure], held.least_sure
+    assert point.probability == held.samples.probability_within(point.left_arcsec, k)
+
+
+def test_F_ior_in_the_json_is_the_answer_and_never_with_the_unknown_at_0(open_):
+    points = report_object(check_report(open_, 0))["operating_points"]
+    for point, told in zip(open_.points, points, strict=True):
+        assert told["F_ior_arcsec"] == told["belief"]["p50_arcsec"] != told["F_ior_nominal_arcsec"]
+        assert told["F_ior_nominal_arcsec"] == point.error.F_ior_arcsec
+        assert told["F_ior_upper_arcsec"] == told["F_ior_arcsec"] + told["self_error_arcsec"]
+    undrawn = check(load_preset(TINY, ["phases.phi_hb=unknown", "operation.M_g=4"]), draws=0)
+    (told,) = report_object(check_report(undrawn, 0))["operating_points"]
+    assert (told["F_ior_arcsec"], told["F_ior_upper_arcsec"]) == (None, None)
+    assert told["F_ior_nominal_arcsec"] > 0

@@ -41,6 +41,15 @@ def test_json_has_influences_and_what_tighter_tolerances_bring(as_json: subproce
     assert answer["drives"] >= 32
 
 
+def test_no_plot_leaves_out_the_bars_and_a_share_that_is_missing_is_explained() -> None:
+    page = run("sensitivity", TINY, *FEW).stdout
+    bare = run("sensitivity", TINY, *FEW, "--no-plot").stdout
+    assert "█" in page
+    assert "█" not in bare
+    assert "no variance: a share too small to be told from chance" in page
+    assert "variance, %" not in page  # of which none is shown
+
+
 def test_csv_has_a_row_a_field() -> None:
     done = run("sensitivity", TINY, *FEW, "--csv", "-")
     header, *rows = (line.split(",") for line in done.stdout.splitlines())
