@@ -44,7 +44,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         list[str], typer.Argument(metavar="FILE", help="Measured traces (- for stdin), or presets: names, .yaml files.")
     ]
     torque: Annotated[
-        float | None,
+        str | None,
         o.drive_option("--torque", metavar="N*M", show_default="the only one; all of presets", help="Torque M_g."),
     ] = None
     start: Annotated[
@@ -90,7 +90,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         asked = RecordConvention(*angles, self.error_is, self.cam_sense)
         orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
         how = partial(compare, orders=orders, drift=self.drift, stated=stated)
-        drive = load_preset(self.preset, [*self.changes, *o.torque_overrides(self.torque)])
+        drive = load_preset(self.preset, [*self.changes, *o.torque_overrides([self.torque])])
         M_g, form = torque_of(drive), self.form()
 
         def one(name: str) -> Report:
@@ -128,12 +128,11 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         names = [self.preset, *self.files]
         o.stdin_once(*names)
         out = self.open()
+        asked = () if self.torque is None else (o.torque_value(self.torque),)
 
         def one(_: str) -> Report:
             loaded = [self.load(name) for name in names]
-            if self.torque is not None and not (self.torque and loaded[0].allows("operation.M_g", self.torque)):
-                raise UsageError(f"invalid --torque {self.torque:g}: expected a torque in N*m up to 1e7, and not 0")
-            torques = common_torques(loaded) if self.torque is None else (self.torque,)
+            torques = asked or common_torques(loaded)
             states = estimate_comparison(loaded, torques, self.draws)
             words = ", ".join(drive.name for drive in loaded)
             with out.progress(words, states) as progress, workers(self.jobs) as executor:
