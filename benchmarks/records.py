@@ -26,7 +26,7 @@ FINE = 240  # angles a cam turn of the true curve
 
 @dataclass(frozen=True)
 class Truth:
-    """Ranges [arcsec] of the record, of its orders of the cam alone, and amplitudes of these, over what was visited."""
+    """Ranges [arcsec] of the record and of its orders of the cam alone, and amplitudes of these over the cycle."""
 
     whole: float
     cam: float
@@ -92,23 +92,20 @@ class Bench:
         gap = round(rng.uniform(0.1, 0.8) * count)
         kept[gap : gap + ROWS // 4] = False
         kept[2 * count - gap : 2 * count - gap + ROWS] = False  # a turn of the cam
-        self.visited = {1: turns[kept & (way > 0)], -1: turns[kept & (way < 0)]}
         rows = zip(time[kept], cam_counts[kept], out_counts[kept], strict=True)
         text = [f"{t:.6f};{a:.0f};{b:.0f}" for t, a, b in rows]
         for row in rng.integers(50, len(text), 3):
             text[row] = "---"
         return "\n".join(["t;cam;output", *text]).encode()
 
-    def truth(self, direction: int) -> Truth:
-        """A record without noise: amplitudes over the rows of a direction, or over the cycle if that is all."""
+    def truth(self) -> Truth:
+        """A record without noise: its ranges, and amplitudes over the cycle."""
         whole = 2 * np.pi * np.arange(RATIO * FINE) / FINE
         phi = whole[: round(self.turns * FINE)]
         spectrum, orders = np.fft.rfft(self.cam_error(whole)), np.arange(RATIO * FINE // 2 + 1) / RATIO
         amplitudes = {}
         for order in TOLD_ORDERS:
             band = np.fft.irfft(np.where(np.abs(orders - order) < 0.5, spectrum, 0))
-            if self.turns < RATIO:
-                band = np.interp(self.visited[direction], whole / (2 * np.pi), band)
             amplitudes[order] = float(np.sqrt(2 * np.mean(band**2)))
         cam = self.cam_error(phi)
         return Truth(float(np.ptp(cam + self.slow_error(phi))), float(np.ptp(cam)), amplitudes, 1e3 * self.lag)
@@ -132,7 +129,7 @@ def look(seed: int, turns: float, held: Held) -> Measurement:
     bench = Bench(seed, turns)
     result = measure(read_trace(bench.file(), FORM, RATIO), ratio=RATIO, orders=ORDERS)
     found = result.directions[0]
-    truth = bench.truth(found.direction)
+    truth = bench.truth()
     if not found.is_part:
         low, high = found.interval_arcsec
         held.add("F'_ior", held=low <= truth.whole <= high)

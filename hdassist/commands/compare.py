@@ -44,7 +44,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         list[str], typer.Argument(metavar="FILE", help="Measured traces (- for stdin), or presets: names, .yaml files.")
     ]
     torque: Annotated[
-        float | None,
+        str | None,
         o.drive_option("--torque", metavar="N*M", show_default="the only one; all of presets", help="Torque M_g."),
     ] = None
     start: Annotated[
@@ -66,7 +66,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
     @property
     def changes(self) -> list[str]:
         """All that the options change of a preset, its torque too."""
-        return [*super().changes, *o.torque_overrides(self.torque)]
+        return [*super().changes, *o.torque_overrides([self.torque])]
 
     def run(self) -> int:
         """Compare; returns the exit code."""

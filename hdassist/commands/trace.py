@@ -44,7 +44,7 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
     @property
     def changes(self) -> list[str]:
         """All that the options change of a preset, its torque too."""
-        return [*super().changes, *o.torque_overrides(self.torque)]
+        return [*super().changes, *o.torque_overrides([self.torque])]
 
     def run(self) -> int:
         """Compute the trace; returns the exit code."""

@@ -25,13 +25,13 @@ from hdassist.measuring.fit import (
     order_columns,
     residual_power,
 )
+from hdassist.measuring.orders import LINE_WIDTH
 from hdassist.model.geometry import Array
 
 LINE_FALSE_ALARM = 0.01  # of a record without lines
 PROBES_PER_PLACE = 2.5  # places probed, for each resolved place, so that peaks between these are found
 NEIGHBOURHOOD = 32  # resolved places on each side that stand for the noise
 FEWEST_NEIGHBOURS = 2  # of them
-LINE_WIDTH = 1.5  # of the resolution, to either side: the line's own peak
 CLOSEST_ORDERS = 0.4  # of the resolution: no order is fitted nearer to another
 FEWEST_PERIODS = 3.0  # periods in the record: below, it drifts
 HIGHEST_LINE = 4.0  # times the highest order: beyond, averages over bins make lines smaller

@@ -339,7 +339,7 @@ def _sweep_result(
         )
     )
     visits = coverage(grid, trace.cam_deg[rows] / 360, gearing) if gearing else None
-    table, ratio = order_table(fit, drive, gearing), gearing.ratio if gearing else None
+    table, ratio = order_table(fit, declared, drive, gearing), gearing.ratio if gearing else None
     return SweepResult(
         sign, fit, grid, extent, revolution, cam, float(np.ptp(slow)), _cost_of_slow(fit), raw, table,
         orders_of_cam(fit, declared, ratio, table), visits, sources,

@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtrit
 
 from hdassist.error.orders import NO_CAUSE, known_causes
 from hdassist.errors import UsageError
 from hdassist.measuring.cycle import Gearing
-from hdassist.measuring.fit import OrderIndices, SlowTerms, TraceFit
+from hdassist.measuring.fit import OrderIndices, SlowTerms, TraceFit, distance, order_columns
+from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
@@ -26,9 +28,13 @@ BEATS = 6
 SLOW_ORDERS, SLOW_PER_CAM_TURN = 12, 0.2  # periods of slow terms in a turn, at most: of the output and of the cam
 USUAL_RATIO = 100.0  # assumed for the width of the beats where none is known
 DRIFTING = 4.0  # cam turns: from here on one order to either side stands for beats that change the error slowly
+SIZE_ITERATIONS = 8  # of the size of beats that a record leaves open
+UNSEEN_FACTOR = 2.5  # ovals of both wheels cancel more often than beats that are drawn: found with solved cycles
 WHOLE_TURN = 0.97  # of an output turn: a record that has its beats
-LINE_CAUSE = "none of the orders: ball pass, cage, rig; in short records also an unresolved beat"
+LINE_CAUSE = "none of the orders: ball pass, cage, rig"
+BEAT_CAUSE = "beats of an order with the output, or a line: part of an output turn does not tell them apart"
 TOGETHER_CAUSE = "orders {:.3f} to {:.3f} together: the record does not tell a line between them apart"
+LINE_WIDTH = 1.5  # of the resolution, to either side: a wave's own peak
 RIG_CAUSES = {  # parts of the rig that repeat so often in a turn of the output
     1.0: "once per output turn: also encoder graduation and coupling, gravity",
     2.0: "twice per output turn: also encoder graduation and coupling",
@@ -100,14 +106,20 @@ def order_grid(
     return np.asarray(every[np.concatenate([[True], np.diff(every) > step / 2])])
 
 
-def order_table(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> tuple[MeasuredOrder, ...]:
+def order_table(
+    fit: TraceFit, declared: Sequence[float], drive: Drive | None, gearing: Gearing | None
+) -> tuple[MeasuredOrder, ...]:
     """Orders of a fit, rising, with the simplest causes of each that lie nearest to it.
 
-    A line and the orders that the record does not resolve from it are one entry.
+    A line and the orders that the record does not resolve from it are one entry. Over a part of an output turn a line
+    among the beats of a declared order is none.
     """
-    orders = fit.orders
-    declared = orders[~np.isin(orders, fit.lines)]
-    width = float(np.diff(declared).min()) / 2 if len(declared) > 1 else 0.5
+    orders, span = fit.orders, fit.design.bins.span
+    fitted = orders[~np.isin(orders, fit.lines)]
+    width = float(np.diff(fitted).min()) / 2 if len(fitted) > 1 else 0.5
+    ratio = gearing.ratio if gearing else USUAL_RATIO
+    near = distance(fit.lines, np.asarray(declared)) <= BEATS / ratio + LINE_WIDTH / span
+    is_beat = near & (span < WHOLE_TURN * ratio)
     causes: list[list[tuple[int, str]]] = [[] for _ in orders]
     for (k_g, k_b), (order, words) in (known_causes(drive) if drive else {}).items():
         place = int(np.abs(orders - order).argmin())
@@ -122,13 +134,15 @@ def order_table(fit: TraceFit, drive: Drive | None, gearing: Gearing | None) -> 
             per_output = orders[own] * gearing.ratio
             words += [text for often, text in RIG_CAUSES.items() if (abs(per_output - often) < reach).any()]
             words += [CAM_CAUSE] * bool((abs(orders[own] - 1) < 1e-9).any())
-        if np.isin(orders[own], fit.lines).any():
+        if np.isin(orders[own], fit.lines[is_beat]).any():
+            words.append(BEAT_CAUSE)
+        elif np.isin(orders[own], fit.lines).any():
             words.append(LINE_CAUSE if len(own) == 1 else TOGETHER_CAUSE.format(orders[own[0]], orders[own[-1]]))
         return "; ".join(dict.fromkeys(words)) or (NO_CAUSE if drive else "")
 
     rows = []
     for own in fit.groups:
-        is_line = bool(np.isin(orders[own], fit.lines).any())
+        is_line = bool(np.isin(orders[own], fit.lines[~is_beat]).any())
         rows.append(MeasuredOrder(*fit.wave(own), cause(own), is_line))
     return tuple(rows)
 
@@ -138,14 +152,45 @@ def orders_of_cam(
 ) -> tuple[MeasuredOrder, ...]:
     """Each declared order together with its beats, as a wave of the same mean square; table: of the orders, for causes.
 
-    In a part of an output turn a beat, n and 1/ratio off it, is not told from the order.
+    Over a part of an output turn the beats that it leaves open are part of the uncertainty.
     """
     causes = {order.per_cam_rev: order.cause for order in table}
+    ratio = ratio or USUAL_RATIO
     rows = []
     for order in declared:
         off = np.abs(fit.orders - order)
-        near = off <= np.minimum(BEATS / (ratio or USUAL_RATIO), np.diff(declared).min(initial=1.0) / 2) + 1e-9
+        near = off <= np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2) + 1e-9
         if len(own := np.flatnonzero(near & ~fit.is_slow)):
+            _, amplitude, uncertainty, phase = fit.joint_wave(own)
+            if fit.design.bins.span < WHOLE_TURN * ratio:
+                uncertainty = float(np.hypot(uncertainty, _unseen_beats(fit, own, amplitude, order, ratio)))
             centre = float(fit.orders[off.argmin()])
-            rows.append(replace(MeasuredOrder(*fit.joint_wave(own), causes.get(centre, "")), per_cam_rev=order))
+            rows.append(MeasuredOrder(order, amplitude, uncertainty, phase, causes.get(centre, "")))
     return tuple(rows)
+
+
+def _unseen_beats(fit: TraceFit, own: OrderIndices, amplitude: float, order: float, ratio: float) -> float:
+    """Standard uncertainty [arcsec] of the amplitude of an order with its beats over a whole turn of the output.
+
+    Arguments: own, places of the order in the fit; its amplitude in the record. Cosine and sine of each beat c are
+    drawn from a normal distribution, those next to the order as large as the order itself and those further off smaller
+    by half from one to the next; the coefficients of the record are B c and noise. Their common size is found by
+    expectation and maximisation.
+    """
+    away = np.tile(np.arange(-BEATS, BEATS + 1), 2)
+    pair, beats = np.concatenate([own, own + len(fit.orders)]), order + away[: len(away) // 2] / ratio
+    turns = fit.design.bins.turns
+    record = fit.design.project(lambda rows: order_columns(turns[rows], beats))[pair]
+    noise = fit.factor[pair] @ fit.factor[pair].T
+    share = 4.0 ** -np.maximum(np.abs(away) - 1.0, 0)
+    variance = amplitude**2 / share.sum() + np.trace(noise)
+    for _ in range(SIZE_ITERATIONS):
+        prior = record * (variance * share)
+        gain = np.linalg.lstsq(prior @ record.T + noise, prior, rcond=None)[0].T
+        mean, spread = gain @ fit.coefficients[pair], np.diag(variance * share) - gain @ prior
+        variance = float(np.mean((mean**2 + np.diag(spread)) / share))
+    square = float(mean @ mean + np.trace(spread))
+    scatter = float(np.sqrt(2 * np.trace(spread @ spread) + 4 * mean @ spread @ mean))
+    freedom = len(away) - float((np.diag(spread) / (variance * share)).sum())  # of that size
+    student = float(stdtrit(max(freedom, 1.0), 0.975)) / COVERAGE_FACTOR
+    return UNSEEN_FACTOR * student * float(np.hypot(np.sqrt(square) - amplitude, scatter / (2 * np.sqrt(square))))

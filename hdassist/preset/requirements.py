@@ -99,13 +99,19 @@ def _teeth(text: str) -> int:
     return z_g
 
 
-def _measure(option: str, text: str, unit: str) -> float:
+def option_value(option: str, text: str, unit: str) -> float:
+    """Value of an option in a unit, from a text like "26" or "26 N·m". Raises UsageError: no such text."""
     value = read_number(scalar_value(text.strip()), unit)
     if isinstance(value, InvalidValue):
         raise UsageError(f"invalid {option} {shown(text)!r}: {value.message}", value.hint)
+    return float(value)
+
+
+def _measure(option: str, text: str, unit: str) -> float:
+    value = option_value(option, text, unit)
     if not value > 0:
         raise UsageError(f"invalid {option} {shown(text)}: expected a number above 0 {unit}")
-    return float(value)
+    return value
 
 
 def _stiffnesses(text: str) -> tuple[float, float, float]:

@@ -45,7 +45,7 @@ Presets = Annotated[
     typer.Argument(metavar="PRESET", help="Preset names, paths, or - for stdin."),
 ]
 OneTorque = Annotated[
-    float | None, drive_option("--torque", metavar="N*M", show_default="first of the preset", help="Torque M_g.")
+    str | None, drive_option("--torque", metavar="N*M", show_default="first of the preset", help="Torque M_g.")
 ]
 Traces = Annotated[list[str], typer.Argument(metavar="FILE", help="Measured traces, or - for stdin.")]
 Plot = Annotated[bool, answer_option("--plot/--no-plot", show_default=False, help="Draw the error.")]
@@ -180,10 +180,10 @@ class LoadedDriveOptions(DriveOptions):
     """Changes of a preset, its torques among them."""
 
     torque: Annotated[
-        list[float],
+        list[str],
         drive_option(
             metavar="N*M", default_factory=list, show_default=False,
-            help="Torque M_g instead of the preset's.",
+            help="Torque M_g instead of the preset's; 80, or '80 N·m'.",
         ),
     ]  # fmt: skip
 
@@ -372,9 +372,19 @@ def limits_of_options(texts: Sequence[str], only: str = "") -> "tuple[LimitText,
     return tuple(sorted(found, key=lambda limit: limit.torque is not None))
 
 
-def torque_overrides(torques: list[float] | float | None) -> list[str]:
-    """Torques of the command line as an override of the preset: the same checks, the same errors."""
-    torques = [] if torques is None else [torques] if isinstance(torques, float) else torques
+def torque_value(text: str) -> float:
+    """Torque [N*m] of the command line, as 80 or '80 N·m'. Raises UsageError: any other text, or 0."""
+    from hdassist.preset.requirements import option_value
+
+    torque = option_value("--torque", text, "N*m")
+    if not 0 < abs(torque) <= 1e7:
+        raise UsageError(f"invalid --torque {text}: expected a torque in N*m up to 1e7, and not 0")
+    return torque
+
+
+def torque_overrides(texts: Sequence[str | None]) -> list[str]:
+    """Torques of the command line, where given, as an override of the preset. Raises UsageError as above."""
+    torques = [torque_value(text) for text in texts if text is not None]
     return [f"operation.M_g={torques!r}"] if torques else []
 
 

@@ -1,4 +1,4 @@
-"""--limit: one form on every command that has it."""
+"""--limit and --torque: one form on every command that has them."""
 
 import json
 
@@ -74,3 +74,15 @@ def test_limits_of_all_torques_stand_first() -> None:
     ]  # fmt: skip
     with pytest.raises(UsageError, match="expected a limit of F_ior"):
         limits_of_options(["order_2=5"], only="F_ior")
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "words"),
+    [("4 N·m", 0, ""), ("4e3 N mm", 0, ""), ("abc", 2, "error: invalid --torque 'abc': must be a number"),
+     ("1_0", 2, "error: invalid --torque '1_0': "), ("0", 2, "error: invalid --torque 0: expected"),
+     ("2e7", 2, "expected a torque in N*m up to 1e7")],
+)  # fmt: skip
+def test_a_torque_may_have_its_unit_and_is_refused_by_its_option(text, code, words) -> None:
+    done = run("trace", TINY, "-q", "--torque", text)
+    assert (done.returncode, done.stdout) == (code, run("trace", TINY, "-q", "--torque", "4").stdout * (code == 0))
+    assert words in done.stderr

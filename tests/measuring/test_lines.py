@@ -45,13 +45,13 @@ WAVE = 8 * np.cos(4 * np.pi * TEN + 0.3) + 2 * np.cos(2 * np.pi * TEN) + np.cos(
 
 @pytest.mark.parametrize("order", [6.95, 11.07, 5.08, 0.554])
 def test_a_line_beside_an_order_of_a_short_record_is_one_with_it(order):
-    # ten turns tell orders apart that lie 0.1 apart: 6.95 lies between 6.9 and 7.0
+    # ten turns tell orders apart that lie 0.1 apart: 6.95 lies between 6.9 and 7.0, and may be a beat of 7
     error = WAVE + line(order, 3.0, turns=TEN)
     found = found_in(error + 0.3 * np.random.default_rng(0).standard_normal(len(TEN)), TEN)
-    (only,) = found.lines
+    (only,) = (o for o in found.orders if abs(o.per_cam_rev - order) < 0.02)
     assert only.amplitude_arcsec == pytest.approx(3.0, abs=0.05)
-    assert only.per_cam_rev == pytest.approx(order, abs=0.02)
-    assert ("together" in only.cause) == (order > 1)
+    assert found.lines == ((only,) if order < 1 else ())
+    assert ("beats of an order with the output, or a line" in only.cause) == (order > 1)
     assert sum(o.amplitude_arcsec > 0.2 for o in found.orders) == 4
     low, high = found.interval_arcsec
     assert low < np.ptp(error) < high < low + 1
