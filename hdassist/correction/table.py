@@ -74,7 +74,7 @@ class CorrectionTable:
         values = self.error_arcsec
         if other_direction and self.other_direction_arcsec is not None:
             values = self.other_direction_arcsec
-        return interpolated(values, np.asarray(cam_turns) * periods_a_cam_turn(self.turn, self.u))
+        return between_points(values, np.asarray(cam_turns) * periods_a_cam_turn(self.turn, self.u))
 
 
 def periods_a_cam_turn(turn: RepeatTurn, u: float) -> float:
@@ -82,7 +82,7 @@ def periods_a_cam_turn(turn: RepeatTurn, u: float) -> float:
     return {"output": 1 / u, "cam": 1.0, "half cam turn": 2.0}[turn]
 
 
-def interpolated(values: Array, periods: Array) -> Array:
+def between_points(values: Array, periods: Array) -> Array:
     """Values at even steps over a period, shape (..., points), straight between them, at periods from the first."""
     points = values.shape[-1]
     place = np.mod(periods, 1.0) * points
