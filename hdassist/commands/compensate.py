@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from hdassist.commands.controller_options import ControllerOptions
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ FORMS = {"phasors": None, "output": "output", "cam": "cam", "half-cam": "half ca
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompensateCommand(o.FigureOptions, o.SamplingOptions, o.LoadedDriveOptions):
+class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o.LoadedDriveOptions):
     """How much of the error a stored correction can take off, in which form, and the table that does it.
 
     \b
@@ -60,14 +61,22 @@ class CompensateCommand(o.FigureOptions, o.SamplingOptions, o.LoadedDriveOptions
         from hdassist.design.check import check_states
         from hdassist.pages.compensate import compensate_report
         from hdassist.solve.window import in_wide_enough_window
+        from hdassist.terminal.files import write_text
+        from hdassist.terminal.output import note
         from hdassist.terminal.runs import give, run_each
 
         out, form = self.open(), self.correction_form()
+        target = self.controller_target(form, force=self.force)
 
         def one(name: str) -> Report:
             drive = self.load(name)
             with out.run(drive.name, 2 * check_states(drive, draws=self.draws), self) as run:
                 corrected = partial(correct, form=form, draws=self.draws, run=run)
-                return compensate_report(in_wide_enough_window(drive, corrected))
+                result = in_wide_enough_window(drive, corrected)
+            if target and not result.chosen.is_refused:
+                text, about = self.controller_texts(result, target[0])
+                note(about.rstrip())
+                write_text(target[1], text, self.force)
+            return compensate_report(result)
 
         return give("compensate", run_each("compensate", [self.preset], one, self, keep_failures=False), self, out)

@@ -12,7 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from hdassist.correction.table import CorrectionTable, RepeatTurn
+from hdassist.correction.correct import Correction, percentiles, ranges_left
+from hdassist.correction.table import CorrectionTable, ExpectedResidual, RepeatTurn
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 from hdassist.version import __version__
@@ -21,7 +22,6 @@ ARCSEC_A_TURN = 1_296_000
 SIDEREAL_ARCSEC_A_SECOND = 15.041067  # of an hour axis, in a second of the clock; 15 in a sidereal second
 MOTEUS_BINS, INT8_MOST = 256, 127
 PEC_SECONDS = (61, 720)  # sidereal, that OnStepX keeps
-EQMOD_ROWS = 32767  # its index has 16 bits
 EQMOD_DIGITS, EQMOD_STEP_ARCSEC = 4, 0.0001
 TWINCAT_STEPS_A_DEGREE = 10_000
 SETPOINT_STEPS = 2  # each leaves a hundredth of what was left
@@ -64,6 +64,11 @@ class PlayedCorrection:
     is_of_cam: bool = False
 
 
+def turn_words(turn: RepeatTurn) -> str:
+    """A turn after which a table repeats, in words."""
+    return f"{turn.removesuffix(' turn')} turn"
+
+
 @dataclass(frozen=True)
 class ControllerFormat:
     """The file of a controller.
@@ -84,6 +89,16 @@ class ControllerFormat:
     played: Callable[[CorrectionTable, ControllerAxis], PlayedCorrection] | None = None
     comment: str = ""
     comments_at: int | None = 0
+
+    def refusal(self, turn: RepeatTurn | None, points: int) -> UsageError | None:
+        """Why it keeps no table of so many points over such a turn, None for phasors; None where it does."""
+        if turn not in self.turns:
+            form = f"table over the {turn_words(turn)}" if turn else "form phasors"
+            wanted = " or ".join(map(turn_words, self.turns))
+            return UsageError(f"invalid {form} for {self.name}: expected a table over the {wanted}")
+        if self.most_points and points > self.most_points:
+            return UsageError(f"invalid number of points {points} for {self.name}: expected at most {self.most_points}")
+        return None
 
 
 def error_as_read(
@@ -114,14 +129,10 @@ def stored_table(table: CorrectionTable, controller: ControllerFormat, axis: Con
 
     Raises UsageError: a table that the controller cannot keep.
     """
-    name, most = controller.name, controller.most_points
-    if table.turn not in controller.turns:
-        wanted = " or ".join(controller.turns)
-        raise UsageError(f"invalid table over the {table.turn} turn for {name}: expected over the {wanted} turn")
+    if refusal := controller.refusal(table.turn, table.points):
+        raise refusal
     if table.other_direction_arcsec is not None and not controller.by_direction:
-        raise UsageError(f"invalid table by direction for {name}: expected one for both directions")
-    if most and table.points > most:
-        raise UsageError(f"invalid number of points {table.points} for {name}: expected at most {most}")
+        raise UsageError(f"invalid table by direction for {controller.name}: expected one for both directions")
     if controller.played is None:
         step, other = controller.step_arcsec, table.other_direction_arcsec
         other = None if other is None else np.round(other / step) * step
@@ -132,6 +143,25 @@ def stored_table(table: CorrectionTable, controller: ControllerFormat, axis: Con
     reading = axis.zero_deg + axis.sense * angle / (1 if played.is_of_cam else table.u)
     error = axis.sense * np.interp(reading, played.reading_deg, played.error_arcsec, period=played.period_deg)
     return replace(table, error_arcsec=error, expected=())
+
+
+def correction_file(result: Correction, controller: ControllerFormat, axis: ControllerAxis) -> tuple[str, str]:
+    """The controller's file of a correction, with the residuals that it leaves as it is stored, and what belongs to it.
+
+    Raises UsageError: a correction that the controller cannot keep.
+    """
+    table = result.correction
+    if not isinstance(table, CorrectionTable):
+        raise controller.refusal(None, 0) or AssertionError
+    stored = stored_table(table, controller, axis)
+    expected = []
+    for M_g, error in result.errors.items():
+        other = stored.other_direction_arcsec if M_g == stored.other_M_g else None
+        correction = stored if other is None else replace(stored, error_arcsec=other)
+        left = percentiles(ranges_left(correction, error)[0])
+        expected.append(ExpectedResidual(M_g, percentiles(error.ranges)[1], *left))
+    sha256 = result.drive.origin.sha256
+    return controller_file(replace(table, expected=tuple(expected)), controller, axis, sha256)
 
 
 def controller_file(
@@ -163,7 +193,7 @@ def about_lines(
     lines = [
         f"hdassist {__version__}: correction of the kinematic error, {controller.name}, axis {axis.name}",
         f"preset {table.preset or '-'}, sha256 {preset_sha256 or '-'}{hole}",
-        f"{for_torque}; {table.turn} turn, {table.points} points, straight between",
+        f"{for_torque}; {turn_words(table.turn)}, {table.points} points, straight lines between",
         *worm,
         f"zero: the axis reads {axis.zero_deg:.6g} deg where cam and output stand at zero (phi_h = 0)",
         f"counts up {way} seen from the cam side; error = actual less ideal angle of the output, taken off",
@@ -297,8 +327,6 @@ def eqmod_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrecti
     """Error at each second of a worm's turn; the controller takes the drift from first to last row away."""
     worm_deg = _worm_deg(table, axis)
     rows = round(worm_deg * 3600 / SIDEREAL_ARCSEC_A_SECOND)
-    if rows > EQMOD_ROWS:
-        raise UsageError(f"invalid table of {rows} s for EQMOD: expected at most {EQMOD_ROWS} s")
     setpoint = _even(rows, SIDEREAL_ARCSEC_A_SECOND / 3600)
     stored = error_at_setpoint(table, axis, setpoint, from_first=True).round(EQMOD_DIGITS)
     played = stored - _even(rows, (stored[-1] - stored[0]) / (rows + 1))

@@ -9,13 +9,14 @@ import numpy as np
 
 from hdassist.correction.correct import HALVED, IN_PLACE, Correction, ErrorPart, FormResiduals
 from hdassist.correction.forms import line_orders
-from hdassist.correction.table import ExpectedResidual, Phasors
+from hdassist.correction.table import ExpectedResidual
+from hdassist.correction.writers_json import correction_columns
 from hdassist.json_parts import samples_object
 from hdassist.model.unknown import unknown_notes
 from hdassist.planning.lines import POINTS_A_TURN
 from hdassist.report.blocks import Facts, Table, TwoCurves
 from hdassist.report.quantities import csv_columns
-from hdassist.report.report import CsvTable, Report
+from hdassist.report.report import Report
 from hdassist.terminal.brief import again
 
 UNPROVEN = "no real drive has been corrected with this yet: record the first one corrected"
@@ -53,7 +54,7 @@ def compensate_report(result: Correction) -> Report:
             "correction": None if refused else result.correction,
             "samples": samples_object(result.samples),
         },
-        csv=None if refused else _csv(result),
+        csv=None if refused else csv_columns(**correction_columns(result.correction)),
         line=_verdict(result),
         warnings=(*drive.origin.warnings, *(() if result.samples else unknown_notes(drive)), *refused),
         exit_code=5 if refused else 0,
@@ -149,15 +150,3 @@ def _form_object(each: FormResiduals) -> dict[str, Any]:
         "form": each.form.name, "left": dict(zip(("p5", "p50", "p95"), each.left, strict=True)),
         "refused": each.is_refused, "residuals": each.residuals,
     }  # fmt: skip
-
-
-def _csv(result: Correction) -> CsvTable:
-    found = result.correction
-    if isinstance(found, Phasors):
-        names = ("per_output_turn", "per_cam_turn", "amplitude_arcsec", "phase_deg")
-        return csv_columns(**{name: getattr(found, name) for name in names})
-    columns = {f"{found.turn.split()[-2] if ' ' in found.turn else found.turn}_deg": found.angles_deg}
-    columns["error_arcsec"] = found.error_arcsec
-    if found.other_direction_arcsec is not None:
-        columns["other_direction_arcsec"] = found.other_direction_arcsec
-    return csv_columns(**columns)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from hdassist.correction.table import CorrectionTable, ExpectedResidual, Phasors
-from hdassist.correction.writers import CONTROLLER_FORMATS, ControllerAxis, controller_file, stored_table
+from hdassist.correction.writers import CONTROLLER_FORMATS, ControllerAxis, controller_file, stored_table, turn_words
 from hdassist.correction.writers_json import correction_columns, correction_object, read_correction
 from hdassist.errors import DataError, UsageError
 from tests.correction import controllers
+from tests.process import TINY, run
 
 AXES = [(1, 0.0), (-1, 0.0), (1, 37.123), (-1, 201.7)]
 POSITIONS = np.linspace(0, 360, 40_001)
@@ -166,10 +167,9 @@ def test_a_row_that_eqmod_leaves_out_costs_little_where_the_turn_is_no_whole_num
         ("twincat-cnc", {"points": 1500}, "expected at most 1497"),
         ("siemens-808d", {"points": 200}, "expected at most 199"),
         ("siemens-840d", {"by_direction": True}, "expected one for both directions"),
-        ("moteus", {}, "expected over the cam or half cam turn"),
-        ("linuxcnc-0", {"turn": "cam"}, "expected over the output turn"),
+        ("moteus", {}, "table over the output turn for moteus: expected a table over the cam turn or half cam turn"),
+        ("linuxcnc-0", {"turn": "cam"}, "expected a table over the output turn"),
         ("onstepx", {"turn": "cam"}, "864 sidereal seconds for OnStepX: expected 61 to 720 s"),
-        ("eqmod", {"turn": "cam", "u": 2}, "43082 s for EQMOD: expected at most 32767 s"),
     ],
 )  # fmt: skip
 def test_a_table_that_a_controller_cannot_keep_is_refused(kind, change, words):
@@ -198,7 +198,8 @@ def test_a_file_says_what_it_is_for(kind):
     text, about = controller_file(table, CONTROLLER_FORMATS[kind], axis, "5ha")
     assert (text + about).isascii()
     for words in (
-        "axis A1", "preset d\\nr\\u0436, sha256 5ha, fixed wheel in hole 3", "for 80 N*m", f"{turn} turn, 100 points",
+        "axis A1", "preset d\\nr\\u0436, sha256 5ha, fixed wheel in hole 3", "for 80 N*m",
+        f"{turn_words(turn)}, 100 points",
         "the axis reads 12.5 deg where cam and output stand at zero", "counts up clockwise seen from the cam side",
         "error = actual less ideal", "smallest step of a value: ",
         "at 80 N*m: expected range 2.20 arcsec (1.10 to 3.30)",
@@ -238,6 +239,37 @@ def test_a_file_that_is_no_correction_is_refused(change):
     fields = correction_object(table_of("cam", 5, 20), None) | change
     with pytest.raises(DataError, match="<bytes>: invalid correction"):
         read_correction(json.dumps(fields).encode())
+
+
+def test_a_controllers_file_is_written_with_what_it_leaves(tmp_path):
+    name = tmp_path / "joint.comp"
+    options = ("--form", "output", "--points", "90", "--no-plot", "--axis", "3", "--zero", "12.5", "--clockwise")
+    answer = run("compensate", TINY, *options, "--write", f"linuxcnc-1={name}")
+    assert answer.returncode == 0
+    assert f"wrote {name}" in answer.stderr
+    text = name.read_text()
+    assert "# preset tiny, sha256 96506937" in text and "axis 3" in text and "reads 12.5 deg" in text
+    assert "# at 1 N*m: expected range 15.79 arcsec" in text and "expected range 15.79" in answer.stderr
+    assert len([line for line in text.splitlines() if line[0] != "#"]) == 92
+
+
+@pytest.mark.parametrize(
+    ("write", "options", "words"),
+    [
+        ("galil=FILE", (), "expected CONTROLLER=FILE"),
+        ("moteus", ("--form", "cam"), "expected CONTROLLER=FILE"),
+        ("moteus=-", ("--form", "cam"), "expected CONTROLLER=FILE"),
+        ("moteus=FILE", (), "invalid form phasors for moteus"),
+        ("linuxcnc-0=FILE", ("--form", "output", "--points", "255"), "expected at most 254"),
+        ("moteus=FILE", ("--form", "cam", "--zero", "nan"), "expected a finite one"),
+    ],
+)
+def test_a_controllers_file_that_cannot_be_is_refused_at_once(tmp_path, write, options, words):
+    name = tmp_path / "table"
+    answer = run("compensate", TINY, *options, "--write", write.replace("FILE", str(name)))
+    assert (answer.returncode, answer.stdout) == (2, "")
+    assert words in answer.stderr
+    assert not name.exists()
 
 
 def test_text_that_is_no_json_is_refused():
