@@ -103,6 +103,13 @@ def test_measure(tmp_path: Path):
     assert json.loads((tmp_path / "cycle.json").read_text())["schema"] == "hdassist.measure/1"
 
 
+def test_correct(tmp_path: Path):
+    output = output_of("correct.md", tmp_path)
+    assert "vzp160, correction at 80 N·m: phasors leave 1.8 of 28.7 arcsec (6 %)" in output
+    assert len((tmp_path / "table.csv").read_text().splitlines()) == 1501
+    assert json.loads((tmp_path / "correction.json").read_text())["schema"] == "hdassist.compensate/1"
+
+
 def test_plan(tmp_path: Path):
     output = output_of("plan.md", tmp_path)
     assert "12 positions see" in output

@@ -57,6 +57,7 @@ COMMANDS = {
     "mount": LazyCommand("commands.mount", BENCH, "in which hole to bolt the fixed wheel; the card"),
     "trials": LazyCommand("commands.trials", BENCH, "the same from F'_ior measured in a few holes"),
     "measure": LazyCommand("commands.measure", BENCH, "F'_ior, orders and coverage of measured traces"),
+    "compensate": LazyCommand("commands.compensate", BENCH, "how much a stored correction takes off, and its table"),
     "plan": LazyCommand("commands.plan", ACCEPTANCE, "what a test of F'_ior sees, and which test is enough"),
     "accept": LazyCommand("commands.accept", ACCEPTANCE, "PASS, FAIL or INCONCLUSIVE, for a drive or a lot"),
     "explain": LazyCommand("commands.explain", ACCEPTANCE, "what a check, an error, a field, a symbol or a word is"),

@@ -1,0 +1,287 @@
+"""How much of a drive's error a stored correction takes off, over all that is not known of the drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.belief.prior import prior_of
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
+from hdassist.correction.forms import CorrectionForm, line_orders, usual_forms
+from hdassist.correction.table import CorrectionTable, ExpectedResidual, Phasors, between_points
+from hdassist.design.check import drive_samples
+from hdassist.error.cycle import kinematic_error
+from hdassist.error.self_error import self_error
+from hdassist.errors import UsageError
+from hdassist.model.geometry import Array
+from hdassist.planning.lines import POINTS_A_TURN, ErrorLines, error_lines
+from hdassist.preset.fields import Drive
+from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY, Certificate
+from hdassist.solve.window import in_wide_enough_window
+
+REPORTED_SHARES = (0.05, 0.5, 0.95)
+PHASORS = CorrectionForm(None)
+IN_PLACE, TURN_LOST = "in place", "turn lost"
+ZERO_OFF_DEG = (1.0, 10.0)  # of the cam
+LOST_TURNS = 9  # counts of lost turns that are looked at, at most
+STRONG_LINE = 0.05  # of the variance
+TRIED_POINTS = (32, 64, 100, 128, 180, 200, 256, 360, 400, 512, 720, 1000, 1024, 1440, 1500, 2048, 3000, 4096)
+HALVED = 0.5  # of the range: a correction that leaves more is called weak
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedError:
+    """Error of drives as one may be, at a torque: lines, and the actual error [arcsec], shape (drives, points).
+
+    beyond: range of all that the lines do not have, over that of the error.
+    """
+
+    lines: ErrorLines
+    actual: Array
+    beyond: float
+
+    @property
+    def ranges(self) -> Array:
+        """Ranges of the error without a correction [arcsec], shape (drives,)."""
+        return np.asarray(np.ptp(self.actual, axis=1))
+
+
+ErrorsByTorque = Mapping[float, LoadedError]
+
+
+@dataclass(frozen=True)
+class ErrorPart:
+    """A part of the error: words, and its range [arcsec] at 5, 50 and 95 % of drives."""
+
+    name: str
+    p5: float
+    p50: float
+    p95: float
+
+
+@dataclass(frozen=True)
+class FormResiduals:
+    """Residuals of a form: in place at each torque, then at the first one with the zero off, and with a turn lost.
+
+    left: residual over the error without it at the first torque in place, at 5, 50 and 95 % of drives.
+    """
+
+    form: CorrectionForm
+    residuals: tuple[ExpectedResidual, ...]
+    left: tuple[float, float, float]
+
+    @property
+    def is_refused(self) -> bool:
+        """Whether more than one drive in twenty may be worse with it than without."""
+        return self.left[-1] >= 1
+
+    @property
+    def worse_at(self) -> tuple[float, ...]:
+        """Other torques [N*m] at which the median error is greater with it than without."""
+        return tuple(each.M_g for each in self.residuals if each.case == IN_PLACE and each.p50 > each.uncorrected_p50)
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """Corrections of a drive for the first of its torques.
+
+    errors: of drives as this one may be, by torque; parts of that; measured: residuals of each form where the error of
+    the drive itself is known over its full cycle; stored: the same of the correction that is computed here, the best
+    for all these drives together; correction: that of the form asked for; fewest_points: of a table over the output
+    turn that halves the error, None where none of those tried does; samples: None where all is known.
+    """
+
+    drive: Drive
+    errors: ErrorsByTorque
+    parts: tuple[ErrorPart, ...]
+    measured: tuple[FormResiduals, ...]
+    stored: tuple[FormResiduals, ...]
+    chosen: FormResiduals
+    correction: CorrectionTable | Phasors
+    fewest_points: int | None
+    samples: Samples | None
+    certificate: Certificate
+
+    @property
+    def forms(self) -> tuple[FormResiduals, ...]:
+        """Residuals of the forms: as stored here where that may be used, else as if the drive's error were known."""
+        return self.measured if self.chosen.is_refused else self.stored
+
+    @property
+    def M_g(self) -> float:
+        """Torque [N*m] that it is for."""
+        return next(iter(self.errors))
+
+    @property
+    def strong_lines(self) -> tuple[float, ...]:
+        """Lines above STRONG_LINE of the variance, the strongest first: times a turn of the output."""
+        lines = self.errors[self.M_g].lines
+        power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
+        often = line_orders(lines)[0]
+        return tuple(float(often[k]) for k in np.argsort(-power) if power[k] > STRONG_LINE * power.sum())
+
+
+def correct(
+    drive: Drive,
+    *,
+    form: CorrectionForm = PHASORS,
+    draws: int = EFFECTIVE_SAMPLES,
+    run: Run = Run(),
+) -> Correction:
+    """Corrections of a drive for the first of its torques, and what they leave at each.
+
+    Arguments: form that is wanted; draws: drives as this one may be, 0 for the preset's own numbers alone. Raises
+    UsageError for rolling balls, UntrustedError as `check` does.
+    """
+    drives, F_ior, samples = believed_drives(drive, draws, run)
+    return correction_of(drive, drives, F_ior, samples, form, run)
+
+
+def believed_drives(
+    drive: Drive, draws: int, run: Run
+) -> tuple[Sequence[Mapping[str, float]], Array | None, Samples | None]:
+    """Values by path of drives as this one may be, all of the same weight, from its samples, which come last.
+
+    Between them F'_ior [arcsec] of these drives, shape (drives, torques); None without samples.
+    """
+    prior = prior_of(drive)
+    if not (prior.fields and draws):
+        return [{}], None, None
+    samples = drive_samples(prior, [None] * len(drive.operation.M_g), draws=draws, run=run)
+    shares = np.cumsum(samples.weights) / samples.weights.sum()
+    rows = np.searchsorted(shares, (np.arange(draws) + 0.5) / draws)
+    return prior.values(samples.shares[rows]), samples.F_ior_arcsec[rows], samples
+
+
+def correction_of(
+    drive: Drive,
+    drives: Sequence[Mapping[str, float]],
+    F_ior: Array | None,
+    samples: Samples | None,
+    form: CorrectionForm,
+    run: Run,
+) -> Correction:
+    """Corrections of a drive from the values, by path, of drives as it may be; F_ior as of believed_drives."""
+    torques = drive.operation.M_g
+    if form.turn and form.points < 2:
+        raise UsageError(f"invalid number of points {form.points}: expected 2 or more")
+    errors, certificate = {}, samples.certificate if samples else EMPTY
+    for k, M_g in enumerate(torques):
+        errors[M_g], proof = loaded_error(drive, M_g, drives, None if F_ior is None else F_ior[:, k], run)
+        certificate += proof
+    own = {M_g: each.lines for M_g, each in errors.items()}
+    mean = {M_g: replace(each, amplitude=each.amplitude.mean(axis=0)[None]) for M_g, each in own.items()}
+    forms = usual_forms(form.points if form.turn == "output" else None, several_loads=len(torques) > 1)
+    forms = tuple(dict.fromkeys((*forms, form)))
+    measured = tuple(residuals_of(each, own, errors) for each in forms)
+    stored = tuple(residuals_of(each, mean, errors) for each in forms)
+    chosen, design = stored[forms.index(form)], torques[0]
+    tooth = self_error(drive, [design], run=run.of_task)[0]
+    parts = (*error_parts(errors), ErrorPart("within a tooth pitch", *[tooth.range_arcsec] * 3))
+    tried = ((points, CorrectionForm("output", points).fitted(own[design], design)) for points in TRIED_POINTS)
+    halving = (points for points, table in tried if share_left(table, errors[design])[1] <= HALVED)
+    return Correction(
+        drive, errors, parts, measured, stored, chosen, _exported(chosen, mean, drive.name), next(halving, None),
+        samples, certificate + tooth.certificate,
+    )  # fmt: skip
+
+
+def loaded_error(
+    drive: Drive, M_g: float, drives: Sequence[Mapping[str, float]], F_ior: Array | None, run: Run
+) -> tuple[LoadedError, Certificate]:
+    """Error of drives at a torque M_g [N*m], from their values by path and F'_ior [arcsec], shape (drives,).
+
+    The first of them is solved in each state of its cycle, for what lines leave out, and for F'_ior where that is None.
+    """
+    lines = error_lines(drive, M_g, drives, run)
+    solved = in_wide_enough_window(
+        drive.with_values(drives[0]), lambda wide: kinematic_error(wide, M_g, run=replace(run, cross_check=None))
+    )
+    curves = -lines.curves
+    ranges = np.maximum(np.ptp(curves, axis=1), np.finfo(float).tiny)
+    scales = (solved.F_ior_arcsec / ranges[0] if F_ior is None else F_ior / ranges) * np.ones(len(ranges))
+    actual = curves * scales[:, None]
+    places = solved.states.phi_h / (2 * np.pi * lines.kinematics.cycle_cam_revolutions)
+    beyond = float(np.ptp(-solved.error_arcsec - between_points(actual[0], places))) / np.ptp(actual[0])
+    scaled = replace(lines, amplitude=lines.amplitude * scales[:, None])
+    return LoadedError(scaled, actual, beyond), lines.certificate + solved.certificate
+
+
+def _exported(chosen: FormResiduals, mean: Mapping[float, ErrorLines], preset: str) -> CorrectionTable | Phasors:
+    """The correction of a form for the first torque; the other direction's, where there is the opposite torque."""
+    form, M_g = chosen.form, next(iter(mean))
+    found = form.fitted(mean[M_g], M_g, preset)
+    if isinstance(found, Phasors):
+        flat = {name: getattr(found, name)[0] for name in ("amplitude_arcsec", "phase_deg")}
+        return replace(found, expected=chosen.residuals, **flat)
+    other = form.fitted(mean[-M_g], -M_g) if form.each_load and -M_g in mean else None
+    if isinstance(other, CorrectionTable):
+        found = replace(found, other_direction_arcsec=other.error_arcsec[0], other_M_g=-M_g)
+    return replace(found, error_arcsec=found.error_arcsec[0], expected=chosen.residuals)
+
+
+def residuals_of(form: CorrectionForm, lines: Mapping[float, ErrorLines], errors: ErrorsByTorque) -> FormResiduals:
+    """Residuals of a form fitted to lines, of the errors of drives, both by torque."""
+    design, turns = next(iter(lines)), next(iter(lines.values())).kinematics.cycle_cam_revolutions
+    fitted = {M_g: form.fitted(each, M_g) for M_g, each in lines.items()}
+    lost = np.unique(np.linspace(1, max(turns - 1, 1), LOST_TURNS).astype(int)).tolist()
+    cases = [(IN_PLACE, M_g, [0.0]) for M_g in lines]
+    cases += [(f"zero {degrees:g} deg off", design, [-degrees / 360, degrees / 360]) for degrees in ZERO_OFF_DEG]
+    cases += [(TURN_LOST, design, lost)]
+    found = []
+    for case, M_g, off_turns in cases:
+        left = ranges_left(fitted[M_g if form.each_load else design], errors[M_g], off_turns)
+        found.append(ExpectedResidual(M_g, percentiles(errors[M_g].ranges)[1], *percentiles(left), case))
+    return FormResiduals(form, tuple(found), share_left(fitted[design], errors[design]))
+
+
+def ranges_left(
+    correction: CorrectionTable | Phasors, error: LoadedError, off_turns: Sequence[float] = (0.0,)
+) -> Array:
+    """Ranges [arcsec] of an error over the cycle that a correction leaves, shape (offsets, drives).
+
+    Argument: turns of the cam that its zero is off. What lines do not have stays, and adds in squares.
+    """
+    cam_turns = np.arange(error.actual.shape[1]) / POINTS_A_TURN
+    left = [np.ptp(error.actual - correction.error_at(cam_turns + off), axis=1) for off in off_turns]
+    return np.asarray(np.hypot(left, error.beyond * error.ranges))
+
+
+def share_left(correction: CorrectionTable | Phasors, error: LoadedError) -> tuple[float, float, float]:
+    """Percentiles of the range that a correction leaves, over that without it."""
+    return percentiles(ranges_left(correction, error)[0] / np.maximum(error.ranges, np.finfo(float).tiny))
+
+
+def error_parts(errors: ErrorsByTorque) -> tuple[ErrorPart, ...]:
+    """Parts of the error of drives: by how often they come, and what other loads and the other direction change."""
+    design = next(iter(errors))
+    each = errors[design].lines
+    _, order, beats = line_orders(each)
+
+    def part(name: str, kept: NDArray[np.bool_]) -> ErrorPart:
+        curves = replace(each, amplitude=np.where(kept, each.amplitude, 0)).curves
+        return ErrorPart(name, *percentiles(np.ptp(curves, axis=1)))
+
+    def change(name: str, sign: int) -> list[ErrorPart]:
+        others = [M_g for M_g in errors if M_g != design and np.sign(M_g) == sign * np.sign(design)]
+        apart = [np.ptp(errors[M_g].actual - errors[design].actual, axis=1) for M_g in others]
+        return [ErrorPart(name, *percentiles(np.max(apart, axis=0)))] if others else []
+
+    slow, with_cam = order == 0, np.abs(beats) < 1e-6
+    return (
+        part("with the cam", ~slow & with_cam),
+        part("beats", ~slow & ~with_cam),
+        part("once an output turn", slow),
+        *change("with load", 1),
+        *change("with direction", -1),
+    )
+
+
+def percentiles(values: Array) -> tuple[float, float, float]:
+    """5th, 50th and 95th percentile of values of equal weight."""
+    low, middle, high = np.quantile(values, REPORTED_SHARES, method="weibull").tolist()
+    return low, middle, high

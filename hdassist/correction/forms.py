@@ -1,0 +1,86 @@
+"""Forms in which a correction is stored, each fitted to the lines of an error by least squares over the full cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdassist.correction.table import CorrectionTable, Phasors, RepeatTurn, periods_a_cam_turn
+from hdassist.model.geometry import Array
+from hdassist.planning.lines import ErrorLines
+
+HIGHEST_CAM_ORDER, MOST_BEATS = 4, 4  # of the lines that phasors have
+USUAL_POINTS = (1500, 720, 256)  # of tables over an output turn
+CAM_POINTS = 256  # of a table over a turn of the cam, or half of one
+
+
+@dataclass(frozen=True)
+class CorrectionForm:
+    """A form of a correction: turn after which it repeats, None for phasors; points of a table.
+
+    each_load: whether each torque has a table of its own.
+    """
+
+    turn: RepeatTurn | None
+    points: int = 0
+    each_load: bool = False
+
+    @property
+    def name(self) -> str:
+        """Words for it."""
+        of_turn = f"{self.turn}{' turn' * (self.turn != 'half cam turn')}, {self.points} points"
+        return ("phasors" if self.turn is None else of_turn) + ", each load" * self.each_load
+
+    def fitted(self, lines: ErrorLines, M_g: float, preset: str = "") -> CorrectionTable | Phasors:
+        """Corrections of drives at a torque M_g [N*m], in the first axis of their values, from the lines there."""
+        if self.turn is None:
+            return phasors_of(lines, M_g, preset)
+        values = table_values(lines, self.turn, self.points)
+        return CorrectionTable(self.turn, values, lines.kinematics.u, M_g, preset=preset)
+
+
+def usual_forms(points: int | None, *, several_loads: bool) -> tuple[CorrectionForm, ...]:
+    """Forms that are compared, the most accurate first; points: of one more table over an output turn."""
+    of_output = sorted({*USUAL_POINTS, *([points] if points else [])}, reverse=True)
+    most = of_output[0]
+    return (
+        CorrectionForm(None),
+        *(CorrectionForm(None, each_load=True) for _ in range(several_loads)),
+        *(CorrectionForm("output", each) for each in of_output),
+        *(CorrectionForm("output", most, each_load=True) for _ in range(several_loads)),
+        CorrectionForm("cam", CAM_POINTS),
+        CorrectionForm("half cam turn", CAM_POINTS),
+    )
+
+
+def table_values(lines: ErrorLines, turn: RepeatTurn, points: int) -> Array:
+    """Values [arcsec] of tables, straight from point to point, that fit drives' errors best, shape (drives, points).
+
+    Least squares over the full cycle in closed form: a line that comes h times in the period weighs sinc^2(h/N) in the
+    products with N triangles, whose own products are (4, 1, 1)/6; lines that come no whole times average out.
+    """
+    kinematics = lines.kinematics
+    often = lines.per_cycle / (kinematics.cycle_cam_revolutions * periods_a_cam_turn(turn, kinematics.u))
+    h = np.rint(often)
+    whole = np.abs(often - h) < 1e-6
+    share = h[whole] / points
+    weight = 3 * np.sinc(share) ** 2 / (2 + np.cos(2 * np.pi * share))
+    waves = np.exp(2j * np.pi * share[:, None] * np.arange(points))
+    return np.asarray(-((lines.amplitude[:, whole] * weight) @ waves).real)
+
+
+def line_orders(lines: ErrorLines) -> tuple[Array, Array, Array]:
+    """How often each line comes in a turn of the output, and the order of the cam and beats nearest to that."""
+    cam_turns, ratio = lines.kinematics.cycle_cam_revolutions, abs(lines.kinematics.u)
+    per_output = lines.per_cycle * ratio / cam_turns
+    order = np.rint(lines.per_cycle / cam_turns)
+    return per_output, order, per_output - order * ratio
+
+
+def phasors_of(lines: ErrorLines, M_g: float, preset: str = "") -> Phasors:
+    """The strongest lines of errors at a torque M_g [N*m]: low orders of the cam, with their beats."""
+    per_output, order, beats = line_orders(lines)
+    kept = (order <= HIGHEST_CAM_ORDER) & (np.abs(beats) <= MOST_BEATS)
+    amplitude, per_cam = -lines.amplitude[:, kept], lines.per_cycle[kept] / lines.kinematics.cycle_cam_revolutions
+    return Phasors(per_output[kept], per_cam, np.abs(amplitude), np.degrees(np.angle(amplitude)), M_g, preset=preset)

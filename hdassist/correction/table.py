@@ -1,0 +1,117 @@
+"""Stored corrections: tables of the error over a turn, and phasors, as a controller evaluates them.
+
+Signs: the error is the actual less the ideal angle of the output [arcsec], counted counter-clockwise seen from the cam
+side as every angle; a controller takes it off its set-point. F_kpp, which is the ideal less the actual angle, is its
+opposite. Zero: cam and output stand where phi_h = 0 and the output's angle is 0 in the preset.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from hdassist.model.geometry import Array
+
+RepeatTurn = Literal["output", "cam", "half cam turn"]
+
+
+@dataclass(frozen=True)
+class ExpectedResidual:
+    """Range [arcsec] of the error over the full cycle at a torque M_g [N*m], without a correction and with it.
+
+    Percentiles over all that is not known of the drive: uncorrected_p50, p5, p50, p95. case: in place, or with the zero
+    of the correction off, or a turn of the cam lost.
+    """
+
+    M_g: float
+    uncorrected_p50: float
+    p5: float
+    p50: float
+    p95: float
+    case: str = "in place"
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectionTable:
+    """Error over a turn, at even steps with straight lines between; after the last point the first comes again.
+
+    turn: after which it repeats; error_arcsec, shape (..., points): to be taken off, at angles_deg of that turn;
+    u: cam turns in a turn of the output, negative where they turn apart; M_g [N*m]: torque that it is for;
+    other_direction_arcsec, shape (points,): for the other direction of motion, None where both share the first, and
+    other_M_g, the torque of that; preset: name of the drive; hole: of its fixed wheel, None where it has none;
+    expected: residuals with it.
+    """
+
+    turn: RepeatTurn
+    error_arcsec: Array
+    u: float
+    M_g: float
+    other_direction_arcsec: Array | None = None
+    other_M_g: float | None = None
+    preset: str = ""
+    hole: int | None = None
+    expected: tuple[ExpectedResidual, ...] = ()
+
+    @property
+    def points(self) -> int:
+        """Number of its points."""
+        return int(self.error_arcsec.shape[-1])
+
+    @property
+    def period_deg(self) -> float:
+        """Angle of the cam or of the output after which the table repeats [deg]."""
+        return 180.0 if self.turn == "half cam turn" else 360.0
+
+    @property
+    def angles_deg(self) -> Array:
+        """Angles of the points [deg], of the output or of the cam, rising from 0, shape (points,)."""
+        return np.asarray(np.arange(self.points) * (self.period_deg / self.points))
+
+    def error_at(self, cam_turns: Array, *, other_direction: bool = False) -> Array:
+        """Error to take off [arcsec] where the cam has turned so far from zero, shape (..., turns)."""
+        values = self.error_arcsec
+        if other_direction and self.other_direction_arcsec is not None:
+            values = self.other_direction_arcsec
+        return between_points(values, np.asarray(cam_turns) * periods_a_cam_turn(self.turn, self.u))
+
+
+def periods_a_cam_turn(turn: RepeatTurn, u: float) -> float:
+    """Periods of a table in a turn of the cam; negative where the output turns against it."""
+    return {"output": 1 / u, "cam": 1.0, "half cam turn": 2.0}[turn]
+
+
+def between_points(values: Array, periods: Array) -> Array:
+    """Values at even steps over a period, shape (..., points), straight between them, at periods from the first."""
+    points = values.shape[-1]
+    place = np.mod(periods, 1.0) * points
+    first = np.floor(place).astype(np.int64)
+    rest = place - first
+    return np.asarray(values[..., first % points] * (1 - rest) + values[..., (first + 1) % points] * rest)
+
+
+@dataclass(frozen=True, eq=False)
+class Phasors:
+    """Error as lines: the sum of amplitude cos(2 pi per_cam_turn x + phase), x the turns of the cam from zero.
+
+    per_output_turn, per_cam_turn: how often each line comes, shape (lines,); amplitude_arcsec; phase_deg, shape
+    (..., lines) each; uncertainty_arcsec: standard, of the amplitude, where it was measured; M_g, preset, hole and
+    expected as of a table.
+    """
+
+    per_output_turn: Array
+    per_cam_turn: Array
+    amplitude_arcsec: Array
+    phase_deg: Array
+    M_g: float
+    uncertainty_arcsec: Array | None = None
+    preset: str = ""
+    hole: int | None = None
+    expected: tuple[ExpectedResidual, ...] = ()
+
+    def error_at(self, cam_turns: Array) -> Array:
+        """Error to take off [arcsec] where the cam has turned so far from zero, shape (..., turns)."""
+        vectors = self.amplitude_arcsec * np.exp(1j * np.radians(self.phase_deg))
+        waves = np.exp(2j * np.pi * self.per_cam_turn[:, None] * np.asarray(cam_turns))
+        return np.asarray((vectors @ waves).real)

@@ -1,0 +1,384 @@
+"""Files with which controllers take a correction in: columns, signs, units and steps as each of them reads its own.
+
+Each follows what the controller's source or manual says, and is proven by a second implementation of that in the tests.
+Positions are the controller's own, which may count the other way and from elsewhere; `ControllerAxis` says how.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from hdassist.correction.correct import Correction, percentiles, ranges_left
+from hdassist.correction.table import CorrectionTable, ExpectedResidual, RepeatTurn
+from hdassist.errors import UsageError
+from hdassist.model.geometry import Array
+from hdassist.version import __version__
+
+ARCSEC_A_TURN = 1_296_000
+SIDEREAL_ARCSEC_A_SECOND = 15.041067  # of an hour axis, in a second of the clock; 15 in a sidereal second
+MOTEUS_BINS, INT8_MOST = 256, 127
+PEC_SECONDS = (61, 720)  # sidereal, that OnStepX keeps
+EQMOD_DIGITS, EQMOD_STEP_ARCSEC = 4, 0.0001
+TWINCAT_STEPS_A_DEGREE = 10_000
+SETPOINT_STEPS = 2  # each leaves a hundredth of what was left
+RESAMPLED_POINTS = 8192  # of what a controller plays that has its own points
+
+
+@dataclass(frozen=True)
+class ControllerAxis:
+    """An axis as its controller counts it.
+
+    name: of the axis, joint or source; sense: 1 where it counts up as the output turns counter-clockwise seen from the
+    cam side, else -1 (for moteus, as the cam does); zero_deg: its reading [deg] where cam and output stand at zero;
+    from_deg: start of the turn that rows cover; first_direction: 1 where a table's first values are for counting up,
+    -1 for down; steps_per_degree: of the axis's motor, for mounts.
+    """
+
+    name: str
+    sense: int = 1
+    zero_deg: float = 0.0
+    from_deg: float = 0.0
+    first_direction: int = 1
+    steps_per_degree: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedCorrection:
+    """What a controller makes of its own points: the error it takes off at readings, straight between.
+
+    reading_deg and error_arcsec, shape (points,) each, in the controller's counting; period_deg of the reading; stored:
+    the numbers of its file, and step_arcsec of one; scale: of these, where it has one; is_of_cam: whether the reading
+    is of the cam, not of the output.
+    """
+
+    reading_deg: Array
+    error_arcsec: Array
+    period_deg: float
+    stored: Array
+    step_arcsec: float
+    scale: float = 1.0
+    is_of_cam: bool = False
+
+
+def turn_words(turn: RepeatTurn) -> str:
+    """A turn after which a table repeats, in words."""
+    return f"{turn.removesuffix(' turn')} turn"
+
+
+@dataclass(frozen=True)
+class ControllerFormat:
+    """The file of a controller.
+
+    turns: after which its tables may repeat; lines: the file's; setup: what to set on the machine; most_points of a
+    table, None where the machine says; by_direction: whether it has values for each direction; step_arcsec of values;
+    played: what it makes of a table, None where its rows stand at the table's own points; comment: start of a comment,
+    empty where it has none, and comments_at: the line before which they stand, None for the end.
+    """
+
+    name: str
+    turns: tuple[RepeatTurn, ...]
+    lines: Callable[[CorrectionTable, ControllerAxis], list[str]]
+    setup: str
+    most_points: int | None = None
+    by_direction: bool = False
+    step_arcsec: float = 0.00036
+    played: Callable[[CorrectionTable, ControllerAxis], PlayedCorrection] | None = None
+    comment: str = ""
+    comments_at: int | None = 0
+
+    def refusal(self, turn: RepeatTurn | None, points: int) -> UsageError | None:
+        """Why it keeps no table of so many points over such a turn, None for phasors; None where it does."""
+        if turn not in self.turns:
+            form = f"table over the {turn_words(turn)}" if turn else "form phasors"
+            wanted = " or ".join(map(turn_words, self.turns))
+            return UsageError(f"invalid {form} for {self.name}: expected a table over the {wanted}")
+        if self.most_points and points > self.most_points:
+            return UsageError(f"invalid number of points {points} for {self.name}: expected at most {self.most_points}")
+        return None
+
+
+def error_as_read(
+    table: CorrectionTable, axis: ControllerAxis, reading_deg: Array, direction: int = 1, *, of_cam: bool = False
+) -> Array:
+    """Error [arcsec] in the controller's counting at its readings of the output, or of the cam."""
+    turned = axis.sense * (np.asarray(reading_deg) - axis.zero_deg) / 360
+    cam_turns = turned if of_cam else turned * table.u
+    return axis.sense * table.error_at(cam_turns, other_direction=direction != axis.first_direction)
+
+
+def error_at_setpoint(
+    table: CorrectionTable, axis: ControllerAxis, setpoint_deg: Array, direction: int = 1, *, from_first: bool = False
+) -> Array:
+    """Error [arcsec] as `error_as_read` has it, where the motor stands once it is taken off a set-point.
+
+    from_first: whether only the difference from the first set-point's is taken off.
+    """
+    error = error_as_read(table, axis, setpoint_deg, direction)
+    for _ in range(SETPOINT_STEPS):
+        taken = error - error[0] if from_first else error
+        error = error_as_read(table, axis, setpoint_deg - taken / 3600, direction)
+    return error
+
+
+def stored_table(table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis) -> CorrectionTable:
+    """The table as the controller will play it, with its rows and steps; without the residuals of the first.
+
+    Raises UsageError: a table that the controller cannot keep.
+    """
+    if refusal := controller.refusal(table.turn, table.points):
+        raise refusal
+    if table.other_direction_arcsec is not None and not controller.by_direction:
+        raise UsageError(f"invalid table by direction for {controller.name}: expected one for both directions")
+    if controller.played is None:
+        step, other = controller.step_arcsec, table.other_direction_arcsec
+        other = None if other is None else np.round(other / step) * step
+        error = np.round(table.error_arcsec / step) * step
+        return replace(table, error_arcsec=error, other_direction_arcsec=other, expected=())
+    played = controller.played(table, axis)
+    angle = _even(RESAMPLED_POINTS, table.period_deg / RESAMPLED_POINTS)
+    reading = axis.zero_deg + axis.sense * angle / (1 if played.is_of_cam else table.u)
+    error = axis.sense * np.interp(reading, played.reading_deg, played.error_arcsec, period=played.period_deg)
+    return replace(table, error_arcsec=error, expected=())
+
+
+def correction_file(result: Correction, controller: ControllerFormat, axis: ControllerAxis) -> tuple[str, str]:
+    """The controller's file of a correction, with the residuals that it leaves as it is stored, and what belongs to it.
+
+    Raises UsageError: a correction that the controller cannot keep.
+    """
+    table = result.correction
+    if not isinstance(table, CorrectionTable):
+        raise controller.refusal(None, 0) or AssertionError
+    stored = stored_table(table, controller, axis)
+    expected = []
+    for M_g, error in result.errors.items():
+        other = stored.other_direction_arcsec if M_g == stored.other_M_g else None
+        correction = stored if other is None else replace(stored, error_arcsec=other)
+        left = percentiles(ranges_left(correction, error)[0])
+        expected.append(ExpectedResidual(M_g, percentiles(error.ranges)[1], *left))
+    sha256 = result.drive.origin.sha256
+    return controller_file(replace(table, expected=tuple(expected)), controller, axis, sha256)
+
+
+def controller_file(
+    table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, preset_sha256: str
+) -> tuple[str, str]:
+    """The controller's file, and what belongs to it: comments of the file too, where the format has any."""
+    stored_table(table, controller, axis)
+    about = about_lines(table, controller, axis, preset_sha256)
+    lines = controller.lines(table, axis)
+    if controller.comment:
+        at = len(lines) if controller.comments_at is None else controller.comments_at
+        lines[at:at] = [f"{controller.comment} {line}" for line in about]
+    return "\n".join([*lines, ""]), "\n".join([*about, ""])
+
+
+def about_lines(
+    table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, preset_sha256: str
+) -> list[str]:
+    """What a file is, for whom and for which state, in 7-bit lines."""
+    hole = "" if table.hole is None else f", fixed wheel in hole {table.hole}"
+    way = "counter-clockwise" if axis.sense == 1 else "clockwise"
+    first, last = ("up", "down")[:: axis.first_direction]
+    steps = axis.steps_per_degree
+    step = controller.step_arcsec if controller.played is None else controller.played(table, axis).step_arcsec
+    worm = [f"{table.period_deg / abs(table.u) * steps:.2f} motor steps in its turn"] if steps else []
+    for_torque = f"for {table.M_g:g} N*m"
+    if table.other_M_g is not None:
+        for_torque += f" counting {first}, {table.other_M_g:g} N*m counting {last}"
+    lines = [
+        f"hdassist {__version__}: correction of the kinematic error, {controller.name}, axis {axis.name}",
+        f"preset {table.preset or '-'}, sha256 {preset_sha256 or '-'}{hole}",
+        f"{for_torque}; {turn_words(table.turn)}, {table.points} points, straight lines between",
+        *worm,
+        f"zero: the axis reads {axis.zero_deg:.6g} deg where cam and output stand at zero (phi_h = 0)",
+        f"counts up {way} seen from the cam side; error = actual less ideal angle of the output, taken off",
+        f"smallest step of a value: {step:.3g} arcsec",
+        *(
+            f"at {each.M_g:g} N*m{'' if each.case == 'in place' else ', ' + each.case}: expected range "
+            f"{each.p50:.2f} arcsec ({each.p5:.2f} to {each.p95:.2f}), without correction {each.uncorrected_p50:.2f}"
+            for each in table.expected
+        ),
+        f"setup: {controller.setup}",
+    ]
+    return [line.encode("unicode_escape").decode() for line in lines]
+
+
+def _even(count: int, step: float) -> Array:
+    return np.asarray(np.arange(count) * step)
+
+
+def turn_rows(table: CorrectionTable, axis: ControllerAxis, digits: int) -> tuple[Array, Array, Array]:
+    """Rows over one turn of an axis, with one at each end: set-points [deg], errors [arcsec] counting up and down.
+
+    The motor stands at the table's points once the error is taken off, in the mean of both directions.
+    """
+    points = axis.zero_deg + axis.sense * table.angles_deg
+    shift = (error_as_read(table, axis, points) + error_as_read(table, axis, points, -1)) / 7200
+    turned = np.mod(points + shift - axis.from_deg, 360)
+    setpoint = np.unique(np.round([*turned, 0, 360], digits)) + axis.from_deg
+    return setpoint, error_at_setpoint(table, axis, setpoint), error_at_setpoint(table, axis, setpoint, -1)
+
+
+def _linuxcnc(table: CorrectionTable, axis: ControllerAxis, *, as_trims: bool) -> list[str]:
+    """Rows of nominal, forward and reverse: trims that are added, or positions that are reached without them."""
+    reading, up, down = turn_rows(table, axis, 6)
+    columns = [-up / 3600, -down / 3600] if as_trims else [reading + up / 3600, reading + down / 3600]
+    return [
+        f"{nominal:.6f} {forward:.7f} {reverse:.7f}"
+        for nominal, forward, reverse in zip(reading, *columns, strict=True)
+    ]
+
+
+def _twincat_cnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
+    """List of positions and errors in 0.0001 deg for both directions."""
+    reading, *errors = turn_rows(table, axis, 4)
+    places, *columns = (
+        np.rint(values * TWINCAT_STEPS_A_DEGREE).astype(int) for values in (reading, *(e / 3600 for e in errors))
+    )
+    named = {"setpoint": places, "pos": columns[0], "neg": columns[1]}
+    head = {"unit": 1, "interval": 0, "kw_startpos": places[0], "kw_nr_max": len(places), "bilateral": 1, "modulo": 1}
+    return [
+        *(f"kw.ssfk.{name} {value}" for name, value in head.items()),
+        *(f"kw.ssfk.table[{i}].{name} {value}" for name, values in named.items() for i, value in enumerate(values)),
+    ]
+
+
+def _siemens(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
+    """Even points from the first of the turn to the same a turn later; a positive value moves the axis back."""
+    step = 360 / table.points
+    start = axis.zero_deg % step
+    values = error_as_read(table, axis, start + _even(table.points + 1, step)) / 3600
+    name = axis.name
+    return [
+        "%_N_AX_EEC_INI",
+        "CHANDATA(1)",
+        *(f"$AA_ENC_COMP[0,{i},{name}]={value:.7f}" for i, value in enumerate(values)),
+        f"$AA_ENC_COMP_STEP[0,{name}]={step:.10f}",
+        f"$AA_ENC_COMP_MIN[0,{name}]={start:.7f}",
+        f"$AA_ENC_COMP_MAX[0,{name}]={start + 360:.7f}",
+        f"$AA_ENC_COMP_IS_MODULO[0,{name}]=1",
+        "M17",
+    ]
+
+
+def moteus_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrection:
+    """256 values of 8 bits over the turn of the cam's encoder: what is added to it, u times the output's error.
+
+    Value i stands at i/256 of the turn, as the firmware computes it; its comment speaks of the middle of a bin.
+    """
+    reading = _even(MOTEUS_BINS, 360 / MOTEUS_BINS)
+    added_turns = table.u * error_as_read(table, axis, reading, of_cam=True) / ARCSEC_A_TURN
+    scale = float(np.abs(added_turns).max()) or 1.0
+    stored = np.rint(added_turns * (INT8_MOST / scale))
+    step = scale / INT8_MOST * ARCSEC_A_TURN / table.u
+    return PlayedCorrection(reading, stored * step, 360.0, stored.astype(int), abs(step), scale, is_of_cam=True)
+
+
+def _moteus(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
+    played, source = moteus_played(table, axis), f"conf set motor_position.sources.{axis.name}.compensation_"
+    rows = (f"{source}table.{i} {value}" for i, value in enumerate(played.stored))
+    return [*rows, f"{source}scale {played.scale:.9g}", "conf write"]
+
+
+def _worm_deg(table: CorrectionTable, axis: ControllerAxis) -> float:
+    """Turn of the output [deg] in which the cam goes through the table once."""
+    if axis.steps_per_degree <= 0:
+        steps = axis.steps_per_degree
+        raise UsageError(f"invalid steps per degree of the mount's axis {steps:g}: expected a positive number")
+    return table.period_deg / abs(table.u)
+
+
+def onstepx_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrection:
+    """Steps in each sidereal second of a worm's turn; a row is played one second after its own.
+
+    The first and the last second keep still: the controller plays them longer or shorter where the turn is no whole
+    number of seconds.
+    """
+    worm_deg = _worm_deg(table, axis)
+    seconds = round(worm_deg * 240)
+    if not PEC_SECONDS[0] <= seconds <= PEC_SECONDS[1]:
+        range_s = f"{PEC_SECONDS[0]} to {PEC_SECONDS[1]} s"
+        hint = "a table over half a turn of the cam takes half as long"
+        raise UsageError(f"invalid table of {seconds} sidereal seconds for OnStepX: expected {range_s}", hint)
+    setpoint = _even(seconds + 1, 1 / 240)
+    error = error_at_setpoint(table, axis, setpoint, from_first=True)
+    steps = np.rint((error[0] - error) * (axis.steps_per_degree / 3600))
+    steps[[0, 1, -2, -1]] = 0
+    most = min(INT8_MOST, round(axis.steps_per_degree / 240))
+    if (changes := np.abs(np.diff(steps)).max()) > most:
+        raise UsageError(f"invalid table of {changes:g} steps in a second for OnStepX: expected at most {most}")
+    step = 3600 / axis.steps_per_degree
+    rows = np.roll(np.diff(steps), -1).astype(int)
+    reading = (setpoint + steps / axis.steps_per_degree)[:-1]
+    return PlayedCorrection(reading, error[0] - steps[:-1] * step, worm_deg, rows, step)
+
+
+def _onstepx(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
+    rows = onstepx_played(table, axis).stored
+    return [*(f":WR{i},{value:+d}#" for i, value in enumerate(rows)), ":$QZ!#"]
+
+
+def eqmod_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrection:
+    """Error at each second of a worm's turn; the controller takes the drift from first to last row away."""
+    worm_deg = _worm_deg(table, axis)
+    rows = round(worm_deg * 3600 / SIDEREAL_ARCSEC_A_SECOND)
+    setpoint = _even(rows, SIDEREAL_ARCSEC_A_SECOND / 3600)
+    stored = error_at_setpoint(table, axis, setpoint, from_first=True).round(EQMOD_DIGITS)
+    played = stored - _even(rows, (stored[-1] - stored[0]) / (rows + 1))
+    reading = setpoint - (played - played[0]) / 3600
+    return PlayedCorrection(reading, played, worm_deg, stored, EQMOD_STEP_ARCSEC)
+
+
+def _eqmod(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
+    played = eqmod_played(table, axis)
+    motor = np.rint(_even(len(played.stored), SIDEREAL_ARCSEC_A_SECOND / 3600 * axis.steps_per_degree)).astype(int)
+    return [
+        "# time - motor - smoothed PE",
+        f"!WormPeriod={len(motor)}",
+        f"!StepsPerWorm={round(played.period_deg * axis.steps_per_degree)}",
+        *(
+            f"{i} {steps} {error:.{EQMOD_DIGITS}f}"
+            for i, (steps, error) in enumerate(zip(motor, played.stored, strict=True))
+        ),
+    ]
+
+
+CONTROLLER_FORMATS = {
+    **{
+        f"linuxcnc-{kind}": ControllerFormat(
+            f"LinuxCNC, type {kind}", ("output",), partial(_linuxcnc, as_trims=bool(kind)),
+            f"[JOINT_n] COMP_FILE and COMP_FILE_TYPE = {kind}; outside of its rows the nearest one holds",
+            most_points=254, by_direction=True, comment="#", comments_at=None,
+        )
+        for kind in (0, 1)
+    },
+    "twincat-cnc": ControllerFormat(
+        "TwinCAT CNC", ("output",), _twincat_cnc, "below kopf.* of the axis's compensation list; lr_param.ssfk 1",
+        most_points=1497, by_direction=True, step_arcsec=0.36, comment="#",
+    ),
+    **{
+        f"siemens-{kind}": ControllerFormat(
+            f"SINUMERIK {kind.upper()}", ("output",), _siemens,
+            "load with MD32700 ENC_COMP_ENABLE 0, then 1; MD38000 above the number of points",
+            most_points=most_points, comment=";", comments_at=2,
+        )
+        for kind, most_points in (("840d", None), ("808d", 199))
+    },
+    "moteus": ControllerFormat(
+        "moteus", ("cam", "half cam turn"), _moteus,
+        "moteus_tool --write-config, firmware with compensation_scale; the source reads the cam", played=moteus_played,
+    ),
+    "eqmod": ControllerFormat(
+        "EQMOD", ("cam", "half cam turn"), _eqmod,
+        "gain x1, threshold 0, northern hemisphere, decimal point in Windows", played=eqmod_played, comment="#",
+    ),
+    "onstepx": ControllerFormat(
+        "OnStepX", ("cam", "half cam turn"), _onstepx,
+        "PEC_STEPS_PER_WORM_ROTATION as above before the rows are sent", played=onstepx_played,
+    ),
+}  # fmt: skip

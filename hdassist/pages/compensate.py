@@ -1,0 +1,152 @@
+"""Corrections of the kinematic error by a controller as a report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from hdassist.correction.correct import HALVED, IN_PLACE, Correction, ErrorPart, FormResiduals
+from hdassist.correction.forms import line_orders
+from hdassist.correction.table import ExpectedResidual
+from hdassist.correction.writers_json import correction_columns
+from hdassist.json_parts import samples_object
+from hdassist.model.unknown import unknown_notes
+from hdassist.planning.lines import POINTS_A_TURN
+from hdassist.report.blocks import Facts, Table, TwoCurves
+from hdassist.report.quantities import csv_columns
+from hdassist.report.report import Report
+from hdassist.terminal.brief import again
+
+UNPROVEN = "no real drive has been corrected with this yet: record the first one corrected"
+_NAMED_LINES = 4
+_SHORT_PAGE = ("phasors", "output turn, 256 points", "cam turn, 256 points")
+
+
+def compensate_report(result: Correction) -> Report:
+    """How much of the error a stored correction can take off, in which form, and the correction itself."""
+    drive, chosen = result.drive, result.chosen
+    refused = (f"{chosen.form.name}: refused, {_percent(chosen)} % would be left",) if chosen.is_refused else ()
+    names = {*_SHORT_PAGE, chosen.form.name}
+    forms = [each for each in result.forms if each.form.name in names]
+    return Report(
+        command="compensate",
+        drive=drive,
+        head=f"{drive.name}, correction at {result.M_g:g} N·m",
+        verdict=_verdict(result),
+        why=tuple(_why(result)),
+        blocks=(_residual_table("", forms, short=True), Facts.of(_facts(result)), _before_and_after(result)),
+        details=(
+            _parts_table(result.parts),
+            _residual_table("where the drive's own error is known", result.measured),
+            _residual_table("by the correction that is computed here", result.stored),
+            _lines_table(result),
+        ),
+        certificate=result.certificate,
+        values={
+            "M_g_Nm": result.M_g,
+            "parts": result.parts,
+            "strong_lines_per_output_turn": result.strong_lines,
+            "measured": [_form_object(each) for each in result.measured],
+            "stored": [_form_object(each) for each in result.stored],
+            "fewest_points": result.fewest_points,
+            "correction": None if refused else result.correction,
+            "samples": samples_object(result.samples),
+        },
+        csv=None if refused else csv_columns(**correction_columns(result.correction)),
+        line=_verdict(result),
+        warnings=(*drive.origin.warnings, *(() if result.samples else unknown_notes(drive)), *refused),
+        exit_code=5 if refused else 0,
+    )
+
+
+def _verdict(result: Correction) -> str:
+    best = min(result.measured, key=lambda each: each.left[1])
+    if not result.chosen.is_refused:
+        left, of = result.chosen.residuals[0].p50, result.chosen.residuals[0].uncorrected_p50
+        return f"{result.chosen.form.name} leave {left:.1f} of {of:.1f} arcsec ({_percent(result.chosen)} %)"
+    if result.measured[result.stored.index(result.chosen)].is_refused:
+        return f"no: {result.chosen.form.name} may make it worse"
+    return f"record it first: {best.form.name} then leave {_percent(best)} %, from the preset alone it may get worse"
+
+
+def _why(result: Correction) -> Iterator[str]:
+    cam = next(each for each in result.measured if each.form.turn == "cam")
+    if cam.left[1] <= HALVED:
+        yield f"repeats with the cam, as of an oval wheel: a cam-turn table leaves {_percent(cam)} %"
+    else:
+        often = ", ".join(f"{each:g}" for each in result.strong_lines[:_NAMED_LINES])
+        yield f"comes {often} times an output turn: a cam-turn table leaves {_percent(cam)} %"
+    yield UNPROVEN
+
+
+def _facts(result: Correction) -> Iterator[tuple[str, str]]:
+    yield "parts", "; ".join(f"{each.name} {_range(each)}" for each in result.parts[:-1])
+    refused = ", ".join(each.form.name for each in result.forms if each.is_refused)
+    points = result.fewest_points
+    enough = f"{points} points over an output turn halve it" if points else "no table over an output turn halves it"
+    yield "points", enough + (f"; refused, as they may make it worse: {refused}" if refused else "")
+    words = ["record.csv"] if result.chosen.is_refused else ["--csv", "correction.csv"]
+    yield "next", again("compensate", result.drive, *words)
+    worse = ", ".join(f"{M_g:g}" for M_g in result.chosen.worse_at)
+    yield "load", f"made for {result.M_g:g} N·m, worse than none at {worse} N·m" if worse else ""
+
+
+def _percent(each: FormResiduals) -> str:
+    low, high = (f"{100 * left:.0f}" for left in (each.left[0], each.left[-1]))
+    return low if low == high else f"{low} to {high}"
+
+
+def _range(each: ErrorPart | ExpectedResidual) -> str:
+    low, high = f"{each.p5:.1f}", f"{each.p95:.1f}"
+    return low if low == high else f"{low}-{high}"
+
+
+def _residual_table(title: str, forms: Sequence[FormResiduals], *, short: bool = False) -> Table:
+    cases = [k for k, each in enumerate(forms[0].residuals) if not (short and "1 deg" in each.case)]
+    heads = [forms[0].residuals[k] for k in cases]
+    words = tuple(f"{each.M_g:g} N·m" if each.case == IN_PLACE else each.case for each in heads)
+    none = ("none", *(f"{each.uncorrected_p50:.1f}" for each in heads))
+    rows = [(each.form.name, *(_range(each.residuals[k]) for k in cases)) for each in forms]
+    return Table(title, ("arcsec left with", *words), (none, *rows))
+
+
+def _parts_table(parts: tuple[ErrorPart, ...]) -> Table:
+    rows = tuple((each.name, *(f"{value:.1f}" for value in (each.p5, each.p50, each.p95))) for each in parts)
+    return Table("parts of the error, range in arcsec", ("part", "5 %", "50 %", "95 %"), rows)
+
+
+def _lines_table(result: Correction) -> Table:
+    """The strong lines of the drive nearest to the median, before and after."""
+    before, after = _curves(result)
+    lines = result.errors[result.M_g].lines
+    spectra = [2 * np.abs(np.fft.rfft(curve)) / len(curve) for curve in (before, after)]
+    often, cam_turns = line_orders(lines)[0], lines.kinematics.cycle_cam_revolutions
+    rows = []
+    for k in np.argsort(-spectra[0][lines.per_cycle])[:12]:
+        place = lines.per_cycle[k]
+        sizes = (f"{spectrum[place]:.2f}" for spectrum in spectra)
+        rows.append((f"{often[k]:g}", f"{place / cam_turns:.2f}", *sizes))
+    heads = ("times an output turn", "a cam turn", "before, arcsec", "after, arcsec")
+    return Table("lines of the error of a drive in the middle of all", heads, tuple(rows), words=())
+
+
+def _curves(result: Correction) -> tuple[Any, Any]:
+    """Error [arcsec] of the drive nearest to the median over the cycle, before and after."""
+    error = result.errors[result.M_g]
+    before = error.actual[np.argsort(error.ranges)[len(error.ranges) // 2]]
+    return before, before - result.correction.error_at(np.arange(len(before)) / POINTS_A_TURN)
+
+
+def _before_and_after(result: Correction) -> TwoCurves:
+    before, after = _curves(result)
+    turns, names = np.arange(len(before)) / POINTS_A_TURN, ("before", "after")
+    return TwoCurves(turns, before, after, names, "turns of the cam over the full cycle", "error, arcsec", rows=4)
+
+
+def _form_object(each: FormResiduals) -> dict[str, Any]:
+    return {
+        "form": each.form.name, "left": dict(zip(("p5", "p50", "p95"), each.left, strict=True)),
+        "refused": each.is_refused, "residuals": each.residuals,
+    }  # fmt: skip

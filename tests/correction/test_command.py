@@ -1,0 +1,74 @@
+"""`hdassist compensate` as its users meet it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import pytest
+
+from hdassist.pages.compensate import UNPROVEN
+from tests.process import TINY, run
+
+OPEN = ("--set", "phases.xi_b=unknown", "--draws", "8")
+
+
+def test_a_screen_says_first_how_much_can_be_taken_off():
+    page = run("compensate", TINY)
+    lines = page.stdout.splitlines()
+    assert page.returncode == 0
+    assert lines[0] == "tiny, correction at 1 N·m: phasors leave 8.1 of 35.4 arcsec (23 %)"
+    assert lines[1].startswith("comes 10, 22, 21, 11 times an output turn: a cam-turn table leaves ")
+    assert lines[2] == UNPROVEN
+    assert "--csv correction.csv" in " ".join(page.stdout.split())
+    assert any("before, o after" in line for line in lines)
+    assert len(lines) <= 25
+    assert max(map(len, lines)) <= 80
+
+
+def test_phasors_and_tables_are_written_as_figures():
+    rows = list(csv.DictReader(io.StringIO(run("compensate", TINY, "--csv", "-").stdout)))
+    assert [*rows[0]] == ["per_output_turn", "per_cam_turn", "amplitude_arcsec", "phase_deg"]
+    options = ("--torque", "1", "--torque", "-1", "--form", "output", "--points", "36", "--each-load", "--csv", "-")
+    rows = list(csv.DictReader(io.StringIO(run("compensate", TINY, *options).stdout)))
+    assert [*rows[0]] == ["output_deg", "error_arcsec", "other_direction_arcsec"]
+    assert [float(row["output_deg"]) for row in rows] == pytest.approx([10 * k for k in range(36)])
+
+
+def test_json_has_all_forms_and_the_correction():
+    found = json.loads(run("compensate", TINY, "--form", "cam", "--points", "16", "--json").stdout)
+    assert found["schema"] == "hdassist.compensate/1"
+    assert len(found["correction"]["error_arcsec"]) == 16
+    assert {each["case"] for each in found["stored"][0]["residuals"]} >= {"in place", "turn lost"}
+    assert [part["name"] for part in found["parts"]][:2] == ["with the cam", "beats"]
+
+
+def test_what_may_make_a_drive_worse_is_refused_and_not_written(tmp_path: Path):
+    table = tmp_path / "table.csv"
+    page = run("compensate", TINY, *OPEN, "--csv", str(table), "--no-plot")
+    assert page.returncode == 5
+    assert "record it first: " in page.stdout
+    assert "phasors: refused" in page.stderr
+    assert not table.exists()
+    assert json.loads(run("compensate", TINY, *OPEN, "--json").stdout)["correction"] is None
+
+
+def test_details_have_parts_forms_and_lines_before_and_after():
+    page = run("compensate", TINY, "--details", "--no-plot", "--ascii").stdout
+    for words in ("parts of the error", "within a tooth pitch", "by the correction that is computed", "before, arcsec"):
+        assert words in page
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--points", "1"), "--points"),
+        (("--set", "bearing.ball_motion=rolling", "--set", "bearing.d_ball=5"), "needs locked balls"),
+    ],
+)
+def test_wrong_options_are_refused_in_words(options: tuple[str, ...], words: str):
+    answer = run("compensate", TINY, *options)
+    assert answer.returncode == 2
+    assert words in answer.stderr

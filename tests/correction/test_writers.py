@@ -1,0 +1,278 @@
+"""Files for controllers: what each controller makes of them leaves what the file says, and a wrong sign doubles it."""
+
+import json
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from hdassist.correction.table import CorrectionTable, ExpectedResidual, Phasors
+from hdassist.correction.writers import CONTROLLER_FORMATS, ControllerAxis, controller_file, stored_table, turn_words
+from hdassist.correction.writers_json import correction_columns, correction_object, read_correction
+from hdassist.errors import DataError, UsageError
+from tests.correction import controllers
+from tests.process import TINY, run
+
+AXES = [(1, 0.0), (-1, 0.0), (1, 37.123), (-1, 201.7)]
+POSITIONS = np.linspace(0, 360, 40_001)
+STEPS = 25_000.0  # motor steps a degree of a mount's axis
+
+
+def error_at(cam_turns, u, way=1):
+    """Error of an output [arcsec] as a strain wave drive has it, more of it with the cam than of beats."""
+    cam, out = 2 * np.pi * np.asarray(cam_turns), 2 * np.pi * np.asarray(cam_turns) / u
+    beats = 2.1 * np.cos(cam + out + 0.4) + 1.2 * np.cos(2 * cam - out - 1) + 0.7 * np.cos(out)
+    return way * (9 * np.cos(cam + 0.3) + 14 * np.cos(2 * cam + 1.1) + 1.5 * np.cos(4 * cam) + beats)
+
+
+def table_of(turn, points, u, *, by_direction=False):
+    """A table of this error: over the output turn at its points, over the cam's the mean of all its turns."""
+    angles = np.arange(points) / points
+    if turn == "output":
+        turns = angles[None] * u
+    else:
+        period = 0.5 if turn == "half cam turn" else 1.0
+        turns = angles * period + np.arange(round(abs(u) / period))[:, None] * period
+    values = [error_at(turns, u, way).mean(axis=0) for way in (1, -0.6)]
+    both = {"other_direction_arcsec": values[1], "other_M_g": -80.0} if by_direction else {}
+    return CorrectionTable(turn, values[0], u, 80.0, preset="drive", hole=3, **both)
+
+
+def of_axis(axis, u, way=1):
+    """The error in the counting of an axis, at its readings [deg]."""
+    return lambda reading: axis.sense * error_at(axis.sense * (np.asarray(reading) - axis.zero_deg) / 360 * u, u, way)
+
+
+def promised(table, kind, axis, way=1):
+    """Range [arcsec] that the stored table leaves of this error over a turn of the output."""
+    turns = np.linspace(0, abs(table.u), 60_001)
+    stored = stored_table(table, CONTROLLER_FORMATS[kind], axis)
+    return np.ptp(error_at(turns, table.u, way) - stored.error_at(turns, other_direction=way != 1))
+
+
+def text_of(table, kind, axis):
+    return controller_file(table, CONTROLLER_FORMATS[kind], axis, "5ha")[0]
+
+
+LOOKUPS = {
+    "linuxcnc-0": partial(controllers.linuxcnc, kind=0),
+    "linuxcnc-1": partial(controllers.linuxcnc, kind=1),
+    "twincat-cnc": controllers.twincat_cnc,
+    "siemens-840d": controllers.siemens,
+    "siemens-808d": controllers.siemens,
+}
+POINTS = {"linuxcnc-0": 254, "linuxcnc-1": 254, "twincat-cnc": 1497, "siemens-840d": 1500, "siemens-808d": 199}
+
+
+@pytest.mark.parametrize("u", [10, -9])
+@pytest.mark.parametrize(("sense", "zero_deg"), AXES)
+@pytest.mark.parametrize("kind", LOOKUPS)
+def test_a_file_of_positions_leaves_what_its_table_says(kind, sense, zero_deg, u):
+    axis, table = ControllerAxis("A", sense, zero_deg), table_of("output", POINTS[kind], u)
+    left = np.ptp(LOOKUPS[kind](text_of(table, kind, axis), error=of_axis(axis, u), positions=POSITIONS))
+    assert left == pytest.approx(promised(table, kind, axis), rel=0.01)
+    assert left < 0.12 * np.ptp(table.error_arcsec)
+    flipped = text_of(replace(table, error_arcsec=-table.error_arcsec), kind, axis)
+    worse = np.ptp(LOOKUPS[kind](flipped, error=of_axis(axis, u), positions=POSITIONS))
+    assert worse == pytest.approx(2 * np.ptp(error_at(POSITIONS / 360 * u, u)), rel=0.06)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("first", [1, -1])
+@pytest.mark.parametrize("kind", ["linuxcnc-0", "linuxcnc-1", "twincat-cnc"])
+def test_each_direction_has_the_column_of_its_own(kind, first, sense):
+    axis = ControllerAxis("A", sense, 12.5, first_direction=first)
+    table = table_of("output", 254, 10, by_direction=True)
+    for direction in (1, -1):
+        way = 1 if direction == first else -0.6
+        error = of_axis(axis, 10, way)
+        left = LOOKUPS[kind](text_of(table, kind, axis), error=error, positions=POSITIONS, direction=direction)
+        said = promised(table, kind, axis, way)
+        assert np.ptp(left) == pytest.approx(said, rel=0.02)  # rows stand at the points of neither direction
+
+
+def test_rows_of_linuxcnc_cover_the_range_that_its_joint_moves_in():
+    axis, table = ControllerAxis("0", 1, 10.0, from_deg=-180.0), table_of("output", 254, 10)
+    text = text_of(table, "linuxcnc-1", axis)
+    left = controllers.linuxcnc(text, 1, of_axis(axis, 10), POSITIONS - 180)
+    assert np.ptp(left) == pytest.approx(promised(table, "linuxcnc-1", axis), rel=0.01)
+    outside = controllers.linuxcnc(text, 1, of_axis(axis, 10), POSITIONS + 180)
+    assert np.ptp(outside) > 20  # no modulo: the end value holds
+
+
+def test_the_ramp_of_linuxcnc_damps_a_correction_that_is_asked_for_too_fast():
+    axis, table = ControllerAxis("0"), table_of("output", 254, 20)
+    text = text_of(table, "linuxcnc-1", axis)
+    moved = partial(controllers.linuxcnc_ramped, text, 1, of_axis(axis, 20), velocity_limit=20, acceleration_limit=50)
+    assert np.ptp(moved(4, seconds=25)) == pytest.approx(promised(table, "linuxcnc-1", axis), rel=0.15)
+    assert np.ptp(moved(120, seconds=2.9)) > 10
+
+
+@pytest.mark.parametrize("u", [100, -101])
+@pytest.mark.parametrize(("sense", "zero_deg"), AXES)
+@pytest.mark.parametrize("turn", ["cam", "half cam turn"])
+def test_moteus_holds_the_output_where_the_cams_encoder_is_compensated(turn, sense, zero_deg, u):
+    axis, table = ControllerAxis("1", sense, zero_deg), table_of(turn, 256, u)
+    turns = np.linspace(0, abs(u), 100_001)
+
+    def output_error(reading):
+        return sense * error_at(sense * (reading - zero_deg / 360), u)
+
+    left = np.ptp(controllers.moteus(text_of(table, "moteus", axis), "1", output_error, u, turns))
+    assert left == pytest.approx(promised(table, "moteus", axis), rel=0.01)
+    flipped = text_of(replace(table, error_arcsec=-table.error_arcsec), "moteus", axis)
+    worse = np.ptp(controllers.moteus(flipped, "1", output_error, u, turns))
+    repeated = table.error_at(turns)
+    assert worse == pytest.approx(np.ptp(error_at(turns, u) + repeated), rel=0.02)
+
+
+def tracked(kind, table, axis, error_of):
+    """Range [arcsec] that a mount leaves while it tracks over three turns of the worm, and what the table promises."""
+    text, worm_deg = text_of(table, kind, axis), table.period_deg / abs(table.u)
+    error = lambda reading: axis.sense * error_of(axis.sense * (np.asarray(reading) - axis.zero_deg) / 360 * table.u)  # noqa: E731
+    if kind == "eqmod":
+        left = controllers.eqmod(text, error, STEPS)
+    else:
+        left = controllers.onstepx(text, error, STEPS, round(worm_deg * STEPS))
+    read = np.linspace(0 if kind == "eqmod" else worm_deg, 3 * worm_deg, 40_001)
+    turns = axis.sense * (read - axis.zero_deg) / 360 * table.u
+    stored = stored_table(table, CONTROLLER_FORMATS[kind], axis)
+    return np.ptp(left), np.ptp(error_of(turns) - stored.error_at(turns))
+
+
+@pytest.mark.parametrize("kind", ["eqmod", "onstepx"])
+@pytest.mark.parametrize(("u", "sense", "zero_deg"), [(-101, 1, 0.0), (101, 1, 1.3), (-101, -1, 2.2)])
+def test_a_mounts_table_leaves_what_it_says_while_the_mount_tracks(kind, u, sense, zero_deg):
+    axis = ControllerAxis("RA", sense, zero_deg, steps_per_degree=STEPS)
+    table = table_of("cam" if kind == "eqmod" else "half cam turn", 256, u)
+    left, said = tracked(kind, table, axis, partial(error_at, u=u))
+    assert left == pytest.approx(said, abs=0.01 * np.ptp(table.error_arcsec))
+    repeating, _ = tracked(kind, table, axis, table.error_at)
+    assert repeating < 0.02 * np.ptp(table.error_arcsec)
+    worse, _ = tracked(kind, replace(table, error_arcsec=-table.error_arcsec), axis, table.error_at)
+    assert worse == pytest.approx(2 * np.ptp(table.error_arcsec), rel=0.02)
+
+
+def test_a_row_that_eqmod_leaves_out_costs_little_where_the_turn_is_no_whole_number_of_seconds():
+    axis, table = ControllerAxis("RA", steps_per_degree=STEPS), table_of("cam", 256, 100)
+    left, said = tracked("eqmod", table, axis, table.error_at)
+    assert said < left < 0.01 * np.ptp(table.error_arcsec)
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "words"),
+    [
+        ("linuxcnc-1", {"points": 255}, "number of points 255 for LinuxCNC, type 1: expected at most 254"),
+        ("twincat-cnc", {"points": 1500}, "expected at most 1497"),
+        ("siemens-808d", {"points": 200}, "expected at most 199"),
+        ("siemens-840d", {"by_direction": True}, "expected one for both directions"),
+        ("moteus", {}, "table over the output turn for moteus: expected a table over the cam turn or half cam turn"),
+        ("linuxcnc-0", {"turn": "cam"}, "expected a table over the output turn"),
+        ("onstepx", {"turn": "cam"}, "864 sidereal seconds for OnStepX: expected 61 to 720 s"),
+    ],
+)  # fmt: skip
+def test_a_table_that_a_controller_cannot_keep_is_refused(kind, change, words):
+    table = table_of(**{"turn": "output", "points": 100, "u": 100} | change)
+    with pytest.raises(UsageError) as refused:
+        text_of(table, kind, ControllerAxis("A", steps_per_degree=STEPS))
+    assert words in str(refused.value)
+
+
+def test_a_mount_without_its_steps_or_with_too_few_is_refused():
+    table = table_of("half cam turn", 64, 100)
+    with pytest.raises(UsageError, match="invalid steps per degree of the mount's axis 0"):
+        text_of(table, "onstepx", ControllerAxis("RA"))
+    with pytest.raises(UsageError, match="expected at most 1"):
+        text_of(
+            replace(table, error_arcsec=40 * table.error_arcsec), "onstepx", ControllerAxis("RA", steps_per_degree=300)
+        )
+
+
+@pytest.mark.parametrize("kind", CONTROLLER_FORMATS)
+def test_a_file_says_what_it_is_for(kind):
+    turn = "output" if "output" in CONTROLLER_FORMATS[kind].turns else "half cam turn"
+    expected = (ExpectedResidual(80, 29.2, 1.1, 2.2, 3.3), ExpectedResidual(-80, 28, 5, 6, 7, "turn lost"))
+    table = replace(table_of(turn, 100, 100), preset="d\nr\u0436", expected=expected)
+    axis = ControllerAxis("A1", -1, 12.5, steps_per_degree=STEPS)
+    text, about = controller_file(table, CONTROLLER_FORMATS[kind], axis, "5ha")
+    assert (text + about).isascii()
+    for words in (
+        "axis A1", "preset d\\nr\\u0436, sha256 5ha, fixed wheel in hole 3", "for 80 N*m",
+        f"{turn_words(turn)}, 100 points",
+        "the axis reads 12.5 deg where cam and output stand at zero", "counts up clockwise seen from the cam side",
+        "error = actual less ideal", "smallest step of a value: ",
+        "at 80 N*m: expected range 2.20 arcsec (1.10 to 3.30)",
+        "at -80 N*m, turn lost: expected range 6.00 arcsec (5.00 to 7.00), without correction 28.00",
+    ):  # fmt: skip
+        assert words in about
+    comment = CONTROLLER_FORMATS[kind].comment
+    assert all(f"{comment} {line}" in text for line in about.splitlines() if comment)
+
+
+PHASORS = Phasors(np.array([201.0, 1.0]), np.array([2.0, 0.01]), np.array([9.5, 0.1]), np.array([-17.0, 3.0]), 80.0)
+
+
+@pytest.mark.parametrize("correction", [table_of("output", 7, 20, by_direction=True), table_of("cam", 5, 20), PHASORS])
+def test_a_correction_is_read_as_it_was_written(correction):
+    correction = replace(correction, expected=(ExpectedResidual(80, 29.2, 1.1, 2.2, 3.3),))
+    text = json.dumps(correction_object(correction, "5ha"))
+    read = read_correction(text.encode())
+    assert type(read) is type(correction)
+    assert correction_object(read, "5ha") == correction_object(correction, "5ha")
+    turns = np.linspace(0, 20, 99)
+    np.testing.assert_array_equal(read.error_at(turns), correction.error_at(turns))
+    columns = correction_columns(correction)
+    assert len({len(each) for each in columns.values()}) == 1
+    assert {"M_g_Nm", "expected"} < json.loads(text).keys() and "p50_arcsec" in json.loads(text)["expected"][0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"schema": "hdassist.correction/2"}, {"kind": "spline"}, {"u": 0}, {"u": "x"}, {"turn": "week"}, {"extra": 1},
+        {"error_arcsec": [1.0, None]}, {"error_arcsec": [1.0, "x"]}, {"error_arcsec": []}, {"error_arcsec": 3},
+        {"expected": 3}, {"preset": "x"}, {"other_direction_arcsec": [1.0]}, {"error_arcsec": [[1.0], [2.0]]},
+    ],
+)  # fmt: skip
+def test_a_file_that_is_no_correction_is_refused(change):
+    fields = correction_object(table_of("cam", 5, 20), None) | change
+    with pytest.raises(DataError, match="<bytes>: invalid correction"):
+        read_correction(json.dumps(fields).encode())
+
+
+def test_a_controllers_file_is_written_with_what_it_leaves(tmp_path):
+    name = tmp_path / "joint.comp"
+    options = ("--form", "output", "--points", "90", "--no-plot", "--axis", "3", "--zero", "12.5", "--clockwise")
+    answer = run("compensate", TINY, *options, "--write", f"linuxcnc-1={name}")
+    assert answer.returncode == 0
+    assert f"wrote {name}" in answer.stderr
+    text = name.read_text()
+    assert "# preset tiny, sha256 96506937" in text and "axis 3" in text and "reads 12.5 deg" in text
+    assert "# at 1 N*m: expected range 15.79 arcsec" in text and "expected range 15.79" in answer.stderr
+    assert len([line for line in text.splitlines() if line[0] != "#"]) == 92
+
+
+@pytest.mark.parametrize(
+    ("write", "options", "words"),
+    [
+        ("galil=FILE", (), "expected CONTROLLER=FILE"),
+        ("moteus", ("--form", "cam"), "expected CONTROLLER=FILE"),
+        ("moteus=-", ("--form", "cam"), "expected CONTROLLER=FILE"),
+        ("moteus=FILE", (), "invalid form phasors for moteus"),
+        ("linuxcnc-0=FILE", ("--form", "output", "--points", "255"), "expected at most 254"),
+        ("moteus=FILE", ("--form", "cam", "--zero", "nan"), "expected a finite one"),
+    ],
+)
+def test_a_controllers_file_that_cannot_be_is_refused_at_once(tmp_path, write, options, words):
+    name = tmp_path / "table"
+    answer = run("compensate", TINY, *options, "--write", write.replace("FILE", str(name)))
+    assert (answer.returncode, answer.stdout) == (2, "")
+    assert words in answer.stderr
+    assert not name.exists()
+
+
+def test_text_that_is_no_json_is_refused():
+    for text in (b"3", b"[]", b"{", b"null"):
+        with pytest.raises(DataError, match="invalid correction"):
+            read_correction(text)
