@@ -16,7 +16,7 @@ from rich.text import Text
 
 from hdassist.pages import drawings
 from hdassist.pages.card import Card
-from hdassist.report.blocks import BLANK, Block, Curve, Figure, HeatMap, Paragraph, Seat, TwoCurves
+from hdassist.report.blocks import BLANK, Block, Curve, Figure, Paragraph, Seat, TwoCurves
 from hdassist.report.report import Report
 from hdassist.terminal.brief import proof
 from hdassist.terminal.console import Style, console
@@ -26,7 +26,7 @@ from hdassist.visible import visible
 CARD_COLUMNS = 78  # of the card as plain text
 LINES_BESIDE = 46  # of the card as text: drawing, checks and empty lines, which stand side by side on paper
 CYRILLIC = range(0x400, 0x500)
-FIGURES = (Curve, TwoCurves, HeatMap, Seat)
+FIGURES = (Curve, TwoCurves, Seat)
 UNICODE = Style(ascii=False, codes=False, width=80)
 
 

@@ -1,4 +1,4 @@
-"""A sweep as a report, and its rows for CSV and Parquet."""
+"""A sweep as a report, and its rows for CSV."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from hdassist.design.sweep import Sweep, SweepRow, Swept, largest
 from hdassist.design.vary import TORQUE, Axis
 from hdassist.json_parts import attributes, unknown_objects
 from hdassist.model.unknown import unknowns
-from hdassist.report.blocks import Curve, Facts, HeatMap
+from hdassist.report.blocks import Curve, Facts, Table
+from hdassist.report.quantities import NO_VALUE
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again
 from hdassist.verdict import worst_exit_code
+
+TABLE_ROWS, TABLE_COLUMNS = 16, 6  # of two fields, at most: others are left out evenly, and stand in the CSV
 
 
 def columns(sweep: Sweep) -> dict[str, type]:
@@ -92,8 +95,8 @@ def _at(swept: Swept, row: int, F_ior: float) -> str:
     return f"{F_ior:.2f} arcsec at {', '.join(values + torque)}"
 
 
-def _figures(swept: Swept) -> Iterator[Curve | HeatMap]:
-    """A curve of one field or a map of two at each torque; none of more fields."""
+def _figures(swept: Swept) -> Iterator[Curve | Table]:
+    """A curve of one field or a table of two at each torque; none of more fields."""
     sweep = swept.sweep
     if len(sweep.axes) > 2:
         return
@@ -108,4 +111,13 @@ def _figures(swept: Swept) -> Iterator[Curve | HeatMap]:
             at += "" if solved.all() else f", {np.sum(~solved)} points without an answer left out"
             yield Curve(values[0][solved], F_ior[solved], labels[0], at)
         elif len(orders) == 2 and solved.any():
-            yield HeatMap(tuple(values[0].tolist()), tuple(values[1].tolist()), F_ior, labels[0], f"{labels[1]}; {at}")
+            x, y = (_some(len(each), most) for each, most in zip(values, (TABLE_ROWS, TABLE_COLUMNS), strict=True))
+            rows = tuple(
+                (f"{values[0][i]:g}", *(f"{F_ior[i, j]:.2f}" if solved[i, j] else NO_VALUE for j in y)) for i in x
+            )
+            yield Table(f"{at}, over {labels[1]}", (labels[0], *(f"{values[1][j]:g}" for j in y)), rows)
+
+
+def _some(count: int, most: int) -> list[int]:
+    """At most so many of count places, the first and the last among them."""
+    return sorted(set(np.rint(np.linspace(0, count - 1, min(count, most))).astype(int).tolist()))

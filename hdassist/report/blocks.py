@@ -122,17 +122,6 @@ class TwoCurves:
     rows: int = 20
 
 
-@dataclass(frozen=True, eq=False)
-class HeatMap:
-    """z of shape (x, y), NaN where there is none; x and y growing; labels with units, y_label with what is drawn."""
-
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    z: Series
-    x_label: str
-    y_label: str
-
-
 @dataclass(frozen=True)
 class Hole:
     """A hole of the seat: its number, counted from now; its direction [deg]; whether it may be used."""
@@ -181,7 +170,7 @@ class Tiles:
     rows: tuple[tuple[str, str, str], ...]
 
 
-Figure = Curve | TwoCurves | HeatMap | Seat
+Figure = Curve | TwoCurves | Seat
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from hdassist.report.blocks import (
     Block,
     Curve,
     Facts,
-    HeatMap,
+    Figure,
     Lines,
     Paragraph,
     ReportSection,
@@ -31,7 +31,6 @@ from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE, CrossCheck
 from hdassist.terminal.brief import COLOURS, proof
 from hdassist.terminal.console import Style
-from hdassist.terminal.heat import heat
 from hdassist.terminal.plot import curve, two_curves
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.verdict import Verdict
@@ -82,20 +81,18 @@ def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[Re
             yield from parts[1:]
         case Tiles():
             yield labelled(Facts(tuple((label, f"{value} {below}") for label, value, below in block.rows)), style)
-        case Curve() | TwoCurves() | HeatMap() | Seat() if plots:
+        case Curve() | TwoCurves() | Seat() if plots:
             if text := in_characters(block, style):
                 yield Text(text)
 
 
-def in_characters(block: Curve | TwoCurves | HeatMap | Seat, style: Style) -> str:
+def in_characters(block: Figure, style: Style) -> str:
     """A figure in characters; empty, with a remark on stderr, where it cannot be drawn."""
     match block:
         case Curve():
             return curve(style, block)
         case TwoCurves():
             return two_curves(style, block)
-        case HeatMap():
-            return heat(style, block)
         case Seat():
             return style.text(f"{seat_in_characters(block)}\n\n{block.legend}")
 

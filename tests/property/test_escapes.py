@@ -24,7 +24,6 @@ from hdassist.report.blocks import (
     Curve,
     CurveMark,
     Facts,
-    HeatMap,
     Lines,
     Paragraph,
     ReportSection,
@@ -209,7 +208,7 @@ def report_of(word: str) -> Report:
     x, advice = np.arange(3.0), advice_of([30.0, 20.0, 25.0])
     drive = advice.drive.model_copy(update={"name": word})
     drive._origin = advice.drive.origin
-    drawn = (TwoCurves(x, x, -x, (word, word), word, word, limit=2.0), HeatMap((1, 2), (1, 2), np.eye(2), word, word))
+    drawn = TwoCurves(x, x, -x, (word, word), word, word, limit=2.0)
     blocks = (
         Paragraph(word),
         Facts(((word, word),)),
@@ -217,7 +216,7 @@ def report_of(word: str) -> Report:
         Curve(x, x, word, word, caption=word, marks=(CurveMark(1, 1, f"b{word}", "now"),)),
         replace(CARD.seat, title=word, legend=word),
         Lines(word, (word,), word),
-        *drawn,
+        drawn,
     )
     return Report(
         command="report",

@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.report.blocks import Curve, HeatMap, TwoCurves
+from hdassist.report.blocks import Curve, TwoCurves
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.terminal.answers import combine, csv_text, json_text
 from hdassist.terminal.console import Style
-from hdassist.terminal.heat import heat
 from hdassist.terminal.plot import curve, dots_to_braille, two_curves
 
 BRAILLE, ASCII = Style(ascii=False, codes=False, width=80), Style(ascii=True, codes=False, width=80)
@@ -184,31 +183,3 @@ def test_two_curves_have_a_glyph_each_and_a_legend():
     drawn = {glyph for line in same for glyph in line[9:] if glyph in ".o#"}
     assert "#" in drawn
     assert "o" not in drawn
-
-
-def test_a_map_is_darker_where_there_is_more_and_says_where_there_is_nothing():
-    z = np.array([[0.0, 1.0, 2.0], [3.0, np.nan, 9.0]])
-    lines = heat(ASCII, HeatMap((5.0, 7.5), (1.0, 2.0, 3.0), z, "x, mm", "y, um; z, arcsec")).splitlines()
-    assert lines[0] == "y, um; z, arcsec"
-    assert [line.split("|")[0].strip() for line in lines[1:4]] == ["3", "2", "1"]
-    cells = [(set(drawn[:35]), set(drawn[35:])) for drawn in (line.split("|")[1] for line in lines[1:4])]
-    assert cells == [({"-"}, {"@"}), ({":"}, {"!"}), ({"."}, {"="})]
-    assert [float(number) for number in lines[5].split()] == [5, 7.5]
-    assert lines[6].strip() == "x, mm"
-    assert lines[7].startswith("from  . 0  : 1  - 2 ")
-    assert lines[7].endswith("@ 8 to 9  ! no answer")
-
-
-@pytest.mark.parametrize("style", [BRAILLE, ASCII])
-@pytest.mark.parametrize("count", [1, 2, 71, 500])
-def test_a_map_of_any_size_fits(style, count):
-    z = np.outer(np.arange(count), np.ones(count))
-    lines = heat(style, HeatMap(tuple(range(count)), tuple(range(count)), z, "x", "y")).splitlines()
-    assert max(map(len, lines[:-1])) <= 80
-    assert len(lines) <= 25
-    drawn = [re.split(r"[│|]", line)[1] for line in lines[1:-4]]
-    assert len(set(drawn)) == 1
-    assert len(set(drawn[0])) == min(count, 9 if style.ascii else 5)
-    shown = [float(number) for number in lines[-3].split()]
-    assert shown[0] == 0
-    assert shown == sorted(shown)
