@@ -19,7 +19,6 @@ from hdassist.solve.window import EdgeOfWindowError
 
 if TYPE_CHECKING:
     from hdassist.solve.engine import Engine
-    from hdassist.solve.throughcvxpy import ThroughCvxpy
 
 STATES_AT_A_TIME = 1024  # states between two reports of progress
 EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
@@ -84,7 +83,7 @@ class Answers:
 
 def solve_states(
     system: ContactSystem,
-    solver: Engine | ThroughCvxpy,
+    solver: Engine,
     torque: float,
     gaps: StateGaps,
     place: Callable[[int], str],

@@ -53,7 +53,7 @@ def template_differences(formulation: Formulation) -> Iterator[str]:
     P = np.zeros((M + m, M + m))
     P[:M, :M], P[M:, M:] = np.diag(formulation.local), formulation.H
     A = np.zeros((len(formulation.A) + m, M + m))
-    A[: len(formulation.A), M:] = formulation.A_places
+    A[: len(formulation.A), M:] = formulation.A
     A[len(formulation.A) + place, np.arange(M)] = 1
     A[len(formulation.A) + np.arange(m), M + np.arange(m)] = -1
     lower = np.repeat([0.0, -np.inf], [M, m])

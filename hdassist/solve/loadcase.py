@@ -14,7 +14,6 @@ from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, proven_answe
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.sums import StateSums
-from hdassist.solve.throughcvxpy import ThroughCvxpy
 
 LOOKED_AT_FIRST = 64  # states of a load case: in too narrow a window of flanks it is they that mostly say so
 
@@ -39,12 +38,8 @@ class LoadCase:
     ) -> None:
         self.formulation, self.system, self._torque = formulation, formulation.system, M_g * N_MM
         self._first = LOOKED_AT_FIRST
-        near = like._solver if like and isinstance(like._solver, Engine) else None
-        self._solver: Engine | ThroughCvxpy = (
-            ThroughCvxpy(formulation, self._torque, solver)
-            if solver
-            else Engine(formulation, self._torque, near, many=many)
-        )
+        near = like._engine if like else None
+        self._engine: Engine = Engine(formulation, self._torque, near, many=many, solver=solver)
 
     @classmethod
     def of(cls, drive: Drive, M_g: float) -> LoadCase:
@@ -54,7 +49,7 @@ class LoadCase:
     def load(self, M_g: float) -> None:
         """Go on with another torque [N*m]; what was factored stays."""
         self._torque = M_g * N_MM
-        self._solver.load(self._torque)
+        self._engine.load(self._torque)
 
     def solve(
         self, gaps: StateGaps, place: Callable[[int], str], progress: Progress | None = None, *, pull: bool = False
@@ -66,7 +61,7 @@ class LoadCase:
         UntrustedError where a state is not solved, or its answer is outside the limits of the linear model.
         """
         first, self._first = self._first, STATES_AT_A_TIME
-        return solve_states(self.system, self._solver, self._torque, gaps, place, progress, pull=pull, first=first)
+        return solve_states(self.system, self._engine, self._torque, gaps, place, progress, pull=pull, first=first)
 
     def over(self, torques: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
         """Solve the state without deviations at torques M_g [N*m], each from the contacts of the one before.
@@ -76,7 +71,7 @@ class LoadCase:
         found = []
         for M_g in torques.tolist():
             self.load(M_g)
-            found.append(self._solver.forces(self.system.delta_p[None]))
+            found.append(self._engine.forces(self.system.delta_p[None]))
         forces, free = (np.concatenate(each) for each in list(zip(*found, strict=True))[:2])
         delta_p, given_up = np.repeat(self.system.delta_p[None], len(torques), axis=0), sum(each[2] for each in found)
         sums = StateSums.of(self.system, delta_p, torques * N_MM, forces, free, given_up)

@@ -18,14 +18,11 @@ import numpy as np
 from pydantic import Field, TypeAdapter
 
 from hdassist.errors import Fault, UntrustedError, UsageError
-from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.run.cache import cached, keep, keeps_answers, program
 from hdassist.run.kept import ClosedRecord, Count
 from hdassist.run.run import CROSS_SOLVER
 from hdassist.solve.answers import ARCSEC, N_MM
-from hdassist.solve.certificate import proven
-from hdassist.solve.sums import StateSums
 
 if TYPE_CHECKING:
     from hdassist.solve.formulation import Formulation
@@ -101,37 +98,6 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
     if stated.forces.value is None or stated.equilibrium.dual_value is None:
         raise UntrustedError(f"{name} could not solve a state: {stated.problem.status}", "", Fault.UNTRUSTED_STATE)
     return formulation.answer(stated.forces.value, stated.equilibrium.dual_value)
-
-
-class ThroughCvxpy:
-    """Sends each state through cvxpy itself: slow, and independent of the engine.
-
-    Arguments: formulation; torque [N*mm]; solver, a name that cvxpy knows.
-    """
-
-    def __init__(self, formulation: Formulation, torque: float, solver: str) -> None:
-        self._formulation, self._solver = formulation, solver
-        self.load(torque)
-
-    def load(self, torque: float) -> None:
-        """Go on with another torque [N*mm]."""
-        self._torque = torque
-
-    def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
-        """Sums of states, as Engine.solve has them; raises UntrustedError where the solver gives no answer."""
-        system = self._formulation.system
-        delta_p = system.delta_p_of(gaps)
-        return StateSums.of(system, delta_p, self._torque, *self.forces(delta_p), pull=pull)
-
-    def forces(self, delta_p: Array) -> tuple[Array, Array, int]:
-        """Forces and free displacements as Engine.forces has them, none given up; errors as those of solve."""
-        formulation = self._formulation
-        forces, free = np.full(delta_p.shape, np.nan), np.full((len(delta_p), len(formulation.A)), np.nan)
-        for k, at_state in enumerate(delta_p):
-            forces[k], free[k] = solve_through_cvxpy(formulation, at_state, self._torque, self._solver)
-            if not proven(formulation.system, at_state, self._torque, forces[k], free[k]):
-                break
-        return forces, free, 0
 
 
 @dataclass(frozen=True)

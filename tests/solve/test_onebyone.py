@@ -1,4 +1,4 @@
-"""One state after another by the active-set solver, and the contact sets that they start from."""
+"""One state after another, and the contact sets that they start from."""
 
 import shutil
 
@@ -8,11 +8,11 @@ import pytest
 from hdassist import load_preset
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.solve import walk
-from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.certificate import residuals
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.near import solve_near
+from hdassist.solve.onebyone import OneByOne
 
 WAYS = [
     solve_near,
@@ -87,29 +87,16 @@ FROM_ALL = {  # drawn from a data sheet: from all candidates in contact no step 
 
 def test_a_state_that_no_way_from_all_contacts_leads_to_needs_no_model(monkeypatch):
     system = contact_system(load_preset("size-25-100").with_values(FROM_ALL))
-    monkeypatch.setattr(ActiveSet, "_set_up", lambda *_: pytest.fail("half a second each"))
+    monkeypatch.setattr(OneByOne, "_by_daqp", lambda *_: pytest.fail("half a second each"))
     for compiled in (True, False):
-        forces, free, fallbacks = ActiveSet(formulate(system), 6.7e3, compiled=compiled).solve(system.delta_p[None])
+        forces, free, fallbacks = OneByOne(formulate(system), 6.7e3, compiled=compiled).solve(system.delta_p[None])
         assert fallbacks == 0
         assert residuals(system, system.delta_p[None], 6.7e3, forces, free).worst.max() < 1e-10
 
 
-def test_a_model_is_set_up_once_for_many_states(formulation, system, monkeypatch):
-    set_up, made = ActiveSet._set_up, []
-    monkeypatch.setattr(ActiveSet, "_set_up", lambda self, *a: made.append(1) or set_up(self, *a))
-    solver = ActiveSet(formulation, 80e3)
-    few = system.delta_p_of(StateGaps(np.outer(np.linspace(0, 1, 4), [0.03, 0.01, 0.05, -0.02])))
-    assert solver.solve(few)[2] == len(made) == 0  # near each other: no model at all
-    many = np.repeat(few, 3, axis=0)
-    for _ in range(2):
-        forces, free, fallbacks = solver.solve(many)
-        assert (fallbacks, len(made)) == (0, 1)
-        assert residuals(system, many, 80e3, forces, free).worst.max() < 1e-8
-
-
 def test_no_states_have_no_answers_and_leave_the_contacts_as_they_were(formulation, system):
     contact = np.arange(len(system.delta_p)) % 2 == 0
-    solver = ActiveSet(formulation, 80e3, contact)
+    solver = OneByOne(formulation, 80e3, contact)
     forces, free, fallbacks = solver.solve(system.delta_p[None][:0])
     assert (forces.shape, free.shape, fallbacks) == ((0, len(contact)), (0, 3), 0)
     assert np.array_equal(solver.contact, contact)
