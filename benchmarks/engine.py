@@ -19,7 +19,7 @@ from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import state_gaps
 from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
 from hdassist.solve import walk
-from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, solve_states
+from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, proven_answers
 from hdassist.solve.build import library_name
 from hdassist.solve.certificate import residuals
 from hdassist.solve.engine import Engine
@@ -37,7 +37,7 @@ class Warm:
 
     def __init__(self, formulation: Formulation, torque: float) -> None:
         self._formulation, self._torque = formulation, torque
-        n, right = len(formulation.local), formulation.right_side(torque)
+        n, right = len(formulation.local), -formulation.load(torque)
         self._upper, self._lower = np.append(np.full(n, np.inf), right), np.append(np.zeros(n), right)
         self._sense = np.append(np.zeros(n), np.full(len(right), ALWAYS_ACTIVE)).astype(np.int32)
         self._A = np.ascontiguousarray(formulation.A[:, formulation.system.place])
@@ -97,6 +97,12 @@ def searched(drive: Drive, M_g: float) -> list[StateGaps]:
     return batches
 
 
+def chunks(solver: Engine | Warm, gaps: StateGaps) -> Iterator[StateSums]:
+    """Sums of states, as many at once as a load case asks for."""
+    for first in range(0, len(gaps), STATES_AT_A_TIME):
+        yield solver.solve(gaps[first : first + STATES_AT_A_TIME])
+
+
 def walks() -> Iterator[tuple[str, object]]:
     """The compiled walk for each instruction set that this machine has, in words, and its library."""
     best, _ = walk.walk_library()
@@ -118,7 +124,7 @@ def _engines(formulation: Formulation, torque: float, batches: list[StateGaps], 
             solver = made()
             begun = time.process_time()
             for gaps in batches:
-                solve_states(formulation.system, solver, torque, gaps, str)
+                proven_answers(formulation.system, torque, chunks(solver, gaps), str)
             times[name].append(time.process_time() - begun)
     return {name: statistics.median(taken) / sum(map(len, batches)) * 1e6 for name, taken in times.items()}
 

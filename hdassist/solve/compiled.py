@@ -34,16 +34,14 @@ def require_compiled_as_stated(formulation: Formulation, folder: Path | None = N
     if supported in _proven:
         return
     key = _key(formulation)
-    if cached(COMPILED_TEMPLATE, key, folder) is not None:
-        _proven.add(supported)
-        return
-    if wrong := list(template_differences(formulation)):
-        raise UntrustedError(
-            f"cvxpy compiles the programme to other data than stated: {', '.join(wrong)}",
-            "install the versions that hdassist was tested with (hdassist doctor)",
-        )
+    if cached(COMPILED_TEMPLATE, key, folder) is None:
+        if wrong := list(template_differences(formulation)):
+            raise UntrustedError(
+                f"cvxpy compiles the programme to other data than stated: {', '.join(wrong)}",
+                "install the versions that hdassist was tested with (hdassist doctor)",
+            )
+        keep(COMPILED_TEMPLATE, key, b"", folder)
     _proven.add(supported)
-    keep(COMPILED_TEMPLATE, key, b"", folder)
 
 
 def template_differences(formulation: Formulation) -> Iterator[str]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,35 +22,13 @@ MANY_STATES = 64  # states from which on a reference pays
 CARRIES = 1e-9  # of the greatest force: more is contact
 
 
-@dataclass(frozen=True)
-class _Start:
-    """Where the walk starts from at one torque [N*mm]."""
-
-    formulation: Formulation
-    torque: float
-    compiled: bool
-
-    @cached_property
-    def reference(self) -> Reference | None:
-        """At the contacts of the drive without deviations, so that it does not depend on the states asked for.
-
-        None where that contact set is no use.
-        """
-        nominal = OneByOne(self.formulation, self.torque, compiled=self.compiled)
-        forces, _, _ = nominal.solve(self.formulation.system.delta_p[None])
-        with suppress(ValueError):
-            return Reference(self.formulation, forces[0] > CARRIES * forces[0].max())
-        return None
-
-
 class Engine:
     """Solves many states by the walk, few states and what that gives up one by one.
 
     Arguments: formulation; torque [N*mm] on the flexspline; like, the engine of a neighbouring system, whose contact
-    set this one takes over where the shapes are the same, and whose reference where system and torque are; many,
-    whether many states will come, in batches however small; compiled, whether the walk in C may run, as it does where
-    it is there; solver, a name that cvxpy knows, to send each state through cvxpy instead. Raises UntrustedError where
-    cvxpy compiles the formulation to other data.
+    set this one takes over where the shapes are the same; many, whether many states will come, in batches however
+    small; compiled, whether the walk in C may run, as it does where it is there; solver, a name that cvxpy knows, to
+    send each state through cvxpy instead. Raises UntrustedError where cvxpy compiles the formulation to other data.
     """
 
     def __init__(
@@ -66,23 +43,19 @@ class Engine:
     ) -> None:
         if not solver:
             require_compiled_as_stated(formulation)
-        near = like if like is not None and len(like._formulation.local) == len(formulation.local) else None
+        near = like and len(like._formulation.local) == len(formulation.local)
+        contact = like._one_by_one.contact if like and near else None
         self._formulation: Formulation = formulation
         self._torque = torque
-        contact = near._one_by_one.contact if near else None
-        self._one_by_one: OneByOne = OneByOne(formulation, torque, contact, compiled=compiled, solver=solver)
-        same = near is not None and near._formulation is formulation and near._torque == torque
-        self._start: _Start = near._start if near and same else _Start(formulation, torque, compiled)
+        self._compiled = compiled and walk_library()[0] is not None
+        self._one_by_one: OneByOne = OneByOne(formulation, torque, contact, compiled=self._compiled, solver=solver)
         self._walk: Walk | Pivoting | None = None
-        self._walks = Walk if compiled and walk_library()[0] else Pivoting
         self._pays = np.inf if solver else 0 if many else MANY_STATES
 
     def load(self, torque: float) -> None:
         """Go on with another torque [N*mm]; what was factored stays."""
         self._torque = torque
         self._one_by_one.load(torque)
-        if self._walk:
-            self._walk.load(torque)
 
     def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
         """Sums of states, and forces along the deviation scalars where asked for.
@@ -90,11 +63,11 @@ class Engine:
         A state that nothing solves has sums without proof, or NaN; states behind it are not tried, and NaN. Raises
         UntrustedError where a solver that was asked for has no answer.
         """
-        if self._walk is None and len(gaps) >= self._pays and (reference := self._start.reference):
-            self._walk = self._walks(reference, self._torque)
+        if self._walk is None and len(gaps) >= self._pays and (reference := self._reference()):
+            self._walk = (Walk if self._compiled else Pivoting)(reference)
         if self._walk is None:
             return self._alone(gaps, pull)
-        sums = self._walk.solve(gaps, pull=pull)
+        sums = self._walk.solve(gaps, self._torque, pull=pull)
         given_up = np.flatnonzero(~(sums.residuals.worst <= POOR_PROOF))  # or NaN
         if len(given_up):
             sums.put(given_up, self._alone(gaps[given_up], pull))
@@ -106,6 +79,20 @@ class Engine:
         Arguments: delta_p, gaps without force [mm], shape (states, M). Each state is solved alone, as OneByOne says.
         """
         return self._one_by_one.solve(delta_p)
+
+    def _reference(self) -> Reference | None:
+        """Reference at the contacts of the drive without deviations, which do not depend on the states asked for.
+
+        None where that contact set is no use.
+        """
+        known = self._formulation.references
+        if self._torque not in known:
+            nominal = OneByOne(self._formulation, self._torque, compiled=self._compiled)
+            forces, _, _ = nominal.solve(self._formulation.system.delta_p[None])
+            known[self._torque] = None
+            with suppress(ValueError):
+                known[self._torque] = Reference(self._formulation, forces[0] > CARRIES * forces[0].max())
+        return known[self._torque]
 
     def _alone(self, gaps: StateGaps, pull: bool) -> StateSums:
         system = self._formulation.system

@@ -11,7 +11,7 @@ equilibrium are their displacements. Everything that solves it starts from this 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,8 @@ from hdassist.model.geometry import Array
 
 if TYPE_CHECKING:
     import cvxpy as cp
+
+    from hdassist.solve.reference import Reference
 
 MICROMETRE = 1e-3  # mm: gaps of the scaled programme are of order one in it
 
@@ -87,7 +89,7 @@ class Formulation:
 
     P is H, compliance between the places of structure and supports together, shape (m, m), and on the diagonal local,
     that of each candidate by itself, shape (M,); A is given at the places, shape (free, m), of which candidates have
-    copies; all in units.
+    copies; all in units. references: what the engines have solved it at, by the torque [N*mm].
     """
 
     system: ContactSystem
@@ -95,6 +97,7 @@ class Formulation:
     H: Array
     local: Array
     A: Array
+    references: dict[float, Reference | None] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def P(self) -> Array:
@@ -133,10 +136,6 @@ class Formulation:
         """Load of a torque on the flexspline [N*mm], in units of the programme, shape (free,)."""
         free = ~self.system.supported
         return np.asarray(self.system.load(torque)[free] / (self.units.force * self.units.load))
-
-    def right_side(self, torque: float) -> Array:
-        """Right side of the equilibrium rows A x = -load at a torque [N*mm], shape (free,)."""
-        return -self.load(torque)
 
     def answer(self, forces: Array, duals: Array) -> tuple[Array, Array]:
         """Forces [N] and displacements of the free freedoms [mm, rad] of a solution in units of the programme."""

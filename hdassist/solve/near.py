@@ -23,7 +23,7 @@ def solve_near(
     2003, doi 10.1137/S1052623401383558); where they do not become fewer, one at a time, which cannot cycle (Judice and
     Pires 1994, doi 10.1016/0305-0548(94)90106-6). It needs no set-up and so serves where every state has matrices of
     its own.
-    Arguments: formulation; gaps, shape (M,); right side of the equilibrium, shape (free,);
+    Arguments: formulation; gaps, shape (M,); right side of the equilibrium A x = right, shape (free,);
     contact, candidates thought to carry force, shape (M,). All in the programme's units.
     """
     structure, place, m = formulation.structure, formulation.system.place, len(formulation.H)

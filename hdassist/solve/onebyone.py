@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
-from hdassist.solve import walk
 from hdassist.solve.certificate import proven
 from hdassist.solve.formulation import Formulation
 from hdassist.solve.near import solve_near
 from hdassist.solve.throughcvxpy import SECOND_SOLVER, solve_through_cvxpy
+from hdassist.solve.walk import walk_library, walk_near_state
 
 SOLVED = 1  # exit flag of daqp
 ALWAYS_ACTIVE = 5  # sense of an equality row
@@ -43,13 +43,13 @@ class OneByOne:
     ) -> None:
         self._formulation, self._solver = formulation, solver
         self._ways = [self._through_cvxpy] if solver else [self._near, self._by_daqp, self._last_resort]
-        self._solve_near = walk.walk_near_state if compiled and walk.walk_library()[0] else solve_near
+        self._solve_near = walk_near_state if compiled and walk_library()[0] else solve_near
         self.contact = np.ones(len(formulation.local), dtype=bool) if contact is None else contact
         self.load(torque)
 
     def load(self, torque: float) -> None:
         """Go on with another torque [N*mm]."""
-        self._torque, self._right = torque, self._formulation.right_side(torque)
+        self._torque, self._right = torque, -self._formulation.load(torque)
 
     def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
         """Forces [N], shape (states, M), free displacements [mm, rad], and how many states the first way gave up.

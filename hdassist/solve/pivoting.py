@@ -27,31 +27,24 @@ class Pivoting:
 
     Only candidates that change sides somewhere (the swing) are in the tableau; the others' values follow from theirs,
     are looked at for every state, and bring a candidate into the swing where one is negative.
-    Arguments: reference; torque [N*mm].
     """
 
-    def __init__(self, reference: Reference, torque: float) -> None:
+    def __init__(self, reference: Reference) -> None:
         self._reference = reference
         self._swing = np.zeros(0, dtype=int)
-        self.load(torque)
 
-    def load(self, torque: float) -> None:
-        """Go on with another torque [N*mm]."""
-        self._torque = torque
-
-    def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
+    def solve(self, gaps: StateGaps, torque: float, *, pull: bool = False) -> StateSums:
         """Sums and residuals of states; NaN where one was given up.
 
-        Arguments: gaps; pull, whether forces along the deviation scalars are asked for.
+        Arguments: gaps; torque [N*mm]; pull, whether forces along the deviation scalars are asked for.
         """
         system = self._reference.system
-        return StateSums.of(system, system.delta_p_of(gaps), self._torque, *self.forces(gaps), pull=pull)
+        return StateSums.of(system, system.delta_p_of(gaps), torque, *self.forces(gaps, torque), pull=pull)
 
-    def forces(self, gaps: StateGaps) -> tuple[Array, Array]:
+    def forces(self, gaps: StateGaps, torque: float) -> tuple[Array, Array]:
         """Forces [N], shape (states, M), and free displacements [mm, rad] of states; NaN where one was given up."""
-        held, scalars = self._reference.held, gaps.scalars
-        _, of_teeth = self._reference.of_teeth(gaps)
-        start = held["law"][0] + self._torque * held["law"][1] + scalars @ held["law"][2 : 2 + scalars.shape[1]]
+        law, (_, of_teeth) = self._reference.held["law"], self._reference.of_teeth(gaps)
+        start = law[0] + torque * law[1] + gaps.scalars @ law[2 : 2 + gaps.scalars.shape[1]]
         start = start if of_teeth is None else start + of_teeth
         parts = [self._abreast(start[first : first + ABREAST]) for first in range(0, max(len(gaps), 1), ABREAST)]
         forces, free = (np.concatenate(each) for each in zip(*parts, strict=True))
@@ -59,16 +52,15 @@ class Pivoting:
 
     def _abreast(self, start: Array) -> tuple[Array, Array]:
         """Forces [N] and free displacements [mm, rad] of states from their coordinates at the reference."""
-        held = self._reference.held
+        reference, held = self._reference, self._reference.held
         place, m = held["place"], len(held["by_places"])
         coordinates, others, values = np.empty_like(start), *np.zeros((2, len(start), len(place)))
         rows = np.arange(len(start))
         while len(rows):
             swing = self._swing
-            at_reference = start[rows][:, place[swing]] * held["gain"][swing] + held["constant"][swing]
-            others[np.ix_(rows, swing)] = found = self._pivoted(at_reference)
+            others[np.ix_(rows, swing)] = found = self._pivoted(reference.values(start[rows], swing))
             coordinates[rows] = start[rows] + found * held["weight"][swing] @ held["by_places"][place[swing]]
-            values[rows] = coordinates[rows][:, place] * held["gain"] + held["constant"]
+            values[rows] = reference.values(coordinates[rows], np.arange(len(place)))
             missing = values[rows] < -ZERO
             missing[:, swing] = False
             rows = rows[missing.any(axis=1)]

@@ -43,16 +43,14 @@ class Reference:
         if not np.all(unscaled > 0):
             raise ValueError("no pivots to start from")
         scale = 1 / np.sqrt(unscaled)  # makes the reference's pivots one
-        freedom = np.full(len(system.C), -1, dtype=np.int32)
-        freedom[~system.supported] = np.arange(free)
         map_ = system.deviation_map[first].T
-        self._formulation, self._touching, self._by_gaps = formulation, touching, -exchanged[:, :m][:, touching].T
+        self._gap_unit, self._touching, self._by_gaps = units.gap, touching, -exchanged[:, :m][:, touching].T
         self._flanks = first[: system.n_flanks // len(system.face.fall)]
-        constant = self._coordinates((springs.lowest + springs.offset)[None])
+        constant = (springs.lowest + springs.offset) * units.gap
         held = {
             "by_places": by_places.T,
             "law": np.vstack(
-                [constant, by_right @ formulation.right_side(1.0), self._coordinates(formulation.gaps(map_))]
+                [self._coordinates(constant[None]), -by_right @ formulation.load(1.0), self._coordinates(map_)]
             ),
             "place": place.astype(np.int32),
             "contact": contact.astype(np.uint8),
@@ -67,7 +65,6 @@ class Reference:
             "local": system.local,
             "G": system.G[first].T,
             "C": system.C,
-            "freedom": freedom,
             "delta_p": system.delta_p,
             "map": map_,
             "lever": system.lever[self._flanks],
@@ -78,19 +75,25 @@ class Reference:
         self.sizes = (len(place), m, free, len(self._flanks), len(map_), ROTATION)
         self.system = system
 
+    def values(self, coordinates: Array, candidates: NDArray[np.int64]) -> Array:
+        """Values of some candidates, shape (states, candidates), by coordinates, shape (states, m + free)."""
+        held = self.held
+        at_places = coordinates[:, held["place"][candidates]]
+        return np.asarray(at_places * held["gain"][candidates] + held["constant"][candidates])
+
     def of_teeth(self, gaps: StateGaps) -> tuple[Array | None, Array | None]:
         """Gaps [mm] that measured teeth add at the places, shape (states, m), and what those add to the coordinates."""
         if gaps.at_flanks is None:
             return None, None
         at_places = np.zeros((len(gaps), len(self._touching)))
         at_places[:, : len(self._flanks)] = gaps.at_flanks[:, self._flanks]
-        return at_places, self._coordinates(self._formulation.gaps(at_places))
+        return at_places, self._coordinates(at_places)
 
     def _coordinates(self, gaps: Array) -> Array:
-        """What gaps at the places, shape (states, m), add to the coordinates, shape (states, m + free)."""
+        """What gaps at the places [mm], shape (states, m), add to the coordinates, shape (states, m + free)."""
         found = gaps[:, self._touching] @ self._by_gaps
         found[:, np.flatnonzero(~self._touching)] += gaps[:, ~self._touching]
-        return np.asarray(found)
+        return np.asarray(found / self._gap_unit)
 
 
 def principal_transform(matrix: Array, inside: NDArray[np.bool_]) -> Array:

@@ -78,7 +78,6 @@ typedef struct {
     const double *local;       /* (M) mm/N */
     const double *G;           /* (9, m) */
     const double *C;           /* (9) N/mm, 0 where there is no support */
-    const int32_t *freedom;    /* (9) place of a freedom among the free ones, -1 where it has a support */
     const double *delta_p;     /* (M) mm */
     const double *map;         /* (columns, m) gaps by a unit of each scalar of a drive */
     const double *lever;       /* (flanks) N*mm a N */
@@ -99,6 +98,7 @@ typedef struct {
     contact_system held;
     const contact_system *system; /* held */
     double torque;       /* N*mm */
+    int freedom[FREEDOMS]; /* place of a freedom among the free ones, -1 where it has a support */
     int n, padded;       /* candidates in the tableau; columns of a row */
     int *candidate;      /* (n) */
     int *position;       /* (M) in the tableau, or -1 */
@@ -471,7 +471,7 @@ static void certify(walk *w, int states, double *residual) {
             for (int f = 0; f < FREEDOMS; f++) {
                 double sizes;
                 const double sum = product(m, F, s->G + (size_t)f * m, &sizes);
-                a[j][f] = s->freedom[f] < 0 ? sum / s->C[f] : free[s->freedom[f]];
+                a[j][f] = w->freedom[f] < 0 ? sum / s->C[f] : free[w->freedom[f]];
                 balance[j][f] = sum - a[j][f] * s->C[f] + (f == s->rotation ? w->torque : 0.0);
                 size[j][f] = sizes + (f == s->rotation ? fabs(w->torque) : 0.0);
                 block[(count[group] + f) * ABREAST] = a[j][f];
@@ -629,6 +629,7 @@ walk *walk_new(const int32_t *sizes, const void *const *arrays) {
         return NULL;
     }
     widen(w, FEW);
+    for (int f = 0, free = 0; f < FREEDOMS; f++) w->freedom[f] = s->C[f] > 0 ? -1 : free++;
     for (size_t i = 0; i < M; i++) w->position[i] = -1;
     w->upper = w->lower + m, w->most = w->least + m;
     int *touching = w->touching;
@@ -703,7 +704,7 @@ long walk_solve(walk *w, long states, double torque, int p, const double *scalar
             for (int k = 0; k < w->n; k++)
                 if (w->changed[k] && !s->contact[w->candidate[k]]) at_place[s->place[w->candidate[k]]] += F[w->candidate[k]];
             for (int f = 0; f < s->free; f++) free[f] = w->all[m + f] * s->dual_unit[f];
-            out->rotation[j] = free[s->freedom[s->rotation]];
+            out->rotation[j] = free[w->freedom[s->rotation]];
             sum_up(w, at_place, j, out);
         }
         if (++held == BATCH || j == states - 1) {

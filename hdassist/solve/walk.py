@@ -55,15 +55,11 @@ def _load(path: Path) -> Any:
 
 
 class Walk:
-    """The compiled walk of one contact system at one torque.
+    """The compiled walk of one contact system."""
 
-    Arguments: reference; torque [N*mm].
-    """
-
-    def __init__(self, reference: Reference, torque: float) -> None:
+    def __init__(self, reference: Reference) -> None:
         self._library, _ = walk_library()
         self._reference = reference
-        self.load(torque)
         addresses = [array.ctypes.data for array in reference.held.values()]
         sizes, arrays = (ctypes.c_int32 * len(reference.sizes)), (ctypes.c_void_p * len(addresses))
         self._walk = self._library.walk_new(sizes(*reference.sizes), arrays(*addresses))
@@ -74,14 +70,10 @@ class Walk:
         if getattr(self, "_walk", None):
             self._library.walk_free(self._walk)
 
-    def load(self, torque: float) -> None:
-        """Go on with another torque [N*mm]."""
-        self._torque = torque
-
-    def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
+    def solve(self, gaps: StateGaps, torque: float, *, pull: bool = False) -> StateSums:
         """Sums and residuals of states; NaN where one was given up.
 
-        Arguments: gaps; pull, whether forces along the deviation scalars are asked for.
+        Arguments: gaps; torque [N*mm]; pull, whether forces along the deviation scalars are asked for.
         """
         scalars = np.ascontiguousarray(gaps.scalars, dtype=float)
         count, p = scalars.shape
@@ -90,7 +82,7 @@ class Walk:
         pulls = np.empty((count, len(self._reference.held["map"]))) if pull else None
         sums = rotation, moment, tooth_force, edge_force, residual, pulls
         arrays = (scalars, *self._reference.of_teeth(gaps), *sums)  # held until the call has ended
-        given_up = self._library.walk_solve(self._walk, count, self._torque, p, *map(_address, arrays))
+        given_up = self._library.walk_solve(self._walk, count, torque, p, *map(_address, arrays))
         return StateSums(rotation, moment, tooth_force, edge_force, Residuals(*residual.T), pulls, given_up)
 
 

@@ -33,7 +33,7 @@ def formulation(system):
 @pytest.mark.parametrize("way", WAYS)
 def test_a_state_is_found_from_contact_sets_that_are_near_and_far(formulation, system, way):
     torque, delta_p = 80e3, system.delta_p_of(StateGaps(np.array([[0.03, 0.01, 0.05, -0.02]])))
-    gaps, right = formulation.gaps(delta_p[0]), formulation.right_side(torque)
+    gaps, right = formulation.gaps(delta_p[0]), -formulation.load(torque)
     forces, free, _ = Engine(formulation, torque).forces(delta_p)
     solved = forces[0] > 0
     one_more = solved.copy()
@@ -48,7 +48,7 @@ def test_a_state_is_found_from_contact_sets_that_are_near_and_far(formulation, s
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("torque", [1.0, 80e3])
 def test_flanks_that_let_go_as_the_torque_turns_are_followed_to_those_that_hold(formulation, system, way, torque):
-    gaps, right = formulation.gaps(system.delta_p), formulation.right_side(torque)
+    gaps, right = formulation.gaps(system.delta_p), -formulation.load(torque)
     other_way, _ = solve_near(formulation, gaps, -right, np.ones(len(gaps), dtype=bool))
     found = way(formulation, gaps, right, other_way > 0)
     forces, free = (answer[None] for answer in formulation.answer(*found))
@@ -69,7 +69,7 @@ def test_candidates_that_would_change_sides_in_a_circle_do_so_one_at_a_time(way)
     formulation = formulate(system)
     gaps, contact = formulation.gaps(system.delta_p), np.ones(len(system.delta_p), dtype=bool)
     for torque in (2.7e3, 14e3):
-        found = way(formulation, gaps, formulation.right_side(torque), contact)
+        found = way(formulation, gaps, -formulation.load(torque), contact)
         contact = found[0] > 0
     forces, free = (answer[None] for answer in formulation.answer(*found))
     assert residuals(system, system.delta_p[None], torque, forces, free).worst.max() < 1e-10

@@ -52,7 +52,7 @@ def plain(formulation, torque, **options):
 def walked(engine, gaps):
     """Forces and displacements of states by the walk of an engine alone."""
     engine.solve(gaps[:0])
-    return engine._walk.forces(gaps)
+    return engine._walk.forces(gaps, engine._torque)
 
 
 def same(formulation, torque, gaps, sums):
@@ -230,8 +230,8 @@ def test_a_reference_solves_the_programme_at_its_contact_set(small, stations):
     formulation = formulate(contact_system(changed(small, numerics__stations=stations)))
     nothing = StateGaps(np.zeros((1, 0)))
     forces, free, _ = OneByOne(formulation, 4e3).solve(formulation.system.delta_p[None])
-    walk = pivoting.Pivoting(Reference(formulation, forces[0] > 1e-9 * forces.max()), 4e3)
-    solved, freed = walk.forces(nothing)
+    walk = pivoting.Pivoting(Reference(formulation, forces[0] > 1e-9 * forces.max()))
+    solved, freed = walk.forces(nothing, 4e3)
     assert len(walk._swing) == 0  # no pivot
     assert solved == pytest.approx(forces, abs=1e-8 * forces.max())
     assert freed == pytest.approx(free, abs=1e-12)

@@ -15,11 +15,12 @@ from hdassist.model.deviations import state_gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve import compiled, onebyone, throughcvxpy
-from hdassist.solve.answers import ARCSEC, solve_states
+from hdassist.solve.answers import ARCSEC, proven_answers
 from hdassist.solve.certificate import residuals
 from hdassist.solve.compiled import require_compiled_as_stated, template_differences
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
+from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.onebyone import OneByOne
 from hdassist.solve.sums import StateSums
 from hdassist.solve.throughcvxpy import solve_again, solve_through_cvxpy
@@ -189,24 +190,13 @@ def test_nan_is_the_worst_residual(system):
     assert proof.worst[0] == np.inf
 
 
-class Broken:
-    """A solver that gives a wrong answer for one state."""
-
-    def __init__(self, inner, spoiled):
-        self.inner, self.spoiled = inner, spoiled
-
-    def solve(self, gaps, pull=False):
-        system = self.inner._formulation.system
-        delta_p = system.delta_p_of(gaps)
-        forces, free, _ = self.inner.forces(delta_p)
-        forces[self.spoiled] *= 1.001
-        return StateSums.of(system, delta_p, 80e3, forces, free)
-
-
 def test_an_unsolved_state_is_named_and_no_number_comes_out(system, formulation):
-    gaps = StateGaps(np.zeros((5, 0)))
+    delta_p = system.delta_p_of(StateGaps(np.zeros((5, 0))))
+    forces, free, _ = Engine(formulation, 80e3).forces(delta_p)
+    forces[3] *= 1.001
+    sums = StateSums.of(system, delta_p, 80e3, forces, free)
     with pytest.raises(UntrustedError, match=r"state not solved at number 3: residual 1.0e-03") as error:
-        solve_states(system, Broken(Engine(formulation, 80e3), 3), 80e3, gaps, lambda k: f"number {k}")
+        proven_answers(system, 80e3, [sums], lambda k: f"number {k}")
     assert error.value.exit_code == 5
     assert error.value.fault is Fault.UNTRUSTED_STATE
     assert "--solver clarabel" in error.value.hint
@@ -336,10 +326,10 @@ def test_progress_counts_every_state(reference, system, formulation):
     assert sum(seen) == 30 == result.certificate.states
     seen.clear()
     gaps = state_gaps(reference, system, states)
-    few = solve_states(system, Engine(formulation, 80e3), 80e3, gaps, str, seen.append, chunk=7)
+    few = LoadCase(formulation, 80.0).solve(gaps, str, seen.append, chunk=7)
     assert seen == [7, 7, 7, 7, 2]
     assert few.certificate.states == 30
-    whole = solve_states(system, Engine(formulation, 80e3), 80e3, gaps, str)
+    whole = LoadCase(formulation, 80.0).solve(gaps, str)
     assert whole.rotation_arcsec == pytest.approx(few.rotation_arcsec, abs=1e-9)
 
 
