@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+import daqp
 import numpy as np
 
 from benchmarks.machine import seconds
@@ -20,13 +21,13 @@ from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import state_gaps
 from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
 from hdassist.solve import walk
-from hdassist.solve.activeset import ActiveSet
-from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, solve_states
+from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, proven_answers
 from hdassist.solve.build import library_name
 from hdassist.solve.certificate import residuals
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
+from hdassist.solve.onebyone import ALWAYS_ACTIVE, DAQP_SETTINGS, OneByOne
 from hdassist.solve.sums import StateSums
 from hdassist.solve.throughcvxpy import solve_through_cvxpy
 
@@ -37,13 +38,27 @@ class Warm:
     """DAQP warm from state to state, with the sums and the certificate that the engines have."""
 
     def __init__(self, formulation: Formulation, torque: float) -> None:
-        self._system, self._torque = formulation.system, torque
-        self._one_by_one = ActiveSet(formulation, torque)
+        self._formulation, self._torque = formulation, torque
+        n, right = len(formulation.local), -formulation.load(torque)
+        self._upper, self._lower = np.append(np.full(n, np.inf), right), np.append(np.zeros(n), right)
+        self._sense = np.append(np.zeros(n), np.full(len(right), ALWAYS_ACTIVE)).astype(np.int32)
+        self._A = np.ascontiguousarray(formulation.A[:, formulation.system.place])
+        self._model: Any = None
 
     def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
-        """Solve states as StateSolver says."""
-        delta_p = self._system.delta_p_of(gaps)
-        return StateSums.of(self._system, delta_p, self._torque, *self._one_by_one.solve(delta_p), pull=pull)
+        """Solve states as Engine.solve says."""
+        delta_p = self._formulation.system.delta_p_of(gaps)
+        forces, free = np.empty(delta_p.shape), np.empty((len(gaps), len(self._A)))
+        for k, q in enumerate(self._formulation.gaps(delta_p)):
+            if self._model:
+                self._model.update(f=q)
+            else:
+                self._model = daqp.Model()
+                self._model.settings = DAQP_SETTINGS
+                self._model.setup(self._formulation.P, q, self._A, self._upper, self._lower, self._sense)
+            x, _, _, info = self._model.solve()
+            forces[k], free[k] = self._formulation.answer(x, info["lam"][len(x) :])
+        return StateSums.of(self._formulation.system, delta_p, self._torque, forces, free, pull=pull)
 
 
 def measure(quick: bool) -> list[dict[str, Any]]:
@@ -84,6 +99,12 @@ def searched(drive: Drive, M_g: float) -> list[StateGaps]:
     return batches
 
 
+def chunks(solver: Engine | Warm, gaps: StateGaps) -> Iterator[StateSums]:
+    """Sums of states, as many at once as a load case asks for."""
+    for first in range(0, len(gaps), STATES_AT_A_TIME):
+        yield solver.solve(gaps[first : first + STATES_AT_A_TIME])
+
+
 def walks() -> Iterator[tuple[str, object]]:
     """The compiled walk for each instruction set that this machine has, in words, and its library."""
     best, _ = walk.walk_library()
@@ -105,7 +126,7 @@ def _engines(formulation: Formulation, torque: float, batches: list[StateGaps], 
             solver = made()
             begun = time.process_time()
             for gaps in batches:
-                solve_states(formulation.system, solver, torque, gaps, str)
+                proven_answers(formulation.system, torque, chunks(solver, gaps), str)
             times[name].append(time.process_time() - begun)
     return {name: statistics.median(taken) / sum(map(len, batches)) * 1e6 for name, taken in times.items()}
 
@@ -121,7 +142,7 @@ def _with(library: object, formulation: Formulation, torque: float, first: State
 def _certificate(formulation: Formulation, torque: float, gaps: StateGaps, rounds: int) -> float:
     """Microseconds that numpy takes for the residuals of a state."""
     some = formulation.system.delta_p_of(gaps[:STATES_AT_A_TIME])
-    forces, free, _ = ActiveSet(formulation, torque).solve(some)
+    forces, free, _ = OneByOne(formulation, torque).solve(some)
     return seconds(lambda: residuals(formulation.system, some, torque, forces, free), rounds) / len(some) * 1e6
 
 

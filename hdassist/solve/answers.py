@@ -1,25 +1,19 @@
-"""Solve many states, prove each answer, and keep what the analyses ask for."""
+"""The proof of many solved states, and what the analyses keep of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
-from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hdassist.errors import Fault, UntrustedError
-from hdassist.model.contacts import ContactSystem, StateGaps
+from hdassist.model.contacts import ContactSystem
 from hdassist.model.geometry import Array
 from hdassist.run.run import Progress
 from hdassist.solve.certificate import TOLERANCE, Residuals
 from hdassist.solve.sums import StateSums
 from hdassist.solve.window import EdgeOfWindowError
-
-if TYPE_CHECKING:
-    from hdassist.solve.engine import Engine
-    from hdassist.solve.throughcvxpy import ThroughCvxpy
 
 STATES_AT_A_TIME = 1024  # states between two reports of progress
 EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
@@ -82,31 +76,6 @@ class Answers:
     certificate: Certificate
 
 
-def solve_states(
-    system: ContactSystem,
-    solver: Engine | ThroughCvxpy,
-    torque: float,
-    gaps: StateGaps,
-    place: Callable[[int], str],
-    progress: Progress | None = None,
-    *,
-    pull: bool = False,
-    chunk: int = STATES_AT_A_TIME,
-    first: int = STATES_AT_A_TIME,
-) -> Answers:
-    """Solve states of one contact system and prove each answer.
-
-    Arguments: torque [N*mm]; gaps of the states; place, words for where state k is, for errors; progress, told how many
-    states were solved since the last call; pull, whether forces along the deviation scalars are asked for;
-    chunk, states between two reports of progress; first, states that are looked at before all others.
-    Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
-    outside the limits of the linear model.
-    """
-    bounds = pairwise(dict.fromkeys([0, *range(min(first, chunk), len(gaps), chunk), len(gaps)]))
-    chunks = (solver.solve(gaps[first:end], pull=pull) for first, end in bounds)
-    return proven_answers(system, torque, chunks, place, progress, pull=pull)
-
-
 def proven_answers(
     system: ContactSystem,
     torque: float | Array,
@@ -118,7 +87,10 @@ def proven_answers(
 ) -> Answers:
     """Answers of states that were solved chunk by chunk, each of which is proven before the next one is asked for.
 
-    Arguments: as those of solve_states; torque [N*mm], of all states, or of each where there is one chunk.
+    Arguments: torque [N*mm], of all states, or of each where there is one chunk; place, words for where state k is, for
+    errors; progress, told how many states each chunk has; pull, whether forces along the deviation scalars are kept.
+    Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
+    outside the limits of the linear model.
     """
     parts: list[StateSums] = []
     certificate, first = EMPTY, 0

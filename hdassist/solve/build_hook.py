@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import runpy
 import shutil
 import sysconfig
 import tempfile
@@ -11,14 +11,8 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-
-def _build() -> Any:
-    """The module build.py, loaded by its path: the package can't be imported while it is built."""
-    spec = importlib.util.spec_from_file_location("walk_build", Path(__file__).parent / "build.py")
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+# the package can't be imported while it is built
+_BUILD = runpy.run_path(str(Path(__file__).parent / "build.py"))
 
 
 class WalkHook(BuildHookInterface[Any]):
@@ -26,12 +20,11 @@ class WalkHook(BuildHookInterface[Any]):
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile into a folder of its own, and name the libraries as files of the wheel."""
-        build = _build()
         if version == "editable":
-            build.compile_walk(build.development_folder())
+            _BUILD["compile_walk"](_BUILD["development_folder"]())
             return
         self._folder = tempfile.mkdtemp()
-        made = build.compile_walk(Path(self._folder))
+        made = _BUILD["compile_walk"](Path(self._folder))
         for library in made:
             build_data["force_include"][str(library)] = f"hdassist/solve/{library.name}"
         if made:

@@ -34,16 +34,14 @@ def require_compiled_as_stated(formulation: Formulation, folder: Path | None = N
     if supported in _proven:
         return
     key = _key(formulation)
-    if cached(COMPILED_TEMPLATE, key, folder) is not None:
-        _proven.add(supported)
-        return
-    if wrong := list(template_differences(formulation)):
-        raise UntrustedError(
-            f"cvxpy compiles the programme to other data than stated: {', '.join(wrong)}",
-            "install the versions that hdassist was tested with (hdassist doctor)",
-        )
+    if cached(COMPILED_TEMPLATE, key, folder) is None:
+        if wrong := list(template_differences(formulation)):
+            raise UntrustedError(
+                f"cvxpy compiles the programme to other data than stated: {', '.join(wrong)}",
+                "install the versions that hdassist was tested with (hdassist doctor)",
+            )
+        keep(COMPILED_TEMPLATE, key, b"", folder)
     _proven.add(supported)
-    keep(COMPILED_TEMPLATE, key, b"", folder)
 
 
 def template_differences(formulation: Formulation) -> Iterator[str]:
@@ -53,7 +51,7 @@ def template_differences(formulation: Formulation) -> Iterator[str]:
     P = np.zeros((M + m, M + m))
     P[:M, :M], P[M:, M:] = np.diag(formulation.local), formulation.H
     A = np.zeros((len(formulation.A) + m, M + m))
-    A[: len(formulation.A), M:] = formulation.A_places
+    A[: len(formulation.A), M:] = formulation.A
     A[len(formulation.A) + place, np.arange(M)] = 1
     A[len(formulation.A) + np.arange(m), M + np.arange(m)] = -1
     lower = np.repeat([0.0, -np.inf], [M, m])

@@ -11,17 +11,20 @@ equilibrium are their displacements. Everything that solves it starts from this 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.model.contacts import ROTATION, ContactSystem
 from hdassist.model.geometry import Array
 
 if TYPE_CHECKING:
     import cvxpy as cp
+
+    from hdassist.solve.reference import Reference
 
 MICROMETRE = 1e-3  # mm: gaps of the scaled programme are of order one in it
 
@@ -37,6 +40,30 @@ class Units:
     gap: float
     force: float
     load: Array
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Candidates in contact at one place, springs side by side, as one, shape (m,), in units of the programme.
+
+    series: compliance, 0 where none is in contact; offset: how far it closes before it pushes, beyond lowest, the gap
+    of the first candidate there; above: what the gap of each candidate has more than that, shape (M,).
+    """
+
+    series: Array
+    offset: Array
+    lowest: Array
+    above: Array
+
+    @classmethod
+    def of(cls, formulation: Formulation, gaps: Array, contact: NDArray[np.bool_]) -> Springs:
+        """Springs of candidates in contact, shape (M,), with gaps without force, shape (M,)."""
+        place, first = formulation.system.place, formulation.system.first
+        stiffness = contact / formulation.local
+        at_places = np.add.reduceat(stiffness, first)
+        series = np.divide(1, at_places, out=np.zeros(len(first)), where=at_places > 0)
+        above = gaps - gaps[first][place]  # so that a place with one candidate has 0, not a difference of large numbers
+        return cls(series, np.add.reduceat(stiffness * above, first) * series, gaps[first], above)
 
 
 @dataclass(frozen=True)
@@ -61,7 +88,8 @@ class Formulation:
     """The programme of one contact system: minimise 1/2 x' P x + gaps' x subject to A x + load = 0, x >= 0.
 
     P is H, compliance between the places of structure and supports together, shape (m, m), and on the diagonal local,
-    that of each candidate by itself, shape (M,); A, shape (free, M); all in units.
+    that of each candidate by itself, shape (M,); A is given at the places, shape (free, m), of which candidates have
+    copies; all in units. references: what the engines have solved it at, by the torque [N*mm].
     """
 
     system: ContactSystem
@@ -69,6 +97,7 @@ class Formulation:
     H: Array
     local: Array
     A: Array
+    references: dict[float, Reference | None] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def P(self) -> Array:
@@ -77,9 +106,9 @@ class Formulation:
         return np.asarray(self.H[np.ix_(place, place)] + np.diag(self.local))
 
     @cached_property
-    def A_places(self) -> Array:
-        """The columns of A at the places, of which candidates have copies, shape (free, m)."""
-        return np.ascontiguousarray(self.A[:, self.system.first])
+    def structure(self) -> Array:
+        """H and A in one symmetric matrix of forces at the places and displacements, shape (m + free, m + free)."""
+        return np.block([[self.H, self.A.T], [self.A, np.zeros((len(self.A), len(self.A)))]])
 
     @cached_property
     def statement(self) -> Statement:
@@ -93,7 +122,7 @@ class Formulation:
         load = cp.Parameter(len(self.A), name="b")
         of_structure = 0.5 * cp.quad_form(at_places, cp.psd_wrap(self.H))
         of_candidates = 0.5 * cp.quad_form(forces, cp.psd_wrap(diags_array(self.local)))
-        equilibrium = self.A_places @ at_places + load == 0
+        equilibrium = self.A @ at_places + load == 0
         sums = csr_array((np.ones(M), (self.system.place, np.arange(M))), shape=(m, M))
         constraints = [equilibrium, sums @ forces - at_places == 0]
         problem = cp.Problem(cp.Minimize(of_candidates + of_structure + gaps @ forces), constraints)
@@ -107,10 +136,6 @@ class Formulation:
         """Load of a torque on the flexspline [N*mm], in units of the programme, shape (free,)."""
         free = ~self.system.supported
         return np.asarray(self.system.load(torque)[free] / (self.units.force * self.units.load))
-
-    def right_side(self, torque: float) -> Array:
-        """Right side of the equilibrium rows A x = -load at a torque [N*mm], shape (free,)."""
-        return -self.load(torque)
 
     def answer(self, forces: Array, duals: Array) -> tuple[Array, Array]:
         """Forces [N] and displacements of the free freedoms [mm, rad] of a solution in units of the programme."""
@@ -130,5 +155,5 @@ def formulate(system: ContactSystem) -> Formulation:
         units,
         H=(system.compliance + (at_supports / system.C[supported]) @ at_supports.T) * (units.force / units.gap),
         local=system.local * (units.force / units.gap),
-        A=(system.G[:, free] / load_units).T,
+        A=np.ascontiguousarray((system.G[system.first][:, free] / load_units).T),
     )

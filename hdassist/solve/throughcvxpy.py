@@ -18,14 +18,11 @@ import numpy as np
 from pydantic import Field, TypeAdapter
 
 from hdassist.errors import Fault, UntrustedError, UsageError
-from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.run.cache import cached, keep, keeps_answers, program
 from hdassist.run.kept import ClosedRecord, Count
 from hdassist.run.run import CROSS_SOLVER
 from hdassist.solve.answers import ARCSEC, N_MM
-from hdassist.solve.certificate import proven
-from hdassist.solve.sums import StateSums
 
 if TYPE_CHECKING:
     from hdassist.solve.formulation import Formulation
@@ -87,51 +84,18 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
     import cvxpy as cp
 
     name, stated = require_solver(solver), formulation.statement
-    stated.gaps.value = formulation.gaps(delta_p)
-    stated.load.value = formulation.load(torque)
+    stated.gaps.value, stated.load.value = formulation.gaps(delta_p), formulation.load(torque)
     try:
         with warnings.catch_warnings():
             # "solution may be inaccurate": residuals and the other solver decide that, not a status
             warnings.simplefilter("ignore", UserWarning)
             stated.problem.solve(solver=name, **SOLVER_SETTINGS.get(name, {}))
+        forces, duals, status = stated.forces.value, stated.equilibrium.dual_value, stated.problem.status
     except cp.SolverError as error:
-        raise UntrustedError(
-            f"{name} could not solve a state: {str(error).splitlines()[0]}", "", Fault.UNTRUSTED_STATE
-        ) from error
-    if stated.forces.value is None or stated.equilibrium.dual_value is None:
-        raise UntrustedError(f"{name} could not solve a state: {stated.problem.status}", "", Fault.UNTRUSTED_STATE)
-    return formulation.answer(stated.forces.value, stated.equilibrium.dual_value)
-
-
-class ThroughCvxpy:
-    """Sends each state through cvxpy itself: slow, and independent of the engine.
-
-    Arguments: formulation; torque [N*mm]; solver, a name that cvxpy knows.
-    """
-
-    def __init__(self, formulation: Formulation, torque: float, solver: str) -> None:
-        self._formulation, self._solver = formulation, solver
-        self.load(torque)
-
-    def load(self, torque: float) -> None:
-        """Go on with another torque [N*mm]."""
-        self._torque = torque
-
-    def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
-        """Sums of states, as Engine.solve has them; raises UntrustedError where the solver gives no answer."""
-        system = self._formulation.system
-        delta_p = system.delta_p_of(gaps)
-        return StateSums.of(system, delta_p, self._torque, *self.forces(delta_p), pull=pull)
-
-    def forces(self, delta_p: Array) -> tuple[Array, Array, int]:
-        """Forces and free displacements as Engine.forces has them, none given up; errors as those of solve."""
-        formulation = self._formulation
-        forces, free = np.full(delta_p.shape, np.nan), np.full((len(delta_p), len(formulation.A)), np.nan)
-        for k, at_state in enumerate(delta_p):
-            forces[k], free[k] = solve_through_cvxpy(formulation, at_state, self._torque, self._solver)
-            if not proven(formulation.system, at_state, self._torque, forces[k], free[k]):
-                break
-        return forces, free, 0
+        forces, duals, status = None, None, str(error).splitlines()[0]
+    if forces is None or duals is None:
+        raise UntrustedError(f"{name} could not solve a state: {status}", "", Fault.UNTRUSTED_STATE)
+    return formulation.answer(forces, duals)
 
 
 @dataclass(frozen=True)
@@ -162,39 +126,25 @@ def solve_again(
     states and rotations to the last digit. Raises UntrustedError where two rotations differ by more than
     CROSS_TOLERANCE.
     """
-    if not keeps_answers() or require_solver(solver) not in SHIPPED:
-        return _solved_again(formulation, torques, delta_p, rotation_arcsec, solver, place)
     units, words = formulation.units, f"{solver} {program('cvxpy', *SHIPPED.values())}"
-    arrays = formulation.H, formulation.local, formulation.A, formulation.system.place, units.load, delta_p, torques
-    depends = [*arrays, np.array([units.gap, units.force]), rotation_arcsec]
-    stated = b"".join(f"{array.shape}".encode() + array.tobytes() for array in depends)
-    key = sha256(words.encode() + stated).hexdigest()
+    key, used, worst = sha256(words.encode()), {require_solver(solver): None}, 0.0
+    depends = formulation.H, formulation.local, formulation.A, formulation.system.place, units.load, delta_p, torques
+    for array in (*depends, np.array([units.gap, units.force]), rotation_arcsec):
+        key.update(f"{array.shape}".encode() + array.tobytes())
+    keeps = keeps_answers() and SHIPPED.keys() >= used.keys()
     with suppress(ValueError, RecursionError):
-        kept = _CROSS_CHECK.validate_python(json.loads(cached(SOLVED_AGAIN, key) or b""))
+        kept = _CROSS_CHECK.validate_python(json.loads((keeps and cached(SOLVED_AGAIN, key.hexdigest())) or b""))
         if kept.states == len(torques) and {*kept.solver.split(", ")} <= {*SHIPPED}:
             return kept
-    found = _solved_again(formulation, torques, delta_p, rotation_arcsec, solver, place)
-    keep(SOLVED_AGAIN, key, json.dumps(asdict(found), allow_nan=False).encode())
-    return found
-
-
-def _solved_again(
-    formulation: Formulation,
-    torques: Array,
-    delta_p: Array,
-    rotation_arcsec: Array,
-    solver: str,
-    place: Callable[[int], str],
-) -> CrossCheck:
-    worst, used = 0.0, {require_solver(solver): None}
     for k, M_g in enumerate(torques.tolist()):
+        state = formulation, M_g * N_MM, delta_p[k], rotation_arcsec[k]
         try:
-            difference = _difference(formulation, M_g * N_MM, delta_p[k], rotation_arcsec[k], solver)
+            difference = _difference(*state, solver)
         except UntrustedError:
             difference = np.inf
         if not difference <= CROSS_TOLERANCE:
             used[SECOND_SOLVER] = None
-            difference = _difference(formulation, M_g * N_MM, delta_p[k], rotation_arcsec[k], SECOND_SOLVER)
+            difference = _difference(*state, SECOND_SOLVER)
         if not difference <= CROSS_TOLERANCE:
             raise UntrustedError(
                 f"two solvers disagree at {place(k)}: {difference:.3g} arcsec between the engine and "
@@ -203,7 +153,10 @@ def _solved_again(
                 Fault.SOLVERS_DISAGREE,
             )
         worst = max(worst, difference)
-    return CrossCheck(", ".join(used), len(torques), worst)
+    found = CrossCheck(", ".join(used), len(torques), worst)
+    if keeps:
+        keep(SOLVED_AGAIN, key.hexdigest(), json.dumps(asdict(found), allow_nan=False).encode())
+    return found
 
 
 def _difference(formulation: Formulation, torque: float, delta_p: Array, expected: float, solver: str) -> float:

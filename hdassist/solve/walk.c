@@ -14,6 +14,7 @@
  * D (compliance between places, and local), G, C and these gaps alone, in mm, N and rad; all else is in the programme's units.
  */
 #include <math.h>
+#include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -59,11 +60,11 @@
 typedef double vector __attribute__((vector_size(WIDTH * 8), aligned(8)));
 typedef int64_t bits __attribute__((vector_size(WIDTH * 8), aligned(8)));
 
-/* What the caller lends; it has to outlive the walk. M candidates at m places, R = m + free coordinates, p scalars. */
+/* What the caller lends; it has to outlive the walk. M candidates at m places, R = m + free coordinates, p scalars in use. */
 typedef struct {
-    int32_t M, m, free, p, flanks, columns, rotation;
+    int32_t M, m, free, flanks, columns, rotation;
     const double *by_places;   /* (m, R) what a unit that a candidate at each place puts in adds to all coordinates */
-    const double *law;         /* (1 + p, R) coordinates at the reference: constant, and by a unit of each scalar */
+    const double *law;         /* (2 + columns, R) coordinates at the reference: constant, by torque [N*mm], and by each scalar */
     const int32_t *place;      /* (M) of each candidate, in ascending order */
     const uint8_t *contact;    /* (M) whether the reference has contact */
     const double *gain;        /* (M) value by the coordinate of the place; values are scaled, others the other way round */
@@ -77,13 +78,11 @@ typedef struct {
     const double *local;       /* (M) mm/N */
     const double *G;           /* (9, m) */
     const double *C;           /* (9) N/mm, 0 where there is no support */
-    const int32_t *freedom;    /* (9) place of a freedom among the free ones, -1 where it has a support */
     const double *delta_p;     /* (M) mm */
-    const double *map;         /* (columns, m) gaps by a unit of each scalar of a drive; the first p are in use */
+    const double *map;         /* (columns, m) gaps by a unit of each scalar of a drive */
     const double *lever;       /* (flanks) N*mm a N */
     const int8_t *zone;        /* (flanks) mesh zone */
     const uint8_t *edge;       /* (flanks) whether it is the outermost of the window */
-    double torque;             /* N*mm */
 } contact_system;
 
 typedef struct {
@@ -96,7 +95,10 @@ typedef struct {
 } answers;
 
 typedef struct {
-    const contact_system *system;
+    contact_system held;
+    const contact_system *system; /* held */
+    double torque;       /* N*mm */
+    int freedom[FREEDOMS]; /* place of a freedom among the free ones, -1 where it has a support */
     int n, padded;       /* candidates in the tableau; columns of a row */
     int *candidate;      /* (n) */
     int *position;       /* (M) in the tableau, or -1 */
@@ -469,9 +471,9 @@ static void certify(walk *w, int states, double *residual) {
             for (int f = 0; f < FREEDOMS; f++) {
                 double sizes;
                 const double sum = product(m, F, s->G + (size_t)f * m, &sizes);
-                a[j][f] = s->freedom[f] < 0 ? sum / s->C[f] : free[s->freedom[f]];
-                balance[j][f] = sum - a[j][f] * s->C[f] + (f == s->rotation ? s->torque : 0.0);
-                size[j][f] = sizes + (f == s->rotation ? fabs(s->torque) : 0.0);
+                a[j][f] = w->freedom[f] < 0 ? sum / s->C[f] : free[w->freedom[f]];
+                balance[j][f] = sum - a[j][f] * s->C[f] + (f == s->rotation ? w->torque : 0.0);
+                size[j][f] = sizes + (f == s->rotation ? fabs(w->torque) : 0.0);
                 block[(count[group] + f) * ABREAST] = a[j][f];
             }
         }
@@ -592,10 +594,13 @@ void walk_free(walk *w) {
     free(w);
 }
 
-/* NULL where memory is short. */
-walk *walk_new(const contact_system *s) {
+/* sizes and arrays: those of a contact_system, in its order. NULL where memory is short. */
+walk *walk_new(const int32_t *sizes, const void *const *arrays) {
     walk *w = calloc(1, sizeof(walk));
     if (!w) return NULL;
+    memcpy(&w->held, sizes, offsetof(contact_system, columns) + 2 * sizeof *sizes);
+    memcpy(&w->held.by_places, arrays, sizeof w->held - offsetof(contact_system, by_places));
+    const contact_system *s = &w->held;
     const size_t M = s->M, m = s->m, R = m + s->free, panels = (m + WIDTH - 1) / WIDTH;
     w->system = s;
     const size_t widest = M + M / 2 + 2 * FEW;
@@ -624,6 +629,7 @@ walk *walk_new(const contact_system *s) {
         return NULL;
     }
     widen(w, FEW);
+    for (int f = 0, free = 0; f < FREEDOMS; f++) w->freedom[f] = s->C[f] > 0 ? -1 : free++;
     for (size_t i = 0; i < M; i++) w->position[i] = -1;
     w->upper = w->lower + m, w->most = w->least + m;
     int *touching = w->touching;
@@ -648,15 +654,18 @@ walk *walk_new(const contact_system *s) {
 }
 
 /* Solve states and certify each; how many were given up, whose answers are NaN.
- * scalars: (states, p); tooth_gaps: (states, m) added to the gaps at each place, and tooth_values:
+ * torque: N*mm; scalars: (states, p); tooth_gaps: (states, m) added to the gaps at each place, and tooth_values:
  * (states, R) what they add to the coordinates at the reference, both NULL without measured teeth. */
-long walk_solve(walk *w, long states, const double *scalars, const double *tooth_gaps, const double *tooth_values,
-                answers *out) {
+long walk_solve(walk *w, long states, double torque, int p, const double *scalars, const double *tooth_gaps,
+                const double *tooth_values, double *rotation, double *moment, double *tooth_force, double *edge_force,
+                double *residual, double *pull) {
+    answers made = {rotation, moment, tooth_force, edge_force, residual, pull}, *out = &made;
     const contact_system *s = w->system;
     const int M = s->M, m = s->m, R = m + s->free;
     long given_up = 0, first = 0;
     int held = 0;
     w->lost = 0;
+    w->torque = torque;
     for (long j = 0; j < states; j++) {
         double *F = w->force + (size_t)held * M, *free = w->free + (size_t)held * s->free;
         double *at_place = w->at_place + (size_t)held * m, *moved = w->moved + (size_t)held * m;
@@ -666,11 +675,12 @@ long walk_solve(walk *w, long states, const double *scalars, const double *tooth
             for (int k = w->n - 1; k >= 0; k--)
                 if (!w->changed[k] && w->states - w->last[k] > KEEP) leave_out(w, k);
         memcpy(w->start, s->law, sizeof(double) * R);
+        add_multiple(R, torque, s->law + R, w->start);
         memset(moved, 0, sizeof(double) * m);
         memset(at_place, 0, sizeof(double) * m);
         memset(F, 0, sizeof(double) * M);
-        add_columns(R, s->p, scalars + (size_t)j * s->p, s->law + R, NULL, w->start);
-        add_columns(m, s->p, scalars + (size_t)j * s->p, s->map, NULL, moved);
+        add_columns(R, p, scalars + (size_t)j * p, s->law + 2 * R, NULL, w->start);
+        add_columns(m, p, scalars + (size_t)j * p, s->map, NULL, moved);
         if (tooth_gaps) {
             add_multiple(R, 1.0, tooth_values + (size_t)j * R, w->start);
             add_multiple(m, 1.0, tooth_gaps + (size_t)j * m, moved);
@@ -694,7 +704,7 @@ long walk_solve(walk *w, long states, const double *scalars, const double *tooth
             for (int k = 0; k < w->n; k++)
                 if (w->changed[k] && !s->contact[w->candidate[k]]) at_place[s->place[w->candidate[k]]] += F[w->candidate[k]];
             for (int f = 0; f < s->free; f++) free[f] = w->all[m + f] * s->dual_unit[f];
-            out->rotation[j] = free[s->freedom[s->rotation]];
+            out->rotation[j] = free[w->freedom[s->rotation]];
             sum_up(w, at_place, j, out);
         }
         if (++held == BATCH || j == states - 1) {
@@ -752,7 +762,7 @@ static int eliminate(int n, double *S, double *b) {
     return 1;
 }
 
-/* One state by sets of candidates that change sides until none has to (solve_near of activeset.py, which is the same in
+/* One state by sets of candidates that change sides until none has to (solve_near of near.py, which is the same in
  * numpy). M candidates at m places, the first of each in first (m + 1); all in the programme's units. contact (M) is where
  * it starts from and what it ends with. Steps it took, 0 where it gives up. */
 int walk_near(int M, int m, int rows, const double *H, const double *local, const int32_t *first, const double *A,

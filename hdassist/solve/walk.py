@@ -16,35 +16,10 @@ from hdassist.solve.build import SOURCE, development_folder, library_name, sourc
 from hdassist.solve.certificate import Residuals
 from hdassist.solve.formulation import Formulation
 from hdassist.solve.near import NEAR_STEPS, SOFT
-from hdassist.solve.places import PlaceReference
+from hdassist.solve.reference import Reference
 from hdassist.solve.sums import StateSums
 
 INSTRUCTIONS = {4: "AVX-512", 3: "AVX2", 1: "any machine"}
-
-
-_SIZES = ("M", "m", "free", "p", "flanks", "columns", "rotation")
-_ARRAYS = (
-    *("by_places", "law", "place", "contact", "gain", "constant", "weight", "own", "value_force", "other_force"),
-    *("dual_unit", "compliance", "local", "G", "C", "freedom", "delta_p", "map", "lever", "zone", "edge"),
-)
-
-
-class _System(ctypes.Structure):
-    """contact_system of walk.c."""
-
-    _fields_ = [
-        *((name, ctypes.c_int32) for name in _SIZES),
-        *((name, ctypes.c_void_p) for name in _ARRAYS),
-        ("torque", ctypes.c_double),
-    ]
-
-
-class _Answers(ctypes.Structure):
-    """answers of walk.c."""
-
-    _fields_ = [
-        (name, ctypes.c_void_p) for name in ("rotation", "moment", "tooth_force", "edge_force", "residual", "pull")
-    ]
 
 
 @cache
@@ -69,9 +44,9 @@ def _load(path: Path) -> Any:
     loaded: Any = ctypes.CDLL(str(path))
     pointer, integer = ctypes.c_void_p, ctypes.c_int
     loaded.walk_source.restype = ctypes.c_char_p
-    loaded.walk_new.argtypes, loaded.walk_new.restype = [pointer], pointer
+    loaded.walk_new.argtypes, loaded.walk_new.restype = [pointer] * 2, pointer
     loaded.walk_free.argtypes, loaded.walk_free.restype = [pointer], None
-    loaded.walk_solve.argtypes = [pointer, ctypes.c_long, pointer, pointer, pointer, pointer]
+    loaded.walk_solve.argtypes = [pointer, ctypes.c_long, ctypes.c_double, integer] + [pointer] * 9
     loaded.walk_solve.restype = loaded.walk_pivots.restype = ctypes.c_long
     loaded.walk_pivots.argtypes = [pointer]
     loaded.walk_near.argtypes = [integer] * 3 + [pointer] * 6 + [ctypes.c_double, integer] + [pointer] * 3
@@ -80,19 +55,14 @@ def _load(path: Path) -> Any:
 
 
 class Walk:
-    """The compiled walk of one contact system at one torque.
+    """The compiled walk of one contact system."""
 
-    Arguments: reference; torque [N*mm].
-    """
-
-    def __init__(self, reference: PlaceReference, torque: float) -> None:
+    def __init__(self, reference: Reference) -> None:
         self._library, _ = walk_library()
         self._reference = reference
-        self._law = reference.held["law"].copy()
-        held = reference.held | {"law": self._law}
-        self._system = _System(*reference.sizes, *(array.ctypes.data for array in held.values()), torque)
-        self.load(torque)
-        self._walk = self._library.walk_new(ctypes.byref(self._system))
+        addresses = [array.ctypes.data for array in reference.held.values()]
+        sizes, arrays = (ctypes.c_int32 * len(reference.sizes)), (ctypes.c_void_p * len(addresses))
+        self._walk = self._library.walk_new(sizes(*reference.sizes), arrays(*addresses))
         if not self._walk:
             raise MemoryError
 
@@ -100,41 +70,30 @@ class Walk:
         if getattr(self, "_walk", None):
             self._library.walk_free(self._walk)
 
-    def load(self, torque: float) -> None:
-        """Go on with another torque [N*mm]."""
-        self._law[0] = self._reference.held["law"][0] + self._reference.of_torque(torque)
-        self._system.torque = torque
-
-    def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
+    def solve(self, gaps: StateGaps, torque: float, *, pull: bool = False) -> StateSums:
         """Sums and residuals of states; NaN where one was given up.
 
-        Arguments: gaps; pull, whether forces along the deviation scalars are asked for.
+        Arguments: gaps; torque [N*mm]; pull, whether forces along the deviation scalars are asked for.
         """
         scalars = np.ascontiguousarray(gaps.scalars, dtype=float)
-        count = len(scalars)
-        self._system.p = scalars.shape[1]
-        teeth = values = None
-        if gaps.at_flanks is not None:
-            teeth = np.zeros((count, self._system.m))
-            teeth[:, : self._system.flanks] = gaps.at_flanks[:, self._reference.flanks]
-            values = self._reference.coordinates(self._reference.formulation.gaps(teeth))
+        count, p = scalars.shape
         rotation, tooth_force, edge_force = np.empty((3, count))
         moment, residual = np.empty((count, 2)), np.empty((count, 4))
-        pulls = np.empty((count, self._system.columns)) if pull else None
-        out = _Answers(*map(_address, (rotation, moment, tooth_force, edge_force, residual, pulls)))
-        given = map(_address, (scalars, teeth, values))
-        lost = self._library.walk_solve(self._walk, count, *given, ctypes.byref(out))
-        return StateSums(rotation, moment, tooth_force, edge_force, Residuals(*residual.T), pulls, lost)
+        pulls = np.empty((count, len(self._reference.held["map"]))) if pull else None
+        sums = rotation, moment, tooth_force, edge_force, residual, pulls
+        arrays = (scalars, *self._reference.of_teeth(gaps), *sums)  # held until the call has ended
+        given_up = self._library.walk_solve(self._walk, count, torque, p, *map(_address, arrays))
+        return StateSums(rotation, moment, tooth_force, edge_force, Residuals(*residual.T), pulls, given_up)
 
 
 def walk_near_state(
     formulation: Formulation, gaps: Array, right: Array, contact: NDArray[np.bool_]
 ) -> tuple[Array, Array] | None:
-    """solve_near of activeset.py, compiled."""
+    """solve_near of near.py, compiled."""
     system = formulation.system
     ends = np.append(system.first, len(gaps)).astype(np.int32)
     held, forces, duals = contact.astype(np.uint8), np.empty(len(gaps)), np.empty(len(right))
-    data = (formulation.H, formulation.local, ends, formulation.A_places, np.ascontiguousarray(gaps), right)
+    data = (formulation.H, formulation.local, ends, formulation.A, np.ascontiguousarray(gaps), right)
     sizes = len(gaps), len(system.first), len(right)
     made = map(_address, (held, forces, duals))
     found = walk_library()[0].walk_near(*sizes, *map(_address, data), SOFT, NEAR_STEPS, *made)

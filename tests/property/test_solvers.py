@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hdassist.model.contacts import contact_system
+from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.solve.answers import ARCSEC
 from hdassist.solve.certificate import TOLERANCE, residuals
 from hdassist.solve.engine import MANY_STATES, Engine
@@ -76,13 +76,13 @@ def test_many_states_at_once_are_what_each_is_alone(reference, stations, fields,
     system = contact_system(changed(reference, **fields, numerics__stations=stations), tau, beta)
     formulation = formulate(system)
     scalars = np.random.default_rng(seed).uniform(-0.1, 0.1, (MANY_STATES, 4))
-    delta_p = system.delta_p + scalars @ system.deviation_map[:, :4].T
+    delta_p = system.delta_p_of(StateGaps(scalars))
     forces, free, _ = Engine(formulation, torque).forces(delta_p)
-    assert residuals(system, delta_p, torque, forces, free).worst.max() <= TOLERANCE
-    others, same, _ = Engine(formulation, torque).forces(delta_p[: MANY_STATES - 1])
-    k = system.free_rotation
-    assert same[:, k] * ARCSEC == pytest.approx(free[:-1, k] * ARCSEC, abs=1e-7)
-    assert others == pytest.approx(forces[:-1], abs=1e-6 * forces.max())
+    for compiled in (True, False):
+        found = Engine(formulation, torque, compiled=compiled).solve(StateGaps(scalars), pull=True)
+        assert found.residuals.worst.max() <= TOLERANCE
+        assert found.rotation * ARCSEC == pytest.approx(free[:, system.free_rotation] * ARCSEC, abs=1e-7)
+        assert found.pull == pytest.approx(forces @ system.deviation_map, abs=1e-6 * forces.max())
 
 
 def test_warm_answers_do_not_depend_on_their_order(reference):

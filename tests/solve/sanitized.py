@@ -40,7 +40,7 @@ def walk_over_drives(library: Path) -> int:
         for M_g in drive.operation.M_g:
             engine = Engine(formulation, M_g * 1e3, engine, many=True)
             for some in (gaps, gaps[:1], gaps[:0], StateGaps(np.full((3, 2), np.nan))):
-                sums = engine._walk.solve(some, pull=True) if engine._walk else engine.solve(some, pull=True)
+                sums = engine._walk.solve(some, M_g * 1e3, pull=True) if engine._walk else engine.solve(some, pull=True)
                 solved += len(sums.rotation)
     return solved
 

@@ -8,10 +8,11 @@ import pytest
 from hdassist.errors import Fault, UntrustedError
 from hdassist.model.contacts import ROTATION, StateGaps, contact_system
 from hdassist.solve import answers
-from hdassist.solve.answers import ARCSEC, Certificate, solve_states
+from hdassist.solve.answers import ARCSEC, Certificate, proven_answers
 from hdassist.solve.certificate import residuals
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
+from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.sums import StateSums
 from tests.support import changed
 
@@ -64,7 +65,7 @@ def test_what_is_kept_of_a_state_is_that_of_its_forces(system, formulation):
     torque, n = -300e3, system.n_flanks
     gaps = StateGaps(np.array([[0.0] * 4, [0.03, 0.01, 0.05, -0.02]]))
     forces, free, _ = Engine(formulation, torque).forces(system.delta_p_of(gaps))
-    kept = solve_states(system, Engine(formulation, torque), torque, gaps, str, pull=True)
+    kept = LoadCase(formulation, torque / 1e3).solve(gaps, str, pull=True)
     assert kept.rotation_arcsec == pytest.approx(free[:, 0] * 180 / np.pi * 3600, abs=1e-8)
     moments = -forces[:, :n] * system.G[:n, ROTATION]  # that the flanks take off the flexspline
     for zone in (0, 1):
@@ -83,10 +84,10 @@ def test_a_tooth_at_the_edge_carries_load_from_a_share_of_the_torque_on(referenc
     assert at_edge[1] > at_edge[0] > 0
     share = at_edge[1] / (torque / system.geometry.r_m)
     monkeypatch.setattr(answers, "EDGE_SHARE", 1.0001 * share)
-    solve_states(system, Engine(formulation, torque), torque, gaps, str)
+    LoadCase(formulation, torque / 1e3).solve(gaps, str)
     monkeypatch.setattr(answers, "EDGE_SHARE", 0.9999 * share)
     with pytest.raises(UntrustedError, match=f"at state 1: {at_edge[1]:.3g} N on the outermost tooth") as error:
-        solve_states(system, Engine(formulation, torque), torque, gaps, lambda k: f"state {k}")
+        LoadCase(formulation, torque / 1e3).solve(gaps, lambda k: f"state {k}")
     assert error.value.fault is Fault.EDGE_OF_WINDOW
 
 
@@ -110,16 +111,13 @@ def test_the_state_that_winds_up_most_is_the_one_that_is_looked_at(system, formu
     worst = int(np.argmax(rotation))
     assert worst == 1
     with pytest.raises(UntrustedError, match=f"at state {worst}: wind-up of {rotation[worst] * ARCSEC:.0f} arcsec"):
-        solve_states(fine, Engine(formulation, torque), torque, gaps, lambda k: f"state {k}")
+        proven_answers(fine, torque, [Engine(formulation, torque).solve(gaps)], lambda k: f"state {k}")
 
 
 def test_a_state_without_an_answer_has_no_residual(system, formulation):
-    class Hopeless:
-        def solve(self, gaps, pull=False):
-            delta_p = system.delta_p_of(gaps)
-            forces, free, _ = Engine(formulation, 80e3).forces(delta_p)
-            forces[1:], free[1:] = np.nan, np.nan
-            return StateSums.of(system, delta_p, 80e3, forces, free)
-
+    delta_p = system.delta_p_of(StateGaps(np.zeros((3, 0))))
+    forces, free, _ = Engine(formulation, 80e3).forces(delta_p)
+    forces[1:], free[1:] = np.nan, np.nan
+    hopeless = StateSums.of(system, delta_p, 80e3, forces, free)
     with pytest.raises(UntrustedError, match="state not solved at state 1: no method ends"):
-        solve_states(system, Hopeless(), 80e3, StateGaps(np.zeros((3, 0))), lambda k: f"state {k}")
+        proven_answers(system, 80e3, [hopeless], lambda k: f"state {k}")

@@ -1,21 +1,22 @@
-"""Many states by principal pivots, against the same states one by one."""
+"""The walk in numpy, against the same states one by one."""
 
 import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
 from hdassist.error.cycle import _formulations
-from hdassist.model.contacts import contact_system
-from hdassist.model.deviations import ToothDeviations
+from hdassist.model.contacts import StateGaps, contact_system
+from hdassist.model.deviations import ToothDeviations, state_gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
+from hdassist.solve import engine as engines
 from hdassist.solve import pivoting
-from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.certificate import TOLERANCE, residuals
 from hdassist.solve.engine import MANY_STATES, Engine
 from hdassist.solve.formulation import formulate
-from hdassist.solve.pivoting import Reference, exchanged
+from hdassist.solve.onebyone import OneByOne
+from hdassist.solve.reference import Reference, principal_transform
 from hdassist.solve.sums import StateSums
 from tests.process import SMALL
 from tests.support import changed, delta_p_of
@@ -39,22 +40,28 @@ def formulation(system):
 
 
 @pytest.fixture(scope="module")
-def delta_p(small, system):
-    return delta_p_of(small, system, pitch_locked_states(Kinematics.of(small), np.arange(200)))
+def gaps(small, system):
+    return state_gaps(small, system, pitch_locked_states(Kinematics.of(small), np.arange(200)))
 
 
-def one_by_one(formulation, torque, delta_p):
-    return ActiveSet(formulation, torque).solve(delta_p)
+def plain(formulation, torque, **options):
+    """The engine that walks in numpy."""
+    return Engine(formulation, torque, many=True, compiled=False, **options)
 
 
-def same(formulation, torque, delta_p, found):
-    """Whether forces and displacements found are those of the states solved one by one, with their proof."""
-    (forces, free, _), (others, freed, _) = found, one_by_one(formulation, torque, delta_p)
-    system = formulation.system
-    assert residuals(system, delta_p, torque, forces, free).worst.max() <= TOLERANCE
-    k = system.free_rotation
-    assert free[:, k] * ARCSEC == pytest.approx(freed[:, k] * ARCSEC, abs=EXACT)
-    assert forces == pytest.approx(others, abs=1e-6 * others.max())
+def walked(engine, gaps):
+    """Forces and displacements of states by the walk of an engine alone."""
+    engine.solve(gaps[:0])
+    return engine._walk.forces(gaps, engine._torque)
+
+
+def same(formulation, torque, gaps, sums):
+    """Whether sums found are those of the states solved one by one, with their proof."""
+    alone = Engine(formulation, torque)._alone(gaps, pull=True)
+    assert sums.residuals.worst.max() <= TOLERANCE
+    assert sums.rotation * ARCSEC == pytest.approx(alone.rotation * ARCSEC, abs=EXACT)
+    for name in ("tooth_force", "edge_force", "pull"):
+        assert getattr(sums, name) == pytest.approx(getattr(alone, name), abs=1e-6 * alone.tooth_force.max())
     return True
 
 
@@ -63,7 +70,7 @@ def cycle_one_by_one(drive, M_g, teeth=None):
     states = pitch_locked_states(Kinematics.of(drive))
     rotation, share = np.empty(len(states)), np.empty((len(states), 2))
     for rows, formulation in _formulations(drive, states):
-        solver = ActiveSet(formulation, M_g * N_MM)
+        solver = OneByOne(formulation, M_g * N_MM)
         delta_p = delta_p_of(drive, formulation.system, states.take(rows), teeth)
         sums = StateSums.of(formulation.system, delta_p, M_g * N_MM, *solver.solve(delta_p))
         assert sums.residuals.worst.max() <= TOLERANCE
@@ -75,15 +82,20 @@ def cycle_one_by_one(drive, M_g, teeth=None):
 def test_the_cycle_of_the_reference_drive(reference, torque):
     system = contact_system(reference)
     some = np.sort(np.random.default_rng(3).choice(20200, 300, replace=False))
-    delta_p = delta_p_of(reference, system, pitch_locked_states(Kinematics.of(reference), some))
+    gaps = state_gaps(reference, system, pitch_locked_states(Kinematics.of(reference), some))
     formulation = formulate(system)
-    found = Engine(formulation, torque).forces(delta_p)
-    assert found[2] == 0
-    assert same(formulation, torque, delta_p, found)
+    engine = plain(formulation, torque)
+    found = engine.solve(gaps, pull=True)
+    assert found.given_up == 0
+    assert same(formulation, torque, gaps, found)
     # without force is without force, to the last digit
-    assert found[0].min() == 0
-    assert 0.3 < np.mean(found[0] == 0) < 0.9
-    assert not np.any((found[0] > 0) & (found[0] < 1e-9 * found[0].max()))
+    forces, _ = walked(engine, gaps)
+    assert forces == pytest.approx(
+        OneByOne(formulation, torque).solve(system.delta_p_of(gaps))[0], abs=1e-6 * forces.max()
+    )
+    assert forces.min() == 0
+    assert 0.3 < np.mean(forces == 0) < 0.9
+    assert not np.any((forces > 0) & (forces < 1e-9 * forces.max()))
 
 
 @pytest.mark.parametrize(
@@ -118,150 +130,131 @@ def test_measured_teeth(small):
 
 @pytest.mark.parametrize("torque", [1e-3, 1.0, 1e3, -1e3, 4e3])
 def test_symmetric_states_in_which_contacts_just_touch(small, torque):
-    system = contact_system(changed(small, gears__j_n=0.0))
-    delta_p = np.repeat(system.delta_p[None], 2 * MANY_STATES, axis=0)
-    # and next to them states that break the symmetry by next to nothing
-    delta_p[::3] += system.deviation_map[:, :4] @ [0, 0, 1e-13, 1e-12]
-    formulation = formulate(system)
-    assert same(formulation, torque, delta_p, Engine(formulation, torque).forces(delta_p))
+    formulation = formulate(contact_system(changed(small, gears__j_n=0.0)))
+    scalars = np.zeros((2 * MANY_STATES, 4))
+    scalars[::3] = [0, 0, 1e-13, 1e-12]  # and next to them states that break the symmetry by next to nothing
+    gaps = StateGaps(scalars)
+    assert same(formulation, torque, gaps, plain(formulation, torque).solve(gaps, pull=True))
 
 
-def test_answers_hang_neither_on_the_order_nor_on_the_batches(formulation, delta_p):
-    whole, free, _ = Engine(formulation, 4e3).forces(delta_p)
-    order = np.random.default_rng(0).permutation(len(delta_p))
-    mixed, freed, _ = Engine(formulation, 4e3).forces(delta_p[order])
+def test_answers_hang_neither_on_the_order_nor_on_the_batches(formulation, gaps):
+    whole, free = walked(plain(formulation, 4e3), gaps)
+    order = np.random.default_rng(0).permutation(len(gaps))
+    mixed, freed = walked(plain(formulation, 4e3), gaps[order])
     assert mixed == pytest.approx(whole[order], abs=1e-8 * whole.max())
     assert freed[:, 0] * ARCSEC == pytest.approx(free[order, 0] * ARCSEC, abs=EXACT)
-    solver = Engine(formulation, 4e3)
+    engine = plain(formulation, 4e3)
     for first, last in ((0, 100), (100, 101), (101, 101), (101, 170), (170, 200)):
-        forces, _, _ = solver.forces(delta_p[first:last])
+        forces, _ = walked(engine, gaps[first:last])
         assert forces == pytest.approx(whole[first:last], abs=1e-8 * whole.max())
 
 
-def test_the_same_states_give_the_same_digits(formulation, delta_p):
-    (one, free, _), (other, freed, _) = (Engine(formulation, 4e3).forces(delta_p) for _ in range(2))
+def test_the_same_states_give_the_same_digits(formulation, gaps):
+    (one, free), (other, freed) = (walked(plain(formulation, 4e3), gaps) for _ in range(2))
     assert np.array_equal(one, other)
     assert np.array_equal(free, freed)
 
 
-def test_few_states_are_not_worth_a_reference_unless_more_will_come(formulation, delta_p):
+def test_few_states_are_not_worth_a_reference_unless_more_will_come(formulation, gaps):
     for many in (False, True):
         engine = Engine(formulation, 4e3, many=many)
-        engine.forces(delta_p[: MANY_STATES - 1])
-        assert (engine._pivoting is not None) is many
+        engine.solve(gaps[: MANY_STATES - 1])
+        assert (engine._walk is not None) is many
     alone = Engine(formulation, 4e3)
-    alone.forces(delta_p[:MANY_STATES])
-    assert alone._pivoting is not None
+    alone.solve(gaps[:MANY_STATES])
+    assert alone._walk is not None
 
 
-def test_an_engine_like_another_gives_the_digits_it_would_give_alone(formulation, delta_p):
-    fresh = Engine(formulation, 4e3)
-    alone = Engine(formulation, 4e3).forces(delta_p)
-    Engine(formulation, 4e3, like=fresh).forces(delta_p[50:])
-    like = Engine(formulation, 4e3, like=fresh).forces(delta_p)
-    assert np.array_equal(like[0], alone[0])
+@pytest.mark.parametrize("compiled", [False, True])
+def test_an_engine_like_another_gives_the_digits_it_would_give_alone(formulation, gaps, compiled):
+    fresh = Engine(formulation, 4e3, compiled=compiled)
+    alone = Engine(formulation, 4e3, compiled=compiled).solve(gaps)
+    Engine(formulation, 4e3, like=fresh, compiled=compiled).solve(gaps[50:])
+    like = Engine(formulation, 4e3, like=fresh, compiled=compiled).solve(gaps)
+    assert np.array_equal(like.rotation, alone.rotation)
 
 
-def test_another_torque_later(formulation, delta_p):
-    solver = Engine(formulation, 4e3)
-    solver.forces(delta_p)
+def test_another_torque_later(formulation, gaps):
+    engine = plain(formulation, 4e3)
+    engine.solve(gaps)
     for torque in (40e3, -1e3, 1e-3):
-        solver.load(torque)
-        assert same(formulation, torque, delta_p, solver.forces(delta_p))
+        engine.load(torque)
+        assert same(formulation, torque, gaps, engine.solve(gaps, pull=True))
 
 
-@pytest.mark.parametrize("name", ["PIVOTS", "GREEDY"])
-def test_tableaux_made_anew_and_least_indices_lead_to_the_same(formulation, delta_p, monkeypatch, name):
-    monkeypatch.setattr(pivoting, name, 0)
-    found = Engine(formulation, 4e3).forces(delta_p)
-    assert found[2] == 0
-    assert same(formulation, 4e3, delta_p, found)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "all_of_them"),
-    [("LIMIT", 0, False), ("SMALLEST", 0.9, False), ("INACCURATE", -1.0, True)],
-)
-def test_states_given_up_are_counted_and_solved_one_by_one(formulation, delta_p, monkeypatch, name, value, all_of_them):
-    # too many pivots, a pivot that would spoil the tableau, rounding
+@pytest.mark.parametrize(("name", "value"), [("LIMIT", 0), ("SMALLEST", 0.9)])
+def test_states_given_up_are_counted_and_solved_one_by_one(formulation, gaps, monkeypatch, name, value):
+    # too many pivots, a pivot that would spoil the tableau
     monkeypatch.setattr(pivoting, name, value)
-    found = Engine(formulation, 4e3).forces(delta_p)
-    assert found[2] == len(delta_p) if all_of_them else 0 < found[2] <= len(delta_p)
-    assert same(formulation, 4e3, delta_p, found)
+    found = plain(formulation, 4e3).solve(gaps, pull=True)
+    assert 0 < found.given_up <= len(gaps)
+    assert same(formulation, 4e3, gaps, found)
 
 
-def test_a_walk_that_rounding_spoiled_is_given_up(formulation, delta_p, monkeypatch):
-    walk = pivoting.Pivoting._walk
-
-    def spoiled(self, start):
-        solved, changed = walk(self, start)
-        return solved * (1 + 1e-3 * changed), changed
-
-    monkeypatch.setattr(pivoting.Pivoting, "_walk", spoiled)
-    found = Engine(formulation, 4e3).forces(delta_p)
-    assert found[2] > 0
-    assert same(formulation, 4e3, delta_p, found)
+def test_a_walk_that_rounding_spoiled_is_given_up(formulation, gaps, monkeypatch):
+    pivoted = pivoting.Pivoting._pivoted
+    monkeypatch.setattr(pivoting.Pivoting, "_pivoted", lambda self, start: pivoted(self, start) * (1 + 1e-3))
+    found = plain(formulation, 4e3).solve(gaps, pull=True)
+    assert found.given_up > 0
+    assert same(formulation, 4e3, gaps, found)
 
 
-def test_pivots_that_find_no_end_are_not_tried_for_ever(formulation, delta_p, monkeypatch):
-    monkeypatch.setattr(pivoting, "LIMIT", 0)
-    reach, tried = pivoting.Pivoting._reach, []
-    monkeypatch.setattr(pivoting.Pivoting, "_reach", lambda self, *a: tried.append(1) or reach(self, *a))
-    found = Engine(formulation, 4e3).forces(delta_p)
-    assert len(tried) == pivoting.LOST < found[2]
-    assert same(formulation, 4e3, delta_p, found)
+def test_a_state_that_is_no_number_spoils_no_other(formulation, gaps):
+    expected = plain(formulation, 4e3).solve(gaps)
+    scalars = gaps.scalars.copy()
+    scalars[5, 3] = np.nan
+    found = plain(formulation, 4e3).solve(StateGaps(scalars))
+    assert found.given_up == 1
+    assert found.residuals.worst[5] == np.inf
+    others = np.arange(len(gaps)) != 5
+    assert found.rotation[others] == pytest.approx(expected.rotation[others], abs=EXACT / ARCSEC)
 
 
-def test_a_state_that_is_no_number_spoils_no_other(formulation, delta_p):
-    expected, _, _ = Engine(formulation, 4e3).forces(delta_p)
-    spoiled = delta_p.copy()
-    spoiled[5, 3] = np.nan
-    forces, free, fallbacks = Engine(formulation, 4e3).forces(spoiled)
-    assert fallbacks == 1
-    assert residuals(formulation.system, spoiled, 4e3, forces, free).worst[5] == np.inf
-    others = np.arange(len(delta_p)) != 5
-    assert forces[others] == pytest.approx(expected[others], abs=1e-8 * expected.max())
+def test_a_contact_set_that_holds_nothing_is_no_reference(formulation, gaps, monkeypatch):
+    none, one = np.zeros(len(formulation.P), dtype=bool), np.arange(len(formulation.P)) == 3
+    for contact in (none, one):
+        with pytest.raises(ValueError, match=r"Singular|hold the parts"):
+            Reference(formulation, contact)
+
+    def refuse(*_):
+        raise ValueError
+
+    monkeypatch.setattr(engines, "Reference", refuse)
+    found = plain(formulation, 4e3).solve(gaps, pull=True)
+    assert found.given_up == 0
+    assert same(formulation, 4e3, gaps, found)
 
 
-def test_a_contact_set_that_holds_nothing_is_no_reference(formulation, delta_p, monkeypatch):
-    P, A = formulation.P, formulation.A
-    none, one = np.zeros(len(P), dtype=bool), np.arange(len(P)) == 3
-    assert Reference.at(P, A, none) is None
-    assert Reference.at(P, A, one) is None
-    monkeypatch.setattr(Reference, "at", lambda P, A, contact: None)
-    found = Engine(formulation, 4e3).forces(delta_p)
-    assert found[2] == 0
-    assert same(formulation, 4e3, delta_p, found)
+@pytest.mark.parametrize("stations", [1, 3])
+def test_a_reference_solves_the_programme_at_its_contact_set(small, stations):
+    formulation = formulate(contact_system(changed(small, numerics__stations=stations)))
+    nothing = StateGaps(np.zeros((1, 0)))
+    forces, free, _ = OneByOne(formulation, 4e3).solve(formulation.system.delta_p[None])
+    walk = pivoting.Pivoting(Reference(formulation, forces[0] > 1e-9 * forces.max()))
+    solved, freed = walk.forces(nothing, 4e3)
+    assert len(walk._swing) == 0  # no pivot
+    assert solved == pytest.approx(forces, abs=1e-8 * forces.max())
+    assert freed == pytest.approx(free, abs=1e-12)
+    assert residuals(formulation.system, formulation.system.delta_p[None], 4e3, solved, freed).worst[0] < 1e-11
 
 
-def test_a_reference_solves_the_programme_at_its_contact_set(formulation, delta_p):
-    forces, free, _ = one_by_one(formulation, 4e3, delta_p[:1])
-    contact = forces[0] > 1e-9 * forces.max()
-    gaps, right = formulation.gaps(delta_p[:1]), formulation.right_side(4e3)
-    values = Reference.at(formulation.P, formulation.A, contact).values(gaps, right)[0]
-    M = len(contact)
-    solved, dual = formulation.answer(values[:M] * contact, values[M:])
-    assert solved == pytest.approx(forces[0], abs=1e-8 * forces.max())
-    assert dual == pytest.approx(free[0], abs=1e-12)
-    gap = formulation.P @ (values[:M] * contact) + gaps[0] + formulation.A.T @ values[M:]
-    assert gap == pytest.approx(values[:M] * ~contact, abs=1e-8)
-
-
-def test_exchanged_twice_is_what_it_was():
+def test_transformed_twice_what_is_mapped_trades_places_and_comes_back():
     rng = np.random.default_rng(0)
-    root, change = rng.normal(size=(9, 9)), rng.random(9) < 0.5
+    root, inside = rng.normal(size=(9, 9)), rng.random(9) < 0.5
     matrix = root @ root.T
-    assert exchanged(exchanged(matrix, change), change) == pytest.approx(matrix)
     # values and others trade places
     others = rng.normal(size=9)
     values = matrix @ others
-    assert exchanged(matrix, change) @ np.where(change, values, others) == pytest.approx(
-        np.where(change, others, values)
+    there = principal_transform(matrix, inside)
+    assert there @ np.where(inside, values, others) == pytest.approx(np.where(inside, others, values))
+    assert principal_transform(there[np.ix_(inside, inside)], np.ones(inside.sum(), dtype=bool)) == pytest.approx(
+        matrix[np.ix_(inside, inside)]
     )
 
 
-def test_candidates_that_are_one_and_the_same_are_no_reference():
+def test_parts_that_are_one_and_the_same_have_no_inverse():
     # two springs side by side in the same place: which of them carries is not determined, so there is no pivot
-    one = np.ones((2, 2))
-    assert Reference.at(one, one[:1], np.array([True, False])) is None
-    assert Reference.at(one + np.eye(2), one[:1], np.array([True, True])) is not None
+    one, both = np.ones((2, 2)), np.ones(2, dtype=bool)
+    with pytest.raises(ValueError, match=r"Singular|hold the parts"):
+        principal_transform(one, both)
+    assert principal_transform(one + np.eye(2), both) == pytest.approx(np.linalg.inv(one + np.eye(2)))

@@ -14,15 +14,16 @@ from hdassist.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, con
 from hdassist.model.deviations import state_gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED, Run
-from hdassist.solve import activeset, compiled, throughcvxpy
-from hdassist.solve.activeset import ActiveSet
-from hdassist.solve.answers import ARCSEC, solve_states
+from hdassist.solve import compiled, onebyone, throughcvxpy
+from hdassist.solve.answers import ARCSEC, proven_answers
 from hdassist.solve.certificate import residuals
 from hdassist.solve.compiled import require_compiled_as_stated, template_differences
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
+from hdassist.solve.loadcase import LoadCase
+from hdassist.solve.onebyone import OneByOne
 from hdassist.solve.sums import StateSums
-from hdassist.solve.throughcvxpy import ThroughCvxpy, solve_again, solve_through_cvxpy
+from hdassist.solve.throughcvxpy import solve_again, solve_through_cvxpy
 from tests.support import changed
 
 
@@ -125,7 +126,7 @@ def test_every_state_can_go_through_cvxpy(reference, solver):
 
 def test_an_unknown_solver_is_an_error(formulation, system):
     with pytest.raises(UsageError, match="nosuch") as error:
-        ThroughCvxpy(formulation, 80e3, "nosuch").solve(WITHOUT_DEVIATIONS)
+        Engine(formulation, 80e3, solver="nosuch").solve(WITHOUT_DEVIATIONS)
     assert error.value.hint.startswith("there are: clarabel, ")
     assert "daqp" in error.value.hint
 
@@ -189,24 +190,13 @@ def test_nan_is_the_worst_residual(system):
     assert proof.worst[0] == np.inf
 
 
-class Broken:
-    """A solver that gives a wrong answer for one state."""
-
-    def __init__(self, inner, spoiled):
-        self.inner, self.spoiled = inner, spoiled
-
-    def solve(self, gaps, pull=False):
-        system = self.inner._formulation.system
-        delta_p = system.delta_p_of(gaps)
-        forces, free, _ = self.inner.forces(delta_p)
-        forces[self.spoiled] *= 1.001
-        return StateSums.of(system, delta_p, 80e3, forces, free)
-
-
 def test_an_unsolved_state_is_named_and_no_number_comes_out(system, formulation):
-    gaps = StateGaps(np.zeros((5, 0)))
+    delta_p = system.delta_p_of(StateGaps(np.zeros((5, 0))))
+    forces, free, _ = Engine(formulation, 80e3).forces(delta_p)
+    forces[3] *= 1.001
+    sums = StateSums.of(system, delta_p, 80e3, forces, free)
     with pytest.raises(UntrustedError, match=r"state not solved at number 3: residual 1.0e-03") as error:
-        solve_states(system, Broken(Engine(formulation, 80e3), 3), 80e3, gaps, lambda k: f"number {k}")
+        proven_answers(system, 80e3, [sums], lambda k: f"number {k}")
     assert error.value.exit_code == 5
     assert error.value.fault is Fault.UNTRUSTED_STATE
     assert "--solver clarabel" in error.value.hint
@@ -222,19 +212,15 @@ def test_solvers_that_disagree_are_an_error(reference, monkeypatch):
         kinematic_error(reference, 80, states=states)
 
 
-def without_answers_of_calls(numbers, monkeypatch):
-    """Have the active set give up in its calls with some numbers, from 1; all states go to it."""
-    run, calls = ActiveSet._run, []
-
-    def stubborn(self):
-        calls.append(1)
-        if len(calls) in numbers:
-            self._model = None
-            return None
-        return run(self)
-
-    monkeypatch.setattr(ActiveSet, "_run", stubborn)
-    monkeypatch.setattr(ActiveSet, "_near", lambda self, q: None)  # all states go to the solver
+def without_answer_for(state, monkeypatch, *ways):
+    """Have some ways of OneByOne give up a state."""
+    for name in ways:
+        way = getattr(OneByOne, name)
+        monkeypatch.setattr(
+            OneByOne,
+            name,
+            lambda self, delta_p, way=way: None if np.array_equal(delta_p, state) else way(self, delta_p),
+        )
 
 
 @pytest.fixture
@@ -242,11 +228,11 @@ def four_states(system):
     return system.delta_p + np.linspace(0, 1, 4)[:, None] * (system.deviation_map[:, :4] @ [0.03, 0, 0.05, 0])
 
 
-@pytest.mark.parametrize("failing", [(3,), (3, 4)], ids=["warm", "warm and cold"])  # calls for the third state
+@pytest.mark.parametrize("failing", [["_near"], ["_near", "_by_daqp"]])
 def test_fallbacks_are_taken_and_counted(formulation, four_states, monkeypatch, failing):
-    expected = Engine(formulation, 80e3).forces(four_states)[1]
-    without_answers_of_calls(failing, monkeypatch)
-    _, free, fallbacks = Engine(formulation, 80e3).forces(four_states)
+    expected = OneByOne(formulation, 80e3).solve(four_states)[1]
+    without_answer_for(four_states[2], monkeypatch, *failing)
+    _, free, fallbacks = OneByOne(formulation, 80e3).solve(four_states)
     assert fallbacks == 1
     assert free[:, 0] * ARCSEC == pytest.approx(expected[:, 0] * ARCSEC, abs=1e-4)
 
@@ -256,9 +242,9 @@ def test_where_no_solver_has_an_answer_the_states_behind_are_not_tried(formulati
     def refuse(*_):
         raise UntrustedError("no")
 
-    without_answers_of_calls((3, 4), monkeypatch)
-    monkeypatch.setattr(activeset, "solve_through_cvxpy", refuse)
-    forces, free, fallbacks = Engine(formulation, 80e3).forces(four_states)
+    without_answer_for(four_states[2], monkeypatch, "_near", "_by_daqp")
+    monkeypatch.setattr(onebyone, "solve_through_cvxpy", refuse)
+    forces, free, fallbacks = OneByOne(formulation, 80e3).solve(four_states)
     assert fallbacks == 1
     for found in (forces, free):
         assert np.isnan(found[2:]).all()
@@ -269,32 +255,37 @@ def test_where_no_solver_has_an_answer_the_states_behind_are_not_tried(formulati
 def test_a_drive_that_cannot_be_solved_costs_one_state(reference, monkeypatch, C):
     # coefficients too far apart for double precision; 256 states at two ways of seconds each looked like a hang
     drive = changed(reference, supports__C_1=C)
-    run, last, tried = ActiveSet._run, ActiveSet._last_resort, []
-    monkeypatch.setattr(ActiveSet, "_run", lambda self: tried.append("daqp") or run(self))
-    monkeypatch.setattr(ActiveSet, "_last_resort", lambda self, gaps: tried.append("last") or last(self, gaps))
+    tried = []
+    for name in ("_by_daqp", "_last_resort"):
+        way = getattr(OneByOne, name)
+        monkeypatch.setattr(
+            OneByOne, name, lambda self, gaps, way=way, name=name: tried.append(name) or way(self, gaps)
+        )
     with pytest.raises(UntrustedError, match="state not solved at phi_h = 0"):
         kinematic_error(drive, 80)
-    assert tried.count("last") <= 2  # of the reference of the pivots, and of the first state
-    assert tried.count("daqp") <= 4
+    assert tried.count("_last_resort") <= 2  # of the reference of the walk, and of the first state
+    assert tried.count("_by_daqp") <= 2
 
 
 def test_daqp_is_stopped_at_a_bound_that_no_solved_state_comes_near(reference, monkeypatch):
     steps = []
 
-    def counting(self):
-        x, _, flag, info = self._model.solve()
-        assert flag == activeset.SOLVED
-        steps.append(info["iterations"] / (len(x) + len(self._right)))
-        return x, info["lam"][len(x) :]
+    class Counting(onebyone.daqp.Model):
+        def solve(self):
+            x, value, flag, info = super().solve()
+            assert flag == onebyone.SOLVED
+            steps.append(info["iterations"] / (len(x) + 3))
+            return x, value, flag, info
 
-    monkeypatch.setattr(ActiveSet, "_run", counting)
+    monkeypatch.setattr(onebyone.daqp, "Model", Counting)
+    monkeypatch.setattr(OneByOne, "_near", lambda self, delta_p: None)
     for support in (0.0, 1.0, 1e9):
         system = contact_system(changed(reference, supports__C_1=support, supports__C_3=support))
         formulation = formulate(system)
         for torque in (1.0, 80e3, 3e6):
-            solver = ActiveSet(formulation, torque)
-            solver.solve(np.repeat(system.delta_p[None], 8, axis=0))
-    assert max(steps) < activeset.ITERATIONS / 3
+            OneByOne(formulation, torque).solve(np.repeat(system.delta_p[None], 2, axis=0))
+    assert len(steps) == 18
+    assert max(steps) < onebyone.ITERATIONS / 3
 
 
 @pytest.mark.parametrize("solver", ["clarabel", "osqp", "scs", "highs"])
@@ -304,7 +295,7 @@ def test_a_solver_stopped_at_its_bound_has_no_answer_and_ends_the_run(reference,
     assert any(name.startswith("time_limit") for name in bounds)
     monkeypatch.setitem(throughcvxpy.SOLVER_SETTINGS, solver.upper(), bounds | {iterations[solver]: 2})
     solve, asked = throughcvxpy.solve_through_cvxpy, []
-    monkeypatch.setattr(throughcvxpy, "solve_through_cvxpy", lambda *a: asked.append(1) or solve(*a))
+    monkeypatch.setattr(onebyone, "solve_through_cvxpy", lambda *a: asked.append(1) or solve(*a))
     states = pitch_locked_states(Kinematics.of(reference), np.arange(40))
     with pytest.raises(UntrustedError, match=r"state not solved at phi_h = 0|could not solve a state"):
         kinematic_error(reference, 80, states=states, run=UNCHECKED, solver=solver)
@@ -335,10 +326,10 @@ def test_progress_counts_every_state(reference, system, formulation):
     assert sum(seen) == 30 == result.certificate.states
     seen.clear()
     gaps = state_gaps(reference, system, states)
-    few = solve_states(system, Engine(formulation, 80e3), 80e3, gaps, str, seen.append, chunk=7)
+    few = LoadCase(formulation, 80.0).solve(gaps, str, seen.append, chunk=7)
     assert seen == [7, 7, 7, 7, 2]
     assert few.certificate.states == 30
-    whole = solve_states(system, Engine(formulation, 80e3), 80e3, gaps, str)
+    whole = LoadCase(formulation, 80.0).solve(gaps, str)
     assert whole.rotation_arcsec == pytest.approx(few.rotation_arcsec, abs=1e-9)
 
 

@@ -130,7 +130,7 @@ def test_a_state_that_is_not_a_number_has_no_answer_and_spoils_no_other():
     expected = Engine(formulation, 4e3, many=True).solve(gaps)
     scalars = gaps.scalars.copy()
     scalars[7, 1], scalars[100, 0] = np.nan, np.inf
-    found = walk_of(Engine(formulation, 4e3, many=True)).solve(StateGaps(scalars), pull=True)
+    found = walk_of(Engine(formulation, 4e3, many=True)).solve(StateGaps(scalars), 4e3, pull=True)
     bad = np.isin(np.arange(len(scalars)), [7, 100])
     assert found.given_up == 2
     assert np.isnan(found.rotation[bad]).all()
@@ -146,9 +146,7 @@ def test_states_that_no_contact_set_solves_are_given_up_soon():
     formulation = formulate(replace(system, G=G))
     engine = Engine(formulation, 4e3, many=True)
     found = walk_of(engine)
-    engine.load(-4e3)
-    found.load(-4e3)
-    sums = found.solve(gaps)
+    sums = found.solve(gaps, -4e3)
     assert sums.given_up == len(gaps)
     assert np.isnan(sums.rotation).all()
 

@@ -1,4 +1,4 @@
-"""One state after another by the active-set solver, and the contact sets that they start from."""
+"""One state after another, and the contact sets that they start from."""
 
 import shutil
 
@@ -8,11 +8,11 @@ import pytest
 from hdassist import load_preset
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.solve import walk
-from hdassist.solve.activeset import ActiveSet
 from hdassist.solve.certificate import residuals
 from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.near import solve_near
+from hdassist.solve.onebyone import OneByOne
 
 WAYS = [
     solve_near,
@@ -33,7 +33,7 @@ def formulation(system):
 @pytest.mark.parametrize("way", WAYS)
 def test_a_state_is_found_from_contact_sets_that_are_near_and_far(formulation, system, way):
     torque, delta_p = 80e3, system.delta_p_of(StateGaps(np.array([[0.03, 0.01, 0.05, -0.02]])))
-    gaps, right = formulation.gaps(delta_p[0]), formulation.right_side(torque)
+    gaps, right = formulation.gaps(delta_p[0]), -formulation.load(torque)
     forces, free, _ = Engine(formulation, torque).forces(delta_p)
     solved = forces[0] > 0
     one_more = solved.copy()
@@ -48,7 +48,7 @@ def test_a_state_is_found_from_contact_sets_that_are_near_and_far(formulation, s
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("torque", [1.0, 80e3])
 def test_flanks_that_let_go_as_the_torque_turns_are_followed_to_those_that_hold(formulation, system, way, torque):
-    gaps, right = formulation.gaps(system.delta_p), formulation.right_side(torque)
+    gaps, right = formulation.gaps(system.delta_p), -formulation.load(torque)
     other_way, _ = solve_near(formulation, gaps, -right, np.ones(len(gaps), dtype=bool))
     found = way(formulation, gaps, right, other_way > 0)
     forces, free = (answer[None] for answer in formulation.answer(*found))
@@ -69,7 +69,7 @@ def test_candidates_that_would_change_sides_in_a_circle_do_so_one_at_a_time(way)
     formulation = formulate(system)
     gaps, contact = formulation.gaps(system.delta_p), np.ones(len(system.delta_p), dtype=bool)
     for torque in (2.7e3, 14e3):
-        found = way(formulation, gaps, formulation.right_side(torque), contact)
+        found = way(formulation, gaps, -formulation.load(torque), contact)
         contact = found[0] > 0
     forces, free = (answer[None] for answer in formulation.answer(*found))
     assert residuals(system, system.delta_p[None], torque, forces, free).worst.max() < 1e-10
@@ -87,29 +87,16 @@ FROM_ALL = {  # drawn from a data sheet: from all candidates in contact no step 
 
 def test_a_state_that_no_way_from_all_contacts_leads_to_needs_no_model(monkeypatch):
     system = contact_system(load_preset("size-25-100").with_values(FROM_ALL))
-    monkeypatch.setattr(ActiveSet, "_set_up", lambda *_: pytest.fail("half a second each"))
+    monkeypatch.setattr(OneByOne, "_by_daqp", lambda *_: pytest.fail("half a second each"))
     for compiled in (True, False):
-        forces, free, fallbacks = ActiveSet(formulate(system), 6.7e3, compiled=compiled).solve(system.delta_p[None])
+        forces, free, fallbacks = OneByOne(formulate(system), 6.7e3, compiled=compiled).solve(system.delta_p[None])
         assert fallbacks == 0
         assert residuals(system, system.delta_p[None], 6.7e3, forces, free).worst.max() < 1e-10
 
 
-def test_a_model_is_set_up_once_for_many_states(formulation, system, monkeypatch):
-    set_up, made = ActiveSet._set_up, []
-    monkeypatch.setattr(ActiveSet, "_set_up", lambda self, *a: made.append(1) or set_up(self, *a))
-    solver = ActiveSet(formulation, 80e3)
-    few = system.delta_p_of(StateGaps(np.outer(np.linspace(0, 1, 4), [0.03, 0.01, 0.05, -0.02])))
-    assert solver.solve(few)[2] == len(made) == 0  # near each other: no model at all
-    many = np.repeat(few, 3, axis=0)
-    for _ in range(2):
-        forces, free, fallbacks = solver.solve(many)
-        assert (fallbacks, len(made)) == (0, 1)
-        assert residuals(system, many, 80e3, forces, free).worst.max() < 1e-8
-
-
 def test_no_states_have_no_answers_and_leave_the_contacts_as_they_were(formulation, system):
     contact = np.arange(len(system.delta_p)) % 2 == 0
-    solver = ActiveSet(formulation, 80e3, contact)
+    solver = OneByOne(formulation, 80e3, contact)
     forces, free, fallbacks = solver.solve(system.delta_p[None][:0])
     assert (forces.shape, free.shape, fallbacks) == ((0, len(contact)), (0, 3), 0)
     assert np.array_equal(solver.contact, contact)
