@@ -16,7 +16,7 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 
-SLOPE_UNITS = {"gears.j_n": 1.0, "cam.W_0": 1e-3, "bearing.g_b": 1.0}  # in the unit of each field
+SLOPE_UNITS = {"gears.j_n": 1.0, "cam.W_0": 1e-3, "bearing.g_b": 1.0}  # a micrometre in the unit of each field
 LENGTH_STEP = 0.1  # micrometres to both sides, so that no contact set changes much
 
 
@@ -40,25 +40,23 @@ def sensitivity(drive: Drive, extremes: Sequence[KinematicError]) -> tuple[Sensi
     solved at lengths LENGTH_STEP away. Arguments: extremes, the error at each torque. Raises UntrustedError where an
     answer cannot be trusted.
     """
-    slopes = np.empty((len(extremes), len(SLOPE_UNITS)))
-    proofs = [EMPTY] * len(extremes)
+    slopes, proofs = np.zeros((len(extremes), len(SLOPE_UNITS))), [EMPTY] * len(extremes)
     for column, (path, micrometre) in enumerate(SLOPE_UNITS.items()):
         value = drive.number(path)
-        ends = (max(value - LENGTH_STEP * micrometre, 0.0), value + LENGTH_STEP * micrometre)
-        found = [_range_of_extremes(drive.with_values({path: end}), extremes) for end in ends]
-        width = (ends[1] - ends[0]) / micrometre
-        for row, ((less, proof), (more, other)) in enumerate(zip(*found, strict=True)):
-            slopes[row, column] = (more - less) / width
-            proofs[row] += proof + other
-    return tuple(Sensitivity(row[0], row[1], row[2], proof) for row, proof in zip(slopes.tolist(), proofs, strict=True))
-
-
-def _range_of_extremes(drive: Drive, extremes: Sequence[KinematicError]) -> list[tuple[float, Certificate]]:
-    """Difference [arcsec] of the states that are the extremes at each torque, in a drive that differs a little."""
-    formulation, found = formulate(contact_system(drive)), []
-    for error in extremes:
-        states = error.states.take(np.array([error.at_max, error.at_min]))
-        case = LoadCase(formulation, error.M_g)
-        answers = case.solve(state_gaps(drive, case.system, states), partial(state_place, states, error.M_g))
-        found.append((error.kinematics.error_sign * float(-np.diff(answers.rotation_arcsec)[0]), answers.certificate))
-    return found
+        less, more = max(value - LENGTH_STEP * micrometre, 0.0), value + LENGTH_STEP * micrometre
+        for end, sign in ((less, -1), (more, 1)):
+            moved = drive.with_values({path: end})
+            formulation = formulate(contact_system(moved))
+            for row, error in enumerate(extremes):
+                states, case = (
+                    error.states.take(np.array([error.at_max, error.at_min])),
+                    LoadCase(formulation, error.M_g),
+                )
+                gaps = state_gaps(moved, formulation.system, states)
+                answers = case.solve(gaps, partial(state_place, states, error.M_g))
+                F_ior = -error.kinematics.error_sign * np.diff(answers.rotation_arcsec)[0]
+                slopes[row, column] += sign * F_ior * micrometre / (more - less)
+                proofs[row] += answers.certificate
+    return tuple(
+        Sensitivity(j_n, W_0, g_b, proof) for (j_n, W_0, g_b), proof in zip(slopes.tolist(), proofs, strict=True)
+    )
