@@ -12,17 +12,16 @@ random drives.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdassist.error.cycle import kinematic_error, state_place
 from hdassist.error.hills import Hills, Indices, hills_of, interpolated, there_and_back
 from hdassist.errors import UsageError
 from hdassist.model.contacts import StateGaps, contact_system
-from hdassist.model.deviations import carried, scalars_of, waves_of
+from hdassist.model.deviations import Waves, carried, scalars_of, waves_of
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, States, pitch_locked_states
 from hdassist.preset.fields import Drive
@@ -38,10 +37,8 @@ PROMISING = 0.06  # of F'_ior: one state is solved on a hill that is estimated n
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
 STILL_NEAR = 0.01  # of F'_ior: so near it has to be once the states around it are known
 SEARCH_REACH = 5  # steps from an extreme, along each wheel, within which nothing is higher
-LEAST_F_IOR = 4.0  # arcsec: F'_ior that both are taken of at least
 STRIDES = 4, 2  # steps to the states of the first looks around, the first of them where the grid is coarser than READ
 SHORT_CYCLE = 4000  # states of a cycle below which all are solved
-MAP_STATES = 8192  # states of a grid, about, whose gaps are held at once
 SEARCHED = 3800  # states that proposals solve of a drive, about
 
 
@@ -51,7 +48,6 @@ class Batch:
 
     drive: Drive
     columns: Mapping[str, Array]
-    _waves: dict[tuple[int, str, int], Array] = field(default_factory=dict, compare=False)  # once they were asked for
 
     @classmethod
     def of(cls, drive: Drive) -> Batch:
@@ -72,11 +68,13 @@ class Batch:
 
     def scalars(self, row: Indices, alpha_g: Array, alpha_b: Array) -> Array:
         """Scalars [mm] of the drives in some rows, where their wheels stand so [rad]; shapes broadcast."""
-        if not self._waves:
-            columns, number = self.columns, self.drive.number
-            waves = waves_of(lambda path: columns.get(path, number(path)), self.drive.mounting.mark_kind)
-            self._waves.update({key: np.broadcast_to(wave, len(self)) for key, wave in waves.items()})
         return scalars_of({key: wave[row] for key, wave in self._waves.items()}, alpha_g, alpha_b)
+
+    @cached_property
+    def _waves(self) -> Waves:
+        columns, number = self.columns, self.drive.number
+        waves = waves_of(lambda path: columns.get(path, number(path)), self.drive.mounting.mark_kind)
+        return {key: np.broadcast_to(wave, len(self)) for key, wave in waves.items()}
 
 
 @dataclass(frozen=True)
@@ -149,7 +147,7 @@ class ErrorMap:
 
     def _hills(self, maps: Array) -> Hills:
         step = np.array(self.board.shape) / maps.shape[1:]
-        return hills_of(maps, lambda place: self.to_lattice(place * step), LEAST_F_IOR)
+        return hills_of(maps, lambda place: self.to_lattice(place * step))
 
     def estimated_ranges(self, batch: Batch, grid: int) -> tuple[Array, Certificate]:
         """F'_ior [arcsec] of drives by the tops of parabolas through a grid of states, shape (drives,); their proof.
@@ -238,9 +236,8 @@ class _Solved:
 
     def at_points(self, points: Indices) -> Array:
         """Rotation [arcsec] at the points of a grid, shape (k, l, 2), of all drives, shape (drives, k, l)."""
-        path, drives = points.reshape(-1, 2)[there_and_back(points.shape[:2])], np.arange(len(self._batch))
-        for rows in np.array_split(drives, 1 + len(drives) * len(path) // MAP_STATES):
-            self.at(rows[:, None], path)
+        drives = np.arange(len(self._batch))
+        self.at(drives[:, None], points.reshape(-1, 2)[there_and_back(points.shape[:2])])
         return np.asarray(self.value[drives[:, None, None], self._search.state(points)])
 
     def at(self, row: Indices, point: Indices) -> Array:
@@ -264,31 +261,31 @@ class _Solved:
         At the end around the highest alone, but SEARCH_REACH steps far: along a crease, where contacts change, a state
         may be higher than its neighbours and yet not the highest one.
         """
-        f, reach = self._search.finest, np.arange(-SEARCH_REACH, SEARCH_REACH + 1)
-        diagonals = np.array([(0, 0), (1, 1), (1, -1), (-1, -1), (-1, 1)])
-        around = np.concatenate([diagonals, [(f, 0), (0, -f), (-f, 0), (0, f)]])
-        window = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)[there_and_back((len(reach),) * 2)]
-        window = np.concatenate([diagonals, window[window.sum(axis=1) % f == 0]])
         hills = hills.near_top(PROMISING)
         for stride, share in zip((0, *strides), (NEAR, STILL_NEAR, STILL_NEAR), strict=False):
-            hills = self._step(hills, stride * diagonals)[0].near_top(share)
-        for offsets in (around, window):
+            hills = self._highest(hills, stride * self._window(1)).near_top(share)
+        for steps in (self._window(self._search.finest), self._window(SEARCH_REACH)):
             while len(hills):
-                hills, higher = self._step(hills, offsets)
-                hills = hills[higher]
+                moved = self._highest(hills, steps)
+                hills = moved[moved.height > hills.height]
             hills = self.tops()
 
-    def _step(self, hills: Hills, offsets: Indices) -> tuple[Hills, NDArray[np.bool_]]:
-        """Hills at the highest point among them and what is around them, and whether that is another one."""
-        around = hills.point[:, None] + offsets
+    def _window(self, reach: int) -> Indices:
+        """Steps from a state to those around it, at most so many along each wheel, shape (states, 2)."""
+        steps = np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach
+        steps = steps[there_and_back((2 * reach + 1,) * 2)]
+        return np.asarray(steps[steps.sum(axis=1) % self._search.finest == 0])
+
+    def _highest(self, hills: Hills, steps: Indices) -> Hills:
+        """Hills at the highest of the states that are so many steps from them."""
+        around = hills.point[:, None] + steps
         value = hills.sign[:, None] * self.at(hills.row[:, None], around)
         best, each = value.argmax(axis=1), np.arange(len(hills))
-        return replace(hills, point=around[each, best], height=value[each, best]), best > 0
+        return replace(hills, point=around[each, best], height=value[each, best])
 
     def tops(self) -> Hills:
         """The highest state of each drive, and the highest one upside down."""
         row, sign = (axis.ravel() for axis in np.meshgrid(np.arange(len(self._batch)), [1, -1], indexing="ij"))
         value = sign[:, None] * self.value[row]
         state = np.nanargmax(value, axis=1)
-        height = value[np.arange(len(row)), state]
-        return Hills(row, sign, state[:, None] % np.array(self._search.board.shape), height, np.ones_like(height))
+        return Hills(row, sign, state[:, None] % np.array(self._search.board.shape), value[np.arange(len(row)), state])

@@ -12,25 +12,26 @@ from hdassist.model.geometry import Array
 
 Indices = NDArray[np.int64]
 
+LEAST_F_IOR = 4.0  # arcsec: F'_ior of which shares are taken, at least
+
 
 @dataclass(frozen=True)
 class Hills:
     """Points that may be an extreme: row of the drive, sign of the extreme, point, shape (hills, 2), height [arcsec].
 
-    scale: F'_ior of its drive [arcsec], by which heights are compared.
+    Height is that of the error upside down where the sign is negative.
     """
 
     row: Indices
     sign: Indices
     point: Indices
     height: Array
-    scale: Array
 
     def __len__(self) -> int:
         return len(self.row)
 
     def __getitem__(self, chosen: NDArray[np.bool_]) -> Hills:
-        return Hills(self.row[chosen], self.sign[chosen], self.point[chosen], self.height[chosen], self.scale[chosen])
+        return Hills(self.row[chosen], self.sign[chosen], self.point[chosen], self.height[chosen])
 
     @property
     def tops(self) -> Array:
@@ -41,14 +42,16 @@ class Hills:
 
     def near_top(self, share: float) -> Hills:
         """Those that are no more than a share of F'_ior below the highest one of their drive and sign."""
-        return self[self.tops[self.row, (self.sign > 0).astype(int)] - self.height <= share * self.scale]
+        tops = self.tops
+        F_ior = np.maximum(tops.sum(axis=1), LEAST_F_IOR)
+        return self[tops[self.row, (self.sign > 0).astype(int)] - self.height <= share * F_ior[self.row]]
 
 
-def hills_of(maps: Array, to_points: Callable[[Array], Indices], least_scale: float) -> Hills:
+def hills_of(maps: Array, to_points: Callable[[Array], Indices]) -> Hills:
     """Points of maps of the torus, shape (drives, k, l), with no higher one beside them, and of what is upside down.
 
-    Between the points of a map they lie where a parabola through their neighbours has its top. Arguments: to_points,
-    from places in a map, shape (hills, 2), to points at which there is a state; least_scale [arcsec] of the hills.
+    Between the points of a map they lie where a parabola through their neighbours has its top. Argument: to_points,
+    from places in a map, shape (hills, 2), to points at which there is a state.
     """
     up = np.concatenate([maps, -maps])
     around = np.lib.stride_tricks.sliding_window_view(np.pad(up, ((0, 0), (1, 1), (1, 1)), "wrap"), (3, 3), (1, 2))
@@ -61,8 +64,7 @@ def hills_of(maps: Array, to_points: Callable[[Array], Indices], least_scale: fl
         place[:, axis] += shift
         height -= bend * shift**2 / 2
     upside_down, row = np.divmod(side, len(maps))
-    scale = np.maximum(np.ptp(maps, axis=(1, 2)), least_scale)
-    return Hills(row, 1 - 2 * upside_down, to_points(place), height, scale[row])
+    return Hills(row, 1 - 2 * upside_down, to_points(place), height)
 
 
 def there_and_back(shape: tuple[int, ...]) -> Indices:

@@ -14,7 +14,6 @@ from itertools import pairwise
 import numpy as np
 
 from hdassist.errors import UsageError
-from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.fields import Drive
@@ -105,11 +104,11 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
     Where the preset gives one of them, the other is in the proportion that catalogues have; where it gives none, both
     are those of catalogues at the drive's pitch diameter, by the cube law.
     """
-    T_1, T_2 = drive.catalogue.T_1, drive.catalogue.T_2
-    scale = (drive.gears.pitch_diameter / D_58) ** 3
-    first = T_58[0] * scale if T_2 is None else T_2 * T_58[0] / T_58[1]
-    second = T_58[1] * scale if T_1 is None else T_1 * T_58[1] / T_58[0]
-    return first if T_1 is None else T_1, second if T_2 is None else T_2
+    given = drive.catalogue.T_1, drive.catalogue.T_2
+    scales = [T / T_size for T, T_size in zip(given, T_58, strict=True) if T is not None]
+    scale = scales[0] if scales else (drive.gears.pitch_diameter / D_58) ** 3
+    T_1, T_2 = (scale * T_size if T is None else T for T, T_size in zip(given, T_58, strict=True))
+    return T_1, T_2
 
 
 def curve_end(drive: Drive, T_2: float | None, T_max: float | None) -> float:
@@ -143,13 +142,13 @@ def stiffness(
     T_max, rated, defaults = curve_end(drive, T_2, T_max), rated_torque(drive), catalogue_torques(drive)
     T_1, T_2 = defaults[0] if T_1 is None else T_1, defaults[1] if T_2 is None else T_2
     least = NEAR_ZERO * rated
-    named = [("T_1 cannot be", T_1), ("T_2 cannot be", T_2), ("the end of the curve cannot be", T_max)]
-    of_tangents = [("no tangent stiffness at", abs(T)) for T in tangents_at]
-    for k, (words, value) in enumerate(named + of_tangents):
+    hint = f"any finite torque above {least:g} N*m, a hundred-thousandth of the rated one"
+    for name, value in (("T_1", T_1), ("T_2", T_2), ("the end of the curve", T_max)):
         if not least < value < np.inf:
-            given = value if k < len(named) else tangents_at[k - len(named)]
-            hint = f"any finite torque above {least:g} N*m, a hundred-thousandth of the rated one"
-            raise UsageError(f"{words} {given:g} N*m", hint)
+            raise UsageError(f"{name} cannot be {value:g} N*m", hint)
+    for value in tangents_at:
+        if not least < abs(value) < np.inf:
+            raise UsageError(f"no tangent stiffness at {value:g} N*m", hint)
     if not T_1 < T_2:
         raise UsageError(
             f"T_1, {T_1:g} N*m, must be below T_2, {T_2:g} N*m",
@@ -168,10 +167,9 @@ def stiffness(
     check = None
     if run.cross_check:
         again = np.isin(np.abs(torque), ends)
-        case = twist.case
-        gaps = case.system.delta_p_of(StateGaps(np.zeros((np.count_nonzero(again), 0))))
-        place = partial(_place, torque[again])
-        check = solve_again(case.formulation, torque[again], gaps, contact[again], run.cross_check, place)
+        formulation, gaps = twist.case.formulation, twist.case.system.delta_p
+        gaps, place = np.repeat(gaps[None], np.count_nonzero(again), axis=0), partial(_place, torque[again])
+        check = solve_again(formulation, torque[again], gaps, contact[again], run.cross_check, place)
     of_torque = dict(zip(torque.tolist(), (contact + tube).tolist(), strict=True))
     centre = (of_torque[least] + of_torque[-least]) / 2  # of the play, where a loop has its centre
     positive, negative = (
