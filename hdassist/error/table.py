@@ -16,7 +16,7 @@ import numpy as np
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.error.hills import there_and_back
 from hdassist.errors import UntrustedError
-from hdassist.model.contacts import StateGaps
+from hdassist.model.contacts import TOOTH_ORDERS, StateGaps
 from hdassist.model.deviations import (
     CAM_COLUMNS,
     ODD_COLUMNS,
@@ -37,6 +37,7 @@ TABLE_TORQUE_STEP = (
 READ_AT_ONCE = 16  # drives, so that arrays stay in the processor's cache
 WIDER_SPAN = 1.001  # so that rounding leaves the outermost drive inside
 LEAST_REACH = 1e-3  # mm: a table needs some width
+DEVIATION_SCALARS = 6 + 2 * len(TOOTH_ORDERS)
 
 TABLE_SECTIONS = ("tolerances.", "phases.", "harmonics.")  # sections of a preset that a table spans
 
@@ -107,16 +108,15 @@ class ErrorTable:
         """
         from scipy.ndimage import map_coordinates  # imported in as much time as a check takes
 
-        spanned = (*self.reach.axes, *self.reach.others)
-        columns = np.zeros((max(scalars.shape[-1], *(k + 1 for k in spanned)), *scalars.shape[:-1]))
+        reach, columns = self.reach, np.zeros((DEVIATION_SCALARS, *scalars.shape[:-1]))
         columns[: scalars.shape[-1]] = np.moveaxis(scalars, -1, 0)
-        half = np.reshape((np.array(self.error.shape) - 1) / 2, (-1, *[1] * (scalars.ndim - 1)))
-        places = half + columns[list(self.reach.axes)] * (half.T / self.reach.sizes).T
+        axes = zip(reach.axes, reach.sizes, self.error.shape, strict=True)
+        places = np.stack([(columns[k] / size + 1) * (n - 1) / 2 for k, size, n in axes])
         values = map_coordinates(self.error, places, order=1, cval=np.nan)
-        for column, slope in zip(self.reach.others, self.slopes, strict=True):
+        for column, slope in zip(reach.others, self.slopes, strict=True):
             if columns[column].any():
                 values += map_coordinates(slope, places, order=1, cval=np.nan) * columns[column]
-        if not np.all(np.isfinite(values)) or np.delete(columns, spanned, axis=0).any():
+        if not np.all(np.isfinite(values)) or np.delete(columns, reach.axes + reach.others, axis=0).any():
             raise UntrustedError("deviations beyond those that the table of the error spans", "this is a bug")
         return np.asarray(values)
 
@@ -147,7 +147,7 @@ def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
     if symmetric := is_half_turn_symmetric(drive):
         wanted &= order <= count // 2
     order, case = order[wanted], error_map.load_case()
-    points = np.zeros((len(order), case.system.deviation_map.shape[1]))
+    points = np.zeros((len(order), DEVIATION_SCALARS))
     points[:, reach.axes] = share[wanted] * reach.sizes
 
     def where(k: int) -> str:
