@@ -26,7 +26,7 @@ from hdassist.model.kinematics import (
 )
 from hdassist.preset.fields import Drive
 from hdassist.run.run import CROSS_SOLVER, Run
-from hdassist.solve.answers import EMPTY, STATES_AT_A_TIME, Answers, Certificate
+from hdassist.solve.answers import EMPTY, STATES_AT_A_TIME, Certificate
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.throughcvxpy import CrossCheck, require_solver, solve_again
@@ -126,33 +126,29 @@ def kinematic_error(
         require_solver(name)
     kinematics = Kinematics.of(drive)
     states = pitch_locked_states(kinematics) if states is None else states
-    parts, programmes = [], 0
+    count = len(states)
+    rotation, share, force, certificate = np.empty(count), np.empty((count, 2)), np.empty(count), EMPTY
     for rows, formulation in _formulations(drive, states):
-        programmes += 1
         rows = rows[neighbours_together(kinematics, states.take(rows))]
         case = LoadCase(formulation, M_g, solver=solver)
         for some in np.split(rows, range(CYCLE_BLOCK, len(rows), CYCLE_BLOCK)):
             part = states.take(some)
-            gaps = state_gaps(drive, case.system, part, teeth)
-            parts.append((some, case.solve(gaps, partial(state_place, part, M_g), run.solved)))
-    result = _collect(kinematics, M_g, states, parts)
-    if run.cross_check:
-        # one programme for both where there is one; of many, those of the sample are stated anew rather than all kept
-        stated = formulation if programmes == 1 else None
-        check = cross_check_of(drive, result.sampled(sample, run.seed), teeth, stated, run)
-        result = replace(result, cross_check=check)
-    return result
+            answers = case.solve(
+                state_gaps(drive, case.system, part, teeth), partial(state_place, part, M_g), run.solved
+            )
+            rotation[some], share[some] = answers.rotation_arcsec, answers.zone_share
+            force[some] = answers.tooth_force_N
+            certificate += answers.certificate
+    result = KinematicError(kinematics, M_g, states, rotation, share, force, certificate, None)
+    if not run.cross_check:
+        return result
+    return replace(result, cross_check=cross_check_of(drive, result.sampled(sample, run.seed), teeth, run))
 
 
-def _formulations(
-    drive: Drive, states: States, stated: Formulation | None = None
-) -> Iterator[tuple[NDArray[np.int64], Formulation]]:
-    """Rows of the states that share a contact system, and its programme: one for each position of the balls.
-
-    Arguments: stated, the programme of all states, where it is there already.
-    """
-    if stated or drive.bearing.ball_motion == "locked":
-        yield np.arange(len(states)), stated or formulate(contact_system(drive))
+def _formulations(drive: Drive, states: States) -> Iterator[tuple[NDArray[np.int64], Formulation]]:
+    """Rows of the states that share a contact system, and its programme: one for each position of the balls."""
+    if drive.bearing.ball_motion == "locked":
+        yield np.arange(len(states)), formulate(contact_system(drive))
         return
     systems, steps = ContactSystems(drive), drive.numerics.n_beta
     nearest = np.rint(ball_phase(drive, states.phi_h) * steps).astype(np.int64) % steps
@@ -160,32 +156,15 @@ def _formulations(
         yield np.flatnonzero(nearest == step), formulate(systems.at(0.0, step / steps))
 
 
-def _collect(
-    kinematics: Kinematics, M_g: float, states: States, parts: list[tuple[NDArray[np.int64], Answers]]
-) -> KinematicError:
-    count = len(states)
-    rotation, share, force = np.empty(count), np.empty((count, 2)), np.empty(count)
-    certificate = EMPTY
-    for rows, answers in parts:
-        rotation[rows], share[rows], force[rows] = answers.rotation_arcsec, answers.zone_share, answers.tooth_force_N
-        certificate += answers.certificate
-    return KinematicError(kinematics, M_g, states, rotation, share, force, certificate, None)
-
-
 def cross_check_of(
-    drive: Drive,
-    error: KinematicError,
-    teeth: ToothDeviations | None = None,
-    stated: Formulation | None = None,
-    run: Run = Run(),
+    drive: Drive, error: KinematicError, teeth: ToothDeviations | None = None, run: Run = Run()
 ) -> CrossCheck:
     """All states of an error solved again by the run's other solver.
 
-    Arguments as those of `kinematic_error`; stated, the programme, where all states have one. Raises UntrustedError
-    where two solvers disagree.
+    Arguments as those of `kinematic_error`. Raises UntrustedError where two solvers disagree.
     """
     checks = []
-    for rows, formulation in _formulations(drive, error.states, stated):
+    for rows, formulation in _formulations(drive, error.states):
         states, torques = error.states.take(rows), np.full(len(rows), error.M_g)
         delta_p = formulation.system.delta_p_of(state_gaps(drive, formulation.system, states, teeth))
         where, solver = partial(state_place, states, error.M_g), run.cross_check or CROSS_SOLVER

@@ -2,26 +2,26 @@
 
 In state j each wheel stands j of its pitches on in the cam's frame, so the state is the point (j mod z_b, j mod z_g)
 of a torus on which the error is continuous: neighbours there have nearly the same deviations, however far apart they
-lie in the cycle. Of one drive every state is solved. Of very many, estimates of their error (a grid of states, or a
-table, table.py) propose where the extremes may be, and states there prove how much they are: one on each hill that may
-be the highest, as far as the estimates missed the others; then around those that are near the highest, as long as a
-neighbour is higher. So an extreme is a state of the cycle, solved and proven, higher than all around it. That no hill
-was overlooked is not proven; `python -m benchmarks.proposals` compares with every state of random drives.
+lie in the cycle. Of one drive every state is solved. Of very many, a grid of states proposes where the extremes may
+be, and states there prove how much they are: one on each hill that may be the highest; then around those that are near
+the highest, as long as a neighbour is higher. So an extreme is a state of the cycle, solved and proven, higher than all
+around it. That no hill was overlooked is not proven; `python -m benchmarks.proposals` compares with every state of
+random drives.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
 from hdassist.error.cycle import kinematic_error, state_place
-from hdassist.error.hills import HILL_BLOCK, Hills, Indices, hills_of, interpolated
+from hdassist.error.hills import Hills, Indices, hills_of, interpolated, there_and_back
 from hdassist.errors import UsageError
 from hdassist.model.contacts import StateGaps, contact_system
-from hdassist.model.deviations import carried, scalars_of, waves_of
+from hdassist.model.deviations import Waves, carried, scalars_of, waves_of
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, States, pitch_locked_states
 from hdassist.preset.fields import Drive
@@ -33,16 +33,12 @@ from hdassist.solve.loadcase import LoadCase
 READ = 40  # positions of each wheel at which estimates of the error are read, at most
 GRID = 60  # positions of each wheel where they are solved, at most: 40 missed an island of 0.4 arcsec
 DIFFERENCES = 15  # positions of each wheel at which drives that are alike are compared, at least
-FIRST = 3  # of them that are solved whatever the table says of the others
-SPREADS = 3.0  # standard deviations of what the table misses that a hill may be higher
-SPREAD = 0.005  # of F'_ior: what the table is taken to miss at least
+PROMISING = 0.06  # of F'_ior: one state is solved on a hill that is estimated no further below the highest
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
 STILL_NEAR = 0.01  # of F'_ior: so near it has to be once the states around it are known
 SEARCH_REACH = 5  # steps from an extreme, along each wheel, within which nothing is higher
-LEAST_F_IOR = 4.0  # arcsec: F'_ior that both are taken of at least
-STRIDES = 2, 4  # steps to the states of the first look around: on a grid of READ positions or more, on a coarser one
+STRIDES = 4, 2  # steps to the states of the first looks around, the first of them where the grid is coarser than READ
 SHORT_CYCLE = 4000  # states of a cycle below which all are solved
-MAP_STATES = 8192  # states of a grid, about, whose gaps are held at once
 SEARCHED = 3800  # states that proposals solve of a drive, about
 
 
@@ -52,7 +48,6 @@ class Batch:
 
     drive: Drive
     columns: Mapping[str, Array]
-    _waves: dict[tuple[int, str, int], Array] = field(default_factory=dict, compare=False)  # once they were asked for
 
     @classmethod
     def of(cls, drive: Drive) -> Batch:
@@ -73,11 +68,13 @@ class Batch:
 
     def scalars(self, row: Indices, alpha_g: Array, alpha_b: Array) -> Array:
         """Scalars [mm] of the drives in some rows, where their wheels stand so [rad]; shapes broadcast."""
-        if not self._waves:
-            columns, number = self.columns, self.drive.number
-            waves = waves_of(lambda path: columns.get(path, number(path)), self.drive.mounting.mark_kind)
-            self._waves.update({key: np.broadcast_to(wave, len(self)) for key, wave in waves.items()})
         return scalars_of({key: wave[row] for key, wave in self._waves.items()}, alpha_g, alpha_b)
+
+    @cached_property
+    def _waves(self) -> Waves:
+        columns, number = self.columns, self.drive.number
+        waves = waves_of(lambda path: columns.get(path, number(path)), self.drive.mounting.mark_kind)
+        return {key: np.broadcast_to(wave, len(self)) for key, wave in waves.items()}
 
 
 @dataclass(frozen=True)
@@ -111,13 +108,20 @@ class ErrorMap:
         self, drive: Drive, M_g: float, formulation: Formulation | None = None, like: LoadCase | None = None
     ) -> None:
         if not searchable(drive):
-            raise UsageError("with rolling balls every state has to be solved", "set bearing.ball_motion=locked")
+            raise UsageError(
+                "this needs locked balls: of rolling ones every state has to be solved",
+                "--set bearing.ball_motion=locked",
+            )
         self.drive, self.M_g = drive, M_g
         # never solves a state: every answer starts from it alike and so gives the same digits
         self.fresh = LoadCase(formulation or formulate(contact_system(drive)), M_g, like=like)
         kinematics = Kinematics.of(drive)
         self.sign = kinematics.error_sign
         self.states, self.board, self.finest = _lattice(kinematics)
+
+    def load_case(self) -> LoadCase:
+        """The load case of the map's states, to solve some of them, in batches however small."""
+        return LoadCase(self.fresh.formulation, self.M_g, like=self.fresh, many=True)
 
     def extremes(self, drive: Drive | None = None) -> Extremes:
         """Extremes of a drive, by default the map's own, from every state of its cycle.
@@ -128,10 +132,7 @@ class ErrorMap:
 
     def points(self, count: int = READ) -> Indices:
         """Points of the torus at which the error is estimated, at most so many around each wheel, shape (k, l, 2)."""
-        lines = [
-            np.linspace(0, z, max(min(count, z // 2) // HILL_BLOCK, 1) * HILL_BLOCK, endpoint=False).astype(np.int64)
-            for z in self.board.shape
-        ]
+        lines = [np.linspace(0, z, min(count, z // 2), endpoint=False).astype(np.int64) for z in self.board.shape]
         return self.to_lattice(np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1))
 
     def to_lattice(self, point: Array) -> Indices:
@@ -155,7 +156,7 @@ class ErrorMap:
         trusted.
         """
         solved = _Solved(self, batch)
-        return self._hills(solved.at_points(self.points(grid))).ranges, solved.certificate
+        return self._hills(solved.at_points(self.points(grid))).tops.sum(axis=1), solved.certificate
 
     def solved_map(self, batch: Batch) -> Array:
         """Rotation [arcsec] of drives at the points of a grid, shape (drives, k, l).
@@ -164,33 +165,24 @@ class ErrorMap:
         """
         return _Solved(self, batch).at_points(self.points(GRID))
 
-    def many_extremes(
-        self, batch: Batch, estimates: Array | None = None, *, grid: int = GRID, alike: Array | None = None
-    ) -> Extremes:
-        """Extremes of drives, solved and proven where estimates propose them.
+    def many_extremes(self, batch: Batch, *, grid: int = GRID, alike: Array | None = None) -> Extremes:
+        """Extremes of drives, solved and proven where a grid of states proposes them; of a short cycle every state.
 
-        Arguments: batch, the drives; estimates of their rotation [arcsec] at points of the map, shape (drives, k, l),
-        by default solved at so many positions of each wheel (grid), and in every state of a short cycle; alike, the
+        Arguments: batch, the drives; grid, positions of each wheel that are solved first; alike, in their place, the
         solved_map of drives with the same deviations and other parts, from which these differ less than from point to
         point: then the difference is solved on a coarse grid. Raises UntrustedError where an answer cannot be trusted.
         """
         solved = _Solved(self, batch)
-        if estimates is None and len(self.states) < SHORT_CYCLE:
-            solved.every_state()
+        if alike is None and len(self.states) < SHORT_CYCLE:
+            solved.at(np.arange(len(batch))[:, None], np.argwhere(self.board >= 0))
         else:
-            if alike is not None:
-                estimates = solved.near(alike)
-            coarse = estimates is None and grid < READ
-            proposed = solved.at_points(self.points(grid)) if estimates is None else estimates
-            if coarse:
-                proposed = interpolated(proposed, self.points().shape[:2])
-            hills = self._hills(proposed)
-            scale = np.maximum(hills.ranges, LEAST_F_IOR)
-            solved.climb(solved.promising(hills, scale), scale, STRIDES[coarse])
-            solved.look_around()
-        value, rows = self.sign * solved.value, np.arange(len(batch))
-        at_max, at_min = np.nanargmax(value, axis=1), np.nanargmin(value, axis=1)
-        return Extremes(value[rows, at_max] - value[rows, at_min], at_max, at_min, solved.certificate)
+            shape = self.points(max(grid, READ)).shape[:2]
+            proposed = interpolated(solved.at_points(self.points(grid)), shape) if alike is None else solved.near(alike)
+            solved.climb(self._hills(proposed), STRIDES if proposed.shape[1] <= READ else STRIDES[1:])
+        tops = solved.tops()
+        ends = self.state(tops.point).reshape(-1, 2)  # of the greatest and of the least rotation
+        at_max, at_min = (ends if self.sign > 0 else ends[:, ::-1]).T
+        return Extremes(np.asarray(np.bincount(tops.row, tops.height)), at_max, at_min, solved.certificate)
 
 
 def every_state(drive: Drive, M_g: float) -> Extremes:
@@ -199,9 +191,8 @@ def every_state(drive: Drive, M_g: float) -> Extremes:
     Raises UntrustedError where an answer cannot be trusted.
     """
     error = kinematic_error(drive, M_g, run=UNCHECKED)
-    return Extremes(
-        np.array([error.F_ior_arcsec]), np.array([error.at_max]), np.array([error.at_min]), error.certificate
-    )
+    F_ior, at_max, at_min = (np.array([each]) for each in (error.F_ior_arcsec, error.at_max, error.at_min))
+    return Extremes(F_ior, at_max, at_min, error.certificate)
 
 
 def extremes_of(drive: Drive, torques: Sequence[float]) -> list[Extremes]:
@@ -211,12 +202,8 @@ def extremes_of(drive: Drive, torques: Sequence[float]) -> list[Extremes]:
     """
     if not searchable(drive):
         return [every_state(drive, M_g) for M_g in torques]
-    formulation, like, found = formulate(contact_system(drive)), None, []
-    for M_g in torques:
-        error_map = ErrorMap(drive, M_g, formulation, like)
-        like = error_map.fresh
-        found.append(error_map.many_extremes(Batch.of(drive)))
-    return found
+    formulation = formulate(contact_system(drive))
+    return [ErrorMap(drive, M_g, formulation).many_extremes(Batch.of(drive)) for M_g in torques]
 
 
 @lru_cache(maxsize=4)  # of drives that differ in their deviations alone it is the same
@@ -235,85 +222,25 @@ class _Solved:
     """States of drives that are solved so far: value, the rotation [arcsec], shape (drives, states), NaN elsewhere."""
 
     def __init__(self, search: ErrorMap, batch: Batch) -> None:
-        self._search, self._batch = search, batch
-        self._case = LoadCase(search.fresh.formulation, search.M_g, like=search.fresh, many=True)
+        self._search, self._batch, self._case = search, batch, search.load_case()
         self.value = np.full((len(batch), len(search.states)), np.nan)
         self.certificate = EMPTY
-        f = search.finest
-        self._around = np.array([(0, 0), (1, 1), (f, 0), (1, -1), (0, -f), (-1, -1), (-f, 0), (-1, 1), (0, f)])
-
-    def every_state(self) -> None:
-        """Solve every state of the cycle."""
-        self._at(np.arange(len(self._batch))[:, None], np.argwhere(self._search.board >= 0))
 
     def near(self, alike: Array) -> Array:
         """Rotation [arcsec] at the points of the map of drives that are alike, by its difference at some of them."""
-        points, shape = self._search.points(GRID), alike.shape[1:]
-        down, across = (
-            max(step for step in (1, 2, 3, 4, 5) if n % step == 0 and n // step >= DIFFERENCES) for n in shape
-        )
-        return alike + interpolated(self.at_points(points[::down, ::across]) - alike[:, ::down, ::across], shape)
+        shape = alike.shape[1:]
+        steps = (max(k for k in range(1, 6) if n % k == 0 and n >= k * DIFFERENCES) for n in shape)
+        down, across = (slice(None, None, step) for step in steps)
+        known = self.at_points(self._search.points(GRID)[down, across])
+        return alike + interpolated(known - alike[:, down, across], shape)
 
     def at_points(self, points: Indices) -> Array:
         """Rotation [arcsec] at the points of a grid, shape (k, l, 2), of all drives, shape (drives, k, l)."""
-        there_and_back, drives = points.copy(), np.arange(len(self._batch))
-        there_and_back[1::2] = points[1::2, ::-1]
-        path = there_and_back.reshape(-1, 2)
-        for rows in np.array_split(drives, 1 + len(drives) * len(path) // MAP_STATES):
-            self._at(rows[:, None], path)
+        drives = np.arange(len(self._batch))
+        self.at(drives[:, None], points.reshape(-1, 2)[there_and_back(points.shape[:2])])
         return np.asarray(self.value[drives[:, None, None], self._search.state(points)])
 
-    def promising(self, hills: Hills, scale: Array) -> Hills:
-        """Hills near the highest of their drive, after one state was solved on each that may be it.
-
-        Argument: scale, F'_ior of the drives as estimated [arcsec], shape (drives,).
-        """
-        drives = len(self._batch)
-        chosen, known = hills.rank < FIRST, np.full(len(hills.row), np.nan)
-        while len(fresh := np.flatnonzero(chosen & np.isnan(known))):
-            known[fresh] = hills.sign[fresh] * self._at(hills.row[fresh], hills.point[fresh])
-            seen = ~np.isnan(known)
-            row, missed = hills.row[seen], (hills.sign * (known - hills.height))[seen]
-            count = np.bincount(row, minlength=drives)
-            mean = np.bincount(row, missed, minlength=drives) / count
-            spread = np.sqrt(np.bincount(row, (missed - mean[row]) ** 2, minlength=drives) / count)
-            may_be = hills.height + hills.sign * mean[hills.row]
-            may_be += SPREADS * np.maximum(spread, SPREAD * scale)[hills.row]
-            chosen = may_be > hills.highest(known, drives)
-        with np.errstate(invalid="ignore"):
-            return hills[known >= hills.highest(known, drives) - NEAR * scale[hills.row]]
-
-    def climb(self, hills: Hills, scale: Array, stride: int) -> None:
-        """Solve what is around hills, by strides that are halved, and go on until nothing around is higher.
-
-        Argument: scale as that of promising.
-        """
-        while len(hills.row):
-            around = hills.point[:, None] + stride * self._around
-            value = hills.sign[:, None] * self._at(hills.row[:, None], around)
-            best, height = value.argmax(axis=1), value.max(axis=1)
-            to, going = around[np.arange(len(best)), best], best > 0
-            if stride > 1:
-                going = height >= hills.highest(height, len(scale)) - STILL_NEAR * scale[hills.row]
-            hills, stride = replace(hills, point=to)[going], max(stride // 2, 1)
-
-    def look_around(self) -> None:
-        """Solve what is within REACH of each drive's extremes, until nothing there is higher.
-
-        Along a crease, where contacts change, a state may be higher than its neighbours and yet not the highest one.
-        """
-        z_b, z_g = self._search.board.shape
-        wide = np.stack(np.meshgrid(*[np.arange(-SEARCH_REACH, SEARCH_REACH + 1)] * 2), axis=-1)
-        wide[::2] = wide[::2, ::-1].copy()  # there and back
-        wide = wide[wide.sum(axis=2) % self._search.finest == 0]
-        for sign in (1, -1):
-            row = np.arange(len(self._batch))
-            while len(row):
-                top = np.nanargmax(sign * self.value[row], axis=1)
-                self._at(row[:, None], np.stack([top % z_b, top % z_g], axis=-1)[:, None] + wide)
-                row = row[np.nanargmax(sign * self.value[row], axis=1) != top]
-
-    def _at(self, row: Indices, point: Indices) -> Array:
+    def at(self, row: Indices, point: Indices) -> Array:
         """Rotation [arcsec] of drives at points, shape (..., 2), solved where that is not known yet."""
         row, state = np.broadcast_arrays(row, self._search.state(point))
         new = np.isnan(self.value[row, state])
@@ -327,3 +254,38 @@ class _Solved:
             self.value[rows, j] = answers.rotation_arcsec
             self.certificate += answers.certificate
         return np.asarray(self.value[row, state])
+
+    def climb(self, hills: Hills, strides: Sequence[int]) -> None:
+        """Solve states on hills that may be the highest of their drive, and around them, until none there is higher.
+
+        At the end around the highest alone, but SEARCH_REACH steps far: along a crease, where contacts change, a state
+        may be higher than its neighbours and yet not the highest one.
+        """
+        hills = hills.near_top(PROMISING)
+        for stride, share in zip((0, *strides), (NEAR, STILL_NEAR, STILL_NEAR), strict=False):
+            hills = self._highest(hills, stride * self._window(1)).near_top(share)
+        for steps in (self._window(self._search.finest), self._window(SEARCH_REACH)):
+            while len(hills):
+                moved = self._highest(hills, steps)
+                hills = moved[moved.height > hills.height]
+            hills = self.tops()
+
+    def _window(self, reach: int) -> Indices:
+        """Steps from a state to those around it, at most so many along each wheel, shape (states, 2)."""
+        steps = np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach
+        steps = steps[there_and_back((2 * reach + 1,) * 2)]
+        return np.asarray(steps[steps.sum(axis=1) % self._search.finest == 0])
+
+    def _highest(self, hills: Hills, steps: Indices) -> Hills:
+        """Hills at the highest of the states that are so many steps from them."""
+        around = hills.point[:, None] + steps
+        value = hills.sign[:, None] * self.at(hills.row[:, None], around)
+        best, each = value.argmax(axis=1), np.arange(len(hills))
+        return replace(hills, point=around[each, best], height=value[each, best])
+
+    def tops(self) -> Hills:
+        """The highest state of each drive, and the highest one upside down."""
+        row, sign = (axis.ravel() for axis in np.meshgrid(np.arange(len(self._batch)), [1, -1], indexing="ij"))
+        value = sign[:, None] * self.value[row]
+        state = np.nanargmax(value, axis=1)
+        return Hills(row, sign, state[:, None] % np.array(self._search.board.shape), value[np.arange(len(row)), state])

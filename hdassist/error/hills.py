@@ -1,4 +1,4 @@
-"""Places of estimated maps of the error that may be its extremes."""
+"""Places of estimated maps of the error that may be its extremes, and a way over a grid."""
 
 from __future__ import annotations
 
@@ -12,67 +12,69 @@ from hdassist.model.geometry import Array
 
 Indices = NDArray[np.int64]
 
-HILL_BLOCK = 4  # points of a map, of each wheel, of which the highest one is a hill
-HILLS = 40  # of a drive that are looked at, at most
+LEAST_F_IOR = 4.0  # arcsec: F'_ior of which shares are taken, at least
 
 
 @dataclass(frozen=True)
 class Hills:
     """Points that may be an extreme: row of the drive, sign of the extreme, point, shape (hills, 2), height [arcsec].
 
-    rank: among those of its drive and sign.
+    Height is that of the error upside down where the sign is negative.
     """
 
     row: Indices
     sign: Indices
     point: Indices
     height: Array
-    rank: Indices
+
+    def __len__(self) -> int:
+        return len(self.row)
 
     def __getitem__(self, chosen: NDArray[np.bool_]) -> Hills:
-        return Hills(self.row[chosen], self.sign[chosen], self.point[chosen], self.height[chosen], self.rank[chosen])
-
-    def highest(self, value: Array, drives: int) -> Array:
-        """Greatest of the values of each drive and sign, for each hill, shape (hills,)."""
-        best = np.full((drives, 2), -np.inf)
-        side = (self.sign > 0).astype(int)
-        np.fmax.at(best, (self.row, side), value)
-        return np.asarray(best[self.row, side])
+        return Hills(self.row[chosen], self.sign[chosen], self.point[chosen], self.height[chosen])
 
     @property
-    def ranges(self) -> Array:
-        """Highest less lowest of each drive [arcsec]: the first hill of each sign, one of them upside down."""
-        return np.asarray(np.bincount(self.row, np.where(self.rank, 0, self.height)), dtype=float)
+    def tops(self) -> Array:
+        """Greatest height of each drive upside down, and of it as it is [arcsec], shape (drives, 2)."""
+        best = np.full((self.row.max(initial=0) + 1, 2), -np.inf)
+        np.maximum.at(best, (self.row, (self.sign > 0).astype(int)), self.height)
+        return best
+
+    def near_top(self, share: float) -> Hills:
+        """Those that are no more than a share of F'_ior below the highest one of their drive and sign."""
+        tops = self.tops
+        F_ior = np.maximum(tops.sum(axis=1), LEAST_F_IOR)
+        return self[tops[self.row, (self.sign > 0).astype(int)] - self.height <= share * F_ior[self.row]]
 
 
 def hills_of(maps: Array, to_points: Callable[[Array], Indices]) -> Hills:
-    """The highest point of each block of maps, shape (drives, k, l), and of what is upside down.
+    """Points of maps of the torus, shape (drives, k, l), with no higher one beside them, and of what is upside down.
 
     Between the points of a map they lie where a parabola through their neighbours has its top. Argument: to_points,
     from places in a map, shape (hills, 2), to points at which there is a state.
     """
-    n, _, columns = maps.shape
-    across = columns // HILL_BLOCK
-    found = []
-    for sign in (1, -1):
-        up = sign * maps
-        tiles = up.reshape(n, -1, HILL_BLOCK, across, HILL_BLOCK).swapaxes(2, 3).reshape(n, -1, HILL_BLOCK**2)
-        row, tile = (axis.ravel() for axis in np.indices(tiles.shape[:2]))
-        inside = np.divmod(tiles.argmax(axis=2).ravel(), HILL_BLOCK)
-        at = np.stack(np.divmod(tile, across)) * HILL_BLOCK + np.stack(inside)
-        here = up[row, at[0], at[1]]
-        height, top = here.copy(), at.astype(float)
-        for axis in (0, 1):
-            before, behind = (np.roll(up, way, 1 + axis)[row, at[0], at[1]] for way in (1, -1))
-            bend = np.minimum(before + behind - 2 * here, -1e-12)
-            shift = np.clip((before - behind) / (2 * bend), -0.5, 0.5)
-            top[axis] += shift
-            height -= bend * shift**2 / 2
-        order = np.lexsort((-height, row))
-        rank = np.arange(len(order)) % tiles.shape[1]
-        order, rank = order[rank < HILLS], rank[rank < HILLS]
-        found.append((row[order], np.full(len(order), sign), to_points(top.T[order]), height[order], rank))
-    return Hills(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    up = np.concatenate([maps, -maps])
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(up, ((0, 0), (1, 1), (1, 1)), "wrap"), (3, 3), (1, 2))
+    side, *at = np.nonzero(up >= around.max(axis=(3, 4)))
+    patch = around[side, *at]
+    height, place = patch[:, 1, 1].copy(), np.stack(at, axis=1).astype(float)
+    for axis, (before, here, behind) in enumerate((patch[:, :, 1].T, patch[:, 1, :].T)):
+        bend = np.minimum(before + behind - 2 * here, -1e-12)
+        shift = np.clip((before - behind) / (2 * bend), -0.5, 0.5)
+        place[:, axis] += shift
+        height -= bend * shift**2 / 2
+    upside_down, row = np.divmod(side, len(maps))
+    return Hills(row, 1 - 2 * upside_down, to_points(place), height)
+
+
+def there_and_back(shape: tuple[int, ...]) -> Indices:
+    """Flat places of a grid in an order in which each is next to the one before."""
+    index = np.stack(np.unravel_index(np.arange(np.prod(shape)), shape))
+    path = index.copy()
+    for axis in range(1, len(shape)):
+        back = path[:axis].sum(axis=0) % 2 == 1
+        path[axis] = np.where(back, shape[axis] - 1 - index[axis], index[axis])
+    return np.asarray(np.ravel_multi_index(tuple(path), shape))
 
 
 def interpolated(maps: Array, shape: tuple[int, ...]) -> Array:

@@ -85,25 +85,11 @@ def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[Order]:
         place = round(order * revolutions)
         if 0 < place < len(amplitude):
             causes.setdefault(place, []).append((abs(k_g) + abs(k_b), words))
-    places = sorted(set(causes) | {int(p) for p in np.argsort(amplitude)[::-1][:UNEXPLAINED_ORDERS] if p > 0})
-    return [
-        Order(
-            place / revolutions,
-            float(amplitude[place]),
-            _phase(spectrum[place]),
-            _simplest(causes.get(place, [])),
-        )
-        for place in places
-        if place in causes or amplitude[place] > FLOOR
-    ]
-
-
-def _phase(value: complex) -> float:
-    return float(np.degrees(np.angle(value)))
-
-
-def _simplest(causes: list[tuple[int, str]]) -> str:
-    if not causes:
-        return NO_CAUSE
-    least = min(degree for degree, _ in causes)
-    return "; ".join(words for degree, words in causes if degree == least)
+    largest = np.argsort(amplitude)[::-1][:UNEXPLAINED_ORDERS].tolist()
+    phase, found = np.degrees(np.angle(spectrum)), []
+    for place in sorted({*causes, *largest} - {0}):
+        if place in causes or amplitude[place] > FLOOR:
+            least = min(causes.get(place, []), default=(0, ""))[0]
+            words = "; ".join(words for degree, words in causes.get(place, []) if degree == least)
+            found.append(Order(place / revolutions, float(amplitude[place]), float(phase[place]), words or NO_CAUSE))
+    return found

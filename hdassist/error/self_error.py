@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import zip_longest
 
 import numpy as np
 
@@ -51,29 +52,24 @@ def self_error(drive: Drive, torques: Sequence[float], *, run: Run = Run()) -> l
     Raises UntrustedError where an answer cannot be trusted.
     """
     systems, grid = ContactSystems(drive), drive.numerics.n_phase
-    rotation = np.empty((len(torques), grid, grid))
-    certificates = [EMPTY] * len(torques)
+    rotation, certificates = np.empty((len(torques), grid, grid)), [EMPTY] * len(torques)
     cases: dict[float, LoadCase] = {}  # one a torque: contact sets of neighbours are near, of torques they are not
-    for i in range(grid):
-        for k in range(grid):
-            formulation = formulate(systems.at(i / grid, k / grid))
-            for t, M_g in enumerate(torques):
-                near = cases.get(M_g) or next(iter(cases.values()), None)
-                cases[M_g] = LoadCase(formulation, M_g, like=near)
-                place = partial(_place, i / grid, k / grid, M_g)
-                answers = cases[M_g].solve(WITHOUT_DEVIATIONS, place, run.solved)
-                rotation[t, i, k] = answers.rotation_arcsec[0]
-                certificates[t] += answers.certificate
-    return [SelfError(M_g, rotation[t], certificates[t]) for t, M_g in enumerate(torques)]
+    for i, k in np.ndindex(grid, grid):
+        formulation = formulate(systems.at(i / grid, k / grid))
+        for t, M_g in enumerate(torques):
+            cases[M_g] = LoadCase(formulation, M_g, like=cases.get(M_g, cases.get(torques[0])))
+            place = partial(_place, i / grid, k / grid, M_g)
+            answers = cases[M_g].solve(WITHOUT_DEVIATIONS, place, run.solved)
+            rotation[t, i, k] = answers.rotation_arcsec[0]
+            certificates[t] += answers.certificate
+    return list(map(SelfError, torques, rotation, certificates))
 
 
 def limits_left(drive: Drive, torques: Sequence[float]) -> list[float | None]:
     """What the limits of a drive leave F'_ior beside the self error [arcsec] at torques [N*m]; None without a limit."""
     limits = [drive.limit(M_g) for M_g in torques]
-    if limits.count(None) == len(limits):
-        return limits
-    own = zip(limits, self_error(drive, torques), strict=True)
-    return [None if limit is None else limit - each.range_arcsec for limit, each in own]
+    own = self_error(drive, torques) if any(limits) else []
+    return [None if limit is None else limit - each.range_arcsec for limit, each in zip_longest(limits, own)]
 
 
 def _place(tau: float, beta: float, M_g: float, _: int) -> str:

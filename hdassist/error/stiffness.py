@@ -104,11 +104,11 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
     Where the preset gives one of them, the other is in the proportion that catalogues have; where it gives none, both
     are those of catalogues at the drive's pitch diameter, by the cube law.
     """
-    T_1, T_2 = drive.catalogue.T_1, drive.catalogue.T_2
-    scale = (drive.gears.pitch_diameter / D_58) ** 3
-    first = T_58[0] * scale if T_2 is None else T_2 * T_58[0] / T_58[1]
-    second = T_58[1] * scale if T_1 is None else T_1 * T_58[1] / T_58[0]
-    return first if T_1 is None else T_1, second if T_2 is None else T_2
+    given = drive.catalogue.T_1, drive.catalogue.T_2
+    scales = [T / T_size for T, T_size in zip(given, T_58, strict=True) if T is not None]
+    scale = scales[0] if scales else (drive.gears.pitch_diameter / D_58) ** 3
+    T_1, T_2 = (scale * T_size if T is None else T for T, T_size in zip(given, T_58, strict=True))
+    return T_1, T_2
 
 
 def curve_end(drive: Drive, T_2: float | None, T_max: float | None) -> float:
@@ -135,58 +135,52 @@ def stiffness(
 
     Arguments: T_1, T_2, ends of the first two segments, by default as catalogues have them for the size;
     T_max, end of the curve, by default 1.5 T_2 [N*m]; points, torques to each side, besides those that have a name;
-    tangents_at, torques [N*m] of either sign at which the slope is wanted; run, whose other solver solves the ends of
-    the segments again.
+    tangents_at, torques [N*m] of either sign at which the slope is wanted: the mean slope across the corner where a
+    contact closes or opens within TORQUE_STEP of one; run, whose other solver solves the ends of the segments again.
     Raises UsageError for torques that cannot be meant, UntrustedError where an answer cannot be trusted.
     """
-    first, second = catalogue_torques(drive)
-    T_max = curve_end(drive, T_2, T_max)
-    T_1, T_2 = first if T_1 is None else T_1, second if T_2 is None else T_2
-    rated = rated_torque(drive)
-    near_zero = NEAR_ZERO * rated
-    _require_in_order(drive, T_1, T_2, T_max, near_zero)
-    for here in tangents_at:
-        if not near_zero < abs(here) < np.inf:
-            raise UsageError(f"no tangent stiffness at {here:g} N*m", f"a finite torque above {near_zero:g} N*m")
-    # a segment that the curve ends in is none
-    ends = [near_zero, *(T for T in (T_1, T_2) if T_max >= T), *([T_max] if T_max > T_2 else [])]
-    side = np.unique([*ends, LOST_MOTION_SHARE * rated, *np.linspace(0, T_max, points + 1)[1:]])
-    torque = np.concatenate([-side[::-1], side])
-    twist = Twist(drive)
-    contact, tube, proof = twist.at(torque, run.solved)
-    tangents = []
-    for here in tangents_at:
-        slope, proven = twist.tangent(here, run.solved)
-        tangents.append(slope)
-        proof += proven
-    at = dict(zip(torque.tolist(), (contact + tube).tolist(), strict=True))
-    centre = (at[near_zero] + at[-near_zero]) / 2
-    positive, negative = (
-        tuple(_segments([sign * T for T in ends[1:]], [at[sign * T] for T in ends[1:]], centre)) for sign in (1, -1)
-    )
-    check = None
-    if run.cross_check:
-        rows = [int(np.flatnonzero(torque == sign * T)[0]) for T in ends for sign in (1, -1)]
-        gaps = np.broadcast_to(twist.case.system.delta_p, (len(rows), len(twist.case.system.delta_p)))
-        place = partial(_place, torque[rows].tolist())
-        check = solve_again(twist.case.formulation, torque[rows], gaps, contact[rows], run.cross_check, place)
-    return Stiffness(torque, contact, tube, rated, positive, negative, proof, check, tuple(tangents))
-
-
-def _require_in_order(drive: Drive, T_1: float, T_2: float, T_max: float, least: float) -> None:
-    """Raise UsageError unless the torques [N*m] of a curve are finite and above the least one, T_1 below T_2."""
-    for name, torque in (("T_1", T_1), ("T_2", T_2), ("the end of the curve", T_max)):
-        if not least < torque < np.inf:
-            raise UsageError(
-                f"{name} cannot be {torque:g} N*m",
-                f"any finite torque above {least:g} N*m, a hundred-thousandth of the rated one",
-            )
+    T_max, rated, defaults = curve_end(drive, T_2, T_max), rated_torque(drive), catalogue_torques(drive)
+    T_1, T_2 = defaults[0] if T_1 is None else T_1, defaults[1] if T_2 is None else T_2
+    least = NEAR_ZERO * rated
+    hint = f"any finite torque above {least:g} N*m, a hundred-thousandth of the rated one"
+    for name, value in (("T_1", T_1), ("T_2", T_2), ("the end of the curve", T_max)):
+        if not least < value < np.inf:
+            raise UsageError(f"{name} cannot be {value:g} N*m", hint)
+    for value in tangents_at:
+        if not least < abs(value) < np.inf:
+            raise UsageError(f"no tangent stiffness at {value:g} N*m", hint)
     if not T_1 < T_2:
-        first, second = catalogue_torques(drive)
         raise UsageError(
             f"T_1, {T_1:g} N*m, must be below T_2, {T_2:g} N*m",
-            f"--t1 and --t2 together; without them they are {first:.4g} and {second:.4g} N*m",
+            f"--t1 and --t2 together; without them they are {defaults[0]:.4g} and {defaults[1]:.4g} N*m",
         )
+    # a segment that the curve ends in is none
+    ends = [least, *(T for T in (T_1, T_2) if T_max >= T), *([T_max] if T_max > T_2 else [])]
+    side = np.unique([*ends, LOST_MOTION_SHARE * rated, *np.linspace(0, T_max, points + 1)[1:]])
+    torque = np.concatenate([-side[::-1], side])
+    steps = np.outer(tangents_at, [1 - TORQUE_STEP, 1 + TORQUE_STEP]).ravel()
+    twist = Twist(drive)
+    every_contact, every_tube, proof = twist.at(np.concatenate([torque, steps]), run.solved)
+    contact, tube = every_contact[: len(torque)], every_tube[: len(torque)]
+    changes = np.diff((every_contact + every_tube)[len(torque) :].reshape(-1, 2))[:, 0] / ARCSEC
+    slopes = (2 * TORQUE_STEP * np.array(tangents_at) / changes).tolist()
+    check = None
+    if run.cross_check:
+        again = np.isin(np.abs(torque), ends)
+        formulation, gaps = twist.case.formulation, twist.case.system.delta_p
+        gaps, place = np.repeat(gaps[None], np.count_nonzero(again), axis=0), partial(_place, torque[again])
+        check = solve_again(formulation, torque[again], gaps, contact[again], run.cross_check, place)
+    of_torque = dict(zip(torque.tolist(), (contact + tube).tolist(), strict=True))
+    centre = (of_torque[least] + of_torque[-least]) / 2  # of the play, where a loop has its centre
+    positive, negative = (
+        tuple(
+            Segment(T, T_next, (T_next - T) / (of_torque[T_next] - of_torque.get(T, centre)) * ARCSEC)
+            for T, T_next in pairwise([0.0, *(sign * T for T in ends[1:])])
+        )
+        for sign in (1, -1)
+    )
+    tangents = tuple(map(Tangent, tangents_at, slopes))
+    return Stiffness(torque, contact, tube, rated, positive, negative, proof, check, tangents)
 
 
 class Twist:
@@ -201,19 +195,8 @@ class Twist:
 
         Raises UntrustedError where an answer cannot be trusted.
         """
-        answers = self.case.over(torque, partial(_place, torque.tolist()), progress)
+        answers = self.case.over(torque, partial(_place, torque), progress)
         return answers.rotation_arcsec, torque * N_MM / self._tube * ARCSEC, answers.certificate
-
-    def tangent(self, torque: float, progress: Progress | None = None) -> tuple[Tangent, Certificate]:
-        """The slope of torque over twist at a torque [N*m], with the certificate of its two states.
-
-        Where a contact closes or opens within TORQUE_STEP of the torque it is the mean slope across that corner.
-        Raises UntrustedError where an answer cannot be trusted.
-        """
-        ends = torque * np.array([1 - TORQUE_STEP, 1 + TORQUE_STEP])
-        contact, tube, proof = self.at(ends, progress)
-        low, high = ((contact + tube) / ARCSEC).tolist()
-        return Tangent(torque, 2 * TORQUE_STEP * torque / (high - low)), proof
 
     def between(self, low: float, high: float) -> float:
         """Twist [arcsec] from one torque to another [N*m]."""
@@ -221,11 +204,5 @@ class Twist:
         return float(contact[1] + tube[1] - contact[0] - tube[0])
 
 
-def _segments(torques: Sequence[float], twists: Sequence[float], centre: float) -> list[Segment]:
-    """Chords from one torque to the next; the first from the middle of the play, where a loop has its centre."""
-    points = [(0.0, centre), *zip(torques, twists, strict=True)]
-    return [Segment(T, T_next, (T_next - T) / (x_next - x) * ARCSEC) for (T, x), (T_next, x_next) in pairwise(points)]
-
-
-def _place(torques: Sequence[float], k: int) -> str:
+def _place(torques: Array, k: int) -> str:
     return f"M_g = {torques[k]:g} N*m, without deviations"

@@ -12,15 +12,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.error.error_map import searchable
-from hdassist.errors import UsageError
+from hdassist.error.error_map import ErrorMap
+from hdassist.error.hills import there_and_back
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import deviation_scalars
-from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY
-from hdassist.solve.loadcase import LoadCase
 
 WAVE_POINTS = 40  # around each wheel
 COARSE = 16  # around each wheel, for a first look at very different deviations
@@ -45,11 +43,8 @@ class ErrorWaves:
     """
 
     def __init__(self, drive: Drive, M_g: float, run: Run = Run()) -> None:
-        if not searchable(drive):
-            raise UsageError("a comparison needs locked balls", "--set bearing.ball_motion=locked")
-        self._M_g, self._run = M_g, run
-        self._case = LoadCase.of(drive, M_g)
-        self._sign = Kinematics.of(drive).error_sign
+        self._map, self._run = ErrorMap(drive, M_g), run
+        self._case = self._map.load_case()
         self.certificate = EMPTY
         self.k_g, self.k_b = wave_numbers()
 
@@ -59,23 +54,19 @@ class ErrorWaves:
         The error is the real part of sum z exp(i (k_g alpha_g + k_b alpha_b)), up to a constant. Waves that a grid of
         so many points does not hold are 0. Raises UntrustedError where a state cannot be trusted.
         """
-        angles = 2 * np.pi * np.arange(points) / points
-        rows, columns = np.meshgrid(angles, angles, indexing="ij")
-        columns[1::2] = columns[1::2, ::-1]  # there and back, so that neighbours follow each other
-        alpha_g, alpha_b = rows.ravel(), columns.ravel()
+        path = there_and_back((points, points))
+        alpha_g, alpha_b = 2 * np.pi / points * np.stack(np.divmod(path, points))
 
         def where(k: int) -> str:
             g, b = (float(np.degrees(angle[k])) for angle in (alpha_g, alpha_b))
-            return f"alpha_g = {g:.2f} deg, alpha_b = {b:.2f} deg, M_g = {self._M_g:g} N*m"
+            return f"alpha_g = {g:.2f} deg, alpha_b = {b:.2f} deg, M_g = {self._map.M_g:g} N*m"
 
-        found = []
+        held = np.maximum(np.abs(self.k_g), np.abs(self.k_b)) < points / 2
+        error, found = np.empty(points**2), []
         for drive in drives:
-            gaps = StateGaps(deviation_scalars(drive, alpha_g, alpha_b))
-            answers = self._case.solve(gaps, where, self._run.solved)
+            answers = self._case.solve(StateGaps(deviation_scalars(drive, alpha_g, alpha_b)), where, self._run.solved)
             self.certificate += answers.certificate
-            error = (self._sign * answers.rotation_arcsec).reshape(points, points)
-            error[1::2] = error[1::2, ::-1].copy()
-            spectrum = np.fft.fft2(error) / points**2
-            held = np.maximum(np.abs(self.k_g), np.abs(self.k_b)) < points / 2
+            error[path] = self._map.sign * answers.rotation_arcsec
+            spectrum = np.fft.fft2(error.reshape(points, points)) / points**2
             found.append(np.where(held, 2 * spectrum[self.k_g % points, self.k_b % points], 0))
         return np.array(found)

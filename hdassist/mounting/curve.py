@@ -233,11 +233,11 @@ def _searched(
 ) -> tuple[Array, Certificate]:
     """F'_ior [arcsec] of extremes that were proposed and proven, shape (torques, rotations).
 
-    Argument: maps that propose them, of each torque and rotation, by default solved.
+    Argument: maps of a drive that is alike, of each torque and rotation, by default none.
     """
-    estimates = [np.array(each) for each in maps] if maps else [None] * len(torques)
+    alike = [np.array(each) for each in maps] if maps else [None] * len(torques)
     batch = Batch.turned(drive, rotations)
-    found = [ErrorMap(drive, M_g).many_extremes(batch, each) for M_g, each in zip(torques, estimates, strict=True)]
+    found = [ErrorMap(drive, M_g).many_extremes(batch, alike=each) for M_g, each in zip(torques, alike, strict=True)]
     return np.array([each.F_ior_arcsec for each in found]), sum((each.certificate for each in found), EMPTY)
 
 

@@ -55,7 +55,7 @@ def exact(small: Drive, batch: Batch) -> np.ndarray:
 def test_they_are_those_of_every_state(small: Drive, table: ErrorTable, batch: Batch, exact: np.ndarray) -> None:
     search = ErrorMap(small, 1.0, formulate(contact_system(small)))
     estimates = estimates_of(table, search, batch)
-    found = search.many_extremes(batch, estimates)
+    found = search.many_extremes(batch, alike=estimates)
     read = np.ptp(estimates, axis=(1, 2))
     assert np.abs(read - exact).max() > 0.5, "the table alone is worse, or this shows nothing"
     assert np.abs(found.F_ior_arcsec - exact).max() < 1e-6
@@ -66,7 +66,7 @@ def test_they_are_those_of_every_state(small: Drive, table: ErrorTable, batch: B
 def test_the_states_are_the_extremes(small: Drive, table: ErrorTable, batch: Batch) -> None:
     search = ErrorMap(small, 1.0, formulate(contact_system(small)))
     one = batch.take(np.array([5]))
-    found = search.many_extremes(one, estimates_of(table, search, one))
+    found = search.many_extremes(one, alike=estimates_of(table, search, one))
     drive = small.with_values({p: float(v[5]) for p, v in batch.columns.items()})
     error = kinematic_error(drive, 1.0, run=UNCHECKED)
     assert {int(found.at_max[0]), int(found.at_min[0])} == {error.at_max, error.at_min}
@@ -80,9 +80,9 @@ def test_a_drive_has_the_same_digits_alone_and_with_its_table_from_another_drive
     search = ErrorMap(softer, 1.0, formulate(contact_system(softer)), like=like.fresh)
     rows = np.array([2, 7])
     part = batch.take(rows)
-    found = search.many_extremes(part, estimates_of(table, search, part)).F_ior_arcsec
+    found = search.many_extremes(part, alike=estimates_of(table, search, part)).F_ior_arcsec
     again = ErrorMap(softer, 1.0, formulate(contact_system(softer)), like=like.fresh)
-    assert (again.many_extremes(part, estimates_of(table, again, part)).F_ior_arcsec == found).all()
+    assert (again.many_extremes(part, alike=estimates_of(table, again, part)).F_ior_arcsec == found).all()
     for row, value in zip(rows, found, strict=True):
         drive = softer.with_values({p: float(v[row]) for p, v in batch.columns.items()})
         assert value == pytest.approx(kinematic_error(drive, 1.0, run=UNCHECKED).F_ior_arcsec, abs=1e-6)

@@ -112,7 +112,7 @@ def test_a_state_that_cannot_be_trusted_is_named_by_its_deviations(small: Drive)
 def test_between_its_points_it_is_straight_and_others_count_by_their_slopes() -> None:
     sizes, weights = np.array([0.04, 0.04, 0.06, 0.06]), np.array([100.0, -200.0, 300.0, 400.0])
     grid = np.stack(np.meshgrid(*(np.linspace(-size, size, 3) for size in sizes), indexing="ij"), axis=-1)
-    reach = Reach((0, 1, 2, 3), sizes, (4, 5), np.array([0.01, 0.01]))
+    reach = Reach((0, 1, 2, 3), sizes, (4, 5))
     slopes = np.stack([np.full((3, 3, 3, 3), slope) for slope in (50.0, -70.0)])
     made = ErrorTable(load_preset(SMALL), grid @ weights, slopes, reach, 5, EMPTY)
     at = np.array([[0.01, -0.03, 0.02, 0.05], [0.0, 0.04, 0.0, -0.06]])
