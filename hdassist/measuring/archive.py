@@ -21,7 +21,7 @@ from hdassist.errors import DataError, UsageError
 from hdassist.json_parts import Json
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.preset.kinds import OneLine
-from hdassist.run.kept import KeptOwner, Magnitude, Number, RecordKind, open_kept, own_schema, read_kept, why_invalid
+from hdassist.run.kept import KeptOwner, RecordKind, open_kept, own_schema, read_kept, why_invalid
 from hdassist.textfile import read_bytes
 from hdassist.version import __version__
 
@@ -31,6 +31,7 @@ MAX_ARCHIVE_BYTES = 1_000_000_000
 WRITERS_WAIT = 30.0  # s, for each other
 CHANGED = 0.05  # probability: a spread of less, over all comparisons of a drive together, is a change
 DAYS_A_YEAR = 365.25
+Arcsec = Annotated[float, Field(strict=True, ge=0, le=1e7)]
 CONDITIONS = {
     "hole": "hole",
     "torque": "M_g_Nm",
@@ -60,10 +61,10 @@ class ArchiveEntry:
     file: OneLine
     sha256: str
     direction: Literal[1, -1]
-    F_ior_arcsec: Number
-    standard_uncertainty_arcsec: Annotated[Magnitude, Field(gt=0)]
-    low_arcsec: Number
-    high_arcsec: Number
+    F_ior_arcsec: Arcsec
+    standard_uncertainty_arcsec: Annotated[Arcsec, Field(ge=1e-9)]
+    low_arcsec: Arcsec
+    high_arcsec: Arcsec
     F_ior_is_lower_bound: bool
     unstated: tuple[str, ...]
 
@@ -84,8 +85,8 @@ class DriveHistory:
     chi_square: float
     probability: float
     is_changed: bool
-    trend_arcsec: float | None
-    trend_uncertainty_arcsec: float | None
+    trend_arcsec_per_year: float | None
+    trend_uncertainty_arcsec_per_year: float | None
 
 
 def read_conditions(serial: str, texts: Sequence[str]) -> Json:
@@ -137,7 +138,9 @@ def read_archive(folder: str, serial: str) -> list[ArchiveEntry]:
 
     Raises DataError: no archive, an entry that does not hold, or none of the drive.
     """
-    data, name = read_bytes(Path(folder) / ARCHIVE_FILE, MAX_ARCHIVE_BYTES)
+    data, name = read_bytes(Path(folder) / ARCHIVE_FILE, MAX_ARCHIVE_BYTES + 1)
+    if len(data) > MAX_ARCHIVE_BYTES:
+        raise DataError(f"{name} is larger than {MAX_ARCHIVE_BYTES / 1e6:g} MB", "begin another archive")
     entries = read_kept(data, name, ENTRIES) or []
     own = sorted((each for each in entries if each.serial == serial), key=lambda each: each.date)
     if not own:

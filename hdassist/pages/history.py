@@ -35,7 +35,7 @@ def history_report(serial: str, archive: str, entries: Sequence[ArchiveEntry]) -
     return Report(
         command="measure-history",
         drive=None,
-        head=f"{serial}, {len(entries)} measurements in {archive}",
+        head=f"{serial} in {archive}, measured {len(entries)} times",
         verdict=verdict,
         why=tuple(map(_sentence, found)),
         blocks=(
@@ -59,10 +59,10 @@ def _sentence(found: DriveHistory) -> str:
     values = [each.F_ior_arcsec for each in found.entries]
     words = f"{_place(found)}: {min(values):.2f} to {max(values):.2f} arcsec"
     words += f"; unchanged drives spread so in {100 * found.probability:.2g} % of cases"
-    if found.trend_arcsec is None or found.trend_uncertainty_arcsec is None:
+    if found.trend_arcsec_per_year is None or found.trend_uncertainty_arcsec_per_year is None:
         return words
-    reach = COVERAGE_FACTOR * found.trend_uncertainty_arcsec
-    return f"{words}; trend {found.trend_arcsec:+.2f} ± {reach:.2f} arcsec a year"
+    reach = COVERAGE_FACTOR * found.trend_uncertainty_arcsec_per_year
+    return f"{words}; trend {found.trend_arcsec_per_year:+.2f} ± {reach:.2f} arcsec a year"
 
 
 def _facts(entries: Sequence[ArchiveEntry]) -> Iterator[tuple[str, str]]:

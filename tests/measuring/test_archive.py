@@ -63,7 +63,9 @@ def test_an_archive_as_its_users_meet_it(tmp_path):
     assert told["entries"][2]["F_ior_arcsec"] > 1.1 * told["entries"][0]["F_ior_arcsec"]
     page = run(*asked, cwd=tmp_path)
     assert (page.returncode, page.stderr) == (0, "")
-    assert page.stdout.startswith("17-1, 3 measurements in rig: changed by more than its uncertainty\nhole h4, 80 N·m")
+    assert page.stdout.startswith(
+        "17-1 in rig, measured 3 times: changed by more than its uncertainty\nhole h4, 80 N·m"
+    )
     assert max(map(len, page.stdout.splitlines())) <= 80
     assert run(*asked, "--csv", "-", cwd=tmp_path).stdout.count("\n") == 4
 
@@ -103,6 +105,13 @@ def test_entries_of_other_versions_are_read_and_those_of_another_schema_are_name
         (known.version, "2026-01-01"), ("9.0.0", "2027-01-01"),
     ]  # fmt: skip
     assert not add_to_archive(folder, read_conditions("17-1", []), measured)
+    for name, value in (("standard_uncertainty_arcsec", 0.0), ("date", "soon"), ("F_ior_arcsec", 1e300)):
+        before = path.read_bytes()
+        with open_kept(str(path), OWNER, ANYTHING) as kept:  # a checksum that holds
+            kept.append([{**later, name: value}])
+        with pytest.raises(DataError, match=rf"archive\.jsonl:4: invalid record: {name}"):
+            read_archive(folder, "17-1")
+        path.write_bytes(before)
     with open_kept(str(path), OWNER, ANYTHING) as kept:
         kept.append([{**later, "schema": "hdassist.archive/2"}])
     with pytest.raises(DataError, match=r"archive\.jsonl:4: invalid record: schema: hdassist\.archive/2, where this"):
@@ -151,7 +160,7 @@ def test_only_what_is_alike_and_whole_is_compared():
     assert [each.F_ior_arcsec for each in found.entries] == [20.0, 20.5]
     assert found.chi_square == pytest.approx(0.5)  # (0.5 / 0.5)^2 / 2
     assert found.probability == pytest.approx(0.4795, abs=1e-4)
-    assert (found.is_changed, found.trend_arcsec) == (False, None)
+    assert (found.is_changed, found.trend_arcsec_per_year) == (False, None)
     page = on_paper(history_report("17-1", "rig", [entry(), *more, entry(F_ior=20.5)]))
     assert "no change beyond its uncertainty" in page
     assert "left out 1 of a part of the cycle" in " ".join(page.split())
@@ -167,9 +176,9 @@ def test_a_change_is_told_from_chance_and_its_trend_is_held():
         same = [entry(d, 20 + noise[k, i], hole=f"h{k}") for k in range(3) for i, d in enumerate(days)]
         false += any(each.is_changed for each in histories(same))
         (worn,) = histories([entry(d, v) for d, v in zip(days, 20 + 2 * years + noise[0], strict=True)])
-        assert worn.trend_arcsec is not None
-        assert worn.trend_uncertainty_arcsec is not None
-        held += abs(worn.trend_arcsec - 2) < 2 * worn.trend_uncertainty_arcsec
+        assert worn.trend_arcsec_per_year is not None
+        assert worn.trend_uncertainty_arcsec_per_year is not None
+        held += abs(worn.trend_arcsec_per_year - 2) < 2 * worn.trend_uncertainty_arcsec_per_year
         seen += worn.is_changed
     assert false < 0.08 * count  # 5 % are meant
     assert held > 0.93 * count
