@@ -62,7 +62,7 @@ class ClosedRecord:
 class KeptOwner(ClosedRecord):
     """What decides the records of a file: command, inputs (SHA-256 of each), options, seed and version of hdassist.
 
-    preset: name of the drive, empty where there are several; version: empty where each record has its own.
+    preset: name of the drive, empty where there are several; inputs and version: empty where each record has its own.
     """
 
     schema: Literal["hdassist.kept/1"] = KEPT_SCHEMA
@@ -73,13 +73,13 @@ class KeptOwner(ClosedRecord):
     options: Mapping[str, Any] = field(default_factory=dict)
     seed: int | None = None
 
-    def require_same(self, now: KeptOwner, path: str, *, any_inputs: bool) -> None:
+    def require_same(self, now: KeptOwner, path: str) -> None:
         """Raise UsageError, with what differs, where the records of a file are not those of the owner now."""
         before, after = (_flat(json.loads(json.dumps(asdict(owner)))) for owner in (self, now))
         differences = [
             f"{key}: {_short(before.get(key))} there, {_short(after.get(key))} here"
             for key in sorted(before.keys() | after.keys())
-            if before.get(key) != after.get(key) and not (any_inputs and key.startswith("inputs."))
+            if before.get(key) != after.get(key)
         ]
         if differences:
             raise UsageError(f"{path} holds the work of another run: {'; '.join(differences)}", _OTHER_FILE)
@@ -200,10 +200,10 @@ class Kept(Generic[RecordT]):
         self._begin, self._first = len(line), _checksum_of(line)
         self._checksum = self._first
 
-    def take_up(self, *, any_inputs: bool) -> None:
+    def take_up(self) -> None:
         """Count the records that are there, and drop a last line that is not finished.
 
-        any_inputs: whether they may come from other inputs than this run's. Raises UsageError: they are of another
+        Raises UsageError: they are of another
         run, or none of ours; DataError: one that does not hold.
         """
         name = str(self._path)
@@ -211,7 +211,7 @@ class Kept(Generic[RecordT]):
         if not first.endswith(b"\n") and _sealed(asdict(self._owner), b"").startswith(first):
             return self.begin()  # nothing, or what a run that was killed has begun to write
         found, above = _owner_of(first, name)
-        found.require_same(self._owner, name, any_inputs=any_inputs)
+        found.require_same(self._owner, name)
         self._begin = self._size = len(first)
         self._first = self._checksum = above
         for _, line in self._kind.read(_lines(self._descriptor, self._begin), above, name):
@@ -243,14 +243,12 @@ def open_kept(
     kind: RecordKind[RecordT],
     *,
     force: bool = False,
-    any_inputs: bool = False,
     patience: float = LOCK_PATIENCE,
 ) -> Iterator[Kept[RecordT]]:
     """A file to which records are added, behind those that a run before it has left there; one run at a time holds it.
 
     Arguments: path, None for a file without a name that goes when it is closed; owner of this run; kind of its records;
-    force, whether whatever is there is replaced; any_inputs, whether records from other inputs are taken up as well,
-    because each says what it comes from; patience [s], with another run that holds it.
+    force, whether whatever is there is replaced; patience [s], with another run that holds it.
     Raises UsageError: the file holds anything else than the work of this owner, or another run writes it; DataError: it
     cannot be written, has a record that does not hold, or is removed or cut while it is written.
     """
@@ -259,7 +257,7 @@ def open_kept(
         if force:
             kept.begin()
         else:
-            kept.take_up(any_inputs=any_inputs)
+            kept.take_up()
         yield kept
         kept.require_there()
     finally:
