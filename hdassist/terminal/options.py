@@ -18,6 +18,7 @@ from hdassist.numerals import number_of
 
 if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
+    from hdassist.measuring.reading import Reading
     from hdassist.preset.fields import Drive
     from hdassist.readers.trace import TraceForm
     from hdassist.readers.wheels import WheelFiles
@@ -301,6 +302,13 @@ class TraceOptions(OptionGroup):
         from hdassist.readers.trace import TraceForm
 
         return TraceForm(**{each.name: getattr(self, each.name) for each in fields(TraceForm)})
+
+    def reading(self) -> "Reading":
+        """How files are read and looked at."""
+        from hdassist.measuring.reading import Reading
+
+        given = {each.name: getattr(self, each.name) for each in fields(Reading)}
+        return Reading(**{**given, "budget": tuple(self.budget)})
 
 
 @dataclass(frozen=True, kw_only=True)
