@@ -17,6 +17,7 @@ from hdassist import load_preset, trace
 from hdassist.comparing.compare import compare
 from hdassist.comparing.record import Alignment
 from hdassist.comparing.vectors import VECTORS, size_and_direction, vectors_of, with_vectors
+from hdassist.measuring.measure import measure
 from hdassist.run.run import UNCHECKED
 from tests.rigs import recorded, slow_noise
 
@@ -41,7 +42,8 @@ def rig(seed: int) -> None:
     count = len(error.states)
     noise = slow_noise(rng, count, NOISE, 0.8) if seed % 5 == 3 else NOISE * rng.standard_normal(count)
     record = recorded(error.states.phi_h / (2 * np.pi), error.error_arcsec + noise)
-    result = compare(record, drive, M_G, asked=Alignment(start_deg=start if given else 0.0, fitted=(not given, False)))
+    found = measure(record, drive=drive, together=True)
+    result = compare(found, drive, M_G, asked=Alignment(start_deg=start if given else 0.0, fitted=(not given, False)))
     words = [f"rig {seed}: {turns} turns, start {'given' if given else 'fitted'}: {result.conclusion.kind}"]
     if result.conclusion.best:
         words.append("+".join(result.conclusion.best.deviations))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from hdassist.acceptance.decision import Decision
 from hdassist.acceptance.predictions import Predictions
@@ -26,7 +26,7 @@ from hdassist.json_parts import (
 )
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.kinds import OneLine
-from hdassist.run.kept import ClosedRecord, RecordKind, read_kept, why_invalid
+from hdassist.run.kept import ClosedRecord, RecordKind, own_schema, read_kept, why_invalid
 from hdassist.textfile import PART, STDIN, opened
 from hdassist.verdict import Verdict
 from hdassist.visible import printable
@@ -34,12 +34,6 @@ from hdassist.visible import printable
 MOST_ANSWER_BYTES = 1_000_000_000
 ACCEPT_SCHEMA = schema_of("accept")
 BROKEN_VERDICT = "BROKEN"  # in place of a verdict, of a drive without an answer
-
-
-def _require_schema(schema: str) -> str:
-    if schema != ACCEPT_SCHEMA:
-        raise ValueError(f"{schema[:60]}, where this version of hdassist reads and writes {ACCEPT_SCHEMA}")
-    return schema
 
 
 @dataclass(frozen=True)
@@ -78,7 +72,7 @@ class AcceptAnswer(ClosedRecord):
     to_measure, samples and pitch (wheels with measured teeth): of its predictions, as `hdassist check` has them.
     """
 
-    schema: Annotated[str, AfterValidator(_require_schema)] = ACCEPT_SCHEMA
+    schema: Annotated[str, own_schema(ACCEPT_SCHEMA)] = ACCEPT_SCHEMA
     version: OneLine
     preset: PresetRecord
     exit_code: int

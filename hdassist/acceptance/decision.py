@@ -9,7 +9,7 @@ of keeping the limit over all that is not known exactly. That is no decision on 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from hdassist.acceptance.checks import Extent
@@ -108,8 +108,8 @@ def decide(limit: Limit, found: AcceptedValue, rule: Rule, sure: float) -> Decis
     margin = None if found.value is None else limit.room(found.value)
     verdict, reason = _verdict(found, margin, guard, rule, sure)
     return Decision(
-        **{each.name: getattr(limit, each.name) for each in fields(Limit)},
-        **{each.name: getattr(found, each.name) for each in fields(AcceptedValue)},
+        **vars(limit),
+        **vars(found),
         guard=guard,
         limit_is="greatest" if limit.check.upper else "least",
         margin=margin,

@@ -9,7 +9,7 @@ field of the request, its cells add to that what the option would, and their fau
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -37,25 +37,17 @@ _UNUSED = re.compile(r"#|note", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class NamedCell:
-    """A cell of a row: its name in messages (FILE:LINE:COLUMN: heading), its text, how messages call what it gives."""
-
-    name: str
-    text: str
-    called: str
-
-
-@dataclass(frozen=True)
 class LotRow:
     """One drive to accept: its request, its place (FILE:LINE; None: no row of a lot).
 
-    fault: of the row itself; then the request is not to be carried out. cells: those that set options.
+    fault: of the row itself; then the request is not to be carried out. cells: those that set options, their names in
+    messages (FILE:LINE:COLUMN: heading) and texts by how messages call what they set.
     """
 
     request: Request
     place: str | None = None
     fault: HdassistError | None = None
-    cells: tuple[NamedCell, ...] = field(default=(), compare=False)
+    cells: Mapping[str, tuple[str, str]] = field(default_factory=dict, compare=False)
 
     def message(self, error: HdassistError) -> str:
         """The message of an error, naming cells of the row in place of options."""
@@ -67,13 +59,13 @@ class LotRow:
 
     def _in_cell(self, line: str) -> str:
         """A line of a message, with the cell in place of the option that it names."""
-        named = [cell for cell in self.cells if cell.called in line]
-        if not named:
+        called = max((each for each in self.cells if each in line), key=len, default="")
+        if not called:
             return line
-        cell = max(named, key=lambda cell: len(cell.called))
-        rest = line.partition(f"{cell.called}: ")[2]
-        got = "" if not rest or "(got " in rest else f" (got {shown(cell.text)})"
-        return f"{cell.name}: {rest or line}{got}"
+        name, text = self.cells[called]
+        rest = line.partition(f"{called}: ")[2]
+        got = "" if not rest or "(got " in rest else f" (got {shown(text)})"
+        return f"{name}: {rest or line}{got}"
 
 
 @dataclass(frozen=True)
@@ -158,7 +150,8 @@ def _row(
     line, cells = table.rows[place]
     folder = Path() if table.file == STDIN else Path(table.file).parent
     given: dict[str, Any] = {"serial": "" if ("serial", "") in columns else f"line {line}"}
-    named, faults = [], []
+    named: dict[str, tuple[str, str]] = {}
+    faults = []
 
     def wrong(column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
         faults.append(Finding(table.file, line, column, path, message, shown(got), hint))
@@ -184,7 +177,7 @@ def _row(
             continue
         given[gives] = (*given.get(gives, getattr(base, gives)), start + text) if gives in LISTS else text
         called = text if gives in FILE_COLUMNS else f"--{gives.replace('_', '-')}" if not start else start + text
-        named.append(NamedCell(f"{table.file}:{line}:{cell.column}: {shown(name)}", cell.text, called))
+        named.setdefault(called, (f"{table.file}:{line}:{cell.column}: {shown(name)}", cell.text))
     if not given["serial"]:
         wrong(1, "serial", "missing", hint="each drive needs its serial; without the column its line is its name")
         given["serial"] = f"line {line}"
@@ -196,4 +189,4 @@ def _row(
     request = replace(base, **given, wheels=replace(base.wheels, **wheels))
     if not request.preset:
         wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")
-    return LotRow(request, f"{table.file}:{line}", PresetError(faults) if faults else None, tuple(named))
+    return LotRow(request, f"{table.file}:{line}", PresetError(faults) if faults else None, named)

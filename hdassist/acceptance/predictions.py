@@ -47,18 +47,19 @@ class PredictedQuantities:
     stiffness: Stiffness | None
 
     @property
+    def parts(self) -> tuple[KinematicError | SelfError | Stiffness, ...]:
+        """All that was predicted."""
+        return (*self.errors.values(), *self.self_errors.values(), *filter(None, (self.stiffness,)))
+
+    @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states."""
-        parts = [error.certificate for error in self.errors.values()]
-        parts += [own.certificate for own in self.self_errors.values()]
-        return sum(parts, self.stiffness.certificate if self.stiffness else EMPTY)
+        return sum((part.certificate for part in self.parts), EMPTY)
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
         """Cross-checks by another solver."""
-        found = [error.cross_check for error in self.errors.values()]
-        found += [self.stiffness.cross_check] if self.stiffness else []
-        return tuple(cross_check for cross_check in found if cross_check)
+        return tuple(filter(None, (getattr(part, "cross_check", None) for part in self.parts)))
 
     def turn_range(self, M_g: float) -> float:
         """Greatest range [arcsec] of the error at a torque [N*m] within one cam turn of the full cycle."""

@@ -15,16 +15,14 @@ from hdassist.acceptance.limits import Limit, LimitText, limits_of, load_limited
 from hdassist.acceptance.predictions import Predictions, order_place, predict
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.errors import DataError, UsageError
-from hdassist.measuring.measure import Measurement, measure, require_drift
-from hdassist.measuring.orders import parse_orders
-from hdassist.measuring.uncertainty import parse_stated
+from hdassist.measuring.measure import Measurement
+from hdassist.measuring.reading import Reading
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import OneLine
 from hdassist.preset.overrides import is_overridden
-from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
@@ -32,15 +30,6 @@ from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE
 
 FailOn = Literal["warn", "fail", "never"]
-
-
-@dataclass(frozen=True)
-class Reading(ClosedRecord, TraceForm):
-    """How measured traces are read and looked at: the options of `hdassist measure`."""
-
-    orders: str | None = None
-    drift: str = "none"
-    budget: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -111,9 +100,6 @@ class Request(ClosedRecord):
 
     def require_sound(self) -> None:
         """Raise UsageError for parts that every drive of a lot would be refused for, or the fault of their preset."""
-        parse_stated(self.reading.budget)
-        parse_orders(self.reading.orders or None)
-        require_drift(self.reading.drift)
         self.reading.require_sound()
         if self.preset:
             self.load()
@@ -141,15 +127,8 @@ class Request(ClosedRecord):
         PresetError or DataError for a file that cannot be used; UntrustedError where a record does not tell its orders
         apart.
         """
-        reading, ratio = self.reading, abs(Kinematics.of(drive).u)
-        orders, stated = parse_orders(reading.orders or None), parse_stated(reading.budget)
-        measurements = {
-            M_g: measure(
-                read_trace(file, reading, ratio), drive=drive, orders=orders, drift=reading.drift, stated=stated,
-                seed=self.seed,
-            )
-            for M_g, file in self.traces(drive).items()
-        }  # fmt: skip
+        files = self.traces(drive).items()
+        measurements = {M_g: self.reading.measured(file, drive, seed=self.seed) for M_g, file in files}
         return Inputs(drive, measurements, stated_values(self.values, drive), self.read_wheels(drive))
 
     def read_wheels(self, drive: Drive) -> MeasuredTeeth | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -154,7 +154,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
 
     def request(self) -> Request:
         """The request that every drive gets. Raises UsageError for an invalid limit."""
-        from hdassist.acceptance.request import Reading, Request
+        from hdassist.acceptance.request import Request
 
         return Request(
             self.preset,
@@ -163,7 +163,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             limits=tuple(map(str, o.limits_of_options(self.limit))),
             measured=tuple(self.measured),
             values=tuple(self.value),
-            reading=Reading(**asdict(self.form()), orders=self.orders, drift=self.drift, budget=tuple(self.budget)),
+            reading=self.reading(),
             measured_only=self.measured_only,
             cross_check=self.cross_check,
             seed=self.seed,

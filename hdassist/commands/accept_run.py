@@ -31,6 +31,8 @@ from hdassist.terminal.runs import give, run_each
 from hdassist.terminal.wheels import say_notes
 from hdassist.verdict import worst_exit_code
 
+ACCEPT_OWNER = KeptOwner(command="accept", inputs={})  # each answer has the files that it comes from
+
 
 def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions) -> int:
     """Accept drives one after the other; returns the exit code.
@@ -80,8 +82,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
     for file in (file for row in lot.rows for file in row.request.files()):
         note_input(file)
     done: list[AcceptAnswer] = []
-    owner = KeptOwner(command="accept", inputs={"lot": lot.sha256})
-    with open_kept(options.lines_file, owner, ANSWERS, force=not options.resume, any_inputs=True) as kept:
+    with open_kept(options.lines_file, ACCEPT_OWNER, ANSWERS, force=not options.resume) as kept:
         known = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
         before, is_known = kept.done, sum(map(bool, known))
 

@@ -78,11 +78,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
 
         from hdassist.comparing.compare import FIT_STATES, compare, torque_of, zero_of
         from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment
-        from hdassist.measuring.orders import parse_orders
-        from hdassist.measuring.uncertainty import parse_stated
-        from hdassist.model.kinematics import Kinematics
         from hdassist.pages.compare import comparison_report
-        from hdassist.readers.trace import read_trace
         from hdassist.run.run import Run
         from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.answers import failure
@@ -93,18 +89,15 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         start, given_zero = o.degrees_or_fit("--phi-g0", self.start), o.degrees_or_fit("--cam-zero", self.zero or "0")
         sign = 1.0 if self.error_is == ERROR_SIGNS[1.0] else -1.0
         sense = 1.0 if self.cam_sense == SENSES[1.0] else -1.0
-        orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
-        how = partial(compare, orders=orders, drift=self.drift, stated=stated)
-        drive = self.load(self.preset)
-        M_g, form = torque_of(drive), self.form()
+        drive, reading = self.load(self.preset), self.reading()
+        M_g = torque_of(drive)
 
         def one(name: str) -> Report:
-            trace = read_trace(name, form, abs(Kinematics.of(drive).u))
-            zero = given_zero if self.zero else zero_of(trace, drive, start)
+            found = reading.measured(name, drive, seed=self.seed, together=True)
+            zero = given_zero if self.zero else zero_of(found.trace, drive, start)
             asked = Alignment(start or 0.0, zero or 0.0, sign, sense, (start is None, zero is None))
-            with out.progress(f"{drive.name}, {trace.file}", FIT_STATES) as progress:
-                run = Run(progress=progress, seed=self.seed)
-                analysis = partial(how, trace, M_g=M_g, asked=asked, run=run)
+            with out.progress(f"{drive.name}, {found.trace.file}", FIT_STATES) as progress:
+                analysis = partial(compare, found, M_g=M_g, asked=asked, run=Run(progress=progress))
                 result = in_wide_enough_window(drive, analysis)
             return comparison_report(result)
 

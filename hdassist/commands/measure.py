@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdassist.commands.archive_options import ArchiveOptions
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeasureCommand(o.FigureOptions, o.TraceOptions):
+class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
     """F'_ior, orders and coverage of measured traces, with their uncertainty.
 
     \b
@@ -24,13 +25,20 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions):
       hdassist measure run.csv --ratio 100 --error err_mdeg --drift linear
       hdassist measure run.csv --ratio 99.5 --angle enc1 --second enc2
       zcat run.csv.gz | hdassist measure - --ratio 100 --orders 1-6 --json
+      hdassist measure run.csv --drive own.yaml --archive rig1 --serial 17-042
+      hdassist measure --history 17-042 --archive rig1
 
     A file has a column of angles and one of errors, or of a second encoder. F'_ior is the range of the error limited to
     the orders, without what noise adds; it is a lower bound unless the full cycle was visited. Each direction stands by
     itself. Exit codes: 0, 4 bad file, 5 orders or F'_ior that the record does not tell.
     """
 
-    files: o.Traces
+    files: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="[FILE]...", default_factory=list, show_default=False, help="Measured traces, or - for stdin."
+        ),
+    ]
     preset: Annotated[
         str | None, typer.Option("--drive", metavar="PRESET", help="The drive: ratio, cycle, causes of orders.")
     ] = None
@@ -54,7 +62,9 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions):
         from hdassist.terminal.runs import give, run_each
 
         o.stdin_once(*self.files, self.preset)
-        out = self.open()
+        out, take = self.open(), self.archiving(self.files)
+        if self.history is not None:
+            return give("measure-history", [self.history_report(self.history)], self, out)
         stated, orders = parse_stated(self.budget), parse_orders(self.orders or None)
         drive = load_preset(self.preset) if self.preset is not None else None
         gearing = gearing_of(drive, self.ratio)
@@ -67,6 +77,7 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions):
                 trace, drive=drive, ratio=self.ratio, orders=orders, drift=self.drift, stated=stated, seed=self.seed
             )
             done.append(result)
+            take(result)
             return measure_report(result, drive)
 
         answers = run_each("measure", self.files, one, self, failed=lambda name, e: failure("measure", e, file=name))

@@ -59,19 +59,16 @@ class TrialsCommand(
     def run(self) -> int:
         """Weigh the trials; returns the exit code."""
         from hdassist.errors import UsageError
-        from hdassist.measuring.orders import parse_orders
-        from hdassist.measuring.uncertainty import parse_stated
         from hdassist.pages.trials import trials_card_facts, trials_report
         from hdassist.terminal.runs import note_time
         from hdassist.trials.advice import advise_from_trials
         from hdassist.trials.prior import Rig, TrialEffort, trial_states
-        from hdassist.trials.record import RecordReading, read_trial_or_record
+        from hdassist.trials.record import read_trial_or_record
 
         out = self.open()
         card = CardFile.asked(self, self, out)
         drive, weights = self.load(self.preset), self.numbers()
-        stated, orders = parse_stated(self.budget), parse_orders(self.orders or None)
-        reading = RecordReading(self.form(), orders, self.drift, stated, self.seed)
+        reading = self.reading()
         if self.verify is not None and card:
             raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
         torques, begun = drive.operation.M_g, time.monotonic()
@@ -80,11 +77,11 @@ class TrialsCommand(
         analysis = partial(
             advise_from_trials,
             drive,
-            [read_trial_or_record(text, drive, reading) for text in self.trials],
+            [read_trial_or_record(text, drive, reading, self.seed) for text in self.trials],
             rig,
             outcome=None
             if self.verify is None
-            else read_trial_or_record(self.verify, drive, reading, drive.mounting.allowed),
+            else read_trial_or_record(self.verify, drive, reading, self.seed, drive.mounting.allowed),
             criterion=self.criterion,
             weights=weights,
             needed=self.sure,

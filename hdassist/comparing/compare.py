@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -23,7 +23,7 @@ from hdassist.comparing.vectors import VECTORS
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.measuring.fit import curve_of
-from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult, drift_of, measure
+from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult, drift_of
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
@@ -111,33 +111,20 @@ def zero_of(trace: MeasuredTrace, drive: Drive, start_deg: float | None) -> floa
     return None if start_deg is None else -Kinematics.of(drive).u * start_deg
 
 
-def compare(
-    trace: MeasuredTrace,
-    drive: Drive,
-    M_g: float,
-    *,
-    asked: Alignment,
-    orders: Sequence[float] | None = None,
-    drift: str = "none",
-    stated: Mapping[str, float] | None = None,
-    run: Run = Run(),
-) -> Comparison:
+def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignment, run: Run = Run()) -> Comparison:
     """Compare a measured trace with a drive at a torque M_g [N*m].
 
-    Arguments: asked, how the file counts; orders per cam turn to keep (None: 1 to 12); drift to take off: none, linear
-    or quadratic; stated, standard uncertainties of F'_ior [arcsec] by source. Both directions count as one, each with
-    its own level: the model knows no friction. Raises UsageError for rolling balls and for invalid orders, drift or
-    sources; UntrustedError where the record does not resolve its orders, or an answer cannot be trusted.
+    Arguments: measurement, of both directions as one, each with its own level: the model knows no friction; asked, how
+    the file counts. Raises UsageError for rolling balls; UntrustedError where an answer cannot be trusted.
     """
     torus = ErrorWaves(drive, M_g, run)
-    measurement = measure(trace, drive=drive, orders=orders, drift=drift, stated=stated, seed=run.seed, together=True)
     sweep = measurement.directions[0]
     doubt = partial(doubtful_waves, M_g=M_g, torus=torus, run=run)
 
     changes = doubt(drive)
 
     def fitted(asked: Alignment) -> tuple[VectorFitter, VectorFit]:
-        record = RecordedOrders(sweep, torus, Kinematics.of(drive), asked.of_file(trace, drive))
+        record = RecordedOrders(sweep, torus, Kinematics.of(drive), asked.of_file(measurement.trace, drive))
         return VectorFitter(drive, record, torus, doubt, asked.fitted).doubted(changes)
 
     fitter, base = fitted(asked)

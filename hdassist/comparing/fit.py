@@ -81,7 +81,8 @@ class VectorFitter:
 
     def base(self) -> VectorFit:
         """The drive as it is, with start and zero fitted as far as they are free."""
-        unknowns = np.concatenate([vectors_of(self.drive).view(float), self.record.alignment.angles])
+        given = self.record.alignment
+        unknowns = np.array([*vectors_of(self.drive).view(float), given.start_deg, given.zero_deg])
         unknowns[-2:], _ = self.record.scan(self._waves(unknowns, ())[0], unknowns[-2:])
         return self._descend(unknowns, ())
 

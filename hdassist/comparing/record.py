@@ -46,11 +46,6 @@ class Alignment:
     fitted: tuple[bool, bool] = (False, False)
 
     @property
-    def angles(self) -> Array:
-        """Start and zero [deg], shape (2,)."""
-        return np.array([self.start_deg, self.zero_deg])
-
-    @property
     def swapped(self) -> tuple[Alignment, ...]:
         """The record with its error, its cam angle, and both counted the other way."""
         ways = ((-1, 1), (1, -1), (-1, -1))
@@ -152,19 +147,17 @@ class RecordedOrders:
 
     def pairs(self, predicted: Array, difference: Array) -> tuple[OrderPair, ...]:
         """Each order beside predicted coefficients and the difference of both [arcsec], shape (2 orders,) each."""
-        pairs, count, exact = [], len(self.sweep.orders), EXACT * self.sweep.range.value
+        pairs, exact = [], EXACT * self.sweep.range.value
         for k, order in enumerate(self.sweep.orders):
-            own = [k, count + k]
-            cosine, sine = predicted[own]
-            size = float(np.hypot(*difference[own]))
-            block, along = self.covariance[np.ix_(own, own)], difference[own]
+            own = [k, k + len(self.sweep.orders)]
+            along, block = difference[own], self.covariance[np.ix_(own, own)]
+            size = float(np.hypot(*along))
             # the phase of a difference that is none is rounding alone: then the greatest over all phases
             variance = along @ block @ along / size**2 if size > exact else np.linalg.eigvalsh(block)[-1]
-            uncertainty = float(np.sqrt(variance))
+            wave = complex(*predicted[own])  # amplitude, and less the phase
+            prediction = OrderAmplitude(abs(wave), phase_deg=float(np.degrees(np.angle(wave.conjugate()))))
             measured = OrderAmplitude(order.amplitude_arcsec, order.uncertainty_arcsec, order.phase_deg)
-            phase = float(np.degrees(np.arctan2(-sine, cosine)))
-            prediction = OrderAmplitude(float(np.hypot(cosine, sine)), phase_deg=phase)
-            apart = OrderAmplitude(size, uncertainty)
+            apart = OrderAmplitude(size, float(np.sqrt(variance)))
             pairs.append(OrderPair(order.per_cam_rev, order.cause, measured, prediction, apart))
         return tuple(pairs)
 

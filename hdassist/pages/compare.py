@@ -9,7 +9,7 @@ import numpy as np
 
 from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison
 from hdassist.comparing.explanations import Explanation, VectorChange, equally_good
-from hdassist.comparing.record import ERROR_SIGNS, SENSES, OrderAmplitude, OrderPair
+from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmplitude, OrderPair
 from hdassist.json_parts import Json
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_notes
@@ -84,14 +84,18 @@ def comparison_report(result: Comparison) -> Report:
     )
 
 
+def _conventions(alignment: Alignment) -> Json:
+    """How error and cam angle of a file count, by the names of the options without dashes."""
+    return {"error_is": ERROR_SIGNS[alignment.sign], "cam_sense": SENSES[alignment.sense]}
+
+
 def _options(result: Comparison) -> list[str]:
     """Options that follow from the conclusion: how else to read the file, or the new values of deviations."""
-    best, own, mirror = result.conclusion.best, result.asked, result.mirror
-    if result.conclusion.kind == "mirrored" and mirror:
-        other = mirror.asked
-        options = {"--error-is": (ERROR_SIGNS, own.sign, other.sign), "--cam-sense": (SENSES, own.sense, other.sense)}
-        return [word for option, (names, now, then) in options.items() if now != then for word in (option, names[then])]
-    sets = best.overrides if best and result.conclusion.kind != "unexplained" else ()
+    conclusion, mirror = result.conclusion, result.mirror
+    if conclusion.kind == "mirrored" and mirror:
+        changed = _conventions(mirror.asked).items() - _conventions(result.asked).items()
+        return [word for key, value in sorted(changed) for word in (f"--{key.replace('_', '-')}", value)]
+    sets = conclusion.best.overrides if conclusion.best and conclusion.kind in ("one", "several") else ()
     return [word for text in sets for word in ("--set", text)]
 
 
@@ -240,7 +244,7 @@ def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
 def _values(result: Comparison) -> Json:
     trace, conclusion, alignment = result.measurement.trace, result.conclusion, result.unchanged.alignment
     best = conclusion.best
-    place: Json = {"error_is": ERROR_SIGNS[alignment.sign], "cam_sense": SENSES[alignment.sense]}
+    place = _conventions(alignment)
     for name, angle, u in _angles(result):
         place |= {f"{name}_deg": angle, f"{name}_uncertainty_deg": u, f"{name}_fitted": u is not None}
     mirror = result.mirror

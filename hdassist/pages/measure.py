@@ -160,7 +160,8 @@ def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]
     yield "measure", f"not in u: {', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
     if file != STDIN:
-        yield "next", again("compare", drive, file) if drive else shlex.join(["hdassist", "compare", "PRESET", file])
+        command, record = ("compare", file) if found.is_bound else ("trials", f"h0={file}")
+        yield "next", again(command, drive, record) if drive else shlex.join(["hdassist", command, "PRESET", record])
 
 
 def _with_beats(order: MeasuredOrder, orders: Sequence[MeasuredOrder]) -> str:

@@ -21,7 +21,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, TypeVar
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from hdassist.errors import DataError, Fault, UsageError
 from hdassist.run.stops import at_stop
@@ -41,6 +41,17 @@ Count = Annotated[int, Field(strict=True, ge=0)]
 RecordT = TypeVar("RecordT")
 
 
+def own_schema(own: str) -> AfterValidator:
+    """A validator of a record's schema, which refuses every other one by its name."""
+
+    def require(schema: str) -> str:
+        if schema != own:
+            raise ValueError(f"{schema[:60]}, where this version of hdassist reads and writes {own}")
+        return schema
+
+    return AfterValidator(require)
+
+
 class ClosedRecord:
     """What stands in a file of ours: nothing but its fields, and finite numbers."""
 
@@ -51,7 +62,7 @@ class ClosedRecord:
 class KeptOwner(ClosedRecord):
     """What decides the records of a file: command, inputs (SHA-256 of each), options, seed and version of hdassist.
 
-    preset: name of the drive, empty where there are several.
+    preset: name of the drive, empty where there are several; inputs and version: empty where each record has its own.
     """
 
     schema: Literal["hdassist.kept/1"] = KEPT_SCHEMA
@@ -62,13 +73,13 @@ class KeptOwner(ClosedRecord):
     options: Mapping[str, Any] = field(default_factory=dict)
     seed: int | None = None
 
-    def require_same(self, now: KeptOwner, path: str, *, any_inputs: bool) -> None:
+    def require_same(self, now: KeptOwner, path: str) -> None:
         """Raise UsageError, with what differs, where the records of a file are not those of the owner now."""
         before, after = (_flat(json.loads(json.dumps(asdict(owner)))) for owner in (self, now))
         differences = [
             f"{key}: {_short(before.get(key))} there, {_short(after.get(key))} here"
             for key in sorted(before.keys() | after.keys())
-            if before.get(key) != after.get(key) and not (any_inputs and key.startswith("inputs."))
+            if before.get(key) != after.get(key)
         ]
         if differences:
             raise UsageError(f"{path} holds the work of another run: {'; '.join(differences)}", _OTHER_FILE)
@@ -83,11 +94,12 @@ class RecordKind(Generic[RecordT]):
     """What the records of a file are.
 
     adapter: their type, closed and of finite numbers; fault: why a record cannot be the item of a number, empty where
-    it can.
+    it can; hint: what to do about one that does not hold.
     """
 
     adapter: TypeAdapter[RecordT]
     fault: Callable[[int, RecordT], str] = lambda _item, _record: ""
+    hint: str = "it was changed or damaged; without this line and all below it the same command goes on"
 
     def line(self, item: int, record: RecordT, above: bytes) -> bytes:
         """A record as its line; above, the checksum of the line above it."""
@@ -110,8 +122,7 @@ class RecordKind(Generic[RecordT]):
             except (ValueError, RecursionError) as error:
                 if _is_unfinished(line, b'{"item":%d,' % item):
                     return
-                hint = "it was changed or damaged; without this line and all below it the same command goes on"
-                raise DataError(f"{name}:{item + 2}: invalid record: {why_invalid(error)}", hint) from None
+                raise DataError(f"{name}:{item + 2}: invalid record: {why_invalid(error)}", self.hint) from None
             yield record, line
 
 
@@ -189,10 +200,10 @@ class Kept(Generic[RecordT]):
         self._begin, self._first = len(line), _checksum_of(line)
         self._checksum = self._first
 
-    def take_up(self, *, any_inputs: bool) -> None:
+    def take_up(self) -> None:
         """Count the records that are there, and drop a last line that is not finished.
 
-        any_inputs: whether they may come from other inputs than this run's. Raises UsageError: they are of another
+        Raises UsageError: they are of another
         run, or none of ours; DataError: one that does not hold.
         """
         name = str(self._path)
@@ -200,7 +211,7 @@ class Kept(Generic[RecordT]):
         if not first.endswith(b"\n") and _sealed(asdict(self._owner), b"").startswith(first):
             return self.begin()  # nothing, or what a run that was killed has begun to write
         found, above = _owner_of(first, name)
-        found.require_same(self._owner, name, any_inputs=any_inputs)
+        found.require_same(self._owner, name)
         self._begin = self._size = len(first)
         self._first = self._checksum = above
         for _, line in self._kind.read(_lines(self._descriptor, self._begin), above, name):
@@ -227,22 +238,26 @@ class Kept(Generic[RecordT]):
 
 @contextmanager
 def open_kept(
-    path: str | None, owner: KeptOwner, kind: RecordKind[RecordT], *, force: bool = False, any_inputs: bool = False
+    path: str | None,
+    owner: KeptOwner,
+    kind: RecordKind[RecordT],
+    *,
+    force: bool = False,
+    patience: float = LOCK_PATIENCE,
 ) -> Iterator[Kept[RecordT]]:
     """A file to which records are added, behind those that a run before it has left there; one run at a time holds it.
 
     Arguments: path, None for a file without a name that goes when it is closed; owner of this run; kind of its records;
-    force, whether whatever is there is replaced; any_inputs, whether records from other inputs are taken up as well,
-    because each says what it comes from. Raises UsageError: the file holds anything else than the work of this owner,
-    or another run writes it; DataError: it cannot be written, has a record that does not hold, or is removed or cut
-    while it is written.
+    force, whether whatever is there is replaced; patience [s], with another run that holds it.
+    Raises UsageError: the file holds anything else than the work of this owner, or another run writes it; DataError: it
+    cannot be written, has a record that does not hold, or is removed or cut while it is written.
     """
-    kept = Kept(path, _locked(path), owner, kind)
+    kept = Kept(path, _locked(path, patience), owner, kind)
     try:
         if force:
             kept.begin()
         else:
-            kept.take_up(any_inputs=any_inputs)
+            kept.take_up()
         yield kept
         kept.require_there()
     finally:
@@ -260,7 +275,7 @@ def read_kept(data: bytes, name: str, kind: RecordKind[RecordT]) -> list[RecordT
     return [record for record, _ in kind.read(lines, above, name)]
 
 
-def _locked(path: str | None) -> int:
+def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> int:
     """Descriptor of a file, held until it is closed or this process ends, in any way.
 
     Raises UsageError: another run holds it; DataError: it cannot be opened.
@@ -283,7 +298,7 @@ def _locked(path: str | None) -> int:
                 if os.path.samestat(os.fstat(descriptor), Path(path).stat()):
                     return descriptor
         except BlockingIOError:
-            if time.monotonic() - begun > LOCK_PATIENCE:
+            if time.monotonic() - begun > patience:
                 words = f"{path} is being written by another run"
                 raise UsageError(words, "wait for it to end, or name another file") from None
             time.sleep(0.05)

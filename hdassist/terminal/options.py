@@ -18,6 +18,7 @@ from hdassist.numerals import number_of
 
 if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
+    from hdassist.measuring.reading import Reading
     from hdassist.preset.fields import Drive
     from hdassist.readers.trace import TraceForm
     from hdassist.readers.wheels import WheelFiles
@@ -32,6 +33,7 @@ advanced_option = partial(typer.Option, rich_help_panel="Advanced")
 drive_option = partial(typer.Option, rich_help_panel="Drive")
 trace_option = partial(typer.Option, rich_help_panel="Measured trace")
 teeth_option = partial(typer.Option, rich_help_panel="Measured teeth")
+archive_option = partial(typer.Option, rich_help_panel="Archive")
 lot_option = partial(typer.Option, rich_help_panel="Lot")
 card_option = partial(typer.Option, rich_help_panel="Card")
 trials_option = partial(typer.Option, rich_help_panel="Trials")
@@ -300,6 +302,13 @@ class TraceOptions(OptionGroup):
         from hdassist.readers.trace import TraceForm
 
         return TraceForm(**{each.name: getattr(self, each.name) for each in fields(TraceForm)})
+
+    def reading(self) -> "Reading":
+        """How files are read and looked at."""
+        from hdassist.measuring.reading import Reading
+
+        given = {each.name: getattr(self, each.name) for each in fields(Reading)}
+        return Reading(**{**given, "budget": tuple(self.budget)})
 
 
 @dataclass(frozen=True, kw_only=True)

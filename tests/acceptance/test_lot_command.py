@@ -98,7 +98,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     assert told["lot"]["rows"] == 5
     assert told["summary"]["verdicts"] == {"PASS": 1, "FAIL": 1, "INCONCLUSIVE": 1}
     owner, *written = [json.loads(line) for line in (folder / "a.jsonl").read_text().splitlines()]
-    assert (owner["command"], owner["inputs"]) == ("accept", {"lot": told["lot"]["sha256"]})
+    assert (owner["command"], owner["inputs"]) == ("accept", {})
     assert untimed(written) == untimed(told["results"])
     rows = list(csv.DictReader(io.StringIO((folder / "a.csv").read_text(encoding="utf-8"))))
     assert [(row["serial"], row["verdict"]) for row in rows] == [
@@ -305,7 +305,7 @@ def test_two_runs_do_not_write_the_same_answers(folder):
     args = (*MEASURED, "--jsonl", "a.jsonl", "--resume")
     assert run(*args, cwd=folder).returncode == 4  # a broken row
     before = (folder / "a.jsonl").read_bytes()
-    with open_kept(str(folder / "a.jsonl"), KeptOwner(command="accept", inputs={}), ANSWERS, any_inputs=True):
+    with open_kept(str(folder / "a.jsonl"), KeptOwner(command="accept", inputs={}), ANSWERS):
         second = run(*args, cwd=folder)
     assert second.returncode == 2
     assert second.stdout == ""

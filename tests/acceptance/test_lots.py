@@ -19,10 +19,11 @@ from hdassist.acceptance import work as lotwork
 from hdassist.acceptance.answer import answer_json, read_answers, to_lines
 from hdassist.acceptance.lot import LotRow, is_lot, read_lot
 from hdassist.acceptance.replay import RELATIVE, answer_differences, still_stands
-from hdassist.acceptance.request import Reading, Request
+from hdassist.acceptance.request import Request
 from hdassist.acceptance.statistics import Z, lot_summary, quantiles, wilson
 from hdassist.acceptance.work import LotWork, answer_row, failure_of, predicted
 from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.measuring.reading import Reading
 from hdassist.pages.accept import csv as figures
 from hdassist.pages.accept import lot_report, title
 from hdassist.readers.wheels import WheelFiles

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset, trace
-from hdassist.comparing.compare import Comparison, compare, torque_of, zero_of
+from hdassist.comparing import compare as comparing
+from hdassist.comparing.compare import Comparison, torque_of, zero_of
 from hdassist.comparing.record import Alignment, RecordedOrders, SolvedStates
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.waves import ErrorWaves
@@ -41,6 +42,11 @@ def rig(hidden: Drive, turns: int, noise: float = 0.0, seed: int = 0, way: float
     result = trace(hidden, M_G, start_deg=START, revolutions=turns, run=UNCHECKED)
     error = result.error.error_arcsec + noise * np.random.default_rng(seed).standard_normal(len(result.error.states))
     return recorded(result.error.states.phi_h / (2 * np.pi), way * error)
+
+
+def compare(record: MeasuredTrace, drive: Drive, M_g: float, asked: Alignment) -> Comparison:
+    """A record beside a drive, measured as the command does it."""
+    return comparing.compare(measure(record, drive=drive, together=True), drive, M_g, asked=asked)
 
 
 def told_on(result: Comparison, **asked: bool) -> str:
@@ -251,7 +257,7 @@ def test_torque_and_balls_are_asked_for(drive):
         torque_of(drive)
     rolling = load_preset(SMALL, ["bearing.ball_motion=rolling", "bearing.d_ball=3"])
     with pytest.raises(UsageError, match="locked balls"):
-        compare(rig(drive, 2), rolling, M_G, asked=KNOWN)
+        comparing.compare(measure(rig(drive, 4), drive=drive, together=True), rolling, M_G, asked=KNOWN)
 
 
 def test_an_angle_of_the_output_says_where_the_cam_is(drive):

@@ -8,12 +8,13 @@ import pytest
 from hdassist import load_preset
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
+from hdassist.measuring.reading import Reading
 from hdassist.mounting.trial import Trial
 from hdassist.readers.trace import read_trace
 from hdassist.trials.advice import advise_from_trials
 from hdassist.trials.posterior import drawn, prediction, require_reachable
 from hdassist.trials.prior import Rig, trial_prior
-from hdassist.trials.record import RecordReading, read_trial_or_record
+from hdassist.trials.record import read_trial_or_record
 from tests.process import SMALL, run
 from tests.trials.drives import COARSE, M_G, told
 
@@ -43,7 +44,7 @@ def test_a_record_gives_the_value_and_the_uncertainty_that_measure_gives(record)
     greatest = measure(read_trace(file), drive=drive).directions[0]
     assert (found.F_ior_arcsec, found.noise_arcsec) == (greatest.range.value, greatest.uncertainty_arcsec)
     assert found.F_ior_arcsec == pytest.approx(12, abs=0.5)
-    stated = read_trial_or_record(f"120={file}", drive, RecordReading(stated={"encoder": 3.0}))
+    stated = read_trial_or_record(f"120={file}", drive, Reading(budget=("encoder=3",)))
     assert stated.noise_arcsec == pytest.approx(np.hypot(3.0, found.noise_arcsec), rel=0.01)
     assert read_trial_or_record("h4=17.3", drive) == Trial(120, 17.3)
 

@@ -1,0 +1,59 @@
+"""Options of an archive of measured drives: adding to it, and showing how a drive has changed."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+from hdassist.errors import UsageError
+from hdassist.terminal import options as o
+
+if TYPE_CHECKING:
+    from hdassist.measuring.measure import Measurement
+    from hdassist.report.report import Report
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArchiveOptions(o.OptionGroup):
+    """Where results are kept, of which drive and measured how; or the drive whose history is shown."""
+
+    archive: Annotated[str | None, o.archive_option(metavar="DIR", help="Folder that keeps all results.")] = None
+    serial: Annotated[str, o.archive_option(metavar="TEXT", help="Add the results as those of this drive.")] = ""
+    conditions: Annotated[
+        list[str],
+        o.archive_option(
+            metavar="NAME=VALUE", default_factory=list, show_default=False,
+            help="hole=h4, torque=80, temperature=23, date=2026-03-01, encoders=TEXT.",
+        ),
+    ]  # fmt: skip
+    history: Annotated[str | None, o.archive_option(metavar="SERIAL", help="Show how this drive has changed.")] = None
+
+    def archiving(self, files: Sequence[str]) -> "Callable[[Measurement], None]":
+        """What is done with each result of files. Raises UsageError for options that do not go together."""
+        from hdassist.measuring.archive import add_to_archive, read_conditions
+        from hdassist.terminal.output import note
+
+        asked = (bool(files), bool(self.archive), bool(self.serial), self.history is not None)
+        if asked not in ((1, 0, 0, 0), (1, 1, 1, 0), (0, 1, 0, 1)) or (self.conditions and not self.serial):
+            words = "expected FILE, FILE --archive DIR --serial S, or --history S --archive DIR"
+            raise UsageError(words, "hdassist measure -h")
+        conditions = read_conditions(self.serial, self.conditions)
+
+        def take(found: "Measurement") -> None:
+            if self.archive:
+                is_new = add_to_archive(self.archive, conditions, found)
+                words = (
+                    f"added as {self.serial} of {conditions['date']}"
+                    if is_new
+                    else f"known of {self.serial}, not added again"
+                )
+                note(f"{self.archive}: {found.trace.file} {words}")
+
+        return take
+
+    def history_report(self, serial: str) -> "Report":
+        """How a drive of the archive has changed."""
+        from hdassist.measuring.archive import read_archive
+        from hdassist.pages.history import history_report
+
+        archive = str(self.archive)
+        return history_report(serial, archive, read_archive(archive, serial))

@@ -1,0 +1,177 @@
+"""An archive of measured drives: one file that only grows and that every version of hdassist reads.
+
+Each line is one direction of a record: the drive, how it was measured, and F'_ior with its uncertainty. It is kept work
+(run/kept.py) of an owner without a version: each entry has its own beside a schema, and may have fields of a later one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from scipy.special import chdtrc
+
+from hdassist.errors import DataError, UsageError
+from hdassist.json_parts import Json
+from hdassist.measuring.measure import Measurement, SweepResult
+from hdassist.preset.kinds import OneLine
+from hdassist.run.kept import KeptOwner, RecordKind, open_kept, own_schema, read_kept, why_invalid
+from hdassist.textfile import read_bytes
+from hdassist.version import __version__
+
+ARCHIVE_SCHEMA = "hdassist.archive/1"
+ARCHIVE_FILE = "archive.jsonl"
+MAX_ARCHIVE_BYTES = 1_000_000_000
+WRITERS_WAIT = 30.0  # s, for each other
+CHANGED = 0.05  # probability: a spread of less, over all comparisons of a drive together, is a change
+DAYS_A_YEAR = 365.25
+Arcsec = Annotated[float, Field(strict=True, ge=0, le=1e7)]
+CONDITIONS = {
+    "hole": "hole",
+    "torque": "M_g_Nm",
+    "temperature": "temperature_C",
+    "date": "date",
+    "encoders": "encoders",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArchiveEntry:
+    """F'_ior by one direction of a record of a drive, with its uncertainty and the ends of its 95 % interval.
+
+    file, sha256: of the record; F_ior_is_lower_bound: of a part of the cycle; unstated: sources that the uncertainty
+    does not have; hole of the seat, torque [N*m], temperature [deg C], encoders, as far as they were stated.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="ignore", allow_inf_nan=False)
+    schema: Annotated[str, own_schema(ARCHIVE_SCHEMA)] = ARCHIVE_SCHEMA
+    version: OneLine = __version__
+    serial: Annotated[OneLine, Field(min_length=1)]
+    date: Annotated[str, AfterValidator(lambda text: date.fromisoformat(text).isoformat())]
+    hole: Annotated[str, Field(pattern=r"^h[0-9]{1,4}$")] | None = None
+    M_g_Nm: Annotated[float, Field(ge=-1e7, le=1e7)] | None = None
+    temperature_C: float | None = None
+    encoders: OneLine | None = None
+    file: OneLine
+    sha256: str
+    direction: Literal[1, -1]
+    F_ior_arcsec: Arcsec
+    standard_uncertainty_arcsec: Annotated[Arcsec, Field(ge=1e-9)]
+    low_arcsec: Arcsec
+    high_arcsec: Arcsec
+    F_ior_is_lower_bound: bool
+    unstated: tuple[str, ...]
+
+
+_ENTRY = TypeAdapter(ArchiveEntry)
+ENTRIES = RecordKind(_ENTRY, hint="it was changed or damaged: restore the archive from a copy")
+OWNER = KeptOwner(command="archive", version="", inputs={})
+
+
+@dataclass(frozen=True)
+class DriveHistory:
+    """What a drive showed in one hole, at one torque [N*m], the cam turning one way, over whole cycles; by date.
+
+    chi_square of no change, and its probability; trend [arcsec a year] with its standard uncertainty, None on one day.
+    """
+
+    entries: tuple[ArchiveEntry, ...]
+    chi_square: float
+    probability: float
+    is_changed: bool
+    trend_arcsec_per_year: float | None
+    trend_uncertainty_arcsec_per_year: float | None
+
+
+def read_conditions(serial: str, texts: Sequence[str]) -> Json:
+    """Fields of an entry from a serial and texts like "torque=80,hole=h4". Raises UsageError: no such text."""
+    found = {"serial": serial, "date": datetime.now(UTC).date().isoformat()}
+    for text in (part for each in texts for part in each.split(",")):
+        name, _, value = text.partition("=")
+        if name not in CONDITIONS or not value:
+            hint = f"NAME one of {', '.join(CONDITIONS)}, like hole=h4,torque=80,date=2026-03-01"
+            raise UsageError(f"invalid --conditions {text}: expected NAME=VALUE", hint)
+        found[CONDITIONS[name]] = value
+    return found
+
+
+def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
+    """Add a record to the archive of a folder; False where the same record of this drive is there.
+
+    Raises UsageError: conditions that cannot be, or another file; DataError: it cannot be written, or does not hold.
+    """
+    about = {**conditions, "file": found.trace.file, "sha256": found.trace.sha256}
+    try:
+        fresh = [_ENTRY.validate_python(about | _result(each)) for each in found.directions]
+    except ValidationError as error:
+        raise UsageError(f"invalid --serial or --conditions: {why_invalid(error)}") from None
+    with suppress(OSError):  # what is wrong is said of the file
+        Path(folder).mkdir()
+    with open_kept(str(Path(folder) / ARCHIVE_FILE), OWNER, ENTRIES, patience=WRITERS_WAIT) as kept:
+        if any((each.serial, each.sha256) == (fresh[0].serial, fresh[0].sha256) for each in kept.records()):
+            return False
+        kept.append(fresh)
+    return True
+
+
+def _result(found: SweepResult) -> Json:
+    low, high = found.interval_arcsec
+    return {
+        "direction": found.direction,
+        "F_ior_arcsec": found.range.value,
+        "standard_uncertainty_arcsec": found.uncertainty_arcsec,
+        "low_arcsec": low,
+        "high_arcsec": high,
+        "F_ior_is_lower_bound": found.is_bound,
+        "unstated": tuple(source.name for source in found.sources if source.arcsec is None),
+    }
+
+
+def read_archive(folder: str, serial: str) -> list[ArchiveEntry]:
+    """Entries of a drive in the archive of a folder, by date.
+
+    Raises DataError: no archive, an entry that does not hold, or none of the drive.
+    """
+    data, name = read_bytes(Path(folder) / ARCHIVE_FILE, MAX_ARCHIVE_BYTES + 1)
+    if len(data) > MAX_ARCHIVE_BYTES:
+        raise DataError(f"{name} is larger than {MAX_ARCHIVE_BYTES / 1e6:g} MB", "begin another archive")
+    entries = read_kept(data, name, ENTRIES) or []
+    own = sorted((each for each in entries if each.serial == serial), key=lambda each: each.date)
+    if not own:
+        serials = ", ".join(sorted({each.serial for each in entries})[:10])
+        raise DataError(f"{name} has no measurement of {serial}", f"it has {serials or 'none at all'}")
+    return own
+
+
+def histories(entries: Iterable[ArchiveEntry]) -> tuple[DriveHistory, ...]:
+    """Changes of a drive by hole, torque and direction, where it was measured over the whole cycle twice or more."""
+    groups: dict[tuple[str | None, float | None, int], list[ArchiveEntry]] = {}
+    for each in entries:
+        if not each.F_ior_is_lower_bound:
+            groups.setdefault((each.hole, each.M_g_Nm, each.direction), []).append(each)
+    compared = {key: own for key, own in groups.items() if len(own) > 1}
+    return tuple(_history(own, len(compared)) for own in compared.values())
+
+
+def _history(own: Sequence[ArchiveEntry], comparisons: int) -> DriveHistory:
+    """The history of entries that are alike but for their dates, one of so many comparisons."""
+    y, u = np.array([(each.F_ior_arcsec, each.standard_uncertainty_arcsec) for each in own]).T
+    years = np.array([date.fromisoformat(each.date).toordinal() for each in own]) / DAYS_A_YEAR
+    weight, freedom = u**-2, len(own) - 1
+    since = years - np.average(years, weights=weight)
+    chi_square = float(weight @ (y - np.average(y, weights=weight)) ** 2)
+    probability = float(chdtrc(freedom, chi_square))
+    trend = unsure = None
+    if np.ptp(years):
+        square = float(weight @ since**2)
+        trend = float(weight @ (since * y)) / square
+        excess = max(1.0, (chi_square - trend**2 * square) / max(freedom - 1, 1))  # of a straight line
+        unsure = float(np.sqrt(excess / square))
+    is_changed = probability < CHANGED / comparisons
+    return DriveHistory(tuple(own), chi_square, probability, is_changed, trend, unsure)

@@ -1,0 +1,35 @@
+"""How records of a drive are read and looked at: the options that every command with measured traces has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hdassist.measuring.measure import Measurement, measure, require_drift
+from hdassist.measuring.orders import parse_orders
+from hdassist.measuring.uncertainty import parse_stated
+from hdassist.model.kinematics import Kinematics
+from hdassist.preset.fields import Drive
+from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.run.kept import ClosedRecord
+
+
+@dataclass(frozen=True)
+class Reading(ClosedRecord, TraceForm):
+    """Form of the file, orders like "1-12", kind of drift and stated uncertainties like "encoder=0.3"."""
+
+    orders: str | None = None
+    drift: str = "none"
+    budget: tuple[str, ...] = ()
+
+    def require_sound(self) -> None:
+        """Raise UsageError for options that cannot be, whatever the file."""
+        super().require_sound()
+        parse_stated(self.budget)
+        parse_orders(self.orders or None)
+        require_drift(self.drift)
+
+    def measured(self, file: str, drive: Drive, *, seed: int = 0, together: bool = False) -> Measurement:
+        """What a record of a drive shows; seed and together as of `measure`. Raises what it and read_trace do."""
+        trace = read_trace(file, self, abs(Kinematics.of(drive).u))
+        orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
+        return measure(trace, drive=drive, orders=orders, drift=self.drift, stated=stated, seed=seed, together=together)
