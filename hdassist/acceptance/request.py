@@ -144,6 +144,7 @@ class Request(ClosedRecord):
         if self.measured_only:
             return None
         left = limits_to_predict(drive, [*self.traces(drive)], [*stated_values(self.values, drive)])
+        left = [limit for limit in left if limit.check.predicted]
         run = replace(run, seed=self.seed, cross_check=self.cross_check)
         analysis = partial(predict, limits=left, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
         return in_wide_enough_window(drive, analysis) if left else None

@@ -133,20 +133,35 @@ class MeasuredTrace:
 def read_trace(
     source: Readable, form: TraceForm | None = None, ratio: float | None = None, fewest: int = FEWEST_ROWS
 ) -> MeasuredTrace:
-    """Read a measured trace.
-
-    Arguments: source, a path ("-" is standard input), stream or bytes; form of the columns; ratio, cam turns per output
-    turn, needed for angles of the output and for two encoders; fewest, rows that are enough.
-    Raises DataError: a file that cannot be read; PresetError: every fault of its rows, or the first one of its angles;
-    UsageError: a wrong argument.
-    """
+    """Read a measured trace: a table and the trace in it. Arguments and errors are theirs."""
     form = form or TraceForm()
+    return trace_of(read_record(source, form), form, ratio, fewest)
+
+
+def read_record(source: Readable, form: TraceForm) -> NumberTable:
+    """Read the table of a record.
+
+    Arguments: source, a path ("-" is standard input), stream or bytes; form of the columns.
+    Raises DataError: a file that cannot be read; PresetError: every fault of its rows; UsageError: a wrong argument.
+    """
     form.require_sound()
     table = read_numbers(source, ("angle", "error"), MAX_TRACE_BYTES, lenient=form.robust)
     table.require_sound()
-    notes = list(table.notes)
     if table.left_out:
-        notes.append(f"left out, no readings: lines {shortened(table.left_out)}")
+        table.notes.append(f"left out, no readings: lines {shortened(table.left_out)}")
+    return table
+
+
+def trace_of(
+    table: NumberTable, form: TraceForm, ratio: float | None = None, fewest: int = FEWEST_ROWS
+) -> MeasuredTrace:
+    """The measured trace in a table, whose values it takes away.
+
+    Arguments: form of the columns; ratio, cam turns per output turn, needed for angles of the output and for two
+    encoders; fewest, rows that are enough.
+    Raises PresetError: the first fault of its angles; DataError: no ratio; UsageError: one column for two.
+    """
+    notes = list(table.notes)
     column = _roles(table, form, notes)
     if len(table.lines) < fewest:
         raise _fault(table, 0, column.angle, f"{len(table.lines)} rows", f"a trace has {fewest} rows or more")
