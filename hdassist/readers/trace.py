@@ -20,7 +20,7 @@ from hdassist.preset.units import UnitError
 from hdassist.preset.yamltext import shown
 from hdassist.readers.sweeps import AngleError, AngleSweep, guessed_wrap, leaping, sweeps, unwrapped
 from hdassist.readers.table import NumberTable, read_numbers, shortened
-from hdassist.readers.words import ANGLES, COUNTS, TIMES, angle_size, plain_unit, role_in, unit_in
+from hdassist.readers.words import ANGLES, COUNTS, TIMES, TORQUES, angle_size, plain_unit, role_in, unit_in
 from hdassist.textfile import Readable
 
 MAX_TRACE_BYTES = 100_000_000
@@ -102,7 +102,8 @@ class MeasuredTrace:
     cam, as with readings at even angles. sweeps: moves in one direction each. sha256: of the file. angle_of: shaft of
     the recorded angles; those of the output were multiplied by the ratio. sense: of two encoders, 1 where both count
     up, -1 where one counts down, 0 for a column of errors. notes: conversions, assumptions and rows left out.
-    robust: whether readings far off all others are left out. time_s: of each row, None without time stamps.
+    robust: whether readings far off all others are left out. time_s: of each row, None without
+    time stamps; load: torque [N*m] of each row, or the wind-up that it makes, None without.
     """
 
     file: str
@@ -118,6 +119,7 @@ class MeasuredTrace:
     in_time: bool = False
     robust: bool = False
     time_s: Array | None = None
+    load: Array | None = None
 
     def without(self, rows: NDArray[np.int64]) -> MeasuredTrace:
         """The trace without some rows."""
@@ -127,6 +129,7 @@ class MeasuredTrace:
         return replace(
             self, cam_deg=cam, error_arcsec=self.error_arcsec[kept], line=self.line[kept], sweeps=tuple(sweeps(cam)),
             time_s=None if self.time_s is None else self.time_s[kept],
+            load=None if self.load is None else self.load[kept],
         )  # fmt: skip
 
 
@@ -169,7 +172,7 @@ def trace_of(
         message = f"{table.file}: the ratio is needed to bring output and cam together"
         raise DataError(message, "--ratio 100, or --drive PRESET")
     angle, readings = (table.values[:, index].copy() for index in (column.angle, column.other))
-    time_s = _time(table, notes)
+    time_s, torque = _time(table, notes), _only_column(table, "torque", TORQUES, "nm", notes)
     table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
     output = None
     if column.other_is == "second":
@@ -182,7 +185,7 @@ def trace_of(
         named = shortened(table.lines[leaps].tolist())
         notes.append(f'left out, "{table.name(column.angle)}" leaps there and back: lines {named}')
         cam, readings, table.lines = cam[~leaps], readings[~leaps], table.lines[~leaps]
-        output, time_s = (None if each is None else each[~leaps] for each in (output, time_s))
+        output, time_s, torque = (None if each is None else each[~leaps] for each in (output, time_s, torque))
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "check the column of the error")
     step, in_time = _step(readings) * abs(column.other_size), False
@@ -210,7 +213,7 @@ def trace_of(
         notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
     return MeasuredTrace(
         table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(notes),
-        column.angle_of, sense, in_time, form.robust, time_s,
+        column.angle_of, sense, in_time, form.robust, time_s, torque,
     )  # fmt: skip
 
 
@@ -235,18 +238,26 @@ def _angle(
         raise _fault(table, wrong.row, column, wrong.message, wrong.hint) from None
 
 
-def _time(table: NumberTable, notes: list[str]) -> Array | None:
-    """Time stamps [s] of the rows; None without a column of them that rises."""
-    columns = [index for index, name in enumerate(table.names) if role_in(name) == "time"]
+def _only_column(
+    table: NumberTable, role: str, sizes: dict[str, float], default: str, notes: list[str]
+) -> Array | None:
+    """The one column of a role, in the unit whose size is 1; None without one."""
+    columns = [index for index, name in enumerate(table.names) if role_in(name) == role]
     if len(columns) != 1:
         return None
-    name, stamps = table.name(columns[0]), table.values[:, columns[0]]
-    if not (np.diff(stamps) > 0).all():
-        notes.append(f'"{name}" does not rise in every row: no time stamps')
-        return None
-    unit = unit_in(name, TIMES) or "s"
-    notes.append(f'"{name}": time stamps, {unit}')
-    return np.asarray(stamps * TIMES[unit])
+    name = table.name(columns[0])
+    unit = unit_in(name, sizes) or default
+    notes.append(f'"{name}": {role}, {unit}')
+    return np.asarray(table.values[:, columns[0]] * sizes[unit])
+
+
+def _time(table: NumberTable, notes: list[str]) -> Array | None:
+    """Time stamps [s] of the rows; None without a column of them that rises."""
+    stamps = _only_column(table, "time", TIMES, "s", notes)
+    if stamps is None or (np.diff(stamps) > 0).all():
+        return stamps
+    notes[-1] += ", does not rise in every row: no time stamps"
+    return None
 
 
 def _second(

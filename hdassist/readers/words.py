@@ -17,7 +17,7 @@ ANGLES = {  # size in arcsec
 FEWEST_COUNTS, MOST_BITS = 8, 48  # of an encoder, in a turn
 TURN_ARCSEC = ANGLES["turn"]
 TORQUES = {  # in N*m
-    "nm": 1.0, "n*m": 1.0, "n·m": 1.0, "н·м": 1.0, "нм": 1.0, "mnm": 1e-3, "knm": 1e3, "ncm": 1e-2, "nmm": 1e-3,
+    "nm": 1.0, "нм": 1.0, "mnm": 1e-3, "knm": 1e3, "ncm": 1e-2, "nmm": 1e-3,
 }  # fmt: skip
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}  # in s
 COUNTS = {"counts": 0.0}  # whose size a name does not give
@@ -32,7 +32,7 @@ _SPELLED = {
     "мкм": "um", "mkm": "um", "micron": "um", "microns": "um", "micrometer": "um", "micrometers": "um",
     "micrometre": "um", "micrometres": "um", "мм": "mm", "millimeter": "mm", "millimetre": "mm", "нм": "nm",
 }  # fmt: skip
-_MICRO = str.maketrans("µμ", "uu")
+_MICRO = str.maketrans("µμ", "uu", "·⋅*")
 _WORD = r"(?<![^\W_\d])(?:{})(?![^\W_\d])"  # between letters it is none
 _ROLES = {
     "torque": r"torque|moment|drehmoment|nm|mnm|knm|ncm|nmm|момент",
