@@ -18,7 +18,7 @@ from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
 
 LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up nothing that shows
-APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
+LOAD_APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
 CATALOGUE_SHARE = 0.1  # of a wind-up: standard uncertainty of a drive's stiffness by its catalogue; a guess
 CLEAR_SENSE = 0.5  # correlation of error and wind-up
 ARCSEC_PER_RAD = 648000 / np.pi
@@ -89,4 +89,4 @@ def load_of(torque: Array, drive: Drive | None) -> tuple[Array, RecordedTorque]:
 def tells_compliance(fit: TraceFit) -> bool:
     """Whether the load of a fit's bins has a part that goes neither with its orders nor with its slow terms."""
     load = fit.design.bins.load
-    return float(np.std(fit.design.residual(load))) > APART * float(np.std(load))
+    return float(np.std(fit.design.residual(load))) > LOAD_APART * float(np.std(load))
