@@ -83,6 +83,10 @@ def test_loops_have_hysteresis_and_lost_motion_at_each_place():
     assert isinstance(rising, LoopRecord)
     with pytest.raises(DataError, match=r"place 4: no rising branch from -1\.6 to 1\.6"):
         place_loops(rising, rated=40.0)
+    still = record(text([np.full(30, 4.0), np.arange(30.0)], "torque_Nm;twist_arcsec", ";"))
+    assert isinstance(still, LoopRecord)
+    with pytest.raises(DataError, match="place 1: the torque does not rise and fall"):
+        place_loops(still, rated=40.0)
 
 
 @pytest.mark.parametrize("names", ["cam_deg,error_arcsec", "angle,error,torque_Nm", "motor_deg,load_deg,target"])
