@@ -13,7 +13,7 @@ import numpy as np
 
 from hdassist.model.geometry import Array
 from hdassist.readers.table import NumberTable
-from hdassist.readers.words import ANGLES, TORQUES, TURN_ARCSEC, role_in, unit_in
+from hdassist.readers.words import ANGLES, TORQUES, TURN_ARCSEC, role_in
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +42,10 @@ def bench_record(table: NumberTable) -> PositionRecord | LoopRecord | None:
     columns = {role: roles.index(role) for role in reversed(roles) if role}
 
     def read(role: str, sizes: dict[str, float], default: str) -> Array:
-        name = table.name(columns[role])
-        unit = unit_in(name, sizes)
-        table.notes.append(f'"{name}": {role}, {unit or f"no unit given, {default} assumed"}')
-        return np.asarray(table.values[:, columns[role]] * sizes[unit or default])
+        return table.in_unit(columns[role], role, sizes, default)
 
-    def marks(role: str, default: float) -> Array:
-        return table.values[:, columns[role]] if role in columns else np.full(len(table.lines), default)
+    def marks(role: str) -> Array:
+        return table.values[:, columns[role]] if role in columns else np.ones(len(table.lines))
 
     angle = next((role for role in ("twist", "actual", "angle", "output") if role in columns), "")
     if "cam" in columns:
@@ -59,7 +56,7 @@ def bench_record(table: NumberTable) -> PositionRecord | LoopRecord | None:
             deviation = read("error", ANGLES, "arcsec")
         else:
             deviation = np.mod(read(angle, ANGLES, "deg") - target + TURN_ARCSEC / 2, TURN_ARCSEC) - TURN_ARCSEC / 2
-        return PositionRecord(table, target, deviation, np.sign(marks("side", 1.0)))
+        return PositionRecord(table, target, deviation, np.sign(marks("side")))
     if "torque" in columns and angle and "error" not in columns:
-        return LoopRecord(table, read("torque", TORQUES, "nm"), read(angle, ANGLES, "arcsec"), marks("place", 1.0))
+        return LoopRecord(table, read("torque", TORQUES, "nm"), read(angle, ANGLES, "arcsec"), marks("place"))
     return None

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 
@@ -31,6 +31,7 @@ from hdassist.readers.cells import (
     separator_of,
 )
 from hdassist.readers.foreign import program_of, readable_parts
+from hdassist.readers.words import unit_in
 from hdassist.textfile import MAX_LINE, Readable, TextFile
 
 MOST_TABLE_BYTES = 5_000_000
@@ -68,6 +69,13 @@ class NumberTable:
     def name(self, column: int) -> str:
         """Name of a column (from 0), for messages."""
         return self.names[column] if column < len(self.names) else f"column {column + 1}"
+
+    def in_unit(self, column: int, words: str, sizes: Mapping[str, float], default: str) -> Cells:
+        """Values of a column in the unit whose size is 1, by the unit in its name; how they were read is noted."""
+        name = self.name(column)
+        unit = unit_in(name, sizes)
+        self.notes.append(f'"{name}": {words}, {unit or f"no unit given, {default} assumed"}')
+        return np.asarray(self.values[:, column] * sizes[unit or default])
 
     def add(self, line: int, column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
         """Add a finding by line and column of the file."""

@@ -164,7 +164,7 @@ def trace_of(
     encoders; fewest, rows that are enough.
     Raises PresetError: the first fault of its angles; DataError: no ratio; UsageError: one column for two.
     """
-    notes = list(table.notes)
+    notes = table.notes
     column = _roles(table, form, notes)
     if len(table.lines) < fewest:
         raise _fault(table, 0, column.angle, f"{len(table.lines)} rows", f"a trace has {fewest} rows or more")
@@ -172,7 +172,7 @@ def trace_of(
         message = f"{table.file}: the ratio is needed to bring output and cam together"
         raise DataError(message, "--ratio 100, or --drive PRESET")
     angle, readings = (table.values[:, index].copy() for index in (column.angle, column.other))
-    time_s, torque = _time(table, notes), _only_column(table, "torque", TORQUES, "nm", notes)
+    time_s, torque = _beside(table, "time", TIMES, "s"), _beside(table, "torque", TORQUES, "nm")
     table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
     output = None
     if column.other_is == "second":
@@ -238,26 +238,16 @@ def _angle(
         raise _fault(table, wrong.row, column, wrong.message, wrong.hint) from None
 
 
-def _only_column(
-    table: NumberTable, role: str, sizes: dict[str, float], default: str, notes: list[str]
-) -> Array | None:
-    """The one column of a role, in the unit whose size is 1; None without one."""
+def _beside(table: NumberTable, role: str, sizes: dict[str, float], default: str) -> Array | None:
+    """The one column of a role, in the unit whose size is 1; None without one, and for times that do not rise."""
     columns = [index for index, name in enumerate(table.names) if role_in(name) == role]
     if len(columns) != 1:
         return None
-    name = table.name(columns[0])
-    unit = unit_in(name, sizes) or default
-    notes.append(f'"{name}": {role}, {unit}')
-    return np.asarray(table.values[:, columns[0]] * sizes[unit])
-
-
-def _time(table: NumberTable, notes: list[str]) -> Array | None:
-    """Time stamps [s] of the rows; None without a column of them that rises."""
-    stamps = _only_column(table, "time", TIMES, "s", notes)
-    if stamps is None or (np.diff(stamps) > 0).all():
-        return stamps
-    notes[-1] += ", does not rise in every row: no time stamps"
-    return None
+    values = table.in_unit(columns[0], role, sizes, default)
+    if role == "time" and not (np.diff(values) > 0).all():
+        table.notes[-1] += ", does not rise in every row: no time stamps"
+        return None
+    return values
 
 
 def _second(
