@@ -60,8 +60,10 @@ def accept(
             found = (AcceptedValue.measured(limit, direction) for direction in measured[limit.M_g_Nm or 0.0].directions)
             values = sorted((each for each in found if each.value is not None), key=lambda each: -(each.value or 0.0))
             values = values or [AcceptedValue()]
-        elif predictions:
+        elif predictions and limit.check.predicted:
             values = [AcceptedValue.predicted(limit, predictions)]
+        elif not request.measured_only and not limit.check.predicted:
+            values = [AcceptedValue()]  # nothing but a value that is given tells it
         else:
             continue
         decisions.append(_decisive([decide(limit, value, rule, request.sure) for value in values]))

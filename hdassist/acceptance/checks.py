@@ -40,12 +40,13 @@ class Check(Explained):
     turn (0 where the limit is for none). measured: the value, its standard uncertainty, and by how much lines off the
     orders may make it greater in another cycle, by one direction of a trace and the order, None where that does not
     tell it; no function where no trace tells it. of_part: what such a value says where the record visited a part of the
-    cycle. upper: whether the limit is the greatest value allowed, not the least.
+    cycle. Without predicted only a stated value counts. upper: whether the limit is the greatest value allowed, not
+    the least.
     """
 
     field: str
     needs: tuple[Need, ...]
-    predicted: Callable[[PredictedQuantities, float, float], float]
+    predicted: Callable[[PredictedQuantities, float, float], float] | None = None
     measured: Callable[[SweepResult, float], tuple[float, float, float] | None] | None = None
     of_part: Extent = "at least"
     upper: bool = True
@@ -138,7 +139,73 @@ STIFFNESSES = K1, K2, K3 = tuple(
     )
     for k, which in ((1, "first"), (2, "second"), (3, "third"))
 )
-CHECKS = (F_IOR, TURN_RANGE, SELF_ERROR, ORDER_CHECK, LOST_MOTION_CHECK, *STIFFNESSES)
+SECOND_HAND = (
+    "As makers put it, second hand: conformity to no standard is claimed. hdassist measure has it of a file of "
+)
+POSITIONING, REPEATABILITY, BIDIRECTIONAL, HYSTERESIS, STARTING, BACKDRIVING, RATCHETING = (
+    Check(code, words, tests, wrong, change, code.lower(), (), upper=code != "RATCHET_TORQUE")
+    for code, words, tests, wrong, change in (
+        (
+            "POSITIONING",
+            "positioning one way",
+            "The greatest less the least mean deviation of positions that are approached from one side; 12 "
+            "positions 30° apart are usual and see a part of F'_ior only (hdassist plan). "
+            + SECOND_HAND
+            + "approached positions.",
+            "The output stands off the commanded angle, by another amount at each position.",
+            "What makes F'_ior less: hdassist mount, the pitch deviations, the cam's offsets.",
+        ),
+        (
+            "REPEATABILITY",
+            "repeatability",
+            "Plus and minus half the spread of the deviation at one position, approached again from the same side, "
+            "7 times as is usual; the greatest of all positions. " + SECOND_HAND + "approached positions.",
+            "The same command ends at another angle each time: friction, temperature, the control.",
+            "Lubrication and warming up; the approach slower; the motor's encoder and its control.",
+        ),
+        (
+            "BIDIRECTIONAL",
+            "repeatability from both sides",
+            "Plus and minus half the spread of the deviation at one position, approached from either side; the "
+            "greatest of all positions. " + SECOND_HAND + "positions approached from both sides.",
+            "Where the output stops hangs on the way it came: hysteresis and friction.",
+            "Always approach from one side; less friction, less clearance.",
+        ),
+        (
+            "HYSTERESIS_LOSS",
+            "hysteresis loss",
+            "The twist that is left at no torque between the branches of a loop from -T_0 to T_0 and back, the cam "
+            "held, T_0 the rated torque; the greatest of all places. " + SECOND_HAND + "torque loops.",
+            "The output does not come back after a load: friction in mesh, bearing and seats.",
+            "Lubrication, the preload of mesh and bearing, bolted joints that do not slip.",
+        ),
+        (
+            "STARTING_TORQUE",
+            "starting torque",
+            "The torque at the cam that sets the unloaded drive going, as a maker states it: a value to be given.",
+            "Friction at rest: small moves stick and slip, and the motor heats.",
+            "Lubrication, clearance, temperature.",
+        ),
+        (
+            "BACKDRIVE_TORQUE",
+            "back-driving torque",
+            "The torque at the output that turns the cam, as a maker states it: a value to be given.",
+            "The axis cannot be moved from the output, or moves where it should hold.",
+            "Lubrication, clearance, temperature; a brake where it has to hold.",
+        ),
+        (
+            "RATCHET_TORQUE",
+            "ratcheting torque",
+            "The torque at the output at which teeth jump over, as a maker states it: a value to be given.",
+            "Teeth that have jumped leave the mesh off its centre, and it wears out.",
+            "A stiffer housing and rim, more wave; less shock.",
+        ),
+    )
+)
+CHECKS = (
+    F_IOR, TURN_RANGE, SELF_ERROR, ORDER_CHECK, LOST_MOTION_CHECK, POSITIONING, REPEATABILITY, BIDIRECTIONAL,
+    HYSTERESIS, STARTING, BACKDRIVING, RATCHETING, *STIFFNESSES,
+)  # fmt: skip
 
 # remarks that a verdict should not be read without
 COVERAGE = Explained(

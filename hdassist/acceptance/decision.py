@@ -122,7 +122,7 @@ def decide(limit: Limit, found: AcceptedValue, rule: Rule, sure: float) -> Decis
 def _verdict(found: AcceptedValue, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
     """The verdict on a value by its room to the limit, and why where that is not plain."""
     if room is None:
-        return Verdict.INCONCLUSIVE, "the record does not tell it"
+        return Verdict.INCONCLUSIVE, "neither the record nor a given value (--value) tells it"
     if belief := found.belief:
         verdict = verdict_by_probability(belief.probability_low, belief.probability_high, sure)
         open_ = verdict is Verdict.INCONCLUSIVE

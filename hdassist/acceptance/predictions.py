@@ -78,8 +78,9 @@ class PredictedQuantities:
         return float(2 * np.abs(np.fft.rfft(values)[place]) / len(values))
 
     def value(self, limit: Limit) -> float:
-        """Value that a limit is held against, in its unit."""
-        return limit.check.predicted(self, limit.M_g_Nm or 0.0, limit.per_cam_rev or 0.0)
+        """Value that a limit is held against, in its unit; NaN of one that is not predicted."""
+        predicted = limit.check.predicted
+        return predicted(self, limit.M_g_Nm or 0.0, limit.per_cam_rev or 0.0) if predicted else float("nan")
 
     @property
     def twist(self) -> Stiffness:

@@ -143,6 +143,7 @@ class Request(ClosedRecord):
 
         Raises UntrustedError: no answer to be trusted.
         """
+        limits = tuple(limit for limit in limits if limit.check.predicted)
         if self.measured_only or not limits:
             return None
         run = replace(run, seed=self.seed, cross_check=self.cross_check)

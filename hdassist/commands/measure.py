@@ -30,7 +30,9 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
 
     A file has a column of angles and one of errors, or of a second encoder. F'_ior is the range of the error limited to
     the orders, without what noise adds; it is a lower bound unless the full cycle was visited. Each direction stands by
-    itself. Exit codes: 0, 4 bad file, 5 orders or F'_ior that the record does not tell.
+    itself. A file of approached positions (target_deg, deviation_arcsec, side) or of torque loops (torque_Nm,
+    twist_arcsec, place) has what makers state beside F'_ior. Exit codes: 0, 4 bad file, 5 orders or F'_ior that the
+    record does not tell.
     """
 
     files: Annotated[
@@ -56,8 +58,10 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
         from hdassist.measuring.measure import measure
         from hdassist.measuring.orders import parse_orders
         from hdassist.measuring.uncertainty import parse_stated
+        from hdassist.pages.bench import bench_report
         from hdassist.pages.measure import measure_report, repeats, repeats_line
-        from hdassist.readers.trace import read_trace
+        from hdassist.readers.bench import bench_record
+        from hdassist.readers.trace import read_record, trace_of
         from hdassist.terminal.answers import failure
         from hdassist.terminal.runs import give, run_each
 
@@ -72,7 +76,10 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
         done: list[Measurement] = []
 
         def one(name: str) -> Report:
-            trace = read_trace(name, form, gearing.ratio if gearing else None)
+            table = read_record(name, form)
+            if record := bench_record(table):
+                return bench_report(record, drive, self.seed)
+            trace = trace_of(table, form, gearing.ratio if gearing else None)
             result = measure(
                 trace, drive=drive, ratio=self.ratio, orders=orders, drift=self.drift, stated=stated, seed=self.seed
             )

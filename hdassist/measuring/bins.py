@@ -22,7 +22,8 @@ class Bins:
     """Averages, shape (bins,), by sweep and along the angle.
 
     turns: cam angle; error: arcsec; rows: in each; weight: with a mean of 1; sweep: index from 0; travel: of the cam
-    since the first row, turns; speed: of the cam, turns/s, 0 without time stamps; per_turn: bins in a turn of the cam.
+    since the first row, turns; speed: of the cam, turns/s, 0 without time stamps; load: that of the trace, 0
+    without; per_turn: bins in a turn of the cam.
     """
 
     turns: Array
@@ -32,6 +33,7 @@ class Bins:
     sweep: NDArray[np.int64]
     travel: Array
     speed: Array
+    load: Array
     per_turn: float
 
     def __len__(self) -> int:
@@ -66,15 +68,16 @@ def speed_of(trace: MeasuredTrace, rows: slice) -> Array:
 def bins_of(trace: MeasuredTrace, sweeps: Sequence[AngleSweep], highest: float) -> Bins:
     """Average the rows of some sweeps over bins of 1/(PER_PERIOD highest) of a turn; highest, order per cam turn."""
     travel, per_turn = travel_of(trace), PER_PERIOD * highest
+    load = np.zeros(len(travel)) if trace.load is None else trace.load
     parts = []
     for number, sweep in enumerate(sweeps):
         rows = slice(sweep.start, sweep.stop)
         turns = trace.cam_deg[rows] / 360
         _, place = np.unique(np.floor(turns * per_turn), return_inverse=True)
         count = np.bincount(place).astype(float)
-        values = turns, trace.error_arcsec[rows], travel[rows], speed_of(trace, rows)
+        values = turns, trace.error_arcsec[rows], travel[rows], speed_of(trace, rows), load[rows]
         means = [np.bincount(place, each) / count for each in values]
         parts.append((*means, count, np.full(len(count), number)))
-    turns, error, path, speed, count, index = (np.concatenate(column) for column in zip(*parts, strict=True))
+    turns, error, path, speed, loads, count, index = (np.concatenate(column) for column in zip(*parts, strict=True))
     weight = np.minimum(count, HEAVIEST * np.median(count))
-    return Bins(turns, error, count, weight / weight.mean(), index.astype(np.int64), path, speed, per_turn)
+    return Bins(turns, error, count, weight / weight.mean(), index.astype(np.int64), path, speed, loads, per_turn)

@@ -1,10 +1,10 @@
 """Least squares of a measured trace at given orders, on the angles as they were recorded, and how sure it is.
 
-error = level of the sweep + slow terms + lag * speed + sum of a cos(2 pi f x) + b sin(2 pi f x). The coefficients are
-as uncertain as those of independent residuals, widened by the noise floor of the residuals at each order, or, in
-records too short for that, by the number of neighbours that err together: the integrated autocorrelation. The part of
-the residuals that is correlated from one bin to the next is no noise of reading but error beyond the given orders, or
-slow: its size is `unmodelled`.
+error = level of the sweep + slow terms + lag * speed + compliance * load + sum of a cos(2 pi f x) + b sin(2 pi f x).
+The coefficients are as uncertain as those of independent residuals, widened by the noise floor of the residuals at each
+order, or, in records too short for that, by the number of neighbours that err together: the integrated autocorrelation.
+The part of the residuals that is correlated from one bin to the next is no noise of reading but error beyond the given
+orders, or slow: its size is `unmodelled`.
 """
 
 from __future__ import annotations
@@ -52,14 +52,15 @@ def curve_of(coefficients: Array, orders: Array, turns: Array) -> Array:
 
 @dataclass(frozen=True)
 class SlowTerms:
-    """Terms beside the orders: a drift, powers of the travel up to a degree, and a lag between the encoders.
+    """Terms beside the orders: a drift, powers of the travel up to a degree, and slopes over columns of the bins.
 
-    by_angle: Legendre polynomials of the cam angle instead, for all that is slow in a part of an output turn.
+    by_angle: Legendre polynomials of the cam angle instead, for all that is slow in a part of an output turn; over:
+    names of the columns, speed for a lag between the encoders, load for the wind-up.
     """
 
     degree: int = 0
     by_angle: bool = False
-    lag: bool = False
+    over: tuple[str, ...] = ()
 
     @property
     def periods(self) -> float:
@@ -81,7 +82,7 @@ class TraceDesign:
     def __init__(self, bins: Bins, orders: Array, slow: SlowTerms = SlowTerms()) -> None:
         self.bins, self.orders, self.slow = bins, orders, slow
         self.reach = max(float(bins.travel.max()), 1e-12)
-        self.columns = columns = 2 * len(orders) + bins.sweeps + slow.degree + slow.lag
+        self.columns = columns = 2 * len(orders) + bins.sweeps + slow.degree + len(slow.over)
         if len(bins) < BINS_PER_COLUMN * columns:
             message = f"{len(bins)} steps of the angle are too few for {columns} unknowns"
             raise UntrustedError(
@@ -109,8 +110,8 @@ class TraceDesign:
         bins, rows = self.bins, slice(start, start + DESIGN_CHUNK)
         levels = np.eye(bins.sweeps)[bins.sweep[rows]]
         slow = self._slow(bins.turns[rows], bins.travel[rows])
-        lag = bins.speed[rows, None][:, : self.slow.lag]
-        return np.concatenate([order_columns(bins.turns[rows], self.orders), levels, slow, lag], axis=1)
+        over = [getattr(bins, name)[rows, None] for name in self.slow.over]
+        return np.concatenate([order_columns(bins.turns[rows], self.orders), levels, slow, *over], axis=1)
 
     def _slow(self, turns: Array, travel: Array) -> Array:
         """Drift, or polynomials of the angle, at angles and travels [turns], shape (angles, degree)."""
@@ -147,9 +148,9 @@ class TraceFit:
     design: of the least squares; coefficients: of the cosines, then of the sines [arcsec], shape (2 orders,); factor:
     shape (2 orders, columns), whose product with unit noise is an error of the coefficients; lines: those of the orders
     that were found in the residuals, rising; level: shape (sweeps,);
-    drift: coefficients, shape (degree,); lag: of the output's reading behind the cam's, and its standard uncertainty,
-    times the speed of the output [arcsec s/turn], None where it is not fitted; residual: shape (bins,). correlated:
-    bins that err together; unmodelled: size of the residuals beyond noise of reading [arcsec].
+    drift: coefficients, shape (degree,); slopes: over columns of the bins by name, each with its standard uncertainty:
+    over speed [arcsec s/turn], over the load; residual: shape (bins,). correlated: bins that err
+    together; unmodelled: size of the residuals beyond noise of reading [arcsec].
     """
 
     design: TraceDesign
@@ -158,7 +159,7 @@ class TraceFit:
     lines: Array
     level: Array
     drift: Array
-    lag: tuple[float, float] | None
+    slopes: dict[str, tuple[float, float]]
     residual: Array
     correlated: float
     unmodelled: float
@@ -269,9 +270,12 @@ def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: 
     floor = noise_floor(design, residual, variance)
     wide = np.full(len(coefficients), correlated) if floor is None else np.tile(floor, 2)
     factor = design.root[: len(coefficients)] * np.sqrt(variance * wide)[:, None]
-    unsure = float(np.linalg.norm(design.root[-1])) * np.sqrt(variance * max(correlated, 1.0))
-    lag = (float(solution[-1]), float(unsure)) if slow.lag else None
-    return TraceFit(design, coefficients, factor, lines, level, drift, lag, residual, correlated, unmodelled)
+    unsure = np.linalg.norm(design.root, axis=1) * np.sqrt(variance * max(correlated, 1.0))
+    last = [(float(value), float(spread)) for value, spread in zip(solution, unsure, strict=True)][
+        columns - len(slow.over) :
+    ]
+    slopes = dict(zip(slow.over, last, strict=True))
+    return TraceFit(design, coefficients, factor, lines, level, drift, slopes, residual, correlated, unmodelled)
 
 
 def linear_drift(design: TraceDesign, residual: Array) -> tuple[float, float]:

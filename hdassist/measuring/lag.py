@@ -43,7 +43,7 @@ def encoder_lag(fits: Sequence[TraceFit], ratio: float, sense: int) -> EncoderLa
     Arguments: ratio, cam turns per output turn; sense, in which the two encoders count, 0 for a column of errors.
     """
     size = 1e3 * ratio * (sense or 1) / ARCSEC_PER_TURN  # ms of a lag in arcsec s/turn of the cam
-    if told := [fit.lag for fit in fits if fit.lag]:
+    if told := [fit.slopes["speed"] for fit in fits if "speed" in fit.slopes]:
         values, spreads = np.array(told).T
         weight = 1 / np.maximum(spreads, 1e-12) ** 2
         return EncoderLag(float(size * (weight @ values) / weight.sum()), float(abs(size) / np.sqrt(weight.sum())))

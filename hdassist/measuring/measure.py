@@ -28,11 +28,13 @@ from hdassist.measuring.spikes import without_spikes
 from hdassist.measuring.uncertainty import (
     COVERAGE_FACTOR,
     RANGE_SOURCES,
-    RECORD_SOURCES,
+    STATED,
+    WIND_UP,
     UncertaintySource,
     budget,
     combined,
 )
+from hdassist.measuring.windup import RecordedTorque, load_of, tells_compliance
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.readers.sweeps import AngleSweep
@@ -43,6 +45,9 @@ SHORTEST_TURNS = 1.0  # cam turns
 STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
 DRIFT_LEFT = "linear drift of {:.3g} arcsec over the record left in (--drift linear), if it is no part of a slow order"
 DRIFT_OFF = "the cycle does not close: linear drift of {:.3g} arcsec taken off; with it the curve spans {:.1f} arcsec"
+WIND_UP_LEFT = (
+    "the torque goes with the output's turn: its wind-up is left in (--drive PRESET with catalogue.K_1 to K_3)"
+)
 DRIFTED = 0.05  # of F'_ior: least drift left in that is reported
 DRIFT_CLEAR = 4.0  # standard uncertainties of a drift
 BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
@@ -89,8 +94,8 @@ class SweepResult:
     def revolution_uncertainty_arcsec(self) -> float:
         """Combined standard uncertainty of the range within one cam turn: its own noise, the other sources alike."""
         own = self.revolution.spread, self.revolution.bias_uncertainty
-        drift = (self.sources[RANGE_SOURCES - 1].arcsec or 0.0) / self.bins.span
-        return hypot(*own, drift, combined(self.sources[RANGE_SOURCES:]))
+        slow = combined(self.sources[2:RANGE_SOURCES]) / self.bins.span
+        return hypot(*own, slow, combined(self.sources[RANGE_SOURCES:]))
 
     @property
     def interval_arcsec(self) -> tuple[float, float]:
@@ -143,7 +148,7 @@ class Reversal:
 class Measurement:
     """Answers from a measured trace: directions, that of the greatest F'_ior first; seed of the bootstrap.
 
-    lag: between the encoders, None without time stamps or a ratio.
+    lag: between the encoders, None without time stamps or a ratio; torque: None where it was not recorded.
     """
 
     trace: MeasuredTrace
@@ -154,6 +159,7 @@ class Measurement:
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     seed: int
+    torque: RecordedTorque | None = None
 
     @property
     def F_ior_arcsec(self) -> float:
@@ -185,7 +191,10 @@ def measure(
     gearing = gearing_of(drive, ratio)
     notes, warnings = list(trace.notes), []
     directions: list[SweepResult] = []
-    cleaned, degree = trace, DRIFTS[drift]
+    cleaned, torque, degree = trace, None, DRIFTS[drift]
+    if trace.load is not None:
+        load, torque = load_of(trace.load, drive)
+        cleaned = replace(trace, load=load)
     for sign in (0,) if together else (1, -1):
         sweeps = [sweep for sweep in trace.sweeps if together or sweep.direction == sign]
         longest = max((abs(trace.cam_deg[s.stop - 1] - trace.cam_deg[s.start]) / 360 for s in sweeps), default=0.0)
@@ -199,8 +208,17 @@ def measure(
             bins = bins_of(cleaned, sweeps, declared[-1])
             slow = SlowTerms(degree) if together else slow_terms(bins.span, gearing.ratio if gearing else None, degree)
             if trace.time_s is not None and not together:
-                slow = replace(slow, lag=speed_changes(bins))
+                slow = replace(slow, over=("speed",) * speed_changes(bins))
             fit = _fit(bins, declared, gearing, slow, notes)
+            if torque and torque.changes and torque.by != "catalogue":
+                if tells_compliance(fit):
+                    slow = replace(slow, over=(*slow.over, "load"))
+                    fit = _fit(bins, declared, gearing, slow, notes)
+                elif torque.has_catalogue:
+                    cleaned, torque = torque.by_catalogue(cleaned)
+                    continue
+                else:
+                    warnings.append(WIND_UP_LEFT)
             cleaned, spikes = without_spikes(cleaned, sweeps, fit)
             if not spikes:
                 break
@@ -215,7 +233,11 @@ def measure(
                 )
             elif drift_left:
                 warnings.append(DRIFT_LEFT.format(drift_left))
-        result = _sweep_result(sign, cleaned, sweeps, fit, declared, drift_left, gearing, drive, stated or {}, seed)
+        if torque and "load" in fit.slopes:
+            torque = torque.fitted(fit, load)
+        result = _sweep_result(
+            sign, cleaned, sweeps, fit, declared, drift_left, gearing, drive, stated or {}, seed, torque
+        )
         if not fit.unmodelled < UNMODELLED * result.range.value:
             size = f"{fit.unmodelled:.2g} arcsec"
             warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
@@ -229,7 +251,7 @@ def measure(
         lag = encoder_lag([each.fit for each in directions], gearing.ratio, trace.sense)
     directions.sort(key=lambda each: -each.range.value)
     notes, warnings = list(dict.fromkeys(notes)), list(dict.fromkeys(warnings))
-    return Measurement(trace, gearing, tuple(directions), reversal, lag, tuple(notes), tuple(warnings), seed)
+    return Measurement(trace, gearing, tuple(directions), reversal, lag, tuple(notes), tuple(warnings), seed, torque)
 
 
 def require_drift(kind: str) -> None:
@@ -301,6 +323,7 @@ def _sweep_result(
     drive: Drive | None,
     stated: Mapping[str, float],
     seed: int,
+    torque: RecordedTorque | None,
 ) -> SweepResult:
     """The range of a fit with its uncertainty, refused where it is not clear of noise; orders and coverage.
 
@@ -323,11 +346,12 @@ def _sweep_result(
     sources = budget(
         extent.spread, extent.bias_uncertainty, drift / sqrt(3), fit.unmodelled, step, scatter, stated,
         in_time=trace.in_time, ratio=gearing.ratio if gearing else None,
+        wind_up=torque.uncertainty_arcsec if torque and torque.by == "catalogue" else 0.0,
     )  # fmt: skip
     if trace.in_time and step > COARSE_STEP * extent.value:
         message = f"the output is read in steps of {step:.2g} arcsec at even angles: what they round looks like error"
         raise UntrustedError(f"{trace.file}: {message}", "read both encoders by the clock", Fault.ORDERS_UNTOLD)
-    alone = combined(sources[:RECORD_SOURCES])
+    alone = combined([source for source in sources if source.name not in {*STATED, WIND_UP}])
     if not fit.clear_of_noise or not extent.value > COVERAGE_FACTOR * alone:
         message = f"F'_ior of {max(extent.value, 0.0):.3g} arcsec is not clear of its noise, u = {alone:.3g} arcsec"
         hint = "it drifts: --drift linear" if drift_left else "record longer or with less noise; check the column"

@@ -17,8 +17,8 @@ STATED = {  # sources that a single record cannot show
 }
 COVERAGE_FACTOR = 2.0
 OFF_CENTRE = 0.05  # deg: error of an angle by an encoder that sits off its centre, as an example
-RANGE_SOURCES = 3  # so many sources, the first ones, belong to one range alone
-RECORD_SOURCES = 5  # so many, the first ones, show in the record itself
+WIND_UP = "wind-up"
+RANGE_SOURCES = 4  # so many sources, the first ones, belong to one range alone
 
 
 @dataclass(frozen=True)
@@ -58,15 +58,16 @@ def budget(
     *,
     in_time: bool = False,
     ratio: float | None = None,
+    wind_up: float = 0.0,
 ) -> tuple[UncertaintySource, ...]:
     """Sources of uncertainty of a range.
 
     Arguments, all in arcsec: noise, spread of the range by bootstrap; bias, uncertainty of its correction; drift, by a
     drift; unmodelled, size of error beyond the declared orders; step, resolution of a reading; scatter,
     of single readings; stated, by source; in_time, whether the rounding of a step repeats with the turns; ratio, cam
-    turns per output turn, None where it is not known. The two extremes of a range err by themselves: hence sqrt(2). A
-    step below twice the scatter is dithered. In time with the turns the fit follows the rounding, and both extremes
-    may err together: hence 2.
+    turns per output turn, None where it is not known; wind_up, by one taken off by a catalogue. The two extremes of a
+    range err by themselves: hence sqrt(2). A step below twice the scatter is dithered. In time with the turns the fit
+    follows the rounding, and both extremes may err together: hence 2.
     """
     resolution = sqrt(2) * step / sqrt(12), "step of the readings"
     if step / 2 < scatter:
@@ -77,6 +78,7 @@ def budget(
         UncertaintySource("noise", noise, "bootstrap of the residuals"),
         UncertaintySource("bias correction", bias, "a third of what was taken off"),
         UncertaintySource("drift", drift, "how straight it is, or whether it is one"),
+        UncertaintySource(WIND_UP, wind_up, "stiffnesses of a catalogue, by which it was taken off"),
         UncertaintySource("beyond the orders", sqrt(2) * unmodelled, "residuals that go on from step to step"),
         UncertaintySource("resolution", *resolution),
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from hdassist.measuring.lag import EncoderLag
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import MeasuredOrder
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED, UncertaintySource
+from hdassist.measuring.windup import RecordedTorque
 from hdassist.pages.trace import curve_of_turns
 from hdassist.preset.fields import Drive
 from hdassist.report.blocks import Curve, Facts, ReportSection, Table
@@ -98,6 +100,7 @@ def measure_report(result: Measurement, drive: Drive | None) -> Report:
     """F'_ior of a measured trace with its uncertainty, by direction; drive, None where it is not known."""
     found, *others = result.directions
     trace, gearing, reversal, lag = result.trace, result.gearing, result.reversal, result.lag
+    torque = result.torque
     table = Table.by_row("", _ON_PAGE, result.directions, words=(0,))
     return Report(
         command="measure",
@@ -121,6 +124,7 @@ def measure_report(result: Measurement, drive: Drive | None) -> Report:
             "reversal_error": reversal
             and {"mean_arcsec": reversal.mean_arcsec, "greatest_departure_arcsec": reversal.greatest_arcsec},
             "encoder_lag": lag and {"ms": lag.ms, "uncertainty_ms": lag.uncertainty_ms, "bound_ms": lag.bound_ms},
+            "torque": torque and asdict(torque),
             "seed": result.seed,
         },
         csv=_csv(result),
@@ -154,6 +158,8 @@ def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]
     if reversal := result.reversal:
         words = f"{reversal.mean_arcsec:.2f} arcsec on the mean, up to {reversal.greatest_arcsec:.2f} arcsec off that"
         yield "reversal", f"{words}; it is not lost motion"
+    if torque := result.torque:
+        yield "torque", _torque(torque)
     if lag := result.lag:
         yield "lag", _lag(lag)
     missing = [source.name for source in found.sources if source.arcsec is None]
@@ -170,6 +176,19 @@ def _with_beats(order: MeasuredOrder, orders: Sequence[MeasuredOrder]) -> str:
     alone = next((each.amplitude_arcsec for each in orders if abs(each.per_cam_rev - order.per_cam_rev) < 1e-9), None)
     is_same = alone is None or f"{alone:.2f}" == f"{order.amplitude_arcsec:.2f}"
     return words if is_same else f"{words} (alone {alone:.2f})"
+
+
+def _torque(torque: RecordedTorque) -> str:
+    """The torque of a record, the wind-up that was taken off, and by what."""
+    words = f"{torque.mean_Nm:.4g} N·m on the mean, {torque.least_Nm:.4g} to {torque.greatest_Nm:.4g}"
+    if not torque.by:
+        return words
+    size = f"{torque.wind_up_arcsec:.3g} ± {COVERAGE_FACTOR * torque.uncertainty_arcsec:.2g} arcsec"
+    by = "K_1 to K_3 of the preset's catalogue"
+    if fitted := torque.stiffness_Nm_rad or torque.times_catalogue:
+        unit = "N·m/rad" if torque.stiffness_Nm_rad else f"times {by}"
+        by = f"the record itself, {fitted[0]:.3g} ± {COVERAGE_FACTOR * fitted[1]:.2g} {unit}"
+    return f"{words}; wind-up of {size} taken off by {by}: F'_ior is that at the mean"
 
 
 def _lag(lag: EncoderLag) -> str:

@@ -72,6 +72,17 @@ class Acceptance(Section):
         "limit of the amplitude of orders per cam turn {2: 10} at each torque, or at one {2@80: 8}", "arcsec", {}
     )
     lost_motion: float | None = field("limit of the lost motion", "arcsec", None, gt=0, le=1e6)
+    positioning: float | None = field("limit of the positioning error one way", "arcsec", None, gt=0, le=1e6)
+    repeatability: float | None = field("limit of the repeatability, plus and minus", "arcsec", None, gt=0, le=1e6)
+    bidirectional: float | None = field(
+        "limit of the repeatability from both sides, plus and minus", "arcsec", None, gt=0, le=1e6
+    )
+    hysteresis_loss: float | None = field("limit of the hysteresis loss", "arcsec", None, gt=0, le=1e6)
+    starting_torque: float | None = field("limit of the torque at the cam that starts it", "N*m", None, gt=0, le=1e7)
+    backdrive_torque: float | None = field(
+        "limit of the torque at the output that drives it back", "N*m", None, gt=0, le=1e7
+    )
+    ratchet_torque: float | None = field("least torque at the output at which teeth ratchet", "N*m", None, gt=0, le=1e9)
     K_1: float | None = field("least torsional stiffness near zero", "N*m/rad", None, gt=0, le=1e12)
     K_2: float | None = field("least torsional stiffness of the second segment", "N*m/rad", None, gt=0, le=1e12)
     K_3: float | None = field("least torsional stiffness of the third segment", "N*m/rad", None, gt=0, le=1e12)

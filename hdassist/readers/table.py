@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 
@@ -30,12 +30,14 @@ from hdassist.readers.cells import (
     row_text,
     separator_of,
 )
+from hdassist.readers.foreign import program_of, readable_parts
+from hdassist.readers.words import unit_in
 from hdassist.textfile import MAX_LINE, Readable, TextFile
 
 MOST_TABLE_BYTES = 5_000_000
 SAMPLED_LINES = 300  # lines that settle how rows are written
 FOREIGN_ROWS = 20  # that cannot be read, and most of those sampled: the file is no table of numbers
-FOREIGN = {"PHD2": "a guide log of PHD2 has no angle of the cam: write it beside the error, like cam_deg,error_arcsec"}
+FOREIGN_HEAD = 3  # lines above the rows that are no names of columns
 GREATEST = 1e30  # magnitude of a number: squares of it are still finite
 MAX_REMARKS = 1000  # remarks that are kept
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
@@ -67,6 +69,13 @@ class NumberTable:
     def name(self, column: int) -> str:
         """Name of a column (from 0), for messages."""
         return self.names[column] if column < len(self.names) else f"column {column + 1}"
+
+    def in_unit(self, column: int, words: str, sizes: Mapping[str, float], default: str) -> Cells:
+        """Values of a column in the unit whose size is 1, by the unit in its name; how they were read is noted."""
+        name = self.name(column)
+        unit = unit_in(name, sizes)
+        self.notes.append(f'"{name}": {words}, {unit or f"no unit given, {default} assumed"}')
+        return np.asarray(self.values[:, column] * sizes[unit or default])
 
     def add(self, line: int, column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
         """Add a finding by line and column of the file."""
@@ -141,7 +150,7 @@ def read_numbers(
     table = NumberTable(text.name)
     rows = _Rows(table, needs, lenient=lenient)
     try:
-        for first, part in text.parts():
+        for first, part in readable_parts(text, table.notes):
             rows.take(first, part)
             if len(table.findings) > MAX_FINDINGS:
                 break
@@ -224,11 +233,13 @@ class _Rows:
         lines, self.waiting = self.waiting[named:], []
         self._read(lines)
         faulty = {*self.table.left_out, *(finding.line for finding in self.table.findings)}
+        head = sum(line.number < self.lines[0] for line in lines) if self.lines else 0
         faulty &= {line.number for line in lines}
-        if len(faulty) >= FOREIGN_ROWS and 2 * len(faulty) > len(lines):
+        if (len(faulty) >= FOREIGN_ROWS and 2 * len(faulty) > len(lines)) or head >= FOREIGN_HEAD:
             self.table.findings.clear()
+            program = program_of([line.text for line in sample]) or "a file of another program?"
             message = f"no table of numbers: {len(faulty)} of the first {len(lines)} lines are no rows of {self.width}"
-            hint = next((hint for program, hint in FOREIGN.items() if program in first.text), "a log of a program?")
+            hint = f"{program}; write one line of names above rows of numbers, like {';'.join(self.needs)}"
             self._refuse(first.number, message, first.text.strip(), hint)
 
     def _refuse(self, line: int, message: str, got: str, hint: str) -> None:

@@ -20,7 +20,7 @@ from hdassist.preset.units import UnitError
 from hdassist.preset.yamltext import shown
 from hdassist.readers.sweeps import AngleError, AngleSweep, guessed_wrap, leaping, sweeps, unwrapped
 from hdassist.readers.table import NumberTable, read_numbers, shortened
-from hdassist.readers.words import ANGLES, COUNTS, TIMES, angle_size, plain_unit, role_in, unit_in
+from hdassist.readers.words import ANGLES, COUNTS, TIMES, TORQUES, angle_size, plain_unit, role_in, unit_in
 from hdassist.textfile import Readable
 
 MAX_TRACE_BYTES = 100_000_000
@@ -102,7 +102,8 @@ class MeasuredTrace:
     cam, as with readings at even angles. sweeps: moves in one direction each. sha256: of the file. angle_of: shaft of
     the recorded angles; those of the output were multiplied by the ratio. sense: of two encoders, 1 where both count
     up, -1 where one counts down, 0 for a column of errors. notes: conversions, assumptions and rows left out.
-    robust: whether readings far off all others are left out. time_s: of each row, None without time stamps.
+    robust: whether readings far off all others are left out. time_s: of each row, None without
+    time stamps; load: torque [N*m] of each row, or the wind-up that it makes, None without.
     """
 
     file: str
@@ -118,6 +119,7 @@ class MeasuredTrace:
     in_time: bool = False
     robust: bool = False
     time_s: Array | None = None
+    load: Array | None = None
 
     def without(self, rows: NDArray[np.int64]) -> MeasuredTrace:
         """The trace without some rows."""
@@ -127,26 +129,42 @@ class MeasuredTrace:
         return replace(
             self, cam_deg=cam, error_arcsec=self.error_arcsec[kept], line=self.line[kept], sweeps=tuple(sweeps(cam)),
             time_s=None if self.time_s is None else self.time_s[kept],
+            load=None if self.load is None else self.load[kept],
         )  # fmt: skip
 
 
 def read_trace(
     source: Readable, form: TraceForm | None = None, ratio: float | None = None, fewest: int = FEWEST_ROWS
 ) -> MeasuredTrace:
-    """Read a measured trace.
-
-    Arguments: source, a path ("-" is standard input), stream or bytes; form of the columns; ratio, cam turns per output
-    turn, needed for angles of the output and for two encoders; fewest, rows that are enough.
-    Raises DataError: a file that cannot be read; PresetError: every fault of its rows, or the first one of its angles;
-    UsageError: a wrong argument.
-    """
+    """Read a measured trace: a table and the trace in it. Arguments and errors are theirs."""
     form = form or TraceForm()
+    return trace_of(read_record(source, form), form, ratio, fewest)
+
+
+def read_record(source: Readable, form: TraceForm) -> NumberTable:
+    """Read the table of a record.
+
+    Arguments: source, a path ("-" is standard input), stream or bytes; form of the columns.
+    Raises DataError: a file that cannot be read; PresetError: every fault of its rows; UsageError: a wrong argument.
+    """
     form.require_sound()
     table = read_numbers(source, ("angle", "error"), MAX_TRACE_BYTES, lenient=form.robust)
     table.require_sound()
-    notes = list(table.notes)
     if table.left_out:
-        notes.append(f"left out, no readings: lines {shortened(table.left_out)}")
+        table.notes.append(f"left out, no readings: lines {shortened(table.left_out)}")
+    return table
+
+
+def trace_of(
+    table: NumberTable, form: TraceForm, ratio: float | None = None, fewest: int = FEWEST_ROWS
+) -> MeasuredTrace:
+    """The measured trace in a table, whose values it takes away.
+
+    Arguments: form of the columns; ratio, cam turns per output turn, needed for angles of the output and for two
+    encoders; fewest, rows that are enough.
+    Raises PresetError: the first fault of its angles; DataError: no ratio; UsageError: one column for two.
+    """
+    notes = table.notes
     column = _roles(table, form, notes)
     if len(table.lines) < fewest:
         raise _fault(table, 0, column.angle, f"{len(table.lines)} rows", f"a trace has {fewest} rows or more")
@@ -154,7 +172,7 @@ def read_trace(
         message = f"{table.file}: the ratio is needed to bring output and cam together"
         raise DataError(message, "--ratio 100, or --drive PRESET")
     angle, readings = (table.values[:, index].copy() for index in (column.angle, column.other))
-    time_s = _time(table, notes)
+    time_s, torque = _beside(table, "time", TIMES, "s"), _beside(table, "torque", TORQUES, "nm")
     table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
     output = None
     if column.other_is == "second":
@@ -167,7 +185,7 @@ def read_trace(
         named = shortened(table.lines[leaps].tolist())
         notes.append(f'left out, "{table.name(column.angle)}" leaps there and back: lines {named}')
         cam, readings, table.lines = cam[~leaps], readings[~leaps], table.lines[~leaps]
-        output, time_s = (None if each is None else each[~leaps] for each in (output, time_s))
+        output, time_s, torque = (None if each is None else each[~leaps] for each in (output, time_s, torque))
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "check the column of the error")
     step, in_time = _step(readings) * abs(column.other_size), False
@@ -195,7 +213,7 @@ def read_trace(
         notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
     return MeasuredTrace(
         table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(notes),
-        column.angle_of, sense, in_time, form.robust, time_s,
+        column.angle_of, sense, in_time, form.robust, time_s, torque,
     )  # fmt: skip
 
 
@@ -220,18 +238,16 @@ def _angle(
         raise _fault(table, wrong.row, column, wrong.message, wrong.hint) from None
 
 
-def _time(table: NumberTable, notes: list[str]) -> Array | None:
-    """Time stamps [s] of the rows; None without a column of them that rises."""
-    columns = [index for index, name in enumerate(table.names) if role_in(name) == "time"]
+def _beside(table: NumberTable, role: str, sizes: dict[str, float], default: str) -> Array | None:
+    """The one column of a role, in the unit whose size is 1; None without one, and for times that do not rise."""
+    columns = [index for index, name in enumerate(table.names) if role_in(name) == role]
     if len(columns) != 1:
         return None
-    name, stamps = table.name(columns[0]), table.values[:, columns[0]]
-    if not (np.diff(stamps) > 0).all():
-        notes.append(f'"{name}" does not rise in every row: no time stamps')
+    values = table.in_unit(columns[0], role, sizes, default)
+    if role == "time" and not (np.diff(values) > 0).all():
+        table.notes[-1] += ", does not rise in every row: no time stamps"
         return None
-    unit = unit_in(name, TIMES) or "s"
-    notes.append(f'"{name}": time stamps, {unit}')
-    return np.asarray(stamps * TIMES[unit])
+    return values
 
 
 def _second(

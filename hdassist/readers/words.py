@@ -15,6 +15,10 @@ ANGLES = {  # size in arcsec
     "urad": 0.648 / pi, "turn": 1296000.0,
 }  # fmt: skip
 FEWEST_COUNTS, MOST_BITS = 8, 48  # of an encoder, in a turn
+TURN_ARCSEC = ANGLES["turn"]
+TORQUES = {  # in N*m
+    "nm": 1.0, "нм": 1.0, "mnm": 1e-3, "knm": 1e3, "ncm": 1e-2, "nmm": 1e-3,
+}  # fmt: skip
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}  # in s
 COUNTS = {"counts": 0.0}  # whose size a name does not give
 LENGTHS = ("um", "mm", "nm", "cm")
@@ -28,16 +32,21 @@ _SPELLED = {
     "мкм": "um", "mkm": "um", "micron": "um", "microns": "um", "micrometer": "um", "micrometers": "um",
     "micrometre": "um", "micrometres": "um", "мм": "mm", "millimeter": "mm", "millimetre": "mm", "нм": "nm",
 }  # fmt: skip
-_MICRO = str.maketrans("µμ", "uu")
+_MICRO = str.maketrans("µμ", "uu", "·⋅*")
 _WORD = r"(?<![^\W_\d])(?:{})(?![^\W_\d])"  # between letters it is none
 _ROLES = {
-    "other": r"torque|moment|drehmoment|nm|temp|temperature|temperatur|speed|velocity|rpm|drehzahl|current|voltage|"
-    r"момент|температура|скорость|ток",
+    "torque": r"torque|moment|drehmoment|nm|mnm|knm|ncm|nmm|момент",
+    "other": r"temp|temperature|temperatur|speed|velocity|rpm|drehzahl|current|voltage|температура|скорость|ток",
     "error": r"err|error|te|dev|deviation|fehler|abweichung|fkpp|kpp|погрешность|ошибка",
+    "target": r"target|nominal|commanded|soll|sollwert|заданный|задание",
+    "twist": r"twist|torsion|windup|verdrehung|закрутка",
+    "side": r"approach|side|direction|richtung|направление|подход",
+    "place": r"place|station|stelle|место",
     "cam": r"cam|wg|wave|generator|input|motor|mot|antrieb|eingang|phih|phi_h|thetah|вход|генератор|кулачок",
     "output": r"output|out|load|abtrieb|ausgang|link|phig|phi_g|phib|phi_b|выход",
     "time": r"time|timestamp|zeit|t|время",
     "angle": r"angle|ang|phi|theta|position|pos|winkel|угол|encoder|enc",
+    "actual": r"measured|actual|ist|istwert|измеренный|измерено",
 }
 PITCH_KEYS = {  # of remarks in a file of pitch deviations
     "form": "form", "форма": "form", "unit": "unit", "units": "unit", "einheit": "unit", "единица": "unit",
@@ -62,7 +71,7 @@ _TOOTH = re.compile(
 
 
 def role_in(name: str) -> str:
-    """Content of a column of a trace by its name: error, cam, output, time, angle, other; empty for an unknown one."""
+    """Content of a column by its name: a key of _ROLES, as error, cam, output or angle; empty for an unknown one."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
     return next((role for role, words in _ROLES.items() if re.search(_WORD.format(words), spaced)), "")
 

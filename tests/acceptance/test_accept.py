@@ -434,7 +434,7 @@ def test_a_declaration_is_all_that_a_check_takes(check, predicted, tmp_path):
     drive = tiny(f"{name}=7")
     (limit,) = [limit for limit in limits_of(drive) if limit.M_g_Nm in (4.0, None)]
     assert (limit.check, limit.limit, limit.per_cam_rev) == (check, 7.0, 2.0 if check == ORDER_CHECK else None)
-    assert predicted[1].quantities.value(limit) > 0
+    assert (predicted[1].quantities.value(limit) > 0) == (check.predicted is not None)
     assert limits_of(tiny(f"{name}=7 {check.unit}")) == limits_of(drive)
     columns = f"serial,preset,limit {name},{name if check != ORDER_CHECK else 'order_2@4'}\n1,{TINY},7,6±0.1\n"
     (tmp_path / "lot.csv").write_text(columns)

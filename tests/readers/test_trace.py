@@ -228,14 +228,57 @@ def test_faulty_rows_are_left_out_and_named_when_asked():
     assert len(read(there, robust=True).line) == 1200  # a shaft that turns back does not leap
 
 
-def test_a_foreign_log_is_named_in_one_line():
-    row = '{0},{0}.5,"Mount",-0.04,0.1,,0,,,22356,20.1,0'
-    head = "PHD2 version 2.6.11, Log version 2.5. Log enabled at 2022-10-01\n\nEquipment Profile = EQ\n"
-    for robust in (False, True):
-        words = fault(head + "\n".join(row.format(k) for k in range(9000)), robust=robust)
-        assert words.count("\n") == 0
-        assert "no table of numbers" in words
-        assert "a guide log of PHD2 has no angle of the cam" in words
+OTHERS = {
+    "a record of an oscilloscope": "Model,X\nRecord Length,400\nVertical Units,V,V\nLabel,,\nTIME,CH1,CH2\n"
+    + "0,1.5,2\n" * 400,
+    "a record of a laser at targets": "HEADER::\nMachine: a\nTARGET DATA::\nTargets :\n" + "1 2 0.5\n" * 50,
+    "a record of a controller's signals": "0 1.5 0.25 TRUE\n" * 9000,
+    "a log of events": "2024-01-01 12:00:01,123 INFO motor 5 moved\n" * 9000,
+    "a file of another program?": "a: b\nc: d\ne: f\ng: h\ni: j\n" + "1 2 0.5\n" * 50,
+}
+
+
+@pytest.mark.parametrize("program", OTHERS)
+@pytest.mark.parametrize("robust", [False, True])
+def test_a_file_of_another_program_is_named_in_one_line(program: str, robust: bool):
+    words = fault(OTHERS[program], robust=robust)
+    assert words.count("\n") == 0
+    assert "no table of numbers" in words
+    assert program in words
+
+
+SECTION = "Frame,Time,mount,dx,dy,RARawDistance,DECRawDistance,RAGuideDistance,DECGuideDistance,RADuration\n"
+OFF, ON = (f"INFO: Guiding parameter change, MountGuidingEnabled = {word}\n" for word in ("false", "true"))
+
+
+def guide_log(turn_off: str = OFF) -> str:
+    """A log of PHD2: a guided piece, some turns without guiding and with a star that was lost, another guided piece."""
+    rows = [f'{k + 1},{2 * k},"Mount",0,0,{e / 1.5 * np.cos(np.pi / 6):.6f},0,0,0,0\n' for k, e in enumerate(ERROR)]
+    rows[200] = '201,400,"DROP",,,,,,,,,,,,,11,1.20,2,"Star lost - low SNR"\n'
+    head = "PHD2 version 2.6.13, Log version 2.5.\n\nGuiding Begins at 2026-01-01 20:05:00\n"
+    head += "Pixel scale = 1.50 arc-sec/px, Binning = 1\nRA = 5.00 hr, Dec = 30.0 deg, Hour angle = 1.00 hr\n"
+    return "".join([head, SECTION, *rows[:20], turn_off, *rows[20:350], ON, *rows[350:], "Guiding Ends at 21:00:00\n"])
+
+
+def test_an_unguided_section_of_a_guide_log_is_an_error_over_the_axis_that_follows_the_sky():
+    trace = read(guide_log(), ratio=100)
+    kept = [*range(20, 200), *range(201, 350)]
+    assert trace.cam_deg == pytest.approx(2 * np.array(kept) * 15.041067 / 3600 * 100)
+    assert trace.error_arcsec == pytest.approx(ERROR[kept], abs=1e-4)
+    assert (trace.line[0], trace.line[-1]) == (28, 357)
+    assert any("a guide log of PHD2: the longest unguided section, lines 28 to 357" in note for note in trace.notes)
+    assert "without an unguided section: corrections hide the error" in fault(guide_log(""), ratio=100)
+
+
+@pytest.mark.parametrize(("stated", "turn_s"), [("!StepsPerWorm=90000\n", 90000 / 187.5), ("", 479.0)])
+def test_a_pe_file_of_eqmod_is_an_error_over_turns_of_its_worm(stated: str, turn_s: float):
+    head = f"# EQMOD V2.00\n!WormPeriod=479\n{stated}# time - motor - PE\n"
+    rows = [f"{k} {8388608 + 187.5 * k:.1f} {e:.4f}\n" for k, e in enumerate(ERROR)]
+    trace = read(head + "".join(rows))
+    assert trace.cam_deg - trace.cam_deg[0] == pytest.approx(360 * np.arange(400) / turn_s, abs=1e-4)
+    assert trace.error_arcsec == pytest.approx(ERROR, abs=1e-4)
+    assert any("a PE file of EQMOD" in note for note in trace.notes)
+    assert "without its !WormPeriod" in fault(head.replace("479", "0") + "".join(rows))
 
 
 def test_words():

@@ -1,0 +1,139 @@
+"""What makers and buyers state of a drive beside F'_ior: from approached positions, and from torque loops.
+
+Positions: every deviation is that of its position and side, and scatter of the approach, alike everywhere. Statistics
+of drawn approaches say how uncertain those of the measured ones are, and by how much scatter widens a range.
+Loops: the twist at a torque is that of a parabola through the readings around it, on each branch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, sqrt
+
+import numpy as np
+
+from hdassist.errors import DataError
+from hdassist.measuring.range import BIAS_SHARE
+from hdassist.model.geometry import Array
+from hdassist.readers.bench import LoopRecord, PositionRecord
+from hdassist.readers.sweeps import WHOLE_TURN_DEG, AngleError, sweeps
+
+LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the lost motion
+AROUND = 5  # readings, at least, through which a parabola is laid
+TINY = 1e-30  # N*m
+LOOP_HINT = "go from -T_0 to T_0 and back, T_0 the rated torque"
+SAME_TARGET = 0.5  # arcsec: targets nearer than that are one
+
+
+@dataclass(frozen=True)
+class StatedQuantity:
+    """A quantity that makers state: name of its limit in acceptance, value and standard uncertainty [arcsec].
+
+    uncertainty_arcsec: None where nothing was repeated. of: the readings that it is of, in words.
+    """
+
+    name: str
+    arcsec: float
+    uncertainty_arcsec: float | None
+    of: str
+
+
+@dataclass(frozen=True)
+class PlaceLoop:
+    """Loops at one place: its number, hysteresis loss and lost motion [arcsec], each with its standard uncertainty."""
+
+    place: float
+    hysteresis: tuple[float, float]
+    lost_motion: tuple[float, float]
+
+
+def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2000) -> tuple[StatedQuantity, ...]:
+    """Positioning one way, repeatability, and repeatability from both sides of positions, as far as they were measured.
+
+    Raises DataError: fewer than two positions.
+    """
+    target = np.rint(record.target_arcsec / SAME_TARGET)
+    order = np.lexsort([record.side, target])
+    target, side, deviation = target[order], record.side[order], record.deviation_arcsec[order]
+    first = np.flatnonzero(np.append(True, (np.diff(target) != 0) | (np.diff(side) != 0)))  # rows that begin a group
+    count = np.diff(first, append=len(target))
+    means = np.repeat(np.add.reduceat(deviation, first) / count, count)
+    positions, approaches = len(np.unique(target)), f"{count.min()}{f' to {count.max()}' if np.ptp(count) else ''}"
+    if positions < 2:
+        raise DataError(f"{record.table.file}: one position", "approach two and more positions, 12 or better 211")
+
+    def figures(values: Array) -> dict[str, Array]:
+        """Quantities of sets of deviations, shape (sets, rows), each of shape (sets,)."""
+        own, at = side[first], target[first]
+        mean = np.add.reduceat(values, first, axis=1) / count
+        high, low = np.maximum.reduceat(values, first, axis=1), np.minimum.reduceat(values, first, axis=1)
+        again = np.flatnonzero(np.diff(at) == 0)  # the groups of such a position are next to each other
+        wide = np.maximum(high[:, again], high[:, again + 1]) - np.minimum(low[:, again], low[:, again + 1])
+        found = {
+            "positioning": [np.ptp(mean[:, own == way], axis=1) for way in np.unique(own) if (own == way).sum() > 1],
+            "repeatability": [(high - low)[:, k] / 2 for k in np.flatnonzero(count > 1)],
+            "bidirectional": list(wide.T / 2),
+        }
+        return {name: np.max(each, axis=0) for name, each in found.items() if each}
+
+    freedom = len(target) - len(first)
+    drawn: dict[str, Array] = {}
+    if freedom:
+        rng = np.random.default_rng(seed)
+        scatter = float(np.linalg.norm(deviation - means)) / np.sqrt(rng.chisquare(freedom, (draws, 1)))
+        drawn = figures(means + scatter * rng.standard_normal((draws, len(target))))
+    quantities = []
+    for name, (value,) in figures(deviation[None]).items():
+        bias = max(0.0, float(drawn[name].mean() - value)) if drawn and name == "positioning" else 0.0
+        unsure = hypot(float(drawn[name].std()), BIAS_SHARE * bias) if drawn else None
+        words = f"{positions} positions, each approached {approaches} times"
+        quantities.append(StatedQuantity(name, max(0.0, float(value) - bias), unsure, words))
+    return tuple(quantities)
+
+
+def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
+    """Hysteresis loss and lost motion of loops at each place; rated torque [N*m].
+
+    Raises DataError: a loop without a rising and a falling branch between the torques of the lost motion.
+    """
+    at = LOOP_SHARE * rated * np.array([-1.0, 0.0, 1.0])
+    loops = []
+    for place in np.unique(record.place):
+        torque, twist = (each[record.place == place] for each in (record.torque_Nm, record.twist_arcsec))
+        where = f"{record.table.file}: place {place:g}"
+        try:
+            branches = sweeps(torque * WHOLE_TURN_DEG / max(np.ptp(torque), TINY))
+        except AngleError:
+            raise DataError(f"{where}: the torque does not rise and fall in whole branches", LOOP_HINT) from None
+        sides = []
+        for way, words in ((1, "rising"), (-1, "falling")):
+            own = [slice(branch.start, branch.stop) for branch in branches if branch.direction == way]
+            own = [rows for rows in own if torque[rows].min() <= at[0] and torque[rows].max() >= at[2]]
+            if not own:
+                raise DataError(f"{where}: no {words} branch from {at[0]:.3g} to {at[2]:.3g} N*m", LOOP_HINT)
+            rows = np.concatenate([np.arange(branch.start, branch.stop) for branch in own])
+            sides.append([_twist_at(torque[rows], twist[rows], each, at[2]) for each in at])
+        (low, none, high), variance = np.array(sides)[..., 0].T, np.array(sides)[..., 1].sum(axis=0)
+        hysteresis = abs(float(none[0] - none[1])), sqrt(variance[1])
+        loops.append(
+            PlaceLoop(float(place), hysteresis, (abs(float((high - low).mean())), sqrt(variance[0] + variance[2]) / 2))
+        )
+    return tuple(loops)
+
+
+def loop_quantities(loops: tuple[PlaceLoop, ...]) -> tuple[StatedQuantity, ...]:
+    """The greatest hysteresis loss and lost motion over places."""
+    words = f"the greatest of {len(loops)} places" if len(loops) > 1 else "one place"
+    hysteresis, lost = max(loop.hysteresis for loop in loops), max(loop.lost_motion for loop in loops)
+    return StatedQuantity("hysteresis_loss", *hysteresis, words), StatedQuantity("lost_motion", *lost, words)
+
+
+def _twist_at(torque: Array, twist: Array, at: float, within: float) -> tuple[float, float]:
+    """Twist [arcsec] at a torque [N*m] by a parabola through the readings around it, and the variance of that."""
+    off = torque - at
+    near = np.abs(off) <= max(within, float(np.partition(np.abs(off), AROUND - 1)[AROUND - 1]))
+    columns = np.vander(off[near], 3, increasing=True)
+    inverse = np.linalg.pinv(columns.T @ columns)
+    solution = inverse @ columns.T @ twist[near]
+    left = twist[near] - columns @ solution
+    return float(solution[0]), float(left @ left / (len(left) - 3) * inverse[0, 0])

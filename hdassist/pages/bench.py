@@ -1,0 +1,92 @@
+"""Approached positions or torque loops as a report: what makers and buyers state beside F'_ior."""
+
+from __future__ import annotations
+
+import shlex
+
+from hdassist.acceptance.checks import CHECKS
+from hdassist.measuring.bench import PlaceLoop, StatedQuantity, loop_quantities, place_loops, position_quantities
+from hdassist.measuring.uncertainty import COVERAGE_FACTOR
+from hdassist.preset.fields import Drive
+from hdassist.readers.bench import LoopRecord, PositionRecord
+from hdassist.report.blocks import Facts, Lines, Table
+from hdassist.report.quantities import Quantity, as_object
+from hdassist.report.report import Report
+from hdassist.textfile import STDIN
+
+_CHECKS = {check.field: check for check in CHECKS}
+
+
+def _interval(value: float, unsure: float | None) -> list[float] | None:
+    reach = COVERAGE_FACTOR * (unsure or 0.0)
+    return None if unsure is None else [max(0.0, value - reach), value + reach]
+
+
+def _ends(ends: list[float]) -> str:
+    return "{:.2f} to {:.2f}".format(*ends)
+
+
+_QUANTITIES: tuple[Quantity[StatedQuantity], ...] = (
+    Quantity("name", "quantity", "", "", lambda q: q.name),
+    Quantity("value_arcsec", "value", "arcsec", ".2f", lambda q: q.arcsec),
+    Quantity("standard_uncertainty_arcsec", "u", "arcsec", ".2f", lambda q: q.uncertainty_arcsec),
+    Quantity("interval_arcsec", "95 %", "arcsec", _ends, lambda q: _interval(q.arcsec, q.uncertainty_arcsec)),
+    Quantity("of", "of", "", "", lambda q: q.of),
+)
+_ON_PAGE = (Quantity("", "", "", "", lambda q: _CHECKS[q.name].words), *_QUANTITIES[1:2], *_QUANTITIES[3:])
+_PLACES: tuple[Quantity[PlaceLoop], ...] = (
+    Quantity("place", "place", "", "g", lambda p: p.place),
+    Quantity("hysteresis_loss_arcsec", "hysteresis loss", "arcsec", ".2f", lambda p: p.hysteresis[0]),
+    Quantity("hysteresis_loss_uncertainty_arcsec", "u", "arcsec", ".2f", lambda p: p.hysteresis[1]),
+    Quantity("lost_motion_arcsec", "lost motion", "arcsec", ".2f", lambda p: p.lost_motion[0]),
+    Quantity("lost_motion_uncertainty_arcsec", "u", "arcsec", ".2f", lambda p: p.lost_motion[1]),
+)
+
+
+def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed: int) -> Report:
+    """Quantities of approached positions, or of torque loops; drive, None where unknown, for the rated torque."""
+    table = record.table
+    places: tuple[PlaceLoop, ...] = ()
+    if isinstance(record, PositionRecord):
+        found = position_quantities(record, seed=seed)
+    else:
+        greatest = float(abs(record.torque_Nm).max())
+        rated = drive.operation.rated if drive and drive.operation.rated else greatest
+        by = "the preset" if drive and drive.operation.rated else "the greatest of the loop (--drive PRESET)"
+        table.notes.append(f"rated torque {rated:g} N·m: {by}")
+        places = place_loops(record, rated)
+        found = loop_quantities(places)
+    first, unsure = found[0], [each for each in found if each.uncertainty_arcsec is not None]
+    once = "one approach a position: no uncertainty, and scatter widens the range by an unknown part"
+    words = [word for q in unsure for word in ("--value", f"{q.name}={q.arcsec:.3g}±{_expanded(q):.2g}")]
+    return Report(
+        command="measure",
+        drive=drive,
+        head=f"{table.file}, {len(table.lines)} rows" + (f", {drive.name}" if drive else ""),
+        verdict=f"{_CHECKS[first.name].words} {first.arcsec:.2f} arcsec",
+        blocks=(
+            Table.by_row("", _ON_PAGE, found, words=(0, 3)),
+            *(Table.by_row("places", _PLACES, each, words=()) for each in [places] * (len(places) > 1)),
+            Facts.of([
+                ("read as", "; ".join(table.notes)),
+                ("next", shlex.join(["hdassist", "accept", "PRESET", *words]) if words and table.file != STDIN else ""),
+            ]),
+        ),
+        details=(Lines("what they are", tuple(f"{_CHECKS[q.name].words}: {_CHECKS[q.name].tests}" for q in found)),),
+        values={
+            "file": {"name": table.file, "sha256": table.sha256, "rows": len(table.lines)},
+            "notes": list(table.notes),
+            "quantities": [as_object(_QUANTITIES, q) for q in found],
+            "places": [as_object(_PLACES, place) for place in places],
+            "seed": seed,
+        },
+        line=", ".join(
+            f"{q.name} {q.arcsec:.2f}{f' +- {_expanded(q):.2f}' if q in unsure else ''} arcsec" for q in found
+        ),
+        about=table.file,
+        warnings=(once,) * (len(unsure) < len(found)),
+    )  # fmt: skip
+
+
+def _expanded(found: StatedQuantity) -> float:
+    return COVERAGE_FACTOR * (found.uncertainty_arcsec or 0.0)

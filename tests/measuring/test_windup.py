@@ -1,0 +1,90 @@
+"""A torque that changes along a record: its wind-up is none of the drive's error."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pytest
+
+from hdassist.errors import UntrustedError
+from hdassist.loading.load import load_preset
+from hdassist.measuring.measure import Measurement, measure
+from hdassist.preset.fields import Drive
+from hdassist.readers.trace import read_trace
+from tests.process import run
+from tests.rigs import text
+
+TURNS = np.arange(100 * 40) / 40
+ERROR = 10 * np.cos(4 * np.pi * TURNS) + 3 * np.cos(2 * np.pi * 2.01 * TURNS) + 2 * np.cos(2 * np.pi * TURNS)
+RANGE, STIFFNESS = float(np.ptp(ERROR)), 1e4  # arcsec, N*m/rad
+WALKING = 20 + 3 * np.sin(2 * np.pi * TURNS / 7.3) + 2 * np.sin(TURNS**2 / 90)  # N*m
+GRAVITY = 20 + 8 * np.sin(2 * np.pi * TURNS / 100)
+
+
+def file(torque: np.ndarray, sign: float, twist: np.ndarray | None = None, unit: str = "torque [N·m]") -> str:
+    noise = 0.3 * np.random.default_rng(4).standard_normal(len(TURNS))
+    twist = torque / STIFFNESS * 648000 / np.pi if twist is None else twist
+    return text([360 * TURNS, ERROR + sign * twist + noise, torque], f"cam_deg;error_arcsec;{unit}", ";")
+
+
+def measured(words: str, drive: Drive | None = None) -> Measurement:
+    return measure(read_trace(io.StringIO(words), ratio=100), drive=drive, ratio=None if drive else 100)
+
+
+def drive() -> Drive:
+    catalogue = {"K_1": STIFFNESS, "K_2": 2 * STIFFNESS, "K_3": 3 * STIFFNESS, "T_1": 15, "T_2": 22}
+    return load_preset("size-17-100", [f"catalogue.{name}={value}" for name, value in catalogue.items()])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_wind_up_that_the_record_tells_is_fitted(sign: float):
+    result = measured(file(WALKING, sign))
+    low, high = result.directions[0].interval_arcsec
+    assert low < RANGE < high < RANGE + 2
+    torque = result.torque
+    assert torque is not None
+    assert torque.stiffness_Nm_rad is not None
+    assert (torque.by, torque.mean_Nm) == ("record", pytest.approx(WALKING.mean()))
+    value, unsure = torque.stiffness_Nm_rad
+    assert abs(value - STIFFNESS) < 3 * unsure < 0.01 * STIFFNESS
+    # a trace without its column of torque has the wind-up as error of the drive
+    bare = "\n".join(line.rpartition(";")[0] for line in file(WALKING, sign).splitlines())
+    with pytest.raises(UntrustedError, match="not clear of its noise"):
+        measured(bare)
+
+
+def test_a_wind_up_that_goes_with_the_output_s_turn_is_the_catalogue_s_or_stays():
+    left = measured(file(GRAVITY, 1.0))
+    assert left.F_ior_arcsec > 5 * RANGE
+    assert any("goes with the output's turn" in warning for warning in left.warnings)
+    beyond = np.maximum(GRAVITY - 22, 0)
+    twist = (15 + (np.minimum(GRAVITY, 22) - 15) / 2 + beyond / 3) / STIFFNESS * 648000 / np.pi
+    twist[GRAVITY < 15] = (GRAVITY / STIFFNESS * 648000 / np.pi)[GRAVITY < 15]
+    for sign in (1.0, -1.0):
+        result = measured(file(GRAVITY, sign, twist), drive())
+        assert result.torque is not None
+        assert result.torque.by == "catalogue"
+        assert result.F_ior_arcsec == pytest.approx(RANGE, abs=1)
+        source = {each.name: each.arcsec for each in result.directions[0].sources}
+        assert source["wind-up"] == pytest.approx(0.1 * np.ptp(twist), rel=0.01)
+
+
+def test_the_record_goes_before_the_catalogue():
+    result = measured(file(WALKING, -1.0), drive())
+    assert result.torque is not None
+    assert result.torque.by == "record"
+    assert result.torque.times_catalogue is not None
+    assert result.torque.times_catalogue[0] > 1
+
+
+@pytest.mark.parametrize(("unit", "size"), [("M (mN·m)", 1e3), ("Moment/kNm", 1e-3), ("torque_Nm", 1.0)])
+def test_a_constant_torque_is_told_and_changes_nothing(unit: str, size: float, tmp_path):
+    columns = [360 * TURNS, ERROR, np.full(len(TURNS), 20.0 * size)]
+    (tmp_path / "run.csv").write_text(text(columns, f"cam_deg;error_arcsec;torque {unit}", ";"))
+    told = json.loads(run("measure", "run.csv", "--ratio", "100", "--json", cwd=tmp_path).stdout)
+    assert told["torque"]["mean_Nm"] == pytest.approx(20)
+    assert told["torque"]["by"] == ""
+    assert told["F_ior_arcsec"] == pytest.approx(RANGE, abs=0.2)
+    assert "torque   20 N·m on the mean, 20 to 20\n" in run("measure", "run.csv", "--ratio", "100", cwd=tmp_path).stdout
