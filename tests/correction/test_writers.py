@@ -262,6 +262,7 @@ def test_a_controllers_file_is_written_with_what_it_leaves(tmp_path):
         ("moteus=FILE", (), "invalid form phasors for moteus"),
         ("linuxcnc-0=FILE", ("--form", "output", "--points", "255"), "expected at most 254"),
         ("moteus=FILE", ("--form", "cam", "--zero", "nan"), "expected a finite one"),
+        ("siemens-840d=FILE", ("--form", "output", "--axis", "A]=0"), "expected letters and digits"),
     ],
 )
 def test_a_controllers_file_that_cannot_be_is_refused_at_once(tmp_path, write, options, words):
