@@ -101,8 +101,9 @@ def hidden_drive(rng: np.random.Generator):
     like = load_preset("vzp160")
     ratio, diameter = float(rng.choice([50, 80, 100, 120])), float(rng.choice([42, 63.5, 90, 160]))
     requirements = partial(
-        read_requirements, like, ratio=ratio, diameter=f"{diameter} mm", torque=f"{67 * (diameter / 63.5) ** 3:.4g}"
-    )
+        read_requirements, like, ratio=ratio, pitch_diameter=f"{diameter} mm",
+        torque=f"{67 * (diameter / 63.5) ** 3:.4g}",
+    )  # fmt: skip
     known = load_text(similar_preset("own", like, requirements()), "own.yaml")
     while True:
         there = known.with_values(_values(prior_of(known), rng))
