@@ -8,17 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from hdassist.commands.controller_options import ControllerOptions
+from hdassist.errors import UsageError
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.correction.forms import CorrectionForm
+    from hdassist.correction.records import RecordedError
+    from hdassist.preset.fields import Drive
     from hdassist.report.report import Report
 
 FORMS = {"phasors": None, "output": "output", "cam": "cam", "half-cam": "half cam turn"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o.LoadedDriveOptions):
+class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.LoadedDriveOptions):
     """How much of the error a stored correction can take off, in which form, and the table that does it.
 
     \b
@@ -26,6 +29,7 @@ class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o
       hdassist compensate vzp160
       hdassist compensate own.yaml --csv phasors.csv
       hdassist compensate own.yaml --form output --points 720 --csv table.csv
+      hdassist compensate own.yaml run80.csv run800.csv --each-load --json
       hdassist compensate vzp160 --torque 80 --torque -80 --details --json
 
     The error is taken apart: what repeats with the cam, what beats, what other loads change. Then each form that
@@ -33,13 +37,26 @@ class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o
     against the drive as it may be, by all that is not known exactly (docs/unknown.md): at every torque, with the zero
     off, with a lost turn count. Errors are actual less ideal angles of the output, counter-clockwise seen from the cam
     side, from where the cam stands at phi_h = 0. --csv writes the correction; one that may make a drive worse is
-    refused (docs/correct.md). Exit codes: 0, 2 wrong options, 4 bad preset, 5 refused or no trustworthy answer.
+    refused (docs/correct.md).
+
+    A FILE is a record of the full cycle at a torque of the preset, in their order; then the correction is that of the
+    record, in the record's own angles. Exit codes: 0, 2 wrong options, 4 bad file, 5 refused or no trustworthy answer.
     """
 
     preset: o.Preset
-    form: Annotated[
+    files: Annotated[
+        list[str] | None, typer.Argument(metavar="FILE", help="Records, at each torque of the preset in its order.")
+    ] = None
+    error_is: Annotated[
+        Literal["cam-output", "output-cam"],
+        o.trace_option(metavar="SIGN", help="Errors are cam-output (cam/ratio - output) or output-cam."),
+    ] = "cam-output"
+    cam_sense: Annotated[
+        Literal["ccw", "cw"], o.trace_option(metavar="SENSE", help="Sense of angles, seen from the cam: ccw or cw.")
+    ] = "ccw"
+    kind: Annotated[
         Literal["phasors", "output", "cam", "half-cam"],
-        typer.Option(metavar="FORM", help="Form: phasors, or a table over a turn: output, cam, half-cam."),
+        typer.Option("--form", metavar="FORM", help="Form: phasors, or a table over a turn: output, cam, half-cam."),
     ] = "phasors"
     points: Annotated[int, typer.Option(metavar="N", min=2, max=100_000, help="Points of a table.")] = 1500
     each_load: Annotated[bool, typer.Option("--each-load", help="A table of its own for each torque.")] = False
@@ -50,8 +67,31 @@ class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o
         """The form that is asked for."""
         from hdassist.correction.forms import CorrectionForm
 
-        turn = FORMS[self.form]
+        turn = FORMS[self.kind]
         return CorrectionForm(turn, self.points if turn else 0, self.each_load)  # type: ignore[arg-type]
+
+    def records(self, drive: Drive) -> dict[float, RecordedError]:
+        """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
+        from hdassist.comparing.compare import RecordConvention
+        from hdassist.correction.records import recorded_error
+        from hdassist.measuring.measure import measure
+        from hdassist.measuring.orders import parse_orders
+        from hdassist.measuring.uncertainty import parse_stated
+        from hdassist.model.kinematics import Kinematics
+        from hdassist.readers.trace import read_trace
+
+        files, torques, found = self.files or [], drive.operation.M_g, {}
+        if len(files) > len(torques):
+            raise UsageError(f"{len(files)} records, but {drive.name} has {len(torques)} torques", "--torque for each")
+        orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
+        convention = RecordConvention(error_is=self.error_is, cam_sense=self.cam_sense)
+        for name, M_g in zip(files, torques, strict=False):
+            trace = read_trace(name, self.form(), abs(Kinematics.of(drive).u))
+            result = measure(
+                trace, drive=drive, orders=orders, drift=self.drift, stated=stated, seed=self.seed, together=True
+            )
+            found[M_g] = recorded_error(trace, result.directions[0], drive, convention)
+        return found
 
     def run(self) -> int:
         """Compute corrections of the drive; returns the exit code."""
@@ -65,13 +105,15 @@ class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o
         from hdassist.terminal.output import note
         from hdassist.terminal.runs import give, run_each
 
+        o.stdin_once(*(self.files or []), self.preset)
         out, form = self.open(), self.correction_form()
         target = self.controller_target(form, force=self.force)
 
         def one(name: str) -> Report:
             drive = self.load(name)
+            records = self.records(drive)
             with out.run(drive.name, 2 * check_states(drive, draws=self.draws), self) as run:
-                corrected = partial(correct, form=form, draws=self.draws, run=run)
+                corrected = partial(correct, form=form, records=records, draws=self.draws, run=run)
                 result = in_wide_enough_window(drive, corrected)
             if target and not result.chosen.is_refused:
                 text, about = self.controller_texts(result, target[0])

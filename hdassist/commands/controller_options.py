@@ -51,6 +51,8 @@ class ControllerOptions(o.OptionGroup):
         if name not in CONTROLLER_FORMATS or path in ("", "-"):
             known = ", ".join(CONTROLLER_FORMATS)
             raise UsageError(f"invalid --write {self.write!r}: expected CONTROLLER=FILE", f"controllers: {known}")
+        if not (self.axis.isascii() and self.axis.isalnum()):
+            raise UsageError(f"invalid --axis {self.axis!r}: expected letters and digits")
         for number in (self.zero, self.rows_from, self.steps_per_degree):
             if not isfinite(number):
                 raise UsageError(f"invalid number {number:g} of an axis: expected a finite one")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
 from hdassist.correction.forms import CorrectionForm, line_orders, usual_forms
+from hdassist.correction.records import RecordedError, beyond_lines, recorded_lines
 from hdassist.correction.table import CorrectionTable, ExpectedResidual, Phasors, between_points
 from hdassist.design.check import drive_samples
 from hdassist.error.cycle import kinematic_error
@@ -92,7 +93,8 @@ class Correction:
     errors: of drives as this one may be, by torque; parts of that; measured: residuals of each form where the error of
     the drive itself is known over its full cycle; stored: the same of the correction that is computed here, the best
     for all these drives together; correction: that of the form asked for; fewest_points: of a table over the output
-    turn that halves the error, None where none of those tried does; samples: None where all is known.
+    turn that halves the error, None where none of those tried does; recorded: torques [N*m] of records; samples: None
+    where all is known.
     """
 
     drive: Drive
@@ -103,6 +105,7 @@ class Correction:
     chosen: FormResiduals
     correction: CorrectionTable | Phasors
     fewest_points: int | None
+    recorded: tuple[float, ...]
     samples: Samples | None
     certificate: Certificate
 
@@ -129,16 +132,18 @@ def correct(
     drive: Drive,
     *,
     form: CorrectionForm = PHASORS,
+    records: Mapping[float, RecordedError] | None = None,
     draws: int = EFFECTIVE_SAMPLES,
     run: Run = Run(),
 ) -> Correction:
     """Corrections of a drive for the first of its torques, and what they leave at each.
 
-    Arguments: form that is wanted; draws: drives as this one may be, 0 for the preset's own numbers alone. Raises
-    UsageError for rolling balls, UntrustedError as `check` does.
+    Arguments: form that is wanted; records of the drive by torque [N*m], whose zero is that of the correction then;
+    draws: drives as this one may be, 0 for the preset's own numbers alone. Raises UsageError for rolling balls,
+    UntrustedError as `check` does.
     """
     drives, F_ior, samples = believed_drives(drive, draws, run)
-    return correction_of(drive, drives, F_ior, samples, form, run)
+    return correction_of(drive, drives, F_ior, samples, records or {}, form, run)
 
 
 def believed_drives(
@@ -162,6 +167,7 @@ def correction_of(
     drives: Sequence[Mapping[str, float]],
     F_ior: Array | None,
     samples: Samples | None,
+    records: Mapping[float, RecordedError],
     form: CorrectionForm,
     run: Run,
 ) -> Correction:
@@ -173,6 +179,11 @@ def correction_of(
     for k, M_g in enumerate(torques):
         errors[M_g], proof = loaded_error(drive, M_g, drives, None if F_ior is None else F_ior[:, k], run)
         certificate += proof
+        if records:
+            record, found = records.get(M_g), errors[M_g]
+            lines = recorded_lines(found.lines, record, run)
+            more, beyond = (beyond_lines(lines, record), 0.0) if record else (0.0, found.beyond)
+            errors[M_g] = LoadedError(lines, -lines.curves - more, beyond)
     own = {M_g: each.lines for M_g, each in errors.items()}
     mean = {M_g: replace(each, amplitude=each.amplitude.mean(axis=0)[None]) for M_g, each in own.items()}
     forms = usual_forms(form.points if form.turn == "output" else None, several_loads=len(torques) > 1)
@@ -186,7 +197,7 @@ def correction_of(
     halving = (points for points, table in tried if share_left(table, errors[design])[1] <= HALVED)
     return Correction(
         drive, errors, parts, measured, stored, chosen, _exported(chosen, mean, drive.name), next(halving, None),
-        samples, certificate + tooth.certificate,
+        tuple(records), samples, certificate + tooth.certificate,
     )  # fmt: skip
 
 

@@ -50,6 +50,7 @@ def compensate_report(result: Correction) -> Report:
             "strong_lines_per_output_turn": result.strong_lines,
             "measured": [_form_object(each) for each in result.measured],
             "stored": [_form_object(each) for each in result.stored],
+            "recorded_Nm": result.recorded,
             "fewest_points": result.fewest_points,
             "correction": None if refused else result.correction,
             "samples": samples_object(result.samples),
@@ -87,8 +88,10 @@ def _facts(result: Correction) -> Iterator[tuple[str, str]]:
     points = result.fewest_points
     enough = f"{points} points over an output turn halve it" if points else "no table over an output turn halves it"
     yield "points", enough + (f"; refused, as they may make it worse: {refused}" if refused else "")
+    recorded = ", ".join(f"{M_g:g}" for M_g in result.recorded)
+    yield "record", f"at {recorded} N·m, whose angles the correction has" if recorded else ""
     words = ["record.csv"] if result.chosen.is_refused else ["--csv", "correction.csv"]
-    yield "next", again("compensate", result.drive, *words)
+    yield "next", "" if recorded else again("compensate", result.drive, *words)
     worse = ", ".join(f"{M_g:g}" for M_g in result.chosen.worse_at)
     yield "load", f"made for {result.M_g:g} N·m, worse than none at {worse} N·m" if worse else ""
 

@@ -9,8 +9,9 @@ import pytest
 
 from hdassist.correction.table import CorrectionTable, ExpectedResidual, Phasors
 from hdassist.correction.writers import CONTROLLER_FORMATS, ControllerAxis, controller_file, stored_table, turn_words
-from hdassist.correction.writers_json import correction_columns, correction_object, read_correction
+from hdassist.correction.writers_json import correction_columns, read_correction
 from hdassist.errors import DataError, UsageError
+from hdassist.json_parts import as_json
 from tests.correction import controllers
 from tests.process import TINY, run
 
@@ -213,32 +214,43 @@ def test_a_file_says_what_it_is_for(kind):
 PHASORS = Phasors(np.array([201.0, 1.0]), np.array([2.0, 0.01]), np.array([9.5, 0.1]), np.array([-17.0, 3.0]), 80.0)
 
 
+def answered(correction, **changes):
+    """The part of an answer of `compensate --json` that has the correction, as bytes."""
+    fields = {"schema": "hdassist.compensate/1", "correction": as_json(correction) | changes}
+    return json.dumps(fields).encode()
+
+
 @pytest.mark.parametrize("correction", [table_of("output", 7, 20, by_direction=True), table_of("cam", 5, 20), PHASORS])
 def test_a_correction_is_read_as_it_was_written(correction):
     correction = replace(correction, expected=(ExpectedResidual(80, 29.2, 1.1, 2.2, 3.3),))
-    text = json.dumps(correction_object(correction, "5ha"))
-    read = read_correction(text.encode())
+    read = read_correction(answered(correction))
     assert type(read) is type(correction)
-    assert correction_object(read, "5ha") == correction_object(correction, "5ha")
+    assert answered(read) == answered(correction)
     turns = np.linspace(0, 20, 99)
     np.testing.assert_array_equal(read.error_at(turns), correction.error_at(turns))
-    columns = correction_columns(correction)
-    assert len({len(each) for each in columns.values()}) == 1
-    assert {"M_g_Nm", "expected"} < json.loads(text).keys() and "p50_arcsec" in json.loads(text)["expected"][0]
+    assert len({len(each) for each in correction_columns(correction).values()}) == 1
+
+
+@pytest.mark.parametrize("form", [("--form", "output", "--points", "36"), ()])
+def test_the_answer_of_the_command_is_read(tmp_path, form):
+    answer = tmp_path / "answer.json"
+    assert run("compensate", TINY, *form, "--json", "-o", str(answer)).returncode == 0
+    read = read_correction(answer)
+    assert answered(read) == answered(read, **json.loads(answer.read_text())["correction"])
+    assert read.preset == "tiny"
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        {"schema": "hdassist.correction/2"}, {"kind": "spline"}, {"u": 0}, {"u": "x"}, {"turn": "week"}, {"extra": 1},
-        {"error_arcsec": [1.0, None]}, {"error_arcsec": [1.0, "x"]}, {"error_arcsec": []}, {"error_arcsec": 3},
-        {"expected": 3}, {"preset": "x"}, {"other_direction_arcsec": [1.0]}, {"error_arcsec": [[1.0], [2.0]]},
+        {"u": 0}, {"u": "x"}, {"turn": "week"}, {"extra": 1}, {"error_arcsec": [1.0, None]}, {"error_arcsec": []},
+        {"error_arcsec": [1.0, "x"]}, {"error_arcsec": 3}, {"error_arcsec": [[1.0], [2.0]]}, {"expected": 3},
+        {"expected": [3]}, {"other_direction_arcsec": [1.0]},
     ],
 )  # fmt: skip
 def test_a_file_that_is_no_correction_is_refused(change):
-    fields = correction_object(table_of("cam", 5, 20), None) | change
     with pytest.raises(DataError, match="<bytes>: invalid correction"):
-        read_correction(json.dumps(fields).encode())
+        read_correction(answered(table_of("cam", 5, 20), **change))
 
 
 def test_a_controllers_file_is_written_with_what_it_leaves(tmp_path):
@@ -262,6 +274,7 @@ def test_a_controllers_file_is_written_with_what_it_leaves(tmp_path):
         ("moteus=FILE", (), "invalid form phasors for moteus"),
         ("linuxcnc-0=FILE", ("--form", "output", "--points", "255"), "expected at most 254"),
         ("moteus=FILE", ("--form", "cam", "--zero", "nan"), "expected a finite one"),
+        ("siemens-840d=FILE", ("--form", "output", "--axis", "A]=0"), "expected letters and digits"),
     ],
 )
 def test_a_controllers_file_that_cannot_be_is_refused_at_once(tmp_path, write, options, words):
@@ -272,7 +285,8 @@ def test_a_controllers_file_that_cannot_be_is_refused_at_once(tmp_path, write, o
     assert not name.exists()
 
 
-def test_text_that_is_no_json_is_refused():
-    for text in (b"3", b"[]", b"{", b"null"):
+def test_an_answer_without_a_correction_is_refused():
+    refused = b'{"schema": "hdassist.compensate/1", "correction": null}'
+    for text in (b"3", b"[]", b"{", b"null", b"{}", b'{"schema": "hdassist.check/1"}', refused):
         with pytest.raises(DataError, match="invalid correction"):
             read_correction(text)

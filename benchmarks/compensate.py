@@ -1,0 +1,109 @@
+"""Corrections from records held to account on hidden drives: `python -m benchmarks.compensate`.
+
+Each hidden drive is one of `benchmarks.honesty`: other stiffnesses, wave, supports, clearances, flanks and temperature,
+and teeth with harmonics of every order and noise. Its full cycle at the first torque is recorded with noise. The
+correction made of that is held against its solved cycle: whether what was promised (95 %) holds, whether the drive is
+worse with it than without, and what the mean over the cam's turns of the same record, a table of a cam turn, leaves.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+
+import numpy as np
+
+NOISE_ARCSEC = 0.5  # of a reading
+OVERLAP = 1.02  # of the cycle that a record spans
+POINTS = 1500  # of the table over the output turn
+
+
+@dataclass(frozen=True)
+class CorrectedDrive:
+    """A hidden drive: ranges [arcsec] without a correction, left by it, promised at most, and left by the plain table.
+
+    refused: why there is no correction.
+    """
+
+    uncorrected: float = np.nan
+    left: float = np.nan
+    promised: float = np.nan
+    plain: float = np.nan
+    refused: str = ""
+
+
+def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
+    """What corrections of a hidden drive leave, by form."""
+    from benchmarks.honesty import hidden_drive
+    from hdassist.comparing.compare import RecordConvention
+    from hdassist.correction.correct import correct
+    from hdassist.correction.forms import CorrectionForm
+    from hdassist.correction.records import recorded_error
+    from hdassist.error.cycle import kinematic_error
+    from hdassist.errors import HdassistError
+    from hdassist.measuring.measure import measure
+    from hdassist.readers.sweeps import sweeps
+    from hdassist.readers.trace import MeasuredTrace
+    from hdassist.run.run import UNCHECKED, Run
+    from hdassist.solve.window import in_wide_enough_window
+
+    rng = np.random.default_rng([seed, number])
+    forms = (CorrectionForm(None), CorrectionForm("output", POINTS))
+    try:
+        preset, there, teeth = hidden_drive(rng)
+        M_g = preset.operation.M_g[0]
+        error = in_wide_enough_window(there, lambda wide: kinematic_error(wide, M_g, teeth=teeth, run=UNCHECKED))
+        turns, actual = error.states.phi_h / (2 * np.pi), -error.error_arcsec
+        rows = np.arange(round(OVERLAP * len(turns)))
+        cam_deg = 360 * rows * turns[1]
+        readings = -actual[rows % len(turns)] + NOISE_ARCSEC * rng.standard_normal(len(rows))
+        trace = MeasuredTrace("run.csv", "", cam_deg, readings, rows + 1, 0.0, tuple(sweeps(cam_deg)), ())
+        alone = preset.model_copy(update={"operation": preset.operation.model_copy(update={"M_g": (M_g,)})})
+        sweep = measure(trace, drive=alone, together=True).directions[0]
+        records = {M_g: recorded_error(trace, sweep, alone, RecordConvention())}
+        found = {}
+        for form in forms:
+            result = correct(alone, form=form, records=records, draws=draws, run=Run(seed=number))
+            left = float(np.ptp(actual - result.correction.error_at(turns)))
+            promised = result.chosen.residuals[0].p95
+            refused = "refused" if result.chosen.is_refused else ""
+            plain = plain_left(turns, actual, -readings[: len(turns)])
+            found[form.name] = CorrectedDrive(float(np.ptp(actual)), left, promised, plain, refused)
+    except HdassistError as fault:
+        return {form.name: CorrectedDrive(refused=fault.message) for form in forms}
+    return found
+
+
+def plain_left(turns, actual, read) -> float:
+    """Range [arcsec] that the mean of a record over the cam's turns leaves."""
+    place = np.floor(np.mod(turns, 1) * 200).astype(int) % 200
+    means = np.bincount(place, read, 200) / np.maximum(np.bincount(place, minlength=200), 1)
+    return float(np.ptp(actual - means[place]))
+
+
+def main() -> None:
+    """Correct drives, and print how often a promise held."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--n", type=int, default=20, help="hidden drives")
+    parser.add_argument("--draws", type=int, default=16, help="drives of the belief")
+    parser.add_argument("--first", type=int, default=0, help="number of the first")
+    parser.add_argument("--seed", type=int, default=1)
+    args = parser.parse_args()
+    found: dict[str, list[CorrectedDrive]] = {}
+    for number in range(args.first, args.first + args.n):
+        for name, each in corrected(number, args.draws, args.seed).items():
+            found.setdefault(name, []).append(each)
+            words = f"{each.uncorrected:.1f} to {each.left:.2f}, promised {each.promised:.2f}, plain {each.plain:.1f}"
+            print(number, name, words, each.refused, flush=True)
+    for name, drives in found.items():
+        made = [each for each in drives if not each.refused]
+        kept = sum(each.left <= each.promised for each in made)
+        worse = sum(each.left > each.uncorrected for each in made)
+        better = sum(each.left < each.plain for each in made)
+        share = np.median([each.left / each.uncorrected for each in made]) if made else np.nan
+        print(f"{name}: {len(made)} of {len(drives)} corrected, promise kept {kept}, worse than without {worse}, "
+              f"better than the plain table {better}, median left {100 * share:.1f} %")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""Lines of a drive's error as a record of its full cycle has them: no deviation is fitted, so no model is believed.
+
+Before the record each line is as large as in drives as this one may be, and its phase is not known. The record then
+gives all lines by least squares (ridge regression, as its readings have noise).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from hdassist.comparing.compare import RecordConvention, alignment_of
+from hdassist.correction.table import between_points
+from hdassist.errors import UntrustedError
+from hdassist.measuring.measure import SweepResult
+from hdassist.model.geometry import Array
+from hdassist.model.kinematics import Kinematics
+from hdassist.planning.lines import ErrorLines
+from hdassist.preset.fields import Drive
+from hdassist.readers.trace import MeasuredTrace
+from hdassist.run.run import Run
+
+RECORDED_DRAWS = 64  # drives that agree with a record
+LEAST_LINE = 0.02  # of the mean square of lines in the belief: that of a line which the model does not have
+SMOOTHED_POINTS = 5  # of a curve, over which readings are averaged
+READINGS_AT_ONCE = 2048  # readings
+NOISE_ROUNDS = 3  # in which the noise of readings is estimated
+LEAST_VARIANCE = 1e-6  # arcsec^2
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedError:
+    """Error F_kpp [arcsec] that was read where the cam had turned so far from the record's zero, shape (readings,)."""
+
+    cam_turns: Array
+    error_arcsec: Array
+
+
+def recorded_error(
+    trace: MeasuredTrace, sweep: SweepResult, drive: Drive, convention: RecordConvention
+) -> RecordedError:
+    """Error of a record of a drive without level and drift, from both of its directions measured as one.
+
+    Raises UntrustedError where it is less than the full cycle: lines that lie close together are not resolved.
+    """
+    if sweep.is_bound:
+        spans, cycle = sweep.bins.span, Kinematics.of(drive).cycle_cam_revolutions
+        raise UntrustedError(
+            f"{trace.file} spans {spans:.4g} turns of the cam: a correction needs the full cycle of {cycle}",
+            "a shorter record can fit the preset: hdassist compare",
+        )
+    alignment = alignment_of(trace, drive, convention)
+    error = sweep.fit.curve(sweep.bins.turns) + sweep.fit.residual
+    return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * error)
+
+
+def recorded_lines(lines: ErrorLines, record: RecordedError | None, run: Run) -> ErrorLines:
+    """Lines of drives that agree with a record, from those of drives as this one may be.
+
+    Their mean is what the record says. Without a record at this torque phases are any.
+    """
+    rng, half = np.random.default_rng([run.seed, 1]), len(lines.per_cycle)
+    power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
+    scale = np.tile(np.sqrt((power + LEAST_LINE * power.mean()) / 2), 2)  # of cosines and sines, (2 lines,)
+    drawn = rng.standard_normal((RECORDED_DRAWS // 2, len(scale)))
+    drawn = np.concatenate([drawn, -drawn])  # their mean is 0
+    if record is None:
+        parts = scale * drawn
+    else:
+        per_turn = lines.per_cycle / lines.kinematics.cycle_cam_revolutions
+        read = record.error_arcsec
+        gram, moment = np.zeros((2 * half, 2 * half)), np.zeros(2 * half)
+        for some in np.split(np.arange(len(read)), range(READINGS_AT_ONCE, len(read), READINGS_AT_ONCE)):
+            waves = np.exp(2j * np.pi * record.cam_turns[some, None] * per_turn)
+            columns = np.concatenate([waves.real, -waves.imag], axis=1)
+            gram += columns.T @ columns
+            moment += columns.T @ read[some]
+        scale *= np.std(read) / np.sqrt(scale @ scale / 2)
+        noise = float(np.var(read))
+        for _ in range(NOISE_ROUNDS):
+            precision = gram / noise + np.diag(scale**-2)
+            mean = np.asarray(np.linalg.solve(precision, moment / noise))
+            noise = max(float(read @ read - 2 * mean @ moment + mean @ gram @ mean) / len(read), LEAST_VARIANCE)
+        parts = mean + np.linalg.solve(np.linalg.cholesky(precision).T, drawn.T).T
+    return replace(lines, amplitude=parts[:, :half] + 1j * parts[:, half:])
+
+
+def beyond_lines(lines: ErrorLines, record: RecordedError) -> Array:
+    """Error [arcsec] of a record that the mean lines do not have, at the points of their curves, shape (points,).
+
+    Averaged over a few points, so that most of the readings' noise is gone.
+    """
+    curve, turns = lines.curves.mean(axis=0), lines.kinematics.cycle_cam_revolutions
+    places = np.mod(record.cam_turns / turns, 1)
+    apart = record.error_arcsec - between_points(curve, places)
+    points = np.rint(places * len(curve)).astype(np.int64) % len(curve)
+    read = np.maximum(np.bincount(points, minlength=len(curve)), 1)
+    means = np.bincount(points, apart, len(curve)) / read
+    return np.asarray(uniform_filter1d(means, SMOOTHED_POINTS, mode="wrap"))

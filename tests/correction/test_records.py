@@ -1,0 +1,101 @@
+"""Corrections from records: held against the solved cycle of drives that are not as their preset."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.comparing.compare import RecordConvention
+from hdassist.correction.correct import correct
+from hdassist.correction.forms import CorrectionForm
+from hdassist.correction.records import recorded_error
+from hdassist.error.cycle import kinematic_error
+from hdassist.errors import UntrustedError
+from hdassist.measuring.measure import measure
+from hdassist.planning.lines import POINTS_A_TURN, error_lines
+from hdassist.run.run import UNCHECKED
+from tests.process import TINY, run
+from tests.rigs import recorded
+
+HIDDEN = ("phases.xi_b=130", "supports.C_2=8.0e3", "gears.j_n=18.7", "harmonics.a_b2=0.5")
+NOISE = 0.3  # arcsec
+TABLE = CorrectionForm("output", 720, each_load=True)
+
+
+def recording(M_g: float, turns: float = 10.5, begin: int = 0):
+    """Cam angles [turns] and errors [arcsec] of a record of the hidden drive, from some turn of its cycle on."""
+    curve = error_lines(load_preset(TINY, HIDDEN), M_g, [{}]).curves[0]
+    rows = np.arange(round(turns * POINTS_A_TURN))
+    noise = NOISE * np.random.default_rng(1).standard_normal(len(rows))
+    return rows / POINTS_A_TURN, curve[(rows + begin * POINTS_A_TURN) % len(curve)] + noise
+
+
+def record(M_g: float, error_is: str = "cam-output", sign: float = 1.0, **how: float):
+    drive, (turns, error) = load_preset(TINY), recording(M_g, **how)
+    trace = recorded(turns, sign * error)
+    sweep = measure(trace, drive=drive, together=True).directions[0]
+    return recorded_error(trace, sweep, drive, RecordConvention(error_is=error_is))
+
+
+@pytest.fixture(scope="module")
+def both():
+    """Correction of the tiny drive from records at both of its torques."""
+    return correct(load_preset(TINY), form=TABLE, records={M_g: record(M_g) for M_g in (1.0, 4.0)}, draws=0)
+
+
+@pytest.mark.parametrize("M_g", [1.0, 4.0])
+def test_what_is_left_of_another_drive_s_solved_cycle_is_within_what_was_promised(both, M_g: float):
+    error = kinematic_error(load_preset(TINY, HIDDEN), M_g, run=UNCHECKED)
+    lines = both.errors[M_g].lines
+    table = TABLE.fitted(replace(lines, amplitude=lines.amplitude.mean(axis=0)[None]), M_g)
+    left = np.ptp(-error.error_arcsec - table.error_at(error.states.phi_h / (2 * np.pi))[0])
+    promised = next(each for each in both.chosen.residuals if each.M_g == M_g)
+    assert left <= promised.p95 < 0.5 * error.F_ior_arcsec
+    assert promised.uncorrected_p50 == pytest.approx(error.F_ior_arcsec, rel=0.15)
+
+
+def test_a_record_that_begins_elsewhere_gives_the_correction_of_its_own_angles(both):
+    later = correct(load_preset(TINY, ["operation.M_g=[1]"]), form=TABLE, records={1.0: record(1.0, begin=3)}, draws=0)
+    turns = np.linspace(0, 10, 101)
+    assert later.correction.error_at(turns) == pytest.approx(both.correction.error_at(turns + 3), abs=5 * NOISE)
+
+
+def test_a_file_with_the_other_sign_gives_the_same_correction(both):
+    other = record(1.0, "output-cam", sign=-1.0)
+    found = correct(load_preset(TINY), form=TABLE, records={1.0: other}, draws=0)
+    assert found.correction.error_arcsec == pytest.approx(both.correction.error_arcsec, abs=1e-3)
+
+
+def test_a_torque_without_a_record_is_not_promised(both):
+    alone = correct(load_preset(TINY), form=TABLE, records={1.0: record(1.0)}, draws=0)
+    promised = alone.chosen.residuals[1]
+    assert promised.M_g == 4.0
+    assert promised.p95 > promised.uncorrected_p50
+    assert alone.recorded == (1.0,)
+
+
+def test_less_than_the_full_cycle_is_refused():
+    with pytest.raises(UntrustedError, match="turns of the cam: a correction needs the full cycle of 10"):
+        record(1.0, turns=3)
+
+
+def test_the_command_takes_records_in_the_order_of_the_torques(tmp_path: Path):
+    files = []
+    for M_g in (1.0, 4.0):
+        turns, error = recording(M_g)
+        rows = "".join(f"{360 * x:.3f},{y:.4f}\n" for x, y in zip(turns, error, strict=True))
+        files.append(tmp_path / f"run{M_g:g}.csv")
+        files[-1].write_text(f"cam_deg,error_arcsec\n{rows}")
+    page = run("compensate", TINY, *map(str, files), "--each-load", "--no-plot", "--draws", "8")
+    assert page.returncode == 0
+    assert "record at 1, 4 N·m, whose angles the correction has" in " ".join(page.stdout.split())
+    found = json.loads(run("compensate", TINY, str(files[0]), "--json").stdout)
+    assert found["recorded_Nm"] == [1.0]
+    many = run("compensate", TINY, *map(str, [*files, files[0]]))
+    assert many.returncode == 2
+    assert "3 records, but tiny has 2 torques" in many.stderr
