@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdassist.model.geometry import Array
+
 NOISE_ARCSEC = 0.5  # of a reading
 OVERLAP = 1.02  # of the cycle that a record spans
 POINTS = 1500  # of the table over the output turn
@@ -35,7 +37,7 @@ class CorrectedDrive:
 def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
     """What corrections of a hidden drive leave, by form."""
     from benchmarks.honesty import hidden_drive
-    from hdassist.comparing.compare import RecordConvention
+    from hdassist.comparing.record import Alignment
     from hdassist.correction.correct import correct
     from hdassist.correction.forms import CorrectionForm
     from hdassist.correction.records import recorded_error
@@ -60,7 +62,7 @@ def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
         trace = MeasuredTrace("run.csv", "", cam_deg, readings, rows + 1, 0.0, tuple(sweeps(cam_deg)), ())
         alone = preset.model_copy(update={"operation": preset.operation.model_copy(update={"M_g": (M_g,)})})
         sweep = measure(trace, drive=alone, together=True).directions[0]
-        records = {M_g: recorded_error(trace, sweep, alone, RecordConvention())}
+        records = {M_g: recorded_error(trace, sweep, alone, Alignment())}
         found = {}
         for form in forms:
             result = correct(alone, form=form, records=records, draws=draws, run=Run(seed=number))
@@ -74,7 +76,7 @@ def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
     return found
 
 
-def plain_left(turns, actual, read) -> float:
+def plain_left(turns: Array, actual: Array, read: Array) -> float:
     """Range [arcsec] that the mean of a record over the cam's turns leaves."""
     place = np.floor(np.mod(turns, 1) * 200).astype(int) % 200
     means = np.bincount(place, read, 200) / np.maximum(np.bincount(place, minlength=200), 1)

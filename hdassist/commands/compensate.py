@@ -72,7 +72,7 @@ class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
         """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
-        from hdassist.comparing.compare import RecordConvention
+        from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment
         from hdassist.correction.records import recorded_error
         from hdassist.measuring.measure import measure
         from hdassist.measuring.orders import parse_orders
@@ -84,13 +84,14 @@ class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o
         if len(files) > len(torques):
             raise UsageError(f"{len(files)} records, but {drive.name} has {len(torques)} torques", "--torque for each")
         orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
-        convention = RecordConvention(error_is=self.error_is, cam_sense=self.cam_sense)
+        sign = 1.0 if self.error_is == ERROR_SIGNS[1.0] else -1.0
+        asked = Alignment(sign=sign, sense=1.0 if self.cam_sense == SENSES[1.0] else -1.0)
         for name, M_g in zip(files, torques, strict=False):
             trace = read_trace(name, self.form(), abs(Kinematics.of(drive).u))
             result = measure(
                 trace, drive=drive, orders=orders, drift=self.drift, stated=stated, seed=self.seed, together=True
             )
-            found[M_g] = recorded_error(trace, result.directions[0], drive, convention)
+            found[M_g] = recorded_error(trace, result.directions[0], drive, asked)
         return found
 
     def run(self) -> int:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from hdassist.comparing.compare import RecordConvention, alignment_of
+from hdassist.comparing.record import Alignment
 from hdassist.correction.table import between_points
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import SweepResult
@@ -38,12 +38,11 @@ class RecordedError:
     error_arcsec: Array
 
 
-def recorded_error(
-    trace: MeasuredTrace, sweep: SweepResult, drive: Drive, convention: RecordConvention
-) -> RecordedError:
+def recorded_error(trace: MeasuredTrace, sweep: SweepResult, drive: Drive, asked: Alignment) -> RecordedError:
     """Error of a record of a drive without level and drift, from both of its directions measured as one.
 
-    Raises UntrustedError where it is less than the full cycle: lines that lie close together are not resolved.
+    Argument: asked, how the file counts. Raises UntrustedError where it is less than the full cycle: lines that lie
+    close together are not resolved.
     """
     if sweep.is_bound:
         spans, cycle = sweep.bins.span, Kinematics.of(drive).cycle_cam_revolutions
@@ -51,7 +50,7 @@ def recorded_error(
             f"{trace.file} spans {spans:.4g} turns of the cam: a correction needs the full cycle of {cycle}",
             "a shorter record can fit the preset: hdassist compare",
         )
-    alignment = alignment_of(trace, drive, convention)
+    alignment = asked.of_file(trace, drive)
     error = sweep.fit.curve(sweep.bins.turns) + sweep.fit.residual
     return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * error)
 

@@ -13,9 +13,7 @@ from pydantic.fields import FieldInfo
 
 from hdassist.acceptance.checks import CODES, Check
 from hdassist.errors import UsageError
-from hdassist.explaining.faults import FAULTS
-from hdassist.explaining.symbols import SYMBOLS
-from hdassist.explaining.terms import TERMS
+from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS
 from hdassist.preset.fields import field_table, sections
 from hdassist.preset.kinds import choices_of, kind_of, may_be_unknown, plain, range_of, unit_of
 

@@ -9,10 +9,8 @@ import pytest
 
 from hdassist.acceptance.checks import CHECKS, CODES
 from hdassist.errors import Fault, HdassistError, UsageError
-from hdassist.explaining.faults import FAULTS
 from hdassist.explaining.lookup import entries, explained
-from hdassist.explaining.symbols import SYMBOLS
-from hdassist.explaining.terms import TERMS
+from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS
 from hdassist.pages import check as check_page
 from hdassist.pages import stiffness as stiffness_page
 from hdassist.pages import trace as trace_page

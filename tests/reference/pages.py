@@ -10,8 +10,7 @@ from typing import Any
 import typer
 
 from hdassist.cli.main import app
-from hdassist.explaining.symbols import SYMBOLS
-from hdassist.explaining.terms import GROUPS
+from hdassist.explaining.words import GROUPS, SYMBOLS
 from hdassist.preset.fields import BY_PATH, sections
 from hdassist.preset.kinds import choices_of, is_optional, kind_of, may_be_unknown, range_of, unit_of
 
