@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.comparing.compare import RecordConvention
+from hdassist.comparing.record import Alignment
 from hdassist.correction.correct import correct
 from hdassist.correction.forms import CorrectionForm
 from hdassist.correction.records import recorded_error
@@ -39,7 +39,7 @@ def record(M_g: float, error_is: str = "cam-output", sign: float = 1.0, **how: f
     drive, (turns, error) = load_preset(TINY), recording(M_g, **how)
     trace = recorded(turns, sign * error)
     sweep = measure(trace, drive=drive, together=True).directions[0]
-    return recorded_error(trace, sweep, drive, RecordConvention(error_is=error_is))
+    return recorded_error(trace, sweep, drive, Alignment(sign=-1.0 if error_is == "output-cam" else 1.0))
 
 
 @pytest.fixture(scope="module")
