@@ -118,7 +118,7 @@ def test_plan(tmp_path: Path):
 
 def test_accept(tmp_path: Path):
     output = output_of("accept.md", tmp_path)
-    assert json.loads((tmp_path / "result.json").read_text())["schema"] == "hdassist.accept/1"
+    assert json.loads((tmp_path / "result.json").read_text())["schema"] == "hdassist.accept/2"
     assert len((tmp_path / "lot.jsonl").read_text().splitlines()) == 4  # the owner, and a line each
     assert "ship it" in output
     assert output.count("agrees") >= 2

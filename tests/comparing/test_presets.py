@@ -176,7 +176,7 @@ def test_a_preset_is_a_name_of_the_library_or_a_yaml_file(name, preset):
         (["b.YML", "run.csv"], 2, "run.csv is taken for a trace, and b.YML for a preset"),
         (["b.YML", "--drift", "linear"], 2, "how a trace is read says nothing of presets"),
         (["size-14-100"], 2, "no torque that all presets have (small: 1, 4 N*m; "),
-        (["b.YML", "--torque", "0"], 2, "operation.M_g"),
+        (["b.YML", "--torque", "0"], 2, "a torque"),
         (["none.yaml"], 4, "no such file: none.yaml"),
         (["b.YML", "--set", "gears.j_n=-1"], 2, "gears.j_n: out of range"),
     ],
