@@ -18,9 +18,8 @@ from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.model.nominal import nominal_shape
 from hdassist.model.rings import flexspline_ring
 from hdassist.run.run import UNCHECKED
-from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
-from tests.support import delta_p_of, solve_state
+from tests.support import delta_p_of, load_case, solve_state
 
 WIDTH, HEIGHT = 640, 330
 AROUND = np.linspace(0, 2 * np.pi, 181)
@@ -111,7 +110,7 @@ def contact_sets() -> Iterator[str]:
     drive = load_preset("vzp160")
     system, kinematics = contact_system(drive), Kinematics.of(drive)
     states = pitch_locked_states(kinematics, np.arange(kinematics.teeth_fixed))
-    forces, _, _ = Engine(formulate(system), LIGHT_LOAD * 1e3).forces(delta_p_of(drive, system, states))
+    forces, _, _ = load_case(formulate(system), LIGHT_LOAD * 1e3).forces(delta_p_of(drive, system, states))
     flanks = system.on_flanks(forces)
     step = len(system.face.fall)
     zone, side, theta = (x[::step] for x in (system.flanks.zone, system.flanks.side, system.flanks.theta))
