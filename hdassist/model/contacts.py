@@ -85,12 +85,16 @@ class ContactSystem:
         """Number of flank candidates, which come first."""
         return len(self.flanks.theta)
 
+    @property
+    def pairs(self) -> int:
+        """Number of flanks whatever their stations: their places come first."""
+        return self.n_flanks // len(self.face.fall)
+
     @cached_property
     def place(self) -> NDArray[np.int64]:
         """Place of each candidate among all places, shape (M,)."""
         flanks = np.arange(self.n_flanks) // len(self.face.fall)
-        pairs = self.n_flanks // len(self.face.fall)
-        return np.concatenate([flanks, pairs + np.arange(len(self.delta_p) - self.n_flanks)])
+        return np.append(flanks, self.pairs + np.arange(len(self.delta_p) - self.n_flanks))
 
     @cached_property
     def first(self) -> NDArray[np.int64]:
@@ -104,7 +108,7 @@ class ContactSystem:
 
     def on_flanks(self, forces: Array) -> Array:
         """Force on each flank [N], all its stations together, shape (states, flanks), of forces, shape (states, M)."""
-        return self.at_places(forces)[:, : self.n_flanks // len(self.face.fall)]
+        return self.at_places(forces)[:, : self.pairs]
 
     def at_places(self, forces: Array) -> Array:
         """Force at each place [N], all its candidates together, shape (states, m), of forces, shape (states, M)."""
@@ -127,8 +131,9 @@ class ContactSystem:
 
     @cached_property
     def lever(self) -> Array:
-        """Moment [N*mm] that a unit of force at each flank candidate takes off the flexspline."""
-        return -self.G[: self.n_flanks, ROTATION]
+        """Moment [N*mm] that a unit of force at each flank takes off the flexspline in each zone, shape (flanks, 2)."""
+        flanks = self.first[: self.pairs, None]
+        return np.where(self.flanks.zone[flanks] == (0, 1), -self.G[flanks, ROTATION], 0.0)
 
     @cached_property
     def deviation_map(self) -> Array:
