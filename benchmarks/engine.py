@@ -5,7 +5,9 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import daqp
@@ -19,7 +21,7 @@ from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import state_gaps
 from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
 from hdassist.solve import walk
-from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, proven_answers
+from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, proven_answers
 from hdassist.solve.build import library_name
 from hdassist.solve.certificate import residuals
 from hdassist.solve.formulation import Formulation, formulate
@@ -40,7 +42,7 @@ class Warm:
         self._upper, self._lower = np.append(np.full(n, np.inf), right), np.append(np.zeros(n), right)
         self._sense = np.append(np.zeros(n), np.full(len(right), ALWAYS_ACTIVE)).astype(np.int32)
         self._A = np.ascontiguousarray(formulation.A[:, formulation.system.place])
-        self._model = None
+        self._model: Any = None
 
     def sums(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
         """Solve states as LoadCase.sums says."""
@@ -58,7 +60,7 @@ class Warm:
         return StateSums.of(self._formulation.system, delta_p, self._torque, forces, free, pull=pull)
 
 
-def measure(quick: bool) -> list[dict]:
+def measure(quick: bool) -> list[dict[str, Any]]:
     """For each torque of vzp160 with whole flanks: processor time a state [us], of the cycle and of a search.
 
     Engines take turns, each over the full cycle and over the batches in which proposals of extremes are solved; a
@@ -87,7 +89,7 @@ def searched(drive: Drive, M_g: float) -> list[StateGaps]:
     batches: list[StateGaps] = []
     solve = LoadCase.solve
 
-    def kept(case, gaps, *others, **options):
+    def kept(case: LoadCase, gaps: StateGaps, *others: Any, **options: Any) -> Answers:
         batches.append(gaps)
         return solve(case, gaps, *others, **options)
 
@@ -112,9 +114,9 @@ def walks() -> Iterator[tuple[str, object]]:
 
 
 def _engines(formulation: Formulation, torque: float, batches: list[StateGaps], rounds: int) -> dict[str, float]:
-    makers: dict[str, Callable[[], LoadCase | Warm]] = {}
+    makers: dict[str, Callable[[], Any]] = {}  # of what solves as an engine does
     for words, library in walks():
-        makers[words] = lambda library=library: _with(library, formulation, torque, batches[0][:1])
+        makers[words] = partial(_with, library, formulation, torque, batches[0][:1])
     makers[NUMPY] = lambda: LoadCase(formulation, torque / N_MM, many=True, compiled=False)
     makers[WARM_DAQP] = lambda: Warm(formulation, torque)
     times: dict[str, list[float]] = {name: [] for name in makers}
