@@ -106,10 +106,6 @@ class ContactSystem:
         """Compliance [mm/N] between candidates, shape (M, M)."""
         return np.asarray(self.compliance[np.ix_(self.place, self.place)] + np.diag(self.local))
 
-    def on_flanks(self, forces: Array) -> Array:
-        """Force on each flank [N], all its stations together, shape (states, flanks), of forces, shape (states, M)."""
-        return self.at_places(forces)[:, : self.pairs]
-
     def at_places(self, forces: Array) -> Array:
         """Force at each place [N], all its candidates together, shape (states, m), of forces, shape (states, M)."""
         return np.asarray(np.add.reduceat(forces, self.first, axis=1))
