@@ -24,7 +24,6 @@ from hdassist.solve import walk
 from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, proven_answers
 from hdassist.solve.build import library_name
 from hdassist.solve.certificate import residuals
-from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.onebyone import ALWAYS_ACTIVE, DAQP_SETTINGS, OneByOne
@@ -45,8 +44,8 @@ class Warm:
         self._A = np.ascontiguousarray(formulation.A[:, formulation.system.place])
         self._model: Any = None
 
-    def solve(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
-        """Solve states as Engine.solve says."""
+    def sums(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
+        """Solve states as LoadCase.sums says."""
         delta_p = self._formulation.system.delta_p_of(gaps)
         forces, free = np.empty(delta_p.shape), np.empty((len(gaps), len(self._A)))
         for k, q in enumerate(self._formulation.gaps(delta_p)):
@@ -99,10 +98,10 @@ def searched(drive: Drive, M_g: float) -> list[StateGaps]:
     return batches
 
 
-def chunks(solver: Engine | Warm, gaps: StateGaps) -> Iterator[StateSums]:
+def chunks(solver: LoadCase | Warm, gaps: StateGaps) -> Iterator[StateSums]:
     """Sums of states, as many at once as a load case asks for."""
     for first in range(0, len(gaps), STATES_AT_A_TIME):
-        yield solver.solve(gaps[first : first + STATES_AT_A_TIME])
+        yield solver.sums(gaps[first : first + STATES_AT_A_TIME])
 
 
 def walks() -> Iterator[tuple[str, object]]:
@@ -118,7 +117,7 @@ def _engines(formulation: Formulation, torque: float, batches: list[StateGaps], 
     makers: dict[str, Callable[[], Any]] = {}  # of what solves as an engine does
     for words, library in walks():
         makers[words] = partial(_with, library, formulation, torque, batches[0][:1])
-    makers[NUMPY] = lambda: Engine(formulation, torque, many=True, compiled=False)
+    makers[NUMPY] = lambda: LoadCase(formulation, torque / N_MM, many=True, compiled=False)
     makers[WARM_DAQP] = lambda: Warm(formulation, torque)
     times: dict[str, list[float]] = {name: [] for name in makers}
     for _ in range(rounds):
@@ -131,18 +130,18 @@ def _engines(formulation: Formulation, torque: float, batches: list[StateGaps], 
     return {name: statistics.median(taken) / sum(map(len, batches)) * 1e6 for name, taken in times.items()}
 
 
-def _with(library: object, formulation: Formulation, torque: float, first: StateGaps) -> Engine:
+def _with(library: object, formulation: Formulation, torque: float, first: StateGaps) -> LoadCase:
     """An engine that walks by a library; it is chosen when the first state is solved."""
     with patch.object(walk, "walk_library", lambda: (library, "")):
-        engine = Engine(formulation, torque, many=True)
-        engine.solve(first)
+        engine = LoadCase(formulation, torque / N_MM, many=True)
+        engine.sums(first)
     return engine
 
 
 def _certificate(formulation: Formulation, torque: float, gaps: StateGaps, rounds: int) -> float:
     """Microseconds that numpy takes for the residuals of a state."""
     some = formulation.system.delta_p_of(gaps[:STATES_AT_A_TIME])
-    forces, free, _ = OneByOne(formulation, torque).solve(some)
+    forces, free, _ = OneByOne(formulation).solve(some, torque)
     return seconds(lambda: residuals(formulation.system, some, torque, forces, free), rounds) / len(some) * 1e6
 
 

@@ -11,10 +11,10 @@ from hdassist.model.deviations import ToothDeviations, state_gaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import States
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC
+from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.certificate import TOLERANCE, displacements, residuals
-from hdassist.solve.engine import Engine
-from hdassist.solve.formulation import formulate
+from hdassist.solve.formulation import Formulation, formulate
+from hdassist.solve.loadcase import LoadCase
 
 
 def changed(drive: Drive, **fields: Any) -> Drive:
@@ -32,9 +32,14 @@ def delta_p_of(drive: Drive, system: ContactSystem, states: States, teeth: Tooth
     return system.delta_p_of(state_gaps(drive, system, states, teeth))
 
 
+def load_case(formulation: Formulation, torque: float, like: LoadCase | None = None, **options: Any) -> LoadCase:
+    """Load case at a torque in N*mm."""
+    return LoadCase(formulation, torque / N_MM, like=like, **options)
+
+
 def solve_state(system: ContactSystem, torque: float, delta_p: Array) -> tuple[Array, Array, float]:
     """Forces [N], displacements [mm, rad] and rotation [arcsec] of one state; torque in N*mm."""
-    forces, free, _ = Engine(formulate(system), torque).forces(delta_p[None])
+    forces, free, _ = load_case(formulate(system), torque).forces(delta_p[None])
     assert residuals(system, delta_p[None], torque, forces, free).worst[0] <= TOLERANCE
     rotation = float(free[0, system.free_rotation]) * ARCSEC
     return forces[0], displacements(system, forces, free)[0], rotation

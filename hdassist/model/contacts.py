@@ -85,12 +85,16 @@ class ContactSystem:
         """Number of flank candidates, which come first."""
         return len(self.flanks.theta)
 
+    @property
+    def pairs(self) -> int:
+        """Number of flanks whatever their stations: their places come first."""
+        return self.n_flanks // len(self.face.fall)
+
     @cached_property
     def place(self) -> NDArray[np.int64]:
         """Place of each candidate among all places, shape (M,)."""
         flanks = np.arange(self.n_flanks) // len(self.face.fall)
-        pairs = self.n_flanks // len(self.face.fall)
-        return np.concatenate([flanks, pairs + np.arange(len(self.delta_p) - self.n_flanks)])
+        return np.append(flanks, self.pairs + np.arange(len(self.delta_p) - self.n_flanks))
 
     @cached_property
     def first(self) -> NDArray[np.int64]:
@@ -101,10 +105,6 @@ class ContactSystem:
     def D(self) -> Array:
         """Compliance [mm/N] between candidates, shape (M, M)."""
         return np.asarray(self.compliance[np.ix_(self.place, self.place)] + np.diag(self.local))
-
-    def on_flanks(self, forces: Array) -> Array:
-        """Force on each flank [N], all its stations together, shape (states, flanks), of forces, shape (states, M)."""
-        return self.at_places(forces)[:, : self.n_flanks // len(self.face.fall)]
 
     def at_places(self, forces: Array) -> Array:
         """Force at each place [N], all its candidates together, shape (states, m), of forces, shape (states, M)."""
@@ -127,8 +127,9 @@ class ContactSystem:
 
     @cached_property
     def lever(self) -> Array:
-        """Moment [N*mm] that a unit of force at each flank candidate takes off the flexspline."""
-        return -self.G[: self.n_flanks, ROTATION]
+        """Moment [N*mm] that a unit of force at each flank takes off the flexspline in each zone, shape (flanks, 2)."""
+        flanks = self.first[: self.pairs, None]
+        return np.where(self.flanks.zone[flanks] == (0, 1), -self.G[flanks, ROTATION], 0.0)
 
     @cached_property
     def deviation_map(self) -> Array:
@@ -166,6 +167,15 @@ def contact_system(drive: Drive, tau: float = 0.0, beta: float | None = None) ->
     return ContactSystems(drive).at(tau, drive.bearing.beta if beta is None else beta)
 
 
+@dataclass(frozen=True)
+class _Part:
+    """What one kind of contact has by itself: G, shape (n, 9), delta_p [mm] and local [mm/N], shape (n,)."""
+
+    G: Array
+    delta_p: Array
+    local: Array
+
+
 class ContactSystems:
     """Contact systems of a drive at many phases: what hangs on one phase alone is made once for each."""
 
@@ -173,34 +183,41 @@ class ContactSystems:
         self._drive, self._geometry = drive, Geometry.of(drive)
         self._face = Face.of(drive)
         self._bore = 2 * np.pi * np.arange(drive.numerics.n_2) / drive.numerics.n_2
-        self._flexspline: dict[float, tuple[Flanks, Array]] = {}
-        self._ring: dict[float, tuple[Array, Array]] = {}
+        n = len(self._bore)
+        self._nodes = _Part(_between(FLEX, RING, self._bore), np.zeros(n), np.full(n, drive.contact.c_bore))
+        self._flexspline: dict[float, tuple[Flanks, Array, _Part]] = {}
+        self._ring: dict[float, tuple[Array, Array, _Part]] = {}
 
     def at(self, tau: float, beta: float) -> ContactSystem:
         """System at tooth phase tau [tooth pitches] and ball phase beta [ball pitches].
 
         Raises UntrustedError where no teeth overlap.
         """
-        drive, geometry, bore, face = self._drive, self._geometry, self._bore, self._face
+        drive, geometry, bore = self._drive, self._geometry, self._bore
         if tau not in self._flexspline:
             pairs = flank_candidates(geometry, float(np.radians(drive.numerics.window)), tau)
+            flanks = pairs.repeated(len(self._face.fall))
             compliance = _flexspline_compliance(drive, geometry, pairs, bore)
-            self._flexspline[tau] = pairs.repeated(len(face.fall)), compliance
+            self._flexspline[tau] = flanks, compliance, _flank_part(geometry, flanks, self._face)
         if beta not in self._ring:
             balls = 2 * np.pi * (np.arange(drive.bearing.N) + beta) / drive.bearing.N
-            self._ring[beta] = balls, _ring_compliance(drive, geometry, bore, balls)
-        (flanks, flexspline), (balls, ring) = self._flexspline[tau], self._ring[beta]
+            gaps = drive.bearing.g_b * 1e-3 - geometry.W_0 * np.cos(2 * balls)
+            part = _Part(_between(RING, CAM, balls), gaps, np.full(len(balls), drive.contact.c_ball))
+            self._ring[beta] = balls, _ring_compliance(drive, geometry, bore, balls), part
+        flanks, flexspline, at_flanks = self._flexspline[tau]
+        balls, ring, at_balls = self._ring[beta]
+        parts = at_flanks, self._nodes, at_balls
         return ContactSystem(
             geometry=geometry,
             flanks=flanks,
             bore_theta=bore,
             ball_theta=balls,
             compliance=_compliance(flexspline, ring, len(bore)),
-            local=_local(drive, flanks, face, len(bore)),
-            G=_motion(geometry, flanks, bore, balls),
+            local=np.concatenate([part.local for part in parts]),
+            G=np.concatenate([part.G for part in parts]),
             C=_supports(drive),
-            delta_p=_gaps(drive, geometry, flanks, face, bore, balls),
-            face=face,
+            delta_p=np.concatenate([part.delta_p for part in parts]),
+            face=self._face,
         )
 
 
@@ -211,12 +228,6 @@ def _compliance(flexspline: Array, ring: Array, bore: int) -> Array:
     D[: len(flexspline), : len(flexspline)] = flexspline
     D[flanks:, flanks:] += ring
     return D
-
-
-def _local(drive: Drive, flanks: Flanks, face: Face, bore: int) -> Array:
-    """Compliance [mm/N] of tooth pairs at their stations, of bore nodes and of balls, shape (M,)."""
-    others = np.repeat([drive.contact.c_bore, drive.contact.c_ball], [bore, drive.bearing.N])
-    return np.concatenate([_along(face.compliance, flanks), others])
 
 
 def _flexspline_compliance(drive: Drive, geometry: Geometry, flanks: Flanks, bore: Array) -> Array:
@@ -235,28 +246,31 @@ def _ring_compliance(drive: Drive, geometry: Geometry, bore: Array, balls: Array
     return _compliance_of(ring, np.vstack([-ring.radial(bore), ring.radial(balls)]))
 
 
-def _along(face: Array, flanks: Flanks) -> Array:
-    """What holds at each station, for every row of the flanks."""
-    return np.tile(face, len(flanks.theta) // len(face))
-
-
 def _compliance_of(ring: Ring, loads: Array) -> Array:
     """Compliance [mm/N] of a ring between places that load its modes, shape (places, modes)."""
     by_mode = loads * np.sqrt(ring.compliance)
     return np.asarray(by_mode @ by_mode.T)  # symmetric to the last digit
 
 
-def _motion(geometry: Geometry, flanks: Flanks, bore: Array, balls: Array) -> Array:
-    s_cos, normal = flanks.side * np.cos(flanks.alpha), _normal(flanks)
-    n1, n2 = len(flanks.theta), len(bore)
-    G = np.zeros((n1 + n2 + len(balls), len(FREEDOMS)))
-    flank, node, ball = G[:n1], G[n1 : n1 + n2], G[n1 + n2 :]
-    flank[:, RIGID], flank[:, FLEX] = normal, -normal
-    # r_m + h_c, not rho: the flexspline slides through a held shape
-    flank[:, ROTATION] = -s_cos * (geometry.r_m + flanks.h_c)
-    node[:, FLEX], node[:, RING] = _radial(bore), -_radial(bore)
-    ball[:, RING], ball[:, CAM] = _radial(balls), -_radial(balls)
+def _between(inner: slice, outer: slice, theta: Array) -> Array:
+    """Rows of G of radial contacts at angles theta [rad], which two bodies that move by these freedoms close."""
+    G = np.zeros((len(theta), len(FREEDOMS)))
+    G[:, inner], G[:, outer] = _radial(theta), -_radial(theta)
     return G
+
+
+def _flank_part(geometry: Geometry, flanks: Flanks, face: Face) -> _Part:
+    s_cos, pairs = flanks.side * np.cos(flanks.alpha), len(flanks.theta) // len(face.fall)
+    G = np.zeros((len(flanks.theta), len(FREEDOMS)))
+    G[:, RIGID], G[:, FLEX] = _normal(flanks), -_normal(flanks)
+    # r_m + h_c, not rho: the flexspline slides through a held shape
+    G[:, ROTATION] = -s_cos * (geometry.r_m + flanks.h_c)
+    w, v, chi = nominal_shape(flanks.theta, geometry.W_0, geometry.r_m)
+    # the nominal gap was drawn on the nominal shape, which is a displacement of the elastic rim
+    shape = s_cos * (v + flanks.h_c * chi) + np.sin(flanks.alpha) * w
+    # it was drawn at the open edge; beyond it the rim stands back by what the wave has fallen
+    gaps = flanks.gap + geometry.j_n + shape * (1 + np.tile(face.fall, pairs))
+    return _Part(G, gaps, np.tile(face.compliance, pairs))
 
 
 def _normal(flanks: Flanks) -> Array:
@@ -270,16 +284,6 @@ def _supports(drive: Drive) -> Array:
     C = np.zeros(len(FREEDOMS))
     C[RIGID], C[FLEX], C[CAM] = drive.supports.C_1, drive.supports.C_2, drive.number("supports.C_3")
     return C
-
-
-def _gaps(drive: Drive, geometry: Geometry, flanks: Flanks, face: Face, bore: Array, balls: Array) -> Array:
-    w, v, chi = nominal_shape(flanks.theta, geometry.W_0, geometry.r_m)
-    # the nominal gap was drawn on the nominal shape, which is a displacement of the elastic rim
-    shape = flanks.side * np.cos(flanks.alpha) * (v + flanks.h_c * chi) + np.sin(flanks.alpha) * w
-    # it was drawn at the open edge; beyond it the rim stands back by what the wave has fallen
-    at_flanks = flanks.gap + geometry.j_n + shape * (1 + _along(face.fall, flanks))
-    at_balls = drive.bearing.g_b * 1e-3 - geometry.W_0 * np.cos(2 * balls)
-    return np.concatenate([at_flanks, np.zeros(len(bore)), at_balls])
 
 
 def _radial(theta: Array) -> Array:

@@ -3,29 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from hdassist.model.contacts import StateGaps, contact_system
+from hdassist.model.contacts import ContactSystem, StateGaps, contact_system
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Progress
 from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, proven_answers
-from hdassist.solve.engine import Engine
+from hdassist.solve.compiled import require_compiled_as_stated
 from hdassist.solve.formulation import Formulation, formulate
+from hdassist.solve.onebyone import OneByOne
+from hdassist.solve.pivoting import Pivoting
+from hdassist.solve.reference import Reference
 from hdassist.solve.sums import StateSums
+from hdassist.solve.walk import Walk, walk_library
 
 LOOKED_AT_FIRST = 64  # states of a load case: in too narrow a window of flanks it is they that mostly say so
+POOR_PROOF = 1e-9  # residual of a state of the walk from which on it is solved once more, alone
+MANY_STATES = 64  # states from which on a reference pays
+CARRIES = 1e-9  # of the greatest force: more is contact
 
 
 class LoadCase:
-    """A contact system under a torque, ready to solve many states.
+    """A contact system under a torque: many states are solved by the walk, few, and what that gives up, one by one.
 
     Arguments: formulation, the programme of the system; M_g, torque on the flexspline [N*m]; like, the load case of a
-    system that is the same or differs a little, from whose compiled programme and contacts this one starts; many,
-    whether many states will come, in batches however small; solver, a name that cvxpy knows, to send each state through
-    cvxpy instead of the engine.
+    system that is the same or differs a little, whose contact set this one takes over; many, whether many states will
+    come, in batches however small; compiled, whether the walk in C may run, as it does where it is there; solver, a
+    name that cvxpy knows, to send each state through cvxpy instead. Raises UntrustedError where cvxpy compiles the
+    formulation to other data.
     """
 
     def __init__(
@@ -35,12 +45,21 @@ class LoadCase:
         *,
         like: LoadCase | None = None,
         many: bool = False,
+        compiled: bool = True,
         solver: str | None = None,
     ) -> None:
-        self.formulation, self.system, self._torque = formulation, formulation.system, M_g * N_MM
+        if not solver:
+            require_compiled_as_stated(formulation)
+        near = like and len(like.system.local) == len(formulation.local)
+        contact = like._one_by_one.contact if like and near else None
+        self.formulation: Formulation = formulation
+        self.system: ContactSystem = formulation.system
+        self._compiled = compiled and walk_library()[0] is not None
+        self._one_by_one: OneByOne = OneByOne(formulation, contact, compiled=self._compiled, solver=solver)
+        self._walk: Walk | Pivoting | None = None
+        self._pays = np.inf if solver else 0 if many else MANY_STATES
         self._first = LOOKED_AT_FIRST
-        near = like._engine if like else None
-        self._engine: Engine = Engine(formulation, self._torque, near, many=many, solver=solver)
+        self.load(M_g)
 
     @classmethod
     def of(cls, drive: Drive, M_g: float) -> LoadCase:
@@ -50,7 +69,6 @@ class LoadCase:
     def load(self, M_g: float) -> None:
         """Go on with another torque [N*m]; what was factored stays."""
         self._torque = M_g * N_MM
-        self._engine.load(self._torque)
 
     def solve(
         self,
@@ -70,7 +88,7 @@ class LoadCase:
         """
         first, self._first = min(self._first, chunk), chunk
         ends = pairwise(dict.fromkeys([0, *range(first, len(gaps), chunk), len(gaps)]))
-        chunks = (self._engine.solve(gaps[begin:end], pull=pull) for begin, end in ends)
+        chunks = (self.sums(gaps[begin:end], pull=pull) for begin, end in ends)
         return proven_answers(self.system, self._torque, chunks, place, progress, pull=pull)
 
     def over(self, torques: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
@@ -81,9 +99,50 @@ class LoadCase:
         found, delta_p = [], self.system.delta_p[None]
         for M_g in torques.tolist():
             self.load(M_g)
-            found.append(self._engine.forces(delta_p))
+            found.append(self.forces(delta_p))
         forces, free, given_up = zip(*found, strict=True)
         solved = np.repeat(delta_p, len(torques), axis=0), torques * N_MM, np.concatenate(forces), np.concatenate(free)
         return proven_answers(
             self.system, solved[1], [StateSums.of(self.system, *solved, sum(given_up))], place, progress
         )
+
+    def sums(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
+        """Sums of states without their proof, and forces along the deviation scalars where asked for.
+
+        A state that nothing solves has sums that hold nothing, or NaN; states behind it are not tried, and NaN. Raises
+        UntrustedError where a solver that was asked for has no answer.
+        """
+        if self._walk is None and len(gaps) >= self._pays and (reference := self._reference()):
+            self._walk = (Walk if self._compiled else Pivoting)(reference)
+        if self._walk is None:
+            return self._alone(gaps, pull)
+        sums = self._walk.solve(gaps, self._torque, pull=pull)
+        given_up = np.flatnonzero(~(sums.residuals.worst <= POOR_PROOF))  # or NaN
+        if len(given_up):
+            sums.put(given_up, self._alone(gaps[given_up], pull))
+        return replace(sums, given_up=len(given_up))
+
+    def forces(self, delta_p: Array) -> tuple[Array, Array, int]:
+        """Forces [N], shape (states, M), free displacements [mm, rad], and how many states the first way gave up.
+
+        Arguments: delta_p, gaps without force [mm], shape (states, M). Each state is solved alone, as OneByOne says.
+        """
+        return self._one_by_one.solve(delta_p, self._torque)
+
+    def _reference(self) -> Reference | None:
+        """Reference at the contacts of the drive without deviations, which do not depend on the states asked for.
+
+        None where that contact set is no use.
+        """
+        known = self.formulation.references
+        if self._torque not in known:
+            nominal = OneByOne(self.formulation, compiled=self._compiled)
+            forces, _, _ = nominal.solve(self.system.delta_p[None], self._torque)
+            known[self._torque] = None
+            with suppress(ValueError):
+                known[self._torque] = Reference(self.formulation, forces[0] > CARRIES * forces[0].max())
+        return known[self._torque]
+
+    def _alone(self, gaps: StateGaps, pull: bool) -> StateSums:
+        delta_p = self.system.delta_p_of(gaps)
+        return StateSums.of(self.system, delta_p, self._torque, *self.forces(delta_p), pull=pull)

@@ -27,15 +27,14 @@ ITERATIONS = 10  # for each row, after which daqp is stopped: states that it sol
 class OneByOne:
     """Solves single states of one contact system: near a contact set, else by DAQP, else by an interior-point method.
 
-    Arguments: formulation; torque [N*mm] on the flexspline; contact, candidates thought to carry force, shape (M,), by
-    default all; compiled, whether the way near that set may run in C, as it does where it is there; solver, a name that
-    cvxpy knows, to send each state through cvxpy instead.
+    Arguments: formulation; contact, candidates thought to carry force, shape (M,), by default all; compiled, whether
+    the way near that set may run in C, as it does where it is there; solver, a name that cvxpy knows, to send each
+    state through cvxpy instead.
     """
 
     def __init__(
         self,
         formulation: Formulation,
-        torque: float,
         contact: NDArray[np.bool_] | None = None,
         *,
         compiled: bool = True,
@@ -45,47 +44,43 @@ class OneByOne:
         self._ways = [self._through_cvxpy] if solver else [self._near, self._by_daqp, self._last_resort]
         self._solve_near = walk_near_state if compiled and walk_library()[0] else solve_near
         self.contact = np.ones(len(formulation.local), dtype=bool) if contact is None else contact
-        self.load(torque)
 
-    def load(self, torque: float) -> None:
-        """Go on with another torque [N*mm]."""
-        self._torque, self._right = torque, -self._formulation.load(torque)
-
-    def solve(self, delta_p: Array) -> tuple[Array, Array, int]:
+    def solve(self, delta_p: Array, torque: float) -> tuple[Array, Array, int]:
         """Forces [N], shape (states, M), free displacements [mm, rad], and how many states the first way gave up.
 
         A state that nothing solves has an answer without proof, or NaN. What makes one state hopeless makes its
         neighbours so, and each costs all ways: the first one that nothing solves is the last one tried. Arguments:
-        delta_p, gaps without force [mm], shape (states, M). Raises UntrustedError where the solver asked for fails.
+        delta_p, gaps without force [mm], shape (states, M); torque [N*mm] on the flexspline. Raises UntrustedError
+        where the solver asked for fails.
         """
         system = self._formulation.system
-        forces, free = np.full(delta_p.shape, np.nan), np.full((len(delta_p), len(self._right)), np.nan)
+        forces, free = np.full(delta_p.shape, np.nan), np.full((len(delta_p), len(self._formulation.A)), np.nan)
         given_up = tried = 0
         for k, at_state in enumerate(delta_p):
             for tried, way in enumerate(self._ways):
                 given_up += tried == 1  # by the first way
-                if answer := way(at_state):
+                if answer := way(at_state, torque):
                     forces[k], free[k] = answer
                     break
-            if (tried or self._solver) and not proven(system, at_state, self._torque, forces[k], free[k]):
+            if (tried or self._solver) and not proven(system, at_state, torque, forces[k], free[k]):
                 break
             self.contact = forces[k] > 0
         return forces, free, given_up
 
-    def _near(self, delta_p: Array) -> tuple[Array, Array] | None:
-        gaps, none = self._formulation.gaps(delta_p), np.zeros_like(self.contact)
+    def _near(self, delta_p: Array, torque: float) -> tuple[Array, Array] | None:
+        gaps, right = self._formulation.gaps(delta_p), -self._formulation.load(torque)
+        none = np.zeros_like(self.contact)
         # from none it is half the steps of a start from all, from which some never end
         for contact in (none,) if self.contact.all() else (self.contact, none):
-            if answer := self._solve_near(self._formulation, gaps, self._right, contact):
+            if answer := self._solve_near(self._formulation, gaps, right, contact):
                 return self._formulation.answer(*answer)
         return None
 
-    def _by_daqp(self, delta_p: Array) -> tuple[Array, Array] | None:
-        formulation, rows = self._formulation, len(self._right)
-        n = len(delta_p)
-        upper, lower = np.append(np.full(n, np.inf), self._right), np.append(np.zeros(n), self._right)
+    def _by_daqp(self, delta_p: Array, torque: float) -> tuple[Array, Array] | None:
+        formulation, right, n = self._formulation, -self._formulation.load(torque), len(delta_p)
+        upper, lower = np.append(np.full(n, np.inf), right), np.append(np.zeros(n), right)
         for contact in (self.contact, np.ones(n, dtype=bool)):
-            sense = np.append(np.where(contact, 0, ACTIVE_LOWER), np.full(rows, ALWAYS_ACTIVE)).astype(np.int32)
+            sense = np.append(np.where(contact, 0, ACTIVE_LOWER), np.full(len(right), ALWAYS_ACTIVE)).astype(np.int32)
             model = daqp.Model()
             model.settings = DAQP_SETTINGS | {"iter_limit": ITERATIONS * len(sense)}
             A = np.ascontiguousarray(formulation.A[:, formulation.system.place])
@@ -97,10 +92,10 @@ class OneByOne:
                 return formulation.answer(x, info["lam"][n:])
         return None
 
-    def _last_resort(self, delta_p: Array) -> tuple[Array, Array] | None:
+    def _last_resort(self, delta_p: Array, torque: float) -> tuple[Array, Array] | None:
         with suppress(UntrustedError):
-            return self._through_cvxpy(delta_p)
+            return self._through_cvxpy(delta_p, torque)
         return None
 
-    def _through_cvxpy(self, delta_p: Array) -> tuple[Array, Array]:
-        return solve_through_cvxpy(self._formulation, delta_p, self._torque, self._solver or SECOND_SOLVER)
+    def _through_cvxpy(self, delta_p: Array, torque: float) -> tuple[Array, Array]:
+        return solve_through_cvxpy(self._formulation, delta_p, torque, self._solver or SECOND_SOLVER)

@@ -45,7 +45,7 @@ class Reference:
         scale = 1 / np.sqrt(unscaled)  # makes the reference's pivots one
         map_ = system.deviation_map[first].T
         self._gap_unit, self._touching, self._by_gaps = units.gap, touching, -exchanged[:, :m][:, touching].T
-        self._flanks = first[: system.n_flanks // len(system.face.fall)]
+        self._flanks = first[: system.pairs]
         constant = (springs.lowest + springs.offset) * units.gap
         held = {
             "by_places": by_places.T,
@@ -67,8 +67,7 @@ class Reference:
             "C": system.C,
             "delta_p": system.delta_p,
             "map": map_,
-            "lever": system.lever[self._flanks],
-            "zone": system.flanks.zone[self._flanks].astype(np.int8),
+            "lever": system.lever.T,
             "edge": system.flanks.edge[self._flanks].astype(np.uint8),
         }
         self.held = {name: np.ascontiguousarray(array) for name, array in held.items()}

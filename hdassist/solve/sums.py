@@ -45,15 +45,15 @@ class StateSums:
 
         Arguments: delta_p, gaps without force [mm], shape (states, M); torque [N*mm], of all or of each.
         """
-        flank = system.on_flanks(forces)
-        tangential = forces[:, : system.n_flanks] * system.lever
+        at_places = system.at_places(forces)
+        flank = at_places[:, : system.pairs]
         return cls(
             rotation=free[:, system.free_rotation],
-            moment=np.stack([tangential[:, system.flanks.zone == zone].sum(axis=1) for zone in (0, 1)], axis=1),
+            moment=flank @ system.lever,
             tooth_force=flank.max(axis=1),
             edge_force=flank[:, system.flanks.edge[:: len(system.face.fall)]].max(axis=1, initial=0.0),
             residuals=residuals(system, delta_p, torque, forces, free),
-            pull=system.at_places(forces) @ system.deviation_map[system.first] if pull else None,
+            pull=at_places @ system.deviation_map[system.first] if pull else None,
             given_up=given_up,
         )
 

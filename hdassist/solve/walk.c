@@ -80,8 +80,7 @@ typedef struct {
     const double *C;           /* (9) N/mm, 0 where there is no support */
     const double *delta_p;     /* (M) mm */
     const double *map;         /* (columns, m) gaps by a unit of each scalar of a drive */
-    const double *lever;       /* (flanks) N*mm a N */
-    const int8_t *zone;        /* (flanks) mesh zone */
+    const double *lever;       /* (2, flanks) N*mm a N of the flanks of each mesh zone, 0 of the other's */
     const uint8_t *edge;       /* (flanks) whether it is the outermost of the window */
 } contact_system;
 
@@ -117,7 +116,6 @@ typedef struct {
     int *touching;       /* candidates that have contact at the reference, -1 behind the last one */
     double *lower, *upper; /* (m) coordinates of a place between which no value there is negative at the reference */
     double *least, *most; /* (m) gaps without force of a drive without deviations, least and greatest at a place */
-    double *lever;       /* (2, flanks) of the flanks of each mesh zone, 0 of the other's */
     double *unloaded;    /* (m) scratch of the certificate: least at places without load, else infinite */
     int *candidates;     /* (M) scratch of the certificate: candidates at places with load */
     double *panels;      /* compliance in panels of WIDTH columns */
@@ -557,7 +555,7 @@ static void sum_up(const walk *w, const double *F, size_t j, answers *out) {
         at_edge = on_edge > at_edge ? on_edge : at_edge;
     }
     for (int zone = 0; zone < 2; zone++)
-        out->moment[2 * j + zone] = product(s->flanks, F, w->lever + (size_t)zone * s->flanks, NULL);
+        out->moment[2 * j + zone] = product(s->flanks, F, s->lever + (size_t)zone * s->flanks, NULL);
     out->tooth_force[j] = greatest, out->edge_force[j] = at_edge;
     if (out->pull)
         for (int c = 0; c < s->columns; c++)
@@ -587,7 +585,7 @@ void walk_free(walk *w) {
     if (!w) return;
     void *rooms[] = {w->candidate, w->position, w->changed, w->last, w->tableau, w->value, w->correction, w->start,
                      w->rows[0], w->columns[0],
-                     w->all, w->input, w->first, w->touching, w->lower, w->least, w->lever, w->unloaded,
+                     w->all, w->input, w->first, w->touching, w->lower, w->least, w->unloaded,
                      w->candidates, w->panels, w->force, w->at_place, w->moved, w->gap, w->free, w->blocks,
                      w->loaded};
     for (size_t k = 0; k < sizeof rooms / sizeof *rooms; k++) free_aligned(rooms[k]);
@@ -615,14 +613,13 @@ walk *walk_new(const int32_t *sizes, const void *const *arrays) {
     w->input = room(m, sizeof(double)), w->unloaded = room(m, sizeof(double));
     w->first = room(m + 1, sizeof(int)), w->touching = room(M + 1, sizeof(int)), w->candidates = room(M, sizeof(int));
     w->lower = room(2 * m, sizeof(double)), w->least = room(2 * m, sizeof(double));
-    w->lever = room(2 * (size_t)s->flanks, sizeof(double));
     w->panels = room(panels * m * WIDTH, sizeof(double));
     w->force = room(BATCH * M, sizeof(double)), w->at_place = room(BATCH * m, sizeof(double));
     w->moved = room(BATCH * m, sizeof(double)), w->gap = room(BATCH * m, sizeof(double));
     w->free = room(BATCH * (size_t)s->free, sizeof(double));
     w->blocks = room((BATCH + ABREAST) * (m + FREEDOMS), sizeof(double));
     if (!(w->candidate && w->position && w->loaded && w->changed && w->last && w->tableau && w->rows[0] && w->columns[0] && w->value && w->correction &&
-          w->start && w->all && w->input && w->first && w->touching && w->lower && w->least && w->lever && w->unloaded &&
+          w->start && w->all && w->input && w->first && w->touching && w->lower && w->least && w->unloaded &&
           w->candidates && w->panels && w->force && w->at_place && w->moved && w->gap && w->free &&
           w->blocks)) {
         walk_free(w);
@@ -647,7 +644,6 @@ walk *walk_new(const int32_t *sizes, const void *const *arrays) {
         if (s->contact[i]) *touching++ = i;
     }
     w->first[m] = M, *touching = -1;
-    for (int flank = 0; flank < s->flanks; flank++) w->lever[s->zone[flank] * s->flanks + flank] = s->lever[flank];
     for (size_t k = 0; k < m; k++)
         for (size_t i = 0; i < m; i++) w->panels[(i / WIDTH * m + k) * WIDTH + i % WIDTH] = s->compliance[k * m + i];
     return w;

@@ -63,7 +63,7 @@ def test_flanks_that_do_not_cone_are_whole_flanks(reference):
     for drive in (long, strips):
         system = contact_system(drive)
         forces, _, rotation = solve_state(system, 80e3, system.delta_p + system.deviation_map[:, :4] @ scalars)
-        found.append((system.on_flanks(forces[None])[0], forces[system.balls], rotation))
+        found.append((system.at_places(forces[None])[0, : system.pairs], forces[system.balls], rotation))
     (one, balls, turn), (many, same, again) = found
     assert again == pytest.approx(turn, abs=1e-6)
     assert many == pytest.approx(one, abs=1e-5 * one.max())

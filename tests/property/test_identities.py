@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import ErrorMap
 from hdassist.error.table import Mesh, Reach, error_table
-from hdassist.model.contacts import CAM, contact_system
+from hdassist.model.contacts import CAM, ROTATION, contact_system
 from hdassist.model.deviations import deviation_scalars, is_half_turn_symmetric
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
@@ -108,7 +108,7 @@ def test_rigid_turn_of_a_wheel(system, scalars, torque, arc):
     eps = arc / system.geometry.r_m
     delta_p = system.delta_p + system.deviation_map[:, :4] @ scalars
     turned = delta_p.copy()
-    turned[: system.n_flanks] -= system.lever * eps
+    turned[: system.n_flanks] += system.G[: system.n_flanks, ROTATION] * eps
     forces, _, before = solve_state(system, torque, delta_p)
     same, _, after = solve_state(system, torque, turned)
     assert after - before == pytest.approx(-eps * ARCSEC, abs=1e-8)

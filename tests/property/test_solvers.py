@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.solve.answers import ARCSEC
 from hdassist.solve.certificate import TOLERANCE, residuals
-from hdassist.solve.engine import MANY_STATES, Engine
 from hdassist.solve.formulation import formulate
+from hdassist.solve.loadcase import MANY_STATES
 from hdassist.solve.throughcvxpy import solve_through_cvxpy
-from tests.support import changed
+from tests.support import changed, load_case
 
 
 def span(low: float, high: float):
@@ -46,7 +46,7 @@ def test_engine_agrees_with_two_other_solvers(reference, fields, tau, beta, scal
     system = contact_system(changed(reference, **fields), tau, beta)
     formulation = formulate(system)
     delta_p = system.delta_p + system.deviation_map[:, :4] @ scalars
-    forces, free, _ = Engine(formulation, torque).forces(delta_p[None])
+    forces, free, _ = load_case(formulation, torque).forces(delta_p[None])
     assert residuals(system, delta_p[None], torque, forces, free).worst[0] <= TOLERANCE
     for solver in ("CLARABEL", "OSQP"):
         others, same = solve_through_cvxpy(formulation, delta_p, torque, solver)
@@ -61,7 +61,7 @@ def test_engine_agrees_with_two_other_solvers_on_coned_flanks(reference, fields,
     system = contact_system(drive)
     formulation = formulate(system)
     delta_p = system.delta_p + system.deviation_map[:, :4] @ scalars
-    forces, free, _ = Engine(formulation, torque).forces(delta_p[None])
+    forces, free, _ = load_case(formulation, torque).forces(delta_p[None])
     assert residuals(system, delta_p[None], torque, forces, free).worst[0] <= TOLERANCE
     for solver in ("CLARABEL", "OSQP"):
         others, same = solve_through_cvxpy(formulation, delta_p, torque, solver)
@@ -77,9 +77,9 @@ def test_many_states_at_once_are_what_each_is_alone(reference, stations, fields,
     formulation = formulate(system)
     scalars = np.random.default_rng(seed).uniform(-0.1, 0.1, (MANY_STATES, 4))
     delta_p = system.delta_p_of(StateGaps(scalars))
-    forces, free, _ = Engine(formulation, torque).forces(delta_p)
+    forces, free, _ = load_case(formulation, torque).forces(delta_p)
     for compiled in (True, False):
-        found = Engine(formulation, torque, compiled=compiled).solve(StateGaps(scalars), pull=True)
+        found = load_case(formulation, torque, compiled=compiled).sums(StateGaps(scalars), pull=True)
         assert found.residuals.worst.max() <= TOLERANCE
         assert found.rotation * ARCSEC == pytest.approx(free[:, system.free_rotation] * ARCSEC, abs=1e-7)
         assert found.pull == pytest.approx(forces @ system.deviation_map, abs=1e-6 * forces.max())
@@ -90,8 +90,8 @@ def test_warm_answers_do_not_depend_on_their_order(reference):
     formulation = formulate(system)
     scalars = np.random.default_rng(1).uniform(-0.08, 0.08, (60, 4))
     delta_p = system.delta_p + scalars @ system.deviation_map[:, :4].T
-    there, free, _ = Engine(formulation, 80e3).forces(delta_p)
-    back, freed, _ = Engine(formulation, 80e3).forces(delta_p[::-1])
+    there, free, _ = load_case(formulation, 80e3).forces(delta_p)
+    back, freed, _ = load_case(formulation, 80e3).forces(delta_p[::-1])
     assert back[::-1] == pytest.approx(there, abs=1e-8 * there.max())
     assert freed[::-1, 0] * ARCSEC == pytest.approx(free[:, 0] * ARCSEC, abs=1e-8)
 
@@ -101,7 +101,7 @@ def test_symmetric_degenerate_states_are_solved(reference):
     system = contact_system(changed(reference, gears__j_n=0.0))
     formulation = formulate(system)
     for torque in (1e-3, 1.0, 1e3, -1e3, 1e5):
-        forces, free, _ = Engine(formulation, torque).forces(np.repeat(system.delta_p[None], 3, axis=0))
+        forces, free, _ = load_case(formulation, torque).forces(np.repeat(system.delta_p[None], 3, axis=0))
         assert (
             residuals(system, np.repeat(system.delta_p[None], 3, axis=0), torque, forces, free).worst.max() <= TOLERANCE
         )

@@ -18,9 +18,8 @@ from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.model.nominal import nominal_shape
 from hdassist.model.rings import flexspline_ring
 from hdassist.run.run import UNCHECKED
-from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
-from tests.support import delta_p_of, solve_state
+from tests.support import delta_p_of, load_case, solve_state
 
 WIDTH, HEIGHT = 640, 330
 AROUND = np.linspace(0, 2 * np.pi, 181)
@@ -69,7 +68,7 @@ def mesh_zones() -> Iterator[str]:
     w = nominal_shape(AROUND, drive.cam.W_0, geometry.r_m, geometry.curve)[0]
     for M_g, centre in centres.items():
         forces, _, _ = solve_state(system, M_g * 1e3, system.delta_p)
-        flanks = system.on_flanks(forces[None])[0]
+        flanks = system.at_places(forces[None])[0, : system.pairs]
         theta, side = (column[:: len(system.face.fall)] for column in (system.flanks.theta, system.flanks.side))
         yield text((centre[0], 24), f"{M_g:g} N·m", size=15)
         yield path("line", *curve(centre, scale * (geometry.r_m + 10 * w)))
@@ -111,8 +110,8 @@ def contact_sets() -> Iterator[str]:
     drive = load_preset("vzp160")
     system, kinematics = contact_system(drive), Kinematics.of(drive)
     states = pitch_locked_states(kinematics, np.arange(kinematics.teeth_fixed))
-    forces, _, _ = Engine(formulate(system), LIGHT_LOAD * 1e3).forces(delta_p_of(drive, system, states))
-    flanks = system.on_flanks(forces)
+    forces, _, _ = load_case(formulate(system), LIGHT_LOAD * 1e3).forces(delta_p_of(drive, system, states))
+    flanks = system.at_places(forces)[:, : system.pairs]
     step = len(system.face.fall)
     zone, side, theta = (x[::step] for x in (system.flanks.zone, system.flanks.side, system.flanks.theta))
     bears = flanks > BEARS * flanks.max()

@@ -21,13 +21,13 @@ from tests.process import CLEAN, SMALL
 
 BEGUN = """
 import os, threading
-import hdassist.solve.engine
+import hdassist.solve.loadcase
 from hdassist.run.processes import workers
 
 if {thread}:
     threading.Thread(target=threading.Event().wait, daemon=True).start()
 with workers(1) as executor:
-    known = executor.submit(eval, "'hdassist.solve.engine' in __import__('sys').modules").result()
+    known = executor.submit(eval, "'hdassist.solve.loadcase' in __import__('sys').modules").result()
     print(executor.submit(os.getppid).result() == os.getpid(), known)
 """
 

@@ -23,10 +23,10 @@ def walk_over_drives(library: Path) -> int:
     from hdassist.model.deviations import ToothDeviations
     from hdassist.preset.library import preset_names
     from hdassist.solve import walk
-    from hdassist.solve.engine import Engine
     from hdassist.solve.formulation import formulate
     from tests.process import SMALL, TINY
     from tests.solve.test_walk import states_of
+    from tests.support import load_case
 
     walk.walk_library = lambda: (walk._load(library), "")
     cases = [(load_preset(name), None) for name in preset_names()]
@@ -38,9 +38,9 @@ def walk_over_drives(library: Path) -> int:
         system, gaps = states_of(drive, 400, teeth)
         engine, formulation = None, formulate(system)
         for M_g in drive.operation.M_g:
-            engine = Engine(formulation, M_g * 1e3, engine, many=True)
+            engine = load_case(formulation, M_g * 1e3, engine, many=True)
             for some in (gaps, gaps[:1], gaps[:0], StateGaps(np.full((3, 2), np.nan))):
-                sums = engine._walk.solve(some, M_g * 1e3, pull=True) if engine._walk else engine.solve(some, pull=True)
+                sums = engine._walk.solve(some, M_g * 1e3, pull=True) if engine._walk else engine.sums(some, pull=True)
                 solved += len(sums.rotation)
     return solved
 

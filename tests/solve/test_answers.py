@@ -10,11 +10,10 @@ from hdassist.model.contacts import ROTATION, StateGaps, contact_system
 from hdassist.solve import answers
 from hdassist.solve.answers import ARCSEC, Certificate, proven_answers
 from hdassist.solve.certificate import residuals
-from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.sums import StateSums
-from tests.support import changed
+from tests.support import changed, load_case
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +63,7 @@ def test_residuals_are_those_of_the_system_written_out(system):
 def test_what_is_kept_of_a_state_is_that_of_its_forces(system, formulation):
     torque, n = -300e3, system.n_flanks
     gaps = StateGaps(np.array([[0.0] * 4, [0.03, 0.01, 0.05, -0.02]]))
-    forces, free, _ = Engine(formulation, torque).forces(system.delta_p_of(gaps))
+    forces, free, _ = load_case(formulation, torque).forces(system.delta_p_of(gaps))
     kept = LoadCase(formulation, torque / 1e3).solve(gaps, str, pull=True)
     assert kept.rotation_arcsec == pytest.approx(free[:, 0] * 180 / np.pi * 3600, abs=1e-8)
     moments = -forces[:, :n] * system.G[:n, ROTATION]  # that the flanks take off the flexspline
@@ -79,7 +78,7 @@ def test_a_tooth_at_the_edge_carries_load_from_a_share_of_the_torque_on(referenc
     torque, system = 800e3, contact_system(changed(reference, numerics__window=12.0))
     formulation = formulate(system)
     gaps = StateGaps(np.array([[0.0] * 4, [0.01, 0.0, 0.02, 0.0]]))
-    forces, _, _ = Engine(formulation, torque).forces(system.delta_p_of(gaps))
+    forces, _, _ = load_case(formulation, torque).forces(system.delta_p_of(gaps))
     at_edge = forces[:, : system.n_flanks][:, system.flanks.edge].max(axis=1)
     assert at_edge[1] > at_edge[0] > 0
     share = at_edge[1] / (torque / system.geometry.r_m)
@@ -104,19 +103,19 @@ def test_certificates_add_up_to_the_worst_of_both():
 
 def test_the_state_that_winds_up_most_is_the_one_that_is_looked_at(system, formulation):
     torque, gaps = 80e3, StateGaps(np.array([[0.0] * 4, [0.03, 0.01, 0.05, -0.02], [0.0] * 4]))
-    rotation = Engine(formulation, torque).forces(system.delta_p_of(gaps))[1][:, 0]
+    rotation = load_case(formulation, torque).forces(system.delta_p_of(gaps))[1][:, 0]
     limit = (rotation[0] + rotation[1]) / 2  # a quarter of a pitch of a wheel with very many teeth
     wheel = replace(system.geometry.flexspline, z=np.pi / 2 / limit)
     fine = replace(system, geometry=replace(system.geometry, flexspline=wheel))
     worst = int(np.argmax(rotation))
     assert worst == 1
     with pytest.raises(UntrustedError, match=f"at state {worst}: wind-up of {rotation[worst] * ARCSEC:.0f} arcsec"):
-        proven_answers(fine, torque, [Engine(formulation, torque).solve(gaps)], lambda k: f"state {k}")
+        proven_answers(fine, torque, [load_case(formulation, torque).sums(gaps)], lambda k: f"state {k}")
 
 
 def test_a_state_without_an_answer_has_no_residual(system, formulation):
     delta_p = system.delta_p_of(StateGaps(np.zeros((3, 0))))
-    forces, free, _ = Engine(formulation, 80e3).forces(delta_p)
+    forces, free, _ = load_case(formulation, 80e3).forces(delta_p)
     forces[1:], free[1:] = np.nan, np.nan
     hopeless = StateSums.of(system, delta_p, 80e3, forces, free)
     with pytest.raises(UntrustedError, match="state not solved at state 1: no method ends"):

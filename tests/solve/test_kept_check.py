@@ -10,10 +10,10 @@ from hdassist import load_preset
 from hdassist.model.contacts import contact_system
 from hdassist.run import cache
 from hdassist.solve import throughcvxpy
-from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.throughcvxpy import solve_again
 from tests.process import TINY
+from tests.support import load_case
 
 M_G = 4.0  # N*m
 
@@ -25,7 +25,7 @@ def again(tmp_path, monkeypatch):
     monkeypatch.delenv(cache.NO_CACHE)
     formulation = formulate(contact_system(load_preset(TINY)))
     delta_p = formulation.system.delta_p[None]
-    _, free, _ = Engine(formulation, M_G * 1e3).forces(delta_p)
+    _, free, _ = load_case(formulation, M_G * 1e3).forces(delta_p)
     rotation = free[:, formulation.system.free_rotation] * throughcvxpy.ARCSEC
     computed = []
     difference = throughcvxpy._difference

@@ -9,10 +9,10 @@ from hdassist import load_preset
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.solve import walk
 from hdassist.solve.certificate import residuals
-from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.near import solve_near
 from hdassist.solve.onebyone import OneByOne
+from tests.support import load_case
 
 WAYS = [
     solve_near,
@@ -34,7 +34,7 @@ def formulation(system):
 def test_a_state_is_found_from_contact_sets_that_are_near_and_far(formulation, system, way):
     torque, delta_p = 80e3, system.delta_p_of(StateGaps(np.array([[0.03, 0.01, 0.05, -0.02]])))
     gaps, right = formulation.gaps(delta_p[0]), -formulation.load(torque)
-    forces, free, _ = Engine(formulation, torque).forces(delta_p)
+    forces, free, _ = load_case(formulation, torque).forces(delta_p)
     solved = forces[0] > 0
     one_more = solved.copy()
     one_more[np.argmin(solved)] = True
@@ -89,14 +89,14 @@ def test_a_state_that_no_way_from_all_contacts_leads_to_needs_no_model(monkeypat
     system = contact_system(load_preset("size-25-100").with_values(FROM_ALL))
     monkeypatch.setattr(OneByOne, "_by_daqp", lambda *_: pytest.fail("half a second each"))
     for compiled in (True, False):
-        forces, free, fallbacks = OneByOne(formulate(system), 6.7e3, compiled=compiled).solve(system.delta_p[None])
+        forces, free, fallbacks = OneByOne(formulate(system), compiled=compiled).solve(system.delta_p[None], 6.7e3)
         assert fallbacks == 0
         assert residuals(system, system.delta_p[None], 6.7e3, forces, free).worst.max() < 1e-10
 
 
 def test_no_states_have_no_answers_and_leave_the_contacts_as_they_were(formulation, system):
     contact = np.arange(len(system.delta_p)) % 2 == 0
-    solver = OneByOne(formulation, 80e3, contact)
-    forces, free, fallbacks = solver.solve(system.delta_p[None][:0])
+    solver = OneByOne(formulation, contact)
+    forces, free, fallbacks = solver.solve(system.delta_p[None][:0], 80e3)
     assert (forces.shape, free.shape, fallbacks) == ((0, len(contact)), (0, 3), 0)
     assert np.array_equal(solver.contact, contact)

@@ -9,17 +9,16 @@ from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import ToothDeviations, state_gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
-from hdassist.solve import engine as engines
-from hdassist.solve import pivoting
+from hdassist.solve import loadcase, pivoting
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.certificate import TOLERANCE, residuals
-from hdassist.solve.engine import MANY_STATES, Engine
 from hdassist.solve.formulation import formulate
+from hdassist.solve.loadcase import MANY_STATES
 from hdassist.solve.onebyone import OneByOne
 from hdassist.solve.reference import Reference, principal_transform
 from hdassist.solve.sums import StateSums
 from tests.process import SMALL
-from tests.support import changed, delta_p_of
+from tests.support import changed, delta_p_of, load_case
 
 EXACT = 1e-7  # arcsec
 
@@ -46,18 +45,18 @@ def gaps(small, system):
 
 def plain(formulation, torque, **options):
     """The engine that walks in numpy."""
-    return Engine(formulation, torque, many=True, compiled=False, **options)
+    return load_case(formulation, torque, many=True, compiled=False, **options)
 
 
 def walked(engine, gaps):
     """Forces and displacements of states by the walk of an engine alone."""
-    engine.solve(gaps[:0])
+    engine.sums(gaps[:0])
     return engine._walk.forces(gaps, engine._torque)
 
 
 def same(formulation, torque, gaps, sums):
     """Whether sums found are those of the states solved one by one, with their proof."""
-    alone = Engine(formulation, torque)._alone(gaps, pull=True)
+    alone = load_case(formulation, torque)._alone(gaps, pull=True)
     assert sums.residuals.worst.max() <= TOLERANCE
     assert sums.rotation * ARCSEC == pytest.approx(alone.rotation * ARCSEC, abs=EXACT)
     for name in ("tooth_force", "edge_force", "pull"):
@@ -70,9 +69,9 @@ def cycle_one_by_one(drive, M_g, teeth=None):
     states = pitch_locked_states(Kinematics.of(drive))
     rotation, share = np.empty(len(states)), np.empty((len(states), 2))
     for rows, formulation in _formulations(drive, states):
-        solver = OneByOne(formulation, M_g * N_MM)
+        solver = OneByOne(formulation)
         delta_p = delta_p_of(drive, formulation.system, states.take(rows), teeth)
-        sums = StateSums.of(formulation.system, delta_p, M_g * N_MM, *solver.solve(delta_p))
+        sums = StateSums.of(formulation.system, delta_p, M_g * N_MM, *solver.solve(delta_p, M_g * N_MM))
         assert sums.residuals.worst.max() <= TOLERANCE
         rotation[rows], share[rows] = sums.rotation * ARCSEC, sums.moment / (M_g * N_MM)
     return rotation, share
@@ -85,13 +84,13 @@ def test_the_cycle_of_the_reference_drive(reference, torque):
     gaps = state_gaps(reference, system, pitch_locked_states(Kinematics.of(reference), some))
     formulation = formulate(system)
     engine = plain(formulation, torque)
-    found = engine.solve(gaps, pull=True)
+    found = engine.sums(gaps, pull=True)
     assert found.given_up == 0
     assert same(formulation, torque, gaps, found)
     # without force is without force, to the last digit
     forces, _ = walked(engine, gaps)
     assert forces == pytest.approx(
-        OneByOne(formulation, torque).solve(system.delta_p_of(gaps))[0], abs=1e-6 * forces.max()
+        OneByOne(formulation).solve(system.delta_p_of(gaps), torque)[0], abs=1e-6 * forces.max()
     )
     assert forces.min() == 0
     assert 0.3 < np.mean(forces == 0) < 0.9
@@ -134,7 +133,7 @@ def test_symmetric_states_in_which_contacts_just_touch(small, torque):
     scalars = np.zeros((2 * MANY_STATES, 4))
     scalars[::3] = [0, 0, 1e-13, 1e-12]  # and next to them states that break the symmetry by next to nothing
     gaps = StateGaps(scalars)
-    assert same(formulation, torque, gaps, plain(formulation, torque).solve(gaps, pull=True))
+    assert same(formulation, torque, gaps, plain(formulation, torque).sums(gaps, pull=True))
 
 
 def test_answers_hang_neither_on_the_order_nor_on_the_batches(formulation, gaps):
@@ -157,36 +156,36 @@ def test_the_same_states_give_the_same_digits(formulation, gaps):
 
 def test_few_states_are_not_worth_a_reference_unless_more_will_come(formulation, gaps):
     for many in (False, True):
-        engine = Engine(formulation, 4e3, many=many)
-        engine.solve(gaps[: MANY_STATES - 1])
+        engine = load_case(formulation, 4e3, many=many)
+        engine.sums(gaps[: MANY_STATES - 1])
         assert (engine._walk is not None) is many
-    alone = Engine(formulation, 4e3)
-    alone.solve(gaps[:MANY_STATES])
+    alone = load_case(formulation, 4e3)
+    alone.sums(gaps[:MANY_STATES])
     assert alone._walk is not None
 
 
 @pytest.mark.parametrize("compiled", [False, True])
 def test_an_engine_like_another_gives_the_digits_it_would_give_alone(formulation, gaps, compiled):
-    fresh = Engine(formulation, 4e3, compiled=compiled)
-    alone = Engine(formulation, 4e3, compiled=compiled).solve(gaps)
-    Engine(formulation, 4e3, like=fresh, compiled=compiled).solve(gaps[50:])
-    like = Engine(formulation, 4e3, like=fresh, compiled=compiled).solve(gaps)
+    fresh = load_case(formulation, 4e3, compiled=compiled)
+    alone = load_case(formulation, 4e3, compiled=compiled).sums(gaps)
+    load_case(formulation, 4e3, like=fresh, compiled=compiled).sums(gaps[50:])
+    like = load_case(formulation, 4e3, like=fresh, compiled=compiled).sums(gaps)
     assert np.array_equal(like.rotation, alone.rotation)
 
 
 def test_another_torque_later(formulation, gaps):
     engine = plain(formulation, 4e3)
-    engine.solve(gaps)
+    engine.sums(gaps)
     for torque in (40e3, -1e3, 1e-3):
-        engine.load(torque)
-        assert same(formulation, torque, gaps, engine.solve(gaps, pull=True))
+        engine.load(torque / 1e3)
+        assert same(formulation, torque, gaps, engine.sums(gaps, pull=True))
 
 
 @pytest.mark.parametrize(("name", "value"), [("LIMIT", 0), ("SMALLEST", 0.9)])
 def test_states_given_up_are_counted_and_solved_one_by_one(formulation, gaps, monkeypatch, name, value):
     # too many pivots, a pivot that would spoil the tableau
     monkeypatch.setattr(pivoting, name, value)
-    found = plain(formulation, 4e3).solve(gaps, pull=True)
+    found = plain(formulation, 4e3).sums(gaps, pull=True)
     assert 0 < found.given_up <= len(gaps)
     assert same(formulation, 4e3, gaps, found)
 
@@ -194,16 +193,16 @@ def test_states_given_up_are_counted_and_solved_one_by_one(formulation, gaps, mo
 def test_a_walk_that_rounding_spoiled_is_given_up(formulation, gaps, monkeypatch):
     pivoted = pivoting.Pivoting._pivoted
     monkeypatch.setattr(pivoting.Pivoting, "_pivoted", lambda self, start: pivoted(self, start) * (1 + 1e-3))
-    found = plain(formulation, 4e3).solve(gaps, pull=True)
+    found = plain(formulation, 4e3).sums(gaps, pull=True)
     assert found.given_up > 0
     assert same(formulation, 4e3, gaps, found)
 
 
 def test_a_state_that_is_no_number_spoils_no_other(formulation, gaps):
-    expected = plain(formulation, 4e3).solve(gaps)
+    expected = plain(formulation, 4e3).sums(gaps)
     scalars = gaps.scalars.copy()
     scalars[5, 3] = np.nan
-    found = plain(formulation, 4e3).solve(StateGaps(scalars))
+    found = plain(formulation, 4e3).sums(StateGaps(scalars))
     assert found.given_up == 1
     assert found.residuals.worst[5] == np.inf
     others = np.arange(len(gaps)) != 5
@@ -219,8 +218,8 @@ def test_a_contact_set_that_holds_nothing_is_no_reference(formulation, gaps, mon
     def refuse(*_):
         raise ValueError
 
-    monkeypatch.setattr(engines, "Reference", refuse)
-    found = plain(formulation, 4e3).solve(gaps, pull=True)
+    monkeypatch.setattr(loadcase, "Reference", refuse)
+    found = plain(formulation, 4e3).sums(gaps, pull=True)
     assert found.given_up == 0
     assert same(formulation, 4e3, gaps, found)
 
@@ -229,7 +228,7 @@ def test_a_contact_set_that_holds_nothing_is_no_reference(formulation, gaps, mon
 def test_a_reference_solves_the_programme_at_its_contact_set(small, stations):
     formulation = formulate(contact_system(changed(small, numerics__stations=stations)))
     nothing = StateGaps(np.zeros((1, 0)))
-    forces, free, _ = OneByOne(formulation, 4e3).solve(formulation.system.delta_p[None])
+    forces, free, _ = OneByOne(formulation).solve(formulation.system.delta_p[None], 4e3)
     walk = pivoting.Pivoting(Reference(formulation, forces[0] > 1e-9 * forces.max()))
     solved, freed = walk.forces(nothing, 4e3)
     assert len(walk._swing) == 0  # no pivot

@@ -18,13 +18,12 @@ from hdassist.solve import compiled, onebyone, throughcvxpy
 from hdassist.solve.answers import ARCSEC, proven_answers
 from hdassist.solve.certificate import residuals
 from hdassist.solve.compiled import require_compiled_as_stated, template_differences
-from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.onebyone import OneByOne
 from hdassist.solve.sums import StateSums
 from hdassist.solve.throughcvxpy import solve_again, solve_through_cvxpy
-from tests.support import changed
+from tests.support import changed, load_case
 
 
 @pytest.fixture(scope="module")
@@ -58,14 +57,14 @@ def test_the_engine_runs_what_cvxpy_compiles(name):
 
 
 def test_a_neighbours_engine_and_another_torque_give_the_same_answers(reference, formulation, system):
-    near = Engine(formulation, 80e3)
+    near = load_case(formulation, 80e3)
     near.forces(system.delta_p[None])
     other = contact_system(reference, tau=0.4, beta=0.2)
-    engine = Engine(formulate(other), -5e3, like=near)
+    engine = load_case(formulate(other), -5e3, like=near)
     engine.forces(other.delta_p[None])
-    engine.load(800e3)
+    engine.load(800.0)
     forces, free, fallbacks = engine.forces(other.delta_p[None])
-    alone, freed, _ = Engine(formulate(other), 800e3).forces(other.delta_p[None])
+    alone, freed, _ = load_case(formulate(other), 800e3).forces(other.delta_p[None])
     assert fallbacks == 0
     assert forces == pytest.approx(alone, abs=1e-8 * alone.max())
     assert free == pytest.approx(freed, abs=1e-12)
@@ -126,7 +125,7 @@ def test_every_state_can_go_through_cvxpy(reference, solver):
 
 def test_an_unknown_solver_is_an_error(formulation, system):
     with pytest.raises(UsageError, match="nosuch") as error:
-        Engine(formulation, 80e3, solver="nosuch").solve(WITHOUT_DEVIATIONS)
+        load_case(formulation, 80e3, solver="nosuch").sums(WITHOUT_DEVIATIONS)
     assert error.value.hint.startswith("there are: clarabel, ")
     assert "daqp" in error.value.hint
 
@@ -145,7 +144,7 @@ def test_a_solver_that_breaks_down_is_told_by_its_first_line(formulation, system
 def test_states_solved_again_are_counted_and_the_greatest_difference_is_told(formulation, system):
     torques = np.array([80.0, -300.0, 800.0])
     delta_p = np.repeat(system.delta_p[None], 3, axis=0)
-    rotation = np.array([Engine(formulation, M_g * 1e3).forces(delta_p[:1])[1][0, 0] * ARCSEC for M_g in torques])
+    rotation = np.array([load_case(formulation, M_g * 1e3).forces(delta_p[:1])[1][0, 0] * ARCSEC for M_g in torques])
     # to the name of a solver that runs at its own settings, too
     found = solve_again(formulation, torques, delta_p, rotation + np.array([0.001, -0.004, 0.002]), "daqp", str)
     assert (found.solver, found.states) == ("DAQP", 3)
@@ -169,7 +168,7 @@ def test_states_solved_again_are_counted_and_the_greatest_difference_is_told(for
     ],
 )
 def test_a_wrong_answer_has_no_certificate(formulation, system, residual, spoil):
-    forces, free, _ = Engine(formulation, 80e3).forces(system.delta_p[None])
+    forces, free, _ = load_case(formulation, 80e3).forces(system.delta_p[None])
     right = residuals(system, system.delta_p[None], 80e3, forces, free)
     assert getattr(right, residual)[0] < 1e-11
     wrong = residuals(system, system.delta_p[None], 80e3, *spoil(forces, free))
@@ -178,7 +177,7 @@ def test_a_wrong_answer_has_no_certificate(formulation, system, residual, spoil)
 
 def test_the_certificate_is_made_from_the_unscaled_system(system):
     # forces that are right for other gaps are not right for these
-    forces, free, _ = Engine(formulate(system), 80e3).forces(system.delta_p[None])
+    forces, free, _ = load_case(formulate(system), 80e3).forces(system.delta_p[None])
     moved = system.delta_p.copy()
     moved[np.argmax(forces[0])] += 1e-5
     assert residuals(system, moved[None], 80e3, forces, free).worst[0] > 1e-8
@@ -192,7 +191,7 @@ def test_nan_is_the_worst_residual(system):
 
 def test_an_unsolved_state_is_named_and_no_number_comes_out(system, formulation):
     delta_p = system.delta_p_of(StateGaps(np.zeros((5, 0))))
-    forces, free, _ = Engine(formulation, 80e3).forces(delta_p)
+    forces, free, _ = load_case(formulation, 80e3).forces(delta_p)
     forces[3] *= 1.001
     sums = StateSums.of(system, delta_p, 80e3, forces, free)
     with pytest.raises(UntrustedError, match=r"state not solved at number 3: residual 1.0e-03") as error:
@@ -219,7 +218,9 @@ def without_answer_for(state, monkeypatch, *ways):
         monkeypatch.setattr(
             OneByOne,
             name,
-            lambda self, delta_p, way=way: None if np.array_equal(delta_p, state) else way(self, delta_p),
+            lambda self, delta_p, torque, way=way: (
+                None if np.array_equal(delta_p, state) else way(self, delta_p, torque)
+            ),
         )
 
 
@@ -230,9 +231,9 @@ def four_states(system):
 
 @pytest.mark.parametrize("failing", [["_near"], ["_near", "_by_daqp"]])
 def test_fallbacks_are_taken_and_counted(formulation, four_states, monkeypatch, failing):
-    expected = OneByOne(formulation, 80e3).solve(four_states)[1]
+    expected = OneByOne(formulation).solve(four_states, 80e3)[1]
     without_answer_for(four_states[2], monkeypatch, *failing)
-    _, free, fallbacks = OneByOne(formulation, 80e3).solve(four_states)
+    _, free, fallbacks = OneByOne(formulation).solve(four_states, 80e3)
     assert fallbacks == 1
     assert free[:, 0] * ARCSEC == pytest.approx(expected[:, 0] * ARCSEC, abs=1e-4)
 
@@ -244,7 +245,7 @@ def test_where_no_solver_has_an_answer_the_states_behind_are_not_tried(formulati
 
     without_answer_for(four_states[2], monkeypatch, "_near", "_by_daqp")
     monkeypatch.setattr(onebyone, "solve_through_cvxpy", refuse)
-    forces, free, fallbacks = OneByOne(formulation, 80e3).solve(four_states)
+    forces, free, fallbacks = OneByOne(formulation).solve(four_states, 80e3)
     assert fallbacks == 1
     for found in (forces, free):
         assert np.isnan(found[2:]).all()
@@ -258,9 +259,7 @@ def test_a_drive_that_cannot_be_solved_costs_one_state(reference, monkeypatch, C
     tried = []
     for name in ("_by_daqp", "_last_resort"):
         way = getattr(OneByOne, name)
-        monkeypatch.setattr(
-            OneByOne, name, lambda self, gaps, way=way, name=name: tried.append(name) or way(self, gaps)
-        )
+        monkeypatch.setattr(OneByOne, name, lambda self, *a, way=way, name=name: tried.append(name) or way(self, *a))
     with pytest.raises(UntrustedError, match="state not solved at phi_h = 0"):
         kinematic_error(drive, 80)
     assert tried.count("_last_resort") <= 2  # of the reference of the walk, and of the first state
@@ -278,12 +277,12 @@ def test_daqp_is_stopped_at_a_bound_that_no_solved_state_comes_near(reference, m
             return x, value, flag, info
 
     monkeypatch.setattr(onebyone.daqp, "Model", Counting)
-    monkeypatch.setattr(OneByOne, "_near", lambda self, delta_p: None)
+    monkeypatch.setattr(OneByOne, "_near", lambda *_: None)
     for support in (0.0, 1.0, 1e9):
         system = contact_system(changed(reference, supports__C_1=support, supports__C_3=support))
         formulation = formulate(system)
         for torque in (1.0, 80e3, 3e6):
-            OneByOne(formulation, torque).solve(np.repeat(system.delta_p[None], 2, axis=0))
+            OneByOne(formulation).solve(np.repeat(system.delta_p[None], 2, axis=0), torque)
     assert len(steps) == 18
     assert max(steps) < onebyone.ITERATIONS / 3
 

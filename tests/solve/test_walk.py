@@ -20,9 +20,9 @@ from hdassist.preset.library import preset_names
 from hdassist.solve import walk
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.build import X86, compile_walk, development_folder, library_name, source_hash
-from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
 from tests.process import SMALL
+from tests.support import load_case
 
 pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler: the numpy engine runs")
 
@@ -49,9 +49,9 @@ def states_of(drive, count, teeth=None):
 def assert_same(drive, M_g, count=200, teeth=None):
     system, gaps = states_of(drive, count, teeth)
     formulation = formulate(system)
-    compiled = Engine(formulation, M_g * N_MM, many=True)
-    plain = Engine(formulation, M_g * N_MM, compiled, many=True, compiled=False)
-    found, expected = (engine.solve(gaps, pull=True) for engine in (compiled, plain))
+    compiled = load_case(formulation, M_g * N_MM, many=True)
+    plain = load_case(formulation, M_g * N_MM, compiled, many=True, compiled=False)
+    found, expected = (engine.sums(gaps, pull=True) for engine in (compiled, plain))
     assert np.abs(found.rotation - expected.rotation).max() * ARCSEC < SAME
     assert found.residuals.worst.max() < PROVEN
     assert expected.residuals.worst.max() < PROVEN
@@ -116,21 +116,21 @@ def test_every_instruction_set_of_this_machine_gives_the_same_answers(monkeypatc
 def test_another_torque_needs_no_other_walk():
     system, gaps = states_of(load_preset(SMALL), 80)
     formulation = formulate(system)
-    engine = Engine(formulation, 4e3, many=True)
-    engine.solve(gaps)
+    engine = load_case(formulation, 4e3, many=True)
+    engine.sums(gaps)
     for torque in (1e3, -2e3):
-        engine.load(torque)
-        alone = Engine(formulation, torque, many=True, compiled=False).solve(gaps)
-        assert np.abs(engine.solve(gaps).rotation - alone.rotation).max() * ARCSEC < SAME
+        engine.load(torque / 1e3)
+        alone = load_case(formulation, torque, many=True, compiled=False).sums(gaps)
+        assert np.abs(engine.sums(gaps).rotation - alone.rotation).max() * ARCSEC < SAME
 
 
 def test_a_state_that_is_not_a_number_has_no_answer_and_spoils_no_other():
     system, gaps = states_of(load_preset(SMALL), 120)
     formulation = formulate(system)
-    expected = Engine(formulation, 4e3, many=True).solve(gaps)
+    expected = load_case(formulation, 4e3, many=True).sums(gaps)
     scalars = gaps.scalars.copy()
     scalars[7, 1], scalars[100, 0] = np.nan, np.inf
-    found = walk_of(Engine(formulation, 4e3, many=True)).solve(StateGaps(scalars), 4e3, pull=True)
+    found = walk_of(load_case(formulation, 4e3, many=True)).solve(StateGaps(scalars), 4e3, pull=True)
     bad = np.isin(np.arange(len(scalars)), [7, 100])
     assert found.given_up == 2
     assert np.isnan(found.rotation[bad]).all()
@@ -144,7 +144,7 @@ def test_states_that_no_contact_set_solves_are_given_up_soon():
     G = system.G.copy()
     G[:, ROTATION] = -np.abs(G[:, ROTATION])  # flanks that only push one way, and a torque that pushes so, too
     formulation = formulate(replace(system, G=G))
-    engine = Engine(formulation, 4e3, many=True)
+    engine = load_case(formulation, 4e3, many=True)
     found = walk_of(engine)
     sums = found.solve(gaps, -4e3)
     assert sums.given_up == len(gaps)
@@ -153,7 +153,7 @@ def test_states_that_no_contact_set_solves_are_given_up_soon():
 
 def walk_of(engine):
     """The compiled walk of an engine, made by its first state."""
-    engine.solve(WITHOUT_DEVIATIONS)
+    engine.sums(WITHOUT_DEVIATIONS)
     return engine._walk
 
 

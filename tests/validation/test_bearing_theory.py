@@ -11,8 +11,8 @@ from hdassist import load_preset
 from hdassist.model.contacts import FREEDOMS, ROTATION, contact_system
 from hdassist.model.face import Face
 from hdassist.solve.certificate import residuals
-from hdassist.solve.engine import Engine
 from hdassist.solve.formulation import formulate
+from tests.support import load_case
 from tests.validation.case import Case, Kind, about, parameters
 
 TITLE = "Rolling bearings"
@@ -66,7 +66,7 @@ def stribeck() -> tuple[float, float]:
         system, compliance=np.zeros((balls, balls)), local=np.full(balls, c), G=G, C=C, delta_p=np.zeros(balls),
         face=Face(np.zeros(1), np.array([c])), flanks=replace(system.flanks, theta=np.zeros(0)),
     )  # fmt: skip
-    forces, free, _ = Engine(formulate(bearing), load).forces(bearing.delta_p[None])
+    forces, free, _ = load_case(formulate(bearing), load).forces(bearing.delta_p[None])
     assert residuals(bearing, bearing.delta_p[None], load, forces, free).equilibrium[0] < 1e-12
     return float(forces.max() / (4 * load / balls)), float(free[0, 0] / (4 * load * c / balls))
 
