@@ -47,14 +47,14 @@ REASONS = {
     "quarter of the drives' time. No bound by clearance and wave height told which: gaps at the window's edge "
     "without force are the same in both. The cross-check with the import of cvxpy is 16 %, the self error 10 %. "
     "Again, from kept samples, it is 1.8 times. Next: a window by the forces of the state without deviations.",
-    "mount": "64 drives, each in twelve holes at both torques, are 70 %: 0.54 of 0.7 million states, 354 a search, 196 of "
-    "them its grid, the others climbs and what is around the extremes. Three quarters of that time are in C, where a "
-    "state of the grid takes two to three times one of the cycle, because the contacts of one and the next differ more. "
+    "mount": "64 drives, each in twelve holes at both torques, are 70 %: 0.54 of 0.7 million states, 354 a search, 196 "
+    "of them its grid, the others climbs and what is around the extremes. Three quarters of that time are in C, where "
+    "a state of the grid takes two to three times one of the cycle, because contacts of one and the next differ more. "
     "The curve of the drive as given, by finer grids and by every state in two holes, is 15 %. Tried, against every "
     "state of 192 searches, of which three are more than 0.01 arcsec low, by 0.5 at most: 16 x 16 positions, 16 x 12, "
-    "15 x 15 of the difference to the drive as given (two to four, by up to 0.5; a tenth to a quarter more states and "
-    "a concept more); all positions of a wheel at every second hole, shifted in between (no better); drives as sums "
-    "of what 16 of them differ by (0.2 to 0.9 arcsec off). Next: fewer pivots from one state of a grid to the next.",
+    "15 x 15 of the difference to the drive as given (two to four, by up to 0.5; a tenth to a quarter more states); "
+    "positions shifted from hole to hole (no better); drives as sums of what 16 of them differ by (0.2 to 0.9 arcsec "
+    "off). Next: fewer pivots from one state of a grid to the next.",
     "trials": "a table of the error for each draw of stiffnesses and clearances, where one of the preset served "
     "before; not profiled by parts. Next: tables at further torques only for draws that keep weight after the trials.",
     "tolerance": "of 150 drives: states solved in C 45 %, proposals 12 %, deviation scalars 10 % and tables read 4 % "
