@@ -38,8 +38,8 @@ REASONS = {
     "grid where one zone takes nearly all.",
     "check": "64 drives drawn from what is not known 45 %, the cross-check with the import of cvxpy 15 %, the self "
     "error 11 % (400 pairs of phases, each with contacts, rings and a programme of its own), every state of both "
-    "torques 5 %. Of a drawn drive (33 ms: 960 states) states solved in C are a third, contacts, references and "
-    "conflicts of fields a quarter, and the rest is numpy and Python around 20 batches of few states. Next: flanks "
+    "torques 5 %. Of a drawn drive (some 700 states) states solved in C are two fifths, contacts, references and "
+    "conflicts of fields a third, and the rest is numpy and Python around 18 batches of few states. Next: flanks "
     "and balls of the self error by a Schur complement; climbs in C.",
     "check own.yaml": "64 drives drawn from what is not known, deviations too, 69 %: of it coarse grids of states "
     "half, climbs and what is around extremes three tenths, contacts, references and conflicts of fields the rest; "
@@ -47,16 +47,14 @@ REASONS = {
     "quarter of the drives' time. No bound by clearance and wave height told which: gaps at the window's edge "
     "without force are the same in both. The cross-check with the import of cvxpy is 16 %, the self error 10 %. "
     "Again, from kept samples, it is 1.8 times. Next: a window by the forces of the state without deviations.",
-    "mount": "64 drives, each in twelve holes at both torques, are 70 %: 0.7 of 0.8 million states, 458 a search. "
-    "225 of them are the grid of the difference to the drive as given, 150 climbs, 60 around the extremes, 20 one on "
-    "each hill. Three quarters of that time are in C, of it a third pivots (6.7 a state at 80 N·m, 3.2 at 800, where "
-    "the cycle takes 1.5 and 0.8) and a quarter the certificate. The curve of the drive as given, by the same maps, "
-    "every state in two holes, is 10 %, the maps 5 %. Tried, against every state of 192 searches, of which one is "
-    "0.03 arcsec low: 12 x 12 differences in place of 15 x 15 (four low by up to 0.45 arcsec); hills near the "
-    "highest by 1 % in place of 2 % (four by up to 0.36); drives as sums of what 16 of them differ by, from some 30 "
-    "states for all holes (0.2 to 0.9 arcsec off where the 15 x 15 differences are 0.25); states in the order of the "
-    "nearest one (6.1 pivots, and no faster). Next: differences over tooth and cam vector for all holes of a drive "
-    "at once, as those of neighbouring holes.",
+    "mount": "64 drives, each in twelve holes at both torques, are 70 %: 0.54 of 0.7 million states, 354 a search, 196 "
+    "of them its grid, the others climbs and what is around the extremes. Three quarters of that time are in C, where "
+    "a state of the grid takes two to three times one of the cycle, because contacts of one and the next differ more. "
+    "The curve of the drive as given, by finer grids and by every state in two holes, is 15 %. Tried, against every "
+    "state of 192 searches, of which three are more than 0.01 arcsec low, by 0.5 at most: 16 x 16 positions, 16 x 12, "
+    "15 x 15 of the difference to the drive as given (two to four, by up to 0.5; a tenth to a quarter more states); "
+    "positions shifted from hole to hole (no better); drives as sums of what 16 of them differ by (0.2 to 0.9 arcsec "
+    "off). Next: fewer pivots from one state of a grid to the next.",
     "trials": "a table of the error for each draw of stiffnesses and clearances, where one of the preset served "
     "before; not profiled by parts. Next: tables at further torques only for draws that keep weight after the trials.",
     "tolerance": "of 150 drives: states solved in C 45 %, proposals 12 %, deviation scalars 10 % and tables read 4 % "

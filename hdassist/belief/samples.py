@@ -29,13 +29,11 @@ from hdassist.belief.misfit import require_shown
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.proposal import PILOT_DRAWS, proposed_draws
 from hdassist.belief.statistics import Probability, effective_number, probability_of, weighted_quantile
-from hdassist.error.error_map import SHORT_CYCLE, Batch, ErrorMap, Extremes
+from hdassist.error.error_map import Batch, ErrorMap, Extremes
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics
 from hdassist.model.rules import first_conflict
-from hdassist.preset.deviations import DEVIATION_FIELDS
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
@@ -43,12 +41,11 @@ from hdassist.solve.formulation import formulate
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE, is_settled
 
-ReferenceMaps = Sequence[Mapping[float, Array]]  # of each torque, by rotation
 FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
 
 EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
-COARSE_POINTS = 20  # positions of each wheel at which the error of a sample is solved first: 0.05 arcsec may be missed
+COARSE_POINTS = 14  # positions of each wheel at which the error of a sample is solved first: 1 % misses up to 2 %
 SAMPLE_STATES = 520  # that a sample solves at a torque, about
 HOPELESS = 256  # draws of which none has an answer: no more are made
 CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
@@ -174,7 +171,6 @@ def draw_samples(
     evidence: tuple[Evidence, ...] = (),
     further: FiguresOf | None = None,
     further_name: str = "",
-    maps: ReferenceMaps | None = None,
     enough: Callable[[Samples], bool] = lambda _samples: True,
     effort: SamplingEffort = SamplingEffort(),
     run: Run = Run(),
@@ -185,8 +181,8 @@ def draw_samples(
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; begun, samples
     by the same arguments, these turns among theirs, whose draws are gone on from; evidence on the drive; further,
     figures that each sample has beside F'_ior, and further_name, all that they depend on beside the drive, in words,
-    without which draws with them are not kept; maps, reference_maps of the prior, where they are there already; enough,
-    whether samples suffice for what they are for; effort, limits of sampling; seen, called with the samples so far.
+    without which draws with them are not kept; enough, whether samples suffice for what they are for; effort, limits of
+    sampling; seen, called with the samples so far.
     Raises UsageError for a drive with rolling balls, UntrustedError where too few samples agree with the evidence, or
     too few draws are drives.
     """
@@ -204,8 +200,7 @@ def draw_samples(
             if now.stop > len(earlier):
                 fresh = max(now.start, len(earlier)), now.stop
                 if not solve:
-                    maps = maps or reference_maps(prior, torques, rotations, run)
-                    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further, maps)
+                    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further)
                 shares, density = proposed_draws(prior, evidence, draws[:PILOT_DRAWS], *fresh, run.seed)
                 solved = run.map(solve, prior.values(shares), shares.tolist(), density.tolist())
             for each in chain(earlier[now], solved):
@@ -243,7 +238,6 @@ def _solved(
     rotations_deg: tuple[float, ...],
     evidence: tuple[Evidence, ...],
     further: FiguresOf | None,
-    maps: ReferenceMaps | None,
     values: dict[str, float],
     shares: list[float],
     density: float,
@@ -263,7 +257,7 @@ def _solved(
             return Draw(figures=figures, proof=astuple(proof))
         measured = [each for each in evidence if each.M_g]
         places = [(each.M_g, each.rotation_deg) for each in measured]
-        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, maps=maps, measured=places)
+        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, measured=places)
         F_ior, turned, there, found = in_wide_enough_window(moved, search)
         more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
     except HdassistError as error:
@@ -304,73 +298,47 @@ def errors_by_turn(
     drive: Drive,
     torques: Sequence[float],
     rotations_deg: Sequence[float],
-    maps: ReferenceMaps | None = None,
     measured: Sequence[tuple[float, float]] = (),
 ) -> tuple[Array, Array, Array, Certificate]:
     """F'_ior [arcsec] of a drive at torques [N*m], and with its fixed wheel turned, and the proof of both.
 
     Results of shape (torques,), (torques, rotations) and (measured,). All share one contact system, set up once.
-    Arguments: maps, `maps_by_turn` of a drive with the same deviations at each torque; measured, single torques [N*m]
-    with a turn each [deg]. Raises UsageError for rolling balls, UntrustedError where an answer cannot be trusted.
+    Arguments: measured, single torques [N*m] with a turn each [deg]. Raises UsageError for rolling balls,
+    UntrustedError where an answer cannot be trusted.
     """
     like, proof, formulation = None, EMPTY, formulate(contact_system(drive))
     F_ior, found = np.empty(len(torques)), np.empty((len(torques), len(rotations_deg)))
     at_measured = np.empty(len(measured))
-    for k, M_g in enumerate(dict.fromkeys((*torques, *(torque for torque, _ in measured)))):
+    every = enumerate(dict.fromkeys((*torques, *(torque for torque, _ in measured))))
+    # where the window of flanks is too narrow the greatest torque says so at once
+    for k, M_g in sorted(every, key=lambda each: -abs(each[1])):
         error_map = ErrorMap(drive, M_g, formulation, like)
-        like, alike = error_map.fresh, maps[k] if maps and k < len(torques) else {}
-        now = error_map.many_extremes(Batch.of(drive), grid=COARSE_POINTS, alike=alike[0.0][None] if alike else None)
+        like, now = error_map.fresh, error_map.many_extremes(Batch.of(drive), grid=COARSE_POINTS)
         proof += now.certificate
         if k < len(torques):
             F_ior[k] = now.first
-            found[k], more = _at_turns(error_map, now, rotations_deg, alike)
+            found[k], more = _at_turns(error_map, now, rotations_deg)
             proof += more
         rows = [row for row, (torque, _) in enumerate(measured) if torque == M_g]
         # by themselves, so that their digits are the same whatever else is searched
-        at_measured[rows], more = _at_turns(error_map, now, [measured[row][1] for row in rows], {})
+        at_measured[rows], more = _at_turns(error_map, now, [measured[row][1] for row in rows])
         proof += more
     return F_ior, found, at_measured, proof
 
 
-def _at_turns(
-    error_map: ErrorMap, now: Extremes, turns: Sequence[float], maps: Mapping[float, Array]
-) -> tuple[Array, Certificate]:
+def _at_turns(error_map: ErrorMap, now: Extremes, turns: Sequence[float]) -> tuple[Array, Certificate]:
     """F'_ior [arcsec] of a map's drive with its fixed wheel turned [deg], shape (turns,), and the proof of it.
 
-    Arguments: now, the extremes as it stands; maps of a drive with the same deviations, by turn, where there are any.
+    Argument: now, the extremes as it stands.
     """
     away = np.flatnonzero(np.array(turns) % 360)
     F_ior = np.full(len(turns), now.first)
     if not len(away):
         return F_ior, EMPTY
     moved = [turn for turn in turns if turn % 360]
-    alike = np.stack([maps[turn] for turn in moved]) if maps else None
-    there = error_map.many_extremes(Batch.turned(error_map.drive, moved), grid=COARSE_POINTS, alike=alike)
+    there = error_map.many_extremes(Batch.turned(error_map.drive, moved), grid=COARSE_POINTS)
     F_ior[away] = there.F_ior_arcsec
     return F_ior, there.certificate
-
-
-def maps_by_turn(drive: Drive, M_g: float, rotations_deg: Sequence[float]) -> dict[float, Array]:
-    """Maps of the error of a drive at a torque [N*m], as it stands and with its fixed wheel turned, by the rotation.
-
-    Errors as those of errors_by_turn.
-    """
-    turns = list(dict.fromkeys((0.0, *rotations_deg)))
-    return dict(zip(turns, ErrorMap(drive, M_g).solved_map(Batch.turned(drive, turns)), strict=True))
-
-
-def reference_maps(
-    prior: DrivePrior, torques: Sequence[float], rotations_deg: Sequence[float], run: Run
-) -> ReferenceMaps | None:
-    """Maps of the drive as given where its draws have the same deviations; None where they do not, or need none."""
-    short = Kinematics.of(prior.drive).cycle_states < SHORT_CYCLE  # every state is solved
-    if short or DEVIATION_FIELDS & {each.path for each in prior.fields}:
-        return None
-    solve = partial(maps_by_turn, rotations_deg=rotations_deg)
-    try:
-        return list(run.map(partial(in_wide_enough_window, prior.drive), [partial(solve, M_g=M_g) for M_g in torques]))
-    except HdassistError:  # then each draw is on its own
-        return None
 
 
 def _collected(

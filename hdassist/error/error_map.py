@@ -32,7 +32,6 @@ from hdassist.solve.loadcase import LoadCase
 
 READ = 40  # positions of each wheel at which estimates of the error are read, at most
 GRID = 60  # positions of each wheel where they are solved, at most: 40 missed an island of 0.4 arcsec
-DIFFERENCES = 15  # positions of each wheel at which drives that are alike are compared, at least
 PROMISING = 0.06  # of F'_ior: one state is solved on a hill that is estimated no further below the highest
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
 STILL_NEAR = 0.01  # of F'_ior: so near it has to be once the states around it are known
@@ -158,27 +157,18 @@ class ErrorMap:
         solved = _Solved(self, batch)
         return self._hills(solved.at_points(self.points(grid))).tops.sum(axis=1), solved.certificate
 
-    def solved_map(self, batch: Batch) -> Array:
-        """Rotation [arcsec] of drives at the points of a grid, shape (drives, k, l).
-
-        Raises UntrustedError where an answer cannot be trusted.
-        """
-        return _Solved(self, batch).at_points(self.points(GRID))
-
-    def many_extremes(self, batch: Batch, *, grid: int = GRID, alike: Array | None = None) -> Extremes:
+    def many_extremes(self, batch: Batch, *, grid: int = GRID, short_cycle: int = SHORT_CYCLE) -> Extremes:
         """Extremes of drives, solved and proven where a grid of states proposes them; of a short cycle every state.
 
-        Arguments: batch, the drives; grid, positions of each wheel that are solved first; alike, in their place, the
-        solved_map of drives with the same deviations and other parts, from which these differ less than from point to
-        point: then the difference is solved on a coarse grid. Raises UntrustedError where an answer cannot be trusted.
+        Arguments: batch, the drives; grid, positions of each wheel that are solved first; short_cycle, states of a
+        cycle below which all are solved. Raises UntrustedError where an answer cannot be trusted.
         """
         solved = _Solved(self, batch)
-        if alike is None and len(self.states) < SHORT_CYCLE:
+        if len(self.states) < short_cycle:
             solved.at(np.arange(len(batch))[:, None], np.argwhere(self.board >= 0))
         else:
-            shape = self.points(max(grid, READ)).shape[:2]
-            proposed = interpolated(solved.at_points(self.points(grid)), shape) if alike is None else solved.near(alike)
-            solved.climb(self._hills(proposed), STRIDES if proposed.shape[1] <= READ else STRIDES[1:])
+            maps = interpolated(solved.at_points(self.points(grid)), self.points(max(grid, READ)).shape[:2])
+            solved.climb(self._hills(maps), STRIDES if grid < READ else STRIDES[1:])
         tops = solved.tops()
         ends = self.state(tops.point).reshape(-1, 2)  # of the greatest and of the least rotation
         at_max, at_min = (ends if self.sign > 0 else ends[:, ::-1]).T
@@ -225,14 +215,6 @@ class _Solved:
         self._search, self._batch, self._case = search, batch, search.load_case()
         self.value = np.full((len(batch), len(search.states)), np.nan)
         self.certificate = EMPTY
-
-    def near(self, alike: Array) -> Array:
-        """Rotation [arcsec] at the points of the map of drives that are alike, by its difference at some of them."""
-        shape = alike.shape[1:]
-        steps = (max(k for k in range(1, 6) if n % k == 0 and n >= k * DIFFERENCES) for n in shape)
-        down, across = (slice(None, None, step) for step in steps)
-        known = self.at_points(self._search.points(GRID)[down, across])
-        return alike + interpolated(known - alike[:, down, across], shape)
 
     def at_points(self, points: Indices) -> Array:
         """Rotation [arcsec] at the points of a grid, shape (k, l, 2), of all drives, shape (drives, k, l)."""

@@ -19,7 +19,6 @@ from hdassist.belief.samples import (
     SamplingEffort,
     draw_samples,
     limits_settled,
-    reference_maps,
 )
 from hdassist.belief.statistics import Probability, could_be_sure
 from hdassist.error.error_map import searchable
@@ -230,7 +229,6 @@ def advise(
     drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
     positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
     turns = sorted({0.0, *positions})
-    maps = reference_maps(prior, torques, turns, run) if drawn else None
     curve = mounting_curve(
         drive,
         torques,
@@ -238,7 +236,6 @@ def advise(
         measured=measured,
         every_state=every_state,
         proposed_from=0 if drawn else None,
-        maps=maps,
         weights=weights,
         run=run,
     )
@@ -252,7 +249,7 @@ def advise(
     shares = None if weights is None else tuple(weights)
     left = limits_left(drive, torques)
     effort, evidence = SamplingEffort.of(draws), evidence_of(drive)
-    draw = partial(draw_samples, prior, torques, evidence=evidence, maps=maps, effort=effort, run=run)
+    draw = partial(draw_samples, prior, torques, evidence=evidence, effort=effort, run=run)
     as_check = partial(limits_settled, left, sure=needed)  # the same samples as `check` with the same sureness
     first = draw(rotations_deg=turns, enough=as_check)
     found = PositionStatistics.of(first.of_ranges, positions, criterion, shares)

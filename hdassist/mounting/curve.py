@@ -11,10 +11,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from hdassist.belief.samples import ReferenceMaps
 from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
 from hdassist.error.error_map import SEARCHED, Batch, ErrorMap, searchable
 from hdassist.errors import UsageError
+from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
@@ -24,6 +24,7 @@ from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.run.stops import until_interrupted
 from hdassist.solve.answers import EMPTY, Certificate
+from hdassist.solve.formulation import formulate
 from hdassist.solve.throughcvxpy import CrossCheck
 
 SAMPLED_STATES = 1  # random states solved again at each position, besides those of the extremes
@@ -62,7 +63,6 @@ def mounting_curve(
     measured: MeasuredTeeth | None = None,
     every_state: bool = False,
     proposed_from: int | None = None,
-    maps: ReferenceMaps | None = None,
     weights: Sequence[float] | None = None,
     run: Run = Run(),
 ) -> MountingCurve:
@@ -80,10 +80,9 @@ def mounting_curve(
 
     Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
     every_state, solve all states of all positions; proposed_from, positions from which on extremes are proposed
-    (HOLES + 1); maps, `maps_by_turn` of the drive at each torque, by which they are proposed where there is one;
-    weights of the torques in the choice of the best position, one each. Raises
-    UsageError where the present position is not the first or weights are not one positive number a torque,
-    UntrustedError where an answer cannot be trusted.
+    (HOLES + 1); weights of the torques in the choice of the best position, one each. Raises UsageError where the
+    present position is not the first or weights are not one positive number a torque, UntrustedError where an answer
+    cannot be trusted.
     """
     if not len(rotations_deg) or rotations_deg[0] != 0:
         raise UsageError("the first rotation must be 0, the present position")
@@ -96,7 +95,7 @@ def mounting_curve(
     if every_state or measured or not searchable(drive) or len(rotations_deg) < searched_from:
         job.solve((t, r) for r in _coarse_first(len(rotations_deg)) for t in range(len(torques)))
     else:
-        job.search(maps)
+        job.search()
     if not (drive.mounting.holes or measured) and searchable(drive):
         job.refine()
     decisive = job.decisive()
@@ -130,15 +129,11 @@ class _Job:
         self.values = np.full((len(self.torques), len(self.rotations)), np.nan)
         self.solved = np.zeros(self.values.shape, dtype=bool)
 
-    def search(self, maps: ReferenceMaps | None) -> None:
-        """Search the extremes at every position; maps as those of mounting_curve."""
+    def search(self) -> None:
+        """Search the extremes at every position."""
         order = _coarse_first(len(self.rotations))
         groups = [order[first : first + POSITIONS_A_TASK] for first in range(0, len(order), POSITIONS_A_TASK)]
-        tasks: list[tuple[Any, ...]] = []
-        for group in groups:
-            turns = self.rotations[group].tolist()
-            known = [[each[turn] for turn in turns] for each in maps or () if each.keys() >= {*turns}]
-            tasks.append((self.drive, self.torques, turns, known or None))
+        tasks = [(self.drive, self.torques, self.rotations[group].tolist()) for group in groups]
         for group, (values, proof) in zip(groups, self._run(_searched, tasks), strict=False):
             self.values[:, group] = values
             self._take(proof)
@@ -228,16 +223,10 @@ def _with_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, To
     return measured.in_drive(drive) if measured else (drive, None)
 
 
-def _searched(
-    drive: Drive, torques: Sequence[float], rotations: Sequence[float], maps: Sequence[Sequence[Array]] | None = None
-) -> tuple[Array, Certificate]:
-    """F'_ior [arcsec] of extremes that were proposed and proven, shape (torques, rotations).
-
-    Argument: maps of a drive that is alike, of each torque and rotation, by default none.
-    """
-    alike = [np.array(each) for each in maps] if maps else [None] * len(torques)
-    batch = Batch.turned(drive, rotations)
-    found = [ErrorMap(drive, M_g).many_extremes(batch, alike=each) for M_g, each in zip(torques, alike, strict=True)]
+def _searched(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> tuple[Array, Certificate]:
+    """F'_ior [arcsec] of extremes that were proposed and proven, shape (torques, rotations)."""
+    batch, formulation = Batch.turned(drive, rotations), formulate(contact_system(drive))
+    found = [ErrorMap(drive, M_g, formulation).many_extremes(batch) for M_g in torques]
     return np.array([each.F_ior_arcsec for each in found]), sum((each.certificate for each in found), EMPTY)
 
 

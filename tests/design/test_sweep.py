@@ -63,14 +63,6 @@ def test_a_row_says_what_check_says(few):
     assert records[3].max_residual < 1e-9
 
 
-def test_a_row_of_proposed_extremes_says_what_the_full_cycle_says(few, monkeypatch):
-    sweep, records, _ = few
-    monkeypatch.setattr("hdassist.error.error_map.SHORT_CYCLE", 0)
-    (found,) = sweep(3, 4)
-    assert found.states < records[3].states
-    assert found.F_ior_arcsec == pytest.approx(records[3].F_ior_arcsec, abs=1e-6)
-
-
 def test_rolling_balls_are_swept_too():
     ball = ("bearing.ball_motion=rolling", "bearing.d_ball=2.4", "numerics.n_beta=4")
     sweep, _ = sweep_of("tolerances.e_hb=30", overrides=ball)
