@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from hdassist.comparing.compare import RecordConvention, alignment_of
 from hdassist.correction.table import between_points
@@ -24,7 +23,6 @@ from hdassist.run.run import Run
 
 RECORDED_DRAWS = 64  # drives that agree with a record
 LEAST_LINE = 0.02  # of the mean square of lines in the belief: that of a line which the model does not have
-SMOOTHED_POINTS = 5  # of a curve, over which readings are averaged
 READINGS_AT_ONCE = 2048  # readings
 NOISE_ROUNDS = 3  # in which the noise of readings is estimated
 LEAST_VARIANCE = 1e-6  # arcsec^2
@@ -90,12 +88,11 @@ def recorded_lines(lines: ErrorLines, record: RecordedError | None, run: Run) ->
 def beyond_lines(lines: ErrorLines, record: RecordedError) -> Array:
     """Error [arcsec] of a record that the mean lines do not have, at the points of their curves, shape (points,).
 
-    Averaged over a few points, so that most of the readings' noise is gone.
+    The noise of readings is part of it, averaged at each point.
     """
     curve, turns = lines.curves.mean(axis=0), lines.kinematics.cycle_cam_revolutions
     places = np.mod(record.cam_turns / turns, 1)
     apart = record.error_arcsec - between_points(curve, places)
     points = np.rint(places * len(curve)).astype(np.int64) % len(curve)
     read = np.maximum(np.bincount(points, minlength=len(curve)), 1)
-    means = np.bincount(points, apart, len(curve)) / read
-    return np.asarray(uniform_filter1d(means, SMOOTHED_POINTS, mode="wrap"))
+    return np.asarray(np.bincount(points, apart, len(curve)) / read)
