@@ -12,6 +12,7 @@ import numpy as np
 
 from hdassist.comparing.compare import RecordConvention, alignment_of
 from hdassist.correction.table import between_points
+from hdassist.error.waves import HIGHEST
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import SweepResult
 from hdassist.model.geometry import Array
@@ -23,6 +24,7 @@ from hdassist.run.run import Run
 
 RECORDED_DRAWS = 64  # drives that agree with a record
 LEAST_LINE = 0.02  # of the mean square of lines in the belief: that of a line which the model does not have
+WAVES_OF_TEETH = 60  # around a wheel, at most
 READINGS_AT_ONCE = 2048  # readings
 NOISE_ROUNDS = 3  # in which the noise of readings is estimated
 LEAST_VARIANCE = 1e-6  # arcsec^2
@@ -54,11 +56,23 @@ def recorded_error(
     return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * error)
 
 
+def with_waves_of_teeth(lines: ErrorLines) -> ErrorLines:
+    """Lines with those of single teeth of either wheel, which no drive of the belief has: of amplitude 0."""
+    kinematics, found = lines.kinematics, set()
+    for z in (kinematics.z_g, kinematics.z_b):
+        waves = np.arange(HIGHEST + 1, min(WAVES_OF_TEETH, z // 2) + 1)
+        found |= set((waves * (kinematics.cycle_states // z)).tolist())
+    more = np.array(sorted(found - set(lines.per_cycle.tolist())), dtype=np.int64)
+    amplitude = np.pad(lines.amplitude, ((0, 0), (0, len(more))))
+    return replace(lines, per_cycle=np.concatenate([lines.per_cycle, more]), amplitude=amplitude)
+
+
 def recorded_lines(lines: ErrorLines, record: RecordedError | None, run: Run) -> ErrorLines:
     """Lines of drives that agree with a record, from those of drives as this one may be.
 
     Their mean is what the record says. Without a record at this torque phases are any.
     """
+    lines = with_waves_of_teeth(lines) if record else lines
     rng, half = np.random.default_rng([run.seed, 1]), len(lines.per_cycle)
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
     scale = np.tile(np.sqrt((power + LEAST_LINE * power.mean()) / 2), 2)  # of cosines and sines, (2 lines,)
