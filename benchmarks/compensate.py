@@ -9,7 +9,7 @@ worse with it than without, and what the mean over the cam's turns of the same r
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,7 +39,7 @@ def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
     from benchmarks.honesty import hidden_drive
     from hdassist.comparing.record import Alignment
     from hdassist.correction.correct import correct
-    from hdassist.correction.forms import CorrectionForm
+    from hdassist.correction.forms import CAM_POINTS, CorrectionForm
     from hdassist.correction.records import recorded_error
     from hdassist.error.cycle import kinematic_error
     from hdassist.errors import HdassistError
@@ -50,7 +50,7 @@ def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
     from hdassist.solve.window import in_wide_enough_window
 
     rng = np.random.default_rng([seed, number])
-    forms = (CorrectionForm(None), CorrectionForm("output", POINTS))
+    forms = (CorrectionForm(None), CorrectionForm("output", POINTS), CorrectionForm("cam", CAM_POINTS))
     try:
         preset, there, teeth = hidden_drive(rng)
         M_g = preset.operation.M_g[0]
@@ -64,12 +64,14 @@ def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
         sweep = measure(trace, drive=alone, together=True).directions[0]
         records = {M_g: recorded_error(trace, sweep, alone, Alignment())}
         found = {}
+        result = correct(alone, records=records, draws=draws, run=Run(seed=number))
+        lines, plain = result.errors[M_g].lines, plain_left(turns, actual, -readings[: len(turns)])
+        mean = replace(lines, amplitude=lines.amplitude.mean(axis=0)[None])
         for form in forms:
-            result = correct(alone, form=form, records=records, draws=draws, run=Run(seed=number))
-            left = float(np.ptp(actual - result.correction.error_at(turns)))
-            promised = result.chosen.residuals[0].p95
-            refused = "refused" if result.chosen.is_refused else ""
-            plain = plain_left(turns, actual, -readings[: len(turns)])
+            stored = next(each for each in result.stored if each.form == form)
+            left = float(np.ptp(actual - form.fitted(mean, M_g).error_at(turns)[0]))
+            refused = "refused" if stored.is_refused else ""
+            promised = stored.residuals[0].p95
             found[form.name] = CorrectedDrive(float(np.ptp(actual)), left, promised, plain, refused)
     except HdassistError as fault:
         return {form.name: CorrectedDrive(refused=fault.message) for form in forms}

@@ -14,10 +14,11 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from hdassist.correction.forms import CorrectionForm
     from hdassist.correction.records import RecordedError
+    from hdassist.correction.table import RepeatTurn
     from hdassist.preset.fields import Drive
     from hdassist.report.report import Report
 
-FORMS = {"phasors": None, "output": "output", "cam": "cam", "half-cam": "half cam turn"}
+FORMS: dict[str, RepeatTurn | None] = {"phasors": None, "output": "output", "cam": "cam", "half-cam": "half cam turn"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,17 +59,21 @@ class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o
         Literal["phasors", "output", "cam", "half-cam"],
         typer.Option("--form", metavar="FORM", help="Form: phasors, or a table over a turn: output, cam, half-cam."),
     ] = "phasors"
-    points: Annotated[int, typer.Option(metavar="N", min=2, max=100_000, help="Points of a table.")] = 1500
+    points: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=2, max=100_000, show_default="1500, of the cam 256", help="Points of a table."),
+    ] = None
     each_load: Annotated[bool, typer.Option("--each-load", help="A table of its own for each torque.")] = False
     plot: o.Plot = True
     details: o.Details = False
 
     def correction_form(self) -> CorrectionForm:
         """The form that is asked for."""
-        from hdassist.correction.forms import CorrectionForm
+        from hdassist.correction.forms import CAM_POINTS, USUAL_POINTS, CorrectionForm
 
         turn = FORMS[self.kind]
-        return CorrectionForm(turn, self.points if turn else 0, self.each_load)  # type: ignore[arg-type]
+        usual = USUAL_POINTS[0] if turn == "output" else CAM_POINTS
+        return CorrectionForm(turn, (self.points or usual) if turn else 0, self.each_load)
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
         """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""

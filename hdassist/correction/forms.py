@@ -10,7 +10,7 @@ from hdassist.correction.table import CorrectionTable, Phasors, RepeatTurn, peri
 from hdassist.model.geometry import Array
 from hdassist.planning.lines import ErrorLines
 
-HIGHEST_CAM_ORDER, MOST_BEATS = 4, 4  # of the lines that phasors have
+PHASOR_LINES = 40  # that phasors have
 USUAL_POINTS = (1500, 720, 256)  # of tables over an output turn
 CAM_POINTS = 256  # of a table over a turn of the cam, or half of one
 
@@ -79,8 +79,9 @@ def line_orders(lines: ErrorLines) -> tuple[Array, Array, Array]:
 
 
 def phasors_of(lines: ErrorLines, M_g: float, preset: str = "") -> Phasors:
-    """The strongest lines of errors at a torque M_g [N*m]: low orders of the cam, with their beats."""
-    per_output, order, beats = line_orders(lines)
-    kept = (order <= HIGHEST_CAM_ORDER) & (np.abs(beats) <= MOST_BEATS)
+    """The strongest lines of errors at a torque M_g [N*m], over all drives, rising."""
+    power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
+    kept = np.sort(np.argsort(-power, kind="stable")[:PHASOR_LINES])
     amplitude, per_cam = -lines.amplitude[:, kept], lines.per_cycle[kept] / lines.kinematics.cycle_cam_revolutions
-    return Phasors(per_output[kept], per_cam, np.abs(amplitude), np.degrees(np.angle(amplitude)), M_g, preset=preset)
+    per_output = line_orders(lines)[0][kept]
+    return Phasors(per_output, per_cam, np.abs(amplitude), np.degrees(np.angle(amplitude)), M_g, preset=preset)

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from hdassist.comparing.record import Alignment
 from hdassist.correction.table import between_points
+from hdassist.error.waves import HIGHEST
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import SweepResult
 from hdassist.model.geometry import Array
@@ -24,7 +24,7 @@ from hdassist.run.run import Run
 
 RECORDED_DRAWS = 64  # drives that agree with a record
 LEAST_LINE = 0.02  # of the mean square of lines in the belief: that of a line which the model does not have
-SMOOTHED_POINTS = 5  # of a curve, over which readings are averaged
+WAVES_OF_TEETH = 60  # around a wheel, at most
 READINGS_AT_ONCE = 2048  # readings
 NOISE_ROUNDS = 3  # in which the noise of readings is estimated
 LEAST_VARIANCE = 1e-6  # arcsec^2
@@ -55,11 +55,23 @@ def recorded_error(trace: MeasuredTrace, sweep: SweepResult, drive: Drive, asked
     return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * error)
 
 
+def with_waves_of_teeth(lines: ErrorLines) -> ErrorLines:
+    """Lines with those of single teeth of either wheel, which no drive of the belief has: of amplitude 0."""
+    kinematics, found = lines.kinematics, set()
+    for z in (kinematics.z_g, kinematics.z_b):
+        waves = np.arange(HIGHEST + 1, min(WAVES_OF_TEETH, z // 2) + 1)
+        found |= set((waves * (kinematics.cycle_states // z)).tolist())
+    more = np.array(sorted(found - set(lines.per_cycle.tolist())), dtype=np.int64)
+    amplitude = np.pad(lines.amplitude, ((0, 0), (0, len(more))))
+    return replace(lines, per_cycle=np.concatenate([lines.per_cycle, more]), amplitude=amplitude)
+
+
 def recorded_lines(lines: ErrorLines, record: RecordedError | None, run: Run) -> ErrorLines:
     """Lines of drives that agree with a record, from those of drives as this one may be.
 
     Their mean is what the record says. Without a record at this torque phases are any.
     """
+    lines = with_waves_of_teeth(lines) if record else lines
     rng, half = np.random.default_rng([run.seed, 1]), len(lines.per_cycle)
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
     scale = np.tile(np.sqrt((power + LEAST_LINE * power.mean()) / 2), 2)  # of cosines and sines, (2 lines,)
@@ -89,12 +101,11 @@ def recorded_lines(lines: ErrorLines, record: RecordedError | None, run: Run) ->
 def beyond_lines(lines: ErrorLines, record: RecordedError) -> Array:
     """Error [arcsec] of a record that the mean lines do not have, at the points of their curves, shape (points,).
 
-    Averaged over a few points, so that most of the readings' noise is gone.
+    The noise of readings is part of it, averaged at each point.
     """
     curve, turns = lines.curves.mean(axis=0), lines.kinematics.cycle_cam_revolutions
     places = np.mod(record.cam_turns / turns, 1)
     apart = record.error_arcsec - between_points(curve, places)
     points = np.rint(places * len(curve)).astype(np.int64) % len(curve)
     read = np.maximum(np.bincount(points, minlength=len(curve)), 1)
-    means = np.bincount(points, apart, len(curve)) / read
-    return np.asarray(uniform_filter1d(means, SMOOTHED_POINTS, mode="wrap"))
+    return np.asarray(np.bincount(points, apart, len(curve)) / read)
