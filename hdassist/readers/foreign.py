@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from math import cos, radians
+from math import cos, isfinite, nan, radians
 
 from hdassist.errors import DataError, Finding, PresetError
 from hdassist.numerals import number_of
 from hdassist.textfile import TextFile
 
 SIDEREAL = 15.041067  # arcsec/s: of a telescope's axis that follows the sky
-FARTHEST_DEC = 80.0  # deg: beyond, a turn of the axis hardly moves the star
 PROGRAMS = {  # words in the first lines, and the file that they are of
     r"PHD2 (?:version|log version)|^PHD2": "a guide log of PHD2",
     r"^!WormPeriod": "a PE file of EQMOD",
@@ -27,6 +26,7 @@ PROGRAMS = {  # words in the first lines, and the file that they are of
 }
 _HEAD = 40  # lines that name a program
 _NUMBER = r"\s*=\s*([-+0-9.]+)"
+_GUIDE_FACT = r"(Pixel scale|(?<!Cal )\bDec) = ([-+0-9.]+)(?: arc-sec/px| deg)?(?:,|$)"
 
 
 def program_of(lines: Sequence[str]) -> str:
@@ -64,49 +64,43 @@ def _of_pe_file(lines: list[str], notes: list[str]) -> Iterator[str]:
     notes.append(
         f"a PE file of EQMOD: a turn of the cam in the worm period of {period:g} s, by {by}; its sense is not known"
     )
-    names = "cam_deg time_s error_arcsec"
+    names = "cam_deg error_arcsec"
     for line in lines:
         numbers = [number_of(word) for word in line.split()]
         is_row = len(numbers) == 3 and all(number == number for number in numbers)
-        row = f"{360 * numbers[column] / turn:.7f} {numbers[0]:g} {numbers[2]:g}" if is_row else ""
+        row = f"{360 * numbers[column] / turn:.7f} {numbers[2]:g}" if is_row else ""
         yield names if names and "=" in line else row
         names = "" if "=" in line else names
 
 
 def _of_guide_log(lines: list[str], notes: list[str]) -> list[str]:
     """The longest unguided section: error in right ascension over the angle of the axis that follows the sky."""
-    sections: list[dict[int, str]] = [{}]
-    scale, dec, is_guided, names = 0.0, 0.0, True, 0
-    place = {name: index for index, name in enumerate(("Frame", "Time", "mount", "dx", "dy", "RARawDistance"))}
+    sections: list[tuple[float | None, dict[int, str]]] = [(None, {})]
+    stated: dict[str, float] = {}
+    is_guided, names = True, ["Frame"]
     for index, line in enumerate(lines):
-        if found := re.search(rf"Pixel scale{_NUMBER}", line):
-            scale = float(found[1])
-        if found := re.search(rf"\bDec{_NUMBER} deg", line):
-            dec = float(found[1])
-        if found := re.search(r"MountGuidingEnabled = (\w+)|^Mount = .*guiding (enabled|disabled)", line):
-            is_guided = (found[1] or found[2]) in {"true", "enabled"}
-            sections.append({})
-        if line.startswith(("Frame,", "Guiding Begins")):
-            place = {name: at for at, name in enumerate(line.split(","))} if line.startswith("Frame,") else place
-            sections.append({})
-        cells = line.split(",")
-        if is_guided or not cells[0].isdecimal() or len(cells) <= place["RARawDistance"]:
-            continue
-        time, distance = (number_of(cells[place[name]]) for name in ("Time", "RARawDistance"))
-        if scale and abs(dec) < FARTHEST_DEC and time == time and distance == distance:
-            angle, error = time * SIDEREAL / 3600, distance * scale / cos(radians(dec))
-            sections[-1][index] = f"{angle:.7f} {time:g} {error:.4f}"
-    longest = max(sections, key=len)
+        stated |= {key: number_of(number) for key, number in re.findall(_GUIDE_FACT, line)}
+        if guiding := re.search(r"MountGuidingEnabled = (\w+)|^Mount = .*guiding (\w+)", line):
+            is_guided = (guiding[1] or guiding[2]) not in {"false", "disabled"}
+        names = line.split(",") if line.startswith("Frame,") else names
+        if guiding or line.startswith(("Frame,", "Guiding Begins")):
+            sections.append((stated.get("Dec"), {}))
+        row = {name: number_of(cell) for name, cell in zip(names, line.split(","), strict=False)}
+        time, pixels = (row.get(name, nan) for name in ("Time", "RARawDistance"))
+        arcsec = pixels * stated.get("Pixel scale", nan) / cos(radians(stated.get("Dec", 0.0)))
+        if not is_guided and row["Frame"] > 0 and isfinite(time) and isfinite(arcsec):
+            sections[-1][1][index] = f"{time * SIDEREAL / 3600:.7f} {arcsec:.4f}"
+    dec, longest = max(sections, key=lambda section: len(section[1]))
     if not longest:
         raise DataError(
             "a guide log of PHD2 without an unguided section: corrections hide the error",
             "record with guide output off, as the Guiding Assistant does, for some turns of the cam",
         )
-    names = min(longest) - 1
-    where = f"lines {names + 2} to {max(longest) + 1}"
-    words = f"error in right ascension at {dec:g} deg, over the angle at {SIDEREAL:g} arcsec/s; its sense is not known"
+    first, last = min(longest), max(longest)
+    where = f"lines {first + 1} to {last + 1}, at declination {'0, not stated' if dec is None else f'{dec:g} deg'}"
+    words = f"error in right ascension over the angle at {SIDEREAL:g} arcsec/s; its sense is not known"
     notes.append(f"a guide log of PHD2: the longest unguided section, {where}, {words}")
-    return [longest.get(index, "output_deg time_s error_arcsec" * (index == names)) for index in range(len(lines))]
+    return [longest.get(index, "output_deg error_arcsec" * (index == first - 1)) for index in range(len(lines))]
 
 
 def _stated(pattern: str, lines: list[str]) -> float | None:

@@ -164,8 +164,7 @@ def trace_of(
     encoders; fewest, rows that are enough.
     Raises PresetError: the first fault of its angles; DataError: no ratio; UsageError: one column for two.
     """
-    notes = table.notes
-    column = _roles(table, form, notes)
+    column = _roles(table, form)
     if len(table.lines) < fewest:
         raise _fault(table, 0, column.angle, f"{len(table.lines)} rows", f"a trace has {fewest} rows or more")
     if ratio is None and (column.angle_of == "output" or column.other_is == "second"):
@@ -176,21 +175,21 @@ def trace_of(
     table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
     output = None
     if column.other_is == "second":
-        output = _angle(table, column.other, readings, column.other_size, form.wrap, notes)
+        output = _angle(table, column.other, readings, column.other_size, form.wrap)
     turned = None if output is None else output * abs(ratio or 0)
-    cam = _angle(table, column.angle, angle, column.angle_size, form.wrap, notes, turned)
+    cam = _angle(table, column.angle, angle, column.angle_size, form.wrap, turned)
     if ratio and column.angle_of == "output":
         cam *= abs(ratio)
     if form.robust and (leaps := leaping(cam)).any():
         named = shortened(table.lines[leaps].tolist())
-        notes.append(f'left out, "{table.name(column.angle)}" leaps there and back: lines {named}')
+        table.notes.append(f'left out, "{table.name(column.angle)}" leaps there and back: lines {named}')
         cam, readings, table.lines = cam[~leaps], readings[~leaps], table.lines[~leaps]
         output, time_s, torque = (None if each is None else each[~leaps] for each in (output, time_s, torque))
     if not np.ptp(readings):
         raise _fault(table, 0, column.other, "a constant column", "check the column of the error")
     step, in_time = _step(readings) * abs(column.other_size), False
     if output is not None:
-        error, sense = _second(table, column.other, output, cam, abs(ratio or 0), notes)
+        error, sense = _second(table, column.other, output, cam, abs(ratio or 0))
         if not step:
             step, in_time = _step_in_time(cam, output, abs(ratio or 1))
         if any(column.in_counts):
@@ -210,9 +209,9 @@ def trace_of(
         raise _fault(table, row, column.other, message, "check the column of the error, its unit and the ratio")
     left = len(cam) - sum(s.stop - s.start for s in moves)
     if left:
-        notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
+        table.notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
     return MeasuredTrace(
-        table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(notes),
+        table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(table.notes),
         column.angle_of, sense, in_time, form.robust, time_s, torque,
     )  # fmt: skip
 
@@ -223,7 +222,6 @@ def _angle(
     readings: Array,
     size: float,
     wrap: float | None,
-    notes: list[str],
     other: Array | None = None,
 ) -> Array:
     """Angles [deg] of a column without wraps, from readings of a size [arcsec]; other, see `unwrapped`."""
@@ -231,7 +229,7 @@ def _angle(
     if not np.ptp(angle):
         raise _fault(table, 0, column, "a constant column", "check the column of the angle")
     if wrap is None and (wrap := guessed_wrap(angle, abs(size) / ARCSEC_PER_DEG)):
-        notes.append(f'"{table.name(column)}" begins again after {wrap:g} deg: joined')
+        table.notes.append(f'"{table.name(column)}" begins again after {wrap:g} deg: joined')
     try:
         return angle if wrap is None else unwrapped(angle, wrap, other)
     except AngleError as wrong:
@@ -250,9 +248,7 @@ def _beside(table: NumberTable, role: str, sizes: dict[str, float], default: str
     return values
 
 
-def _second(
-    table: NumberTable, column: int, output: Array, cam: Array, ratio: float, notes: list[str]
-) -> tuple[Array, int]:
+def _second(table: NumberTable, column: int, output: Array, cam: Array, ratio: float) -> tuple[Array, int]:
     """Error [arcsec] out of the angles [deg] of two encoders, and the sense in which they count."""
     centred = cam - cam.mean()
     slope = float(centred @ output / (centred @ centred))
@@ -260,20 +256,24 @@ def _second(
         turns = f"the cam turns {1 / abs(slope):.5g} times as far" if slope else "the output does not turn"
         raise _fault(table, 0, column, f"{turns}, the ratio is {ratio:g}", "check the units, the ratio and the columns")
     sense = 1 if slope > 0 else -1
-    notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
+    table.notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
     error = (output - output[0] - sense * (cam - cam[0]) / ratio) * ARCSEC_PER_DEG
     return np.asarray(error), sense
+
+
+def _even_step(levels: Array, least: float) -> float:
+    """Step of rising levels that lie on even steps, but for ends closer than the least; 0 without such a step."""
+    apart = np.diff(levels)
+    apart = apart[apart > least]
+    step = float(apart.min(initial=np.inf))
+    return step if len(apart) and np.abs(apart / step - np.rint(apart / step)).max() < ROUNDED_STEP else 0.0
 
 
 def _step(readings: Array) -> float:
     """Resolution of readings that repeat themselves and lie on even steps; 0 without such a step."""
     levels = np.unique(readings)
-    apart = np.diff(levels)
-    apart = apart[apart > 1e-9 * (np.abs(readings).max() + np.ptp(readings))]
-    if 2 * len(levels) > len(readings) or not len(apart):
-        return 0.0
-    step = float(apart.min())
-    return step if np.abs(apart / step - np.rint(apart / step)).max() < 0.01 else 0.0
+    rounding = 1e-9 * float(np.abs(readings).max() + np.ptp(readings))
+    return _even_step(levels, rounding) if 2 * len(levels) <= len(readings) else 0.0
 
 
 def _step_in_time(cam: Array, output: Array, ratio: float) -> tuple[float, bool]:
@@ -286,15 +286,12 @@ def _step_in_time(cam: Array, output: Array, ratio: float) -> tuple[float, bool]
     usual = np.abs(turned - np.median(turned)) < np.median(turned) / 2
     steps = np.sort(np.abs(np.diff(output))[usual]) * ARCSEC_PER_DEG
     steps = steps[len(steps) // TURNING_ROWS : len(steps) - len(steps) // TURNING_ROWS]  # play, where the shaft turns
-    apart = np.diff(steps)
-    apart = apart[apart > ROUNDED_STEP * apart.max(initial=0.0)]  # printed digits differ by less
-    if 2 * len(apart) > len(steps) or not len(apart):
-        return 0.0, False
-    step = float(apart.min())
+    least = ROUNDED_STEP * float(np.diff(steps).max(initial=0.0))  # printed digits differ by less
+    repeat = 2 * int((np.diff(steps) > least).sum()) <= len(steps)
+    step = _even_step(steps, least) if repeat else 0.0
     # where the angles are uneven by more than a step, its rounding is noise, and counted as such; the ends of a sweep
     # are left out
-    uneven = float(np.ptp(np.quantile(turned, (0.05, 0.95)))) / ratio * ARCSEC_PER_DEG
-    in_time = np.abs(apart / step - np.rint(apart / step)).max() < ROUNDED_STEP and uneven < step
+    in_time = step > 0 and _is_even(cam, step * ratio / ARCSEC_PER_DEG)
     return (step, True) if in_time else (0.0, False)
 
 
@@ -307,16 +304,16 @@ def _fault(table: NumberTable, row: int, column: int, message: str, hint: str) -
     return PresetError([Finding(table.file, int(table.lines[row]), 1, table.name(column), message, hint=hint)])
 
 
-def _roles(table: NumberTable, form: TraceForm, notes: list[str]) -> Roles:
+def _roles(table: NumberTable, form: TraceForm) -> Roles:
     """Roles of the columns: as the form has them, by their names, or by their order.
 
-    Arguments: table; form; notes, to which the roles are added. Raises UsageError: one column for both; PresetError:
+    Raises UsageError: one column for both; PresetError:
     columns without a clear role.
     """
     kinds = [role_in(name) for name in table.names] or [""] * table.values.shape[1]
     if len(kinds) == 2 and not any(kinds):
         kinds = ["cam", "error"]
-        notes.append("columns by their order: cam angle, error")
+        table.notes.append("columns by their order: cam angle, error")
     angle = _column(table, form.angle, _first_of(kinds, "cam", "angle", "output"), "angle")
     of: Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")
     kinds[angle] = ""
@@ -328,13 +325,13 @@ def _roles(table: NumberTable, form: TraceForm, notes: list[str]) -> Roles:
     if by_second and of == "output":
         raise _unclear(table, "no column of cam angles", "name one: --angle NAME --angle-of cam")
     first, second = (*form.angle_units, None, None)[:ENCODERS]
-    angle_unit = _unit(table, angle, first, "deg", "--angle-unit", notes)
+    angle_unit = _unit(table, angle, first, "deg", "--angle-unit")
     other_unit = (form.error_unit, "arcsec") if not by_second else (second, angle_unit.removeprefix("-"))
-    unit = _unit(table, other, *other_unit, "--angle-unit" if by_second else "--error-unit", notes)
+    unit = _unit(table, other, *other_unit, "--angle-unit" if by_second else "--error-unit")
     words = "output angle, second encoder" if by_second else "error"
     counts = plain_unit(angle_unit) not in ANGLES, plain_unit(unit) not in ANGLES
     units = [f"{each} a turn" if count else each for each, count in zip((angle_unit, unit), counts, strict=True)]
-    notes.append(f'"{table.name(angle)}": {of} angle, {units[0]}; "{table.name(other)}": {words}, {units[1]}')
+    table.notes.append(f'"{table.name(angle)}": {of} angle, {units[0]}; "{table.name(other)}": {words}, {units[1]}')
     kind_of_other: Literal["error", "second"] = "second" if by_second else "error"
     return Roles(angle, of, angle_size(angle_unit), other, kind_of_other, angle_size(unit), counts)
 
@@ -364,16 +361,16 @@ def _column(table: NumberTable, asked: str | None, candidates: list[int], option
     raise _unclear(table, f"no column of {kinds} by its name", f"name it: --{option} NAME, or its number")
 
 
-def _unit(table: NumberTable, column: int, asked: str | None, default: str, option: str, notes: list[str]) -> str:
+def _unit(table: NumberTable, column: int, asked: str | None, default: str, option: str) -> str:
     """Unit of a column: the one asked for, that of its name, or the default, with a note."""
     named = unit_in(table.name(column), ANGLES | COUNTS)
     unit = plain_unit(asked) if asked is not None else named or default
     if asked is None and unit not in ANGLES:
         raise _unclear(table, f'"{table.name(column)}": counts of how many in a turn?', f"like {option} 16384,4194304")
     if asked is not None and named in ANGLES and named != unit:
-        notes.append(f'"{table.name(column)}": {asked} as asked for, though the name says {named}')
+        table.notes.append(f'"{table.name(column)}": {asked} as asked for, though the name says {named}')
     elif asked is None and not named:
-        notes.append(f'"{table.name(column)}": no unit given, {default} assumed ({option})')
+        table.notes.append(f'"{table.name(column)}": no unit given, {default} assumed ({option})')
     return unit
 
 

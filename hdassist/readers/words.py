@@ -28,6 +28,7 @@ _SPELLED = {
     "рад": "rad", "arcsecond": "arcsec", "arcseconds": "arcsec", "arcs": "arcsec", "asec": "arcsec", "″": "arcsec",
     '"': "arcsec", "arcminute": "arcmin", "arcminutes": "arcmin", "amin": "arcmin", "′": "arcmin",
     "count": "counts", "cts": "counts", "ticks": "counts", "inkremente": "counts", "имп": "counts",
+    "s": "s", "sec": "s", "seconds": "s",
     "millidegree": "mdeg", "microrad": "urad", "turns": "turn", "rev": "turn", "revs": "turn",
     "мкм": "um", "mkm": "um", "micron": "um", "microns": "um", "micrometer": "um", "micrometers": "um",
     "micrometre": "um", "micrometres": "um", "мм": "mm", "millimeter": "mm", "millimetre": "mm", "нм": "nm",

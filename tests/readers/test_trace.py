@@ -268,6 +268,10 @@ def test_an_unguided_section_of_a_guide_log_is_an_error_over_the_axis_that_follo
     assert (trace.line[0], trace.line[-1]) == (28, 357)
     assert any("a guide log of PHD2: the longest unguided section, lines 28 to 357" in note for note in trace.notes)
     assert "without an unguided section: corrections hide the error" in fault(guide_log(""), ratio=100)
+    bare = guide_log().replace("Dec = 30.0 deg", "Cal Dec = 60.0")
+    assert any("at declination 0, not stated" in note for note in read(bare, ratio=100).notes)
+    assert "without an unguided section" in fault(guide_log().replace("1.50 arc", "1.5.0 arc"), ratio=100)
+    assert "without an unguided section" in fault(guide_log().replace("RARawDistance", "Raw"), ratio=100)
 
 
 @pytest.mark.parametrize(("stated", "turn_s"), [("!StepsPerWorm=90000\n", 90000 / 187.5), ("", 479.0)])
