@@ -211,12 +211,16 @@ def extremes_of(drive: Drive, torques: Sequence[float]) -> list[Extremes]:
     """
     if not searchable(drive):
         return [every_state(drive, M_g) for M_g in torques]
-    formulation, like, found = formulate(contact_system(drive)), None, []
+    return [each.many_extremes(Batch.of(drive)) for each in error_maps(drive, torques)]
+
+
+def error_maps(drive: Drive, torques: Sequence[float]) -> list[ErrorMap]:
+    """Maps of the error of a drive at torques [N*m], which share one contact system."""
+    formulation = formulate(contact_system(drive))
+    maps: list[ErrorMap] = []
     for M_g in torques:
-        error_map = ErrorMap(drive, M_g, formulation, like)
-        like = error_map.fresh
-        found.append(error_map.many_extremes(Batch.of(drive)))
-    return found
+        maps.append(ErrorMap(drive, M_g, formulation, maps[-1].fresh if maps else None))
+    return maps
 
 
 @lru_cache(maxsize=4)  # of drives that differ in their deviations alone it is the same
