@@ -267,11 +267,16 @@ def _solved(
     """
     *of_fields, chance = shares
     drive = prior.drive
-    if refused := conflict_of(drive, values):
-        return Draw(refused=refused)
-    moved = drive.with_values(values)
+    if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
+        return Draw(refused=f"{outside}: out of range")
+    figures: Mapping[str, float] = {}
+    moved, proof, probability = drive.with_values(values), EMPTY, 1.0
+    if conflict := first_conflict(moved):
+        return Draw(refused=f"{conflict.path}: {conflict.message}")
     try:
-        figures, probability, proof = going_on(moved, evidence, density)
+        if any(each.figure in STIFFNESS_FIGURES for each in evidence):
+            figures, proof = in_wide_enough_window(moved, stiffness_figures)
+            probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / density / KEPT_LIKELIHOOD)
         if chance >= probability:
             return Draw(figures=figures, proof=astuple(proof))
         if near:
@@ -327,28 +332,6 @@ def errors_shown(
     shown, _ = errors_of_drive(every, y, (kind.misfit * mean) ** 2, spreads, alike, (of_scale, misfit, noise))
     shown = np.round(shown, SHOWN_DIGITS).reshape(len(torques), -1)
     return shown[:, 0], shown[:, 1:]
-
-
-def conflict_of(drive: Drive, values: Mapping[str, float]) -> str:
-    """Why a drive with other values of some fields, by path, is none; empty where it is one."""
-    if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
-        return f"{outside}: out of range"
-    conflict = first_conflict(drive.with_values(values))
-    return f"{conflict.path}: {conflict.message}" if conflict else ""
-
-
-def going_on(
-    drive: Drive, evidence: tuple[Evidence, ...], density: float = 1.0
-) -> tuple[dict[str, float], float, Certificate]:
-    """Stiffnesses and lost motion of a draw by name, where there is evidence of them, with the proof of its states.
-
-    Also the probability with which it goes on to F'_ior, by its likelihood; its weight is divided by that.
-    Argument density: that it was drawn with, over the prior's. Raises UntrustedError where an answer cannot be trusted.
-    """
-    if not any(each.figure in STIFFNESS_FIGURES for each in evidence):
-        return {}, 1.0, EMPTY
-    figures, proof = in_wide_enough_window(drive, stiffness_figures)
-    return figures, min(1.0, float(np.exp(log_likelihood(evidence, figures))) / density / KEPT_LIKELIHOOD), proof
 
 
 def errors_by_turn(
