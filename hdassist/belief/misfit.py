@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import ive, logsumexp
 
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
@@ -21,6 +21,9 @@ from hdassist.model.geometry import Array
 SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed
 LENGTH = 0.5  # rad of the seat over which a misfit is alike: of other stiffnesses, second orders, an oval wheel
 MISFITS = (0.0, 0.04, 0.08, 0.12)  # standard deviation of the misfit as a share of the mean F'_ior, all alike likely
+SMOOTH_ORDERS = 16  # of the Fourier series of a misfit over the seat: the next would be 1e-11
+SMOOTH_NUMBERS = 2 * SMOOTH_ORDERS + 1
+LEAST_SHOWN = 0.1  # of the model's F'_ior, that a drive has at least
 MISREAD = 0.05  # probability of one of the values to be misread
 MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
 UNSHOWN = 18.0  # squared standard deviations beyond which a sample does not show F'_ior as measured
@@ -31,6 +34,40 @@ def kernel(a_deg: Sequence[float], b_deg: Sequence[float]) -> Array:
     """Correlation of the misfit between positions [deg], shape (a, b)."""
     apart = np.radians(np.subtract.outer(a_deg, b_deg))
     return np.asarray(np.exp(-0.5 * np.square(2 * np.sin(apart / 2) / LENGTH)))
+
+
+def smooth_misfits(rotations_deg: Sequence[float], normals: Array) -> Array:
+    """Misfits of variance 1 in positions [deg], shape (draws, rotations), from normal numbers (draws, SMOOTH_NUMBERS).
+
+    The Fourier series of the kernel, exp((cos d - 1)/LENGTH^2) = sum of exp(-k) I_n(k) cos(n d), k = 1/LENGTH^2: so the
+    misfit in a position is the same whatever other positions are looked at.
+    """
+    order, angles = np.arange(SMOOTH_ORDERS + 1)[:, None], np.radians(rotations_deg)
+    size = np.sqrt(ive(order, LENGTH**-2) * np.where(order, 2, 1))
+    series = np.vstack([size * np.cos(order * angles), (size * np.sin(order * angles))[1:]])
+    return np.asarray((normals[:, :, None] * series).sum(axis=1))  # one position after the other, to the last digit
+
+
+def errors_of_drive(
+    f: Array, y: Array, variance: Array, spreads: Array, correlation: Array, drawn: tuple[Array, Array, Array]
+) -> tuple[Array, Array]:
+    """F'_ior of the drive [arcsec], shape (draws, positions), of which y was measured, and its scale over the model's.
+
+    Drawn without the values, then moved by what these differ from their own draw (Matheron's rule). Arguments: f of the
+    model in positions and where it was measured, shape (draws, positions + values); variance of the misfit [arcsec^2],
+    shape (draws,), spreads of the values, shape (draws, values), correlation of the misfit over positions and values;
+    drawn, of variance 1: deviation of the scale, misfit, and noise of the values.
+    """
+    of_scale, misfit, noise = drawn
+    count = f.shape[1] - len(y)
+    scale = 1 + SCALE * of_scale
+    F_ior = f * scale[:, None] + np.sqrt(variance)[:, None] * misfit
+    there, seen = f[:, count:], F_ior[:, count:] + spreads * noise
+    both = variance[:, None, None] * correlation[:, count:] + SCALE**2 * f[:, :, None] * there[:, None, :]
+    moved = np.linalg.solve(both[:, count:] + np.square(spreads)[:, :, None] * np.eye(len(y)), (y - seen)[..., None])
+    # a normal distribution has no end, an error has
+    F_ior = np.maximum(F_ior + (both * moved[:, None, :, 0]).sum(axis=2), LEAST_SHOWN * f)[:, :count]
+    return F_ior, scale + SCALE**2 * (there * moved[..., 0]).sum(axis=1)
 
 
 @dataclass(frozen=True)
@@ -101,13 +138,13 @@ def likelihood_of_errors(
     return squares, -0.5 * (squares + np.log(each).sum(axis=1) + np.log(more)) - np.log(spreads).sum()
 
 
-def log_likelihood_of_errors(f: Array, y: Array, spreads: Array, correlation: Array) -> Array:
+def log_likelihood_of_errors(f: Array, y: Array, spreads: Array, correlation: Array, read_error: float = 0.0) -> Array:
     """Log likelihood of measured F'_ior over misfits and misread values, less that of samples with just these values.
 
-    Arguments as those of likelihood_of_errors. Result of shape (samples,).
+    Arguments: read_error, relative error of f; the others as those of likelihood_of_errors. Result of shape (samples,).
     """
     both, kinds = np.vstack([f, y]), error_kinds(len(y), {1.0: 0.0})
-    log = logsumexp(log_likelihoods(kinds, both, y, spreads, correlation, both.mean(axis=1)), axis=0)
+    log = logsumexp(log_likelihoods(kinds, both, y, spreads, correlation, both.mean(axis=1), read_error), axis=0)
     return np.asarray(log[:-1] - log[-1])
 
 

@@ -15,6 +15,7 @@ from functools import partial
 from itertools import chain
 
 import numpy as np
+from scipy.special import softmax
 
 from hdassist.belief.evidence import (
     ACCURACY,
@@ -25,19 +26,26 @@ from hdassist.belief.evidence import (
     values_of_errors,
 )
 from hdassist.belief.kept import Draw, KeptDraws
-from hdassist.belief.misfit import require_shown
+from hdassist.belief.misfit import (
+    SMOOTH_NUMBERS,
+    error_kinds,
+    errors_of_drive,
+    kernel,
+    log_likelihoods,
+    require_shown,
+    smooth_misfits,
+)
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.proposal import PILOT_DRAWS, proposed_draws
 from hdassist.belief.statistics import Probability, effective_number, probability_of, weighted_quantile
-from hdassist.error.error_map import Batch, ErrorMap, Extremes
+from hdassist.belief.tabled import COARSE_POINTS, DeviationProposal, open_deviations
+from hdassist.error.error_map import Batch, ErrorMap, Extremes, error_maps
 from hdassist.errors import HdassistError, UntrustedError
-from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.formulation import formulate
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE, is_settled
 
@@ -45,8 +53,8 @@ FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a d
 
 EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
-COARSE_POINTS = 14  # positions of each wheel at which the error of a sample is solved first: 1 % misses up to 2 %
 SAMPLE_STATES = 520  # that a sample solves at a torque, about
+SHOWN_DIGITS = 6  # of an arcsec: the last ones hang on how many positions are computed at once
 HOPELESS = 256  # draws of which none has an answer: no more are made
 CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
 
@@ -186,7 +194,8 @@ def draw_samples(
     Raises UsageError for a drive with rolling balls, UntrustedError where too few samples agree with the evidence, or
     too few draws are drives.
     """
-    rotations = tuple(rotations_deg)
+    rotations, errors = tuple(rotations_deg), tuple(each for each in evidence if each.M_g)
+    near = DeviationProposal(prior, errors, run.seed) if errors and open_deviations(prior) else None
     solve: Callable[..., Draw] | None = None
     kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, run.seed)
     earlier = kept.read() if further_name or not further else []
@@ -200,9 +209,9 @@ def draw_samples(
             if now.stop > len(earlier):
                 fresh = max(now.start, len(earlier)), now.stop
                 if not solve:
-                    solve = partial(_solved, prior.drive, tuple(torques), rotations, evidence, further)
+                    solve = partial(_solved, prior, tuple(torques), rotations, evidence, further, near, run.seed)
                 shares, density = proposed_draws(prior, evidence, draws[:PILOT_DRAWS], *fresh, run.seed)
-                solved = run.map(solve, prior.values(shares), shares.tolist(), density.tolist())
+                solved = run.map(solve, range(*fresh), prior.values(shares), shares.tolist(), density.tolist())
             for each in chain(earlier[now], solved):
                 draws.append(each)
                 run.solved(each.certificate.states)
@@ -233,28 +242,41 @@ def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: 
 
 
 def _solved(
-    drive: Drive,
+    prior: DrivePrior,
     torques: tuple[float, ...],
     rotations_deg: tuple[float, ...],
     evidence: tuple[Evidence, ...],
     further: FiguresOf | None,
+    near: DeviationProposal | None,
+    seed: int,
+    number: int,
     values: dict[str, float],
     shares: list[float],
     density: float,
 ) -> Draw:
     """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance.
 
-    Arguments: values of the draw, by path, and their shares of probability, with the chance behind them; density that
-    it was drawn with, over the prior's.
+    Arguments: near, which draws deviations anew near F'_ior as measured; seed; number of the draw; its values, by path,
+    and their shares of probability, with the chance behind them; density that it was drawn with, over the prior's.
     """
     *of_fields, chance = shares
-    if refused := conflict_of(drive, values):
-        return Draw(refused=refused)
-    moved = drive.with_values(values)
+    drive = prior.drive
+    if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
+        return Draw(refused=f"{outside}: out of range")
+    figures: Mapping[str, float] = {}
+    moved, proof, probability = drive.with_values(values), EMPTY, 1.0
+    if conflict := first_conflict(moved):
+        return Draw(refused=f"{conflict.path}: {conflict.message}")
     try:
-        figures, probability, proof = going_on(moved, evidence, density)
+        if any(each.figure in STIFFNESS_FIGURES for each in evidence):
+            figures, proof = in_wide_enough_window(moved, stiffness_figures)
+            probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / density / KEPT_LIKELIHOOD)
         if chance >= probability:
             return Draw(figures=figures, proof=astuple(proof))
+        if near:
+            nearer, its_shares, its_density, found = in_wide_enough_window(moved, partial(near.drawn, number=number))
+            moved, density, proof = moved.with_values(nearer), density * its_density, proof + found
+            of_fields = [its_shares.get(f.path, share) for f, share in zip(prior.fields, of_fields, strict=True)]
         measured = [each for each in evidence if each.M_g]
         places = [(each.M_g, each.rotation_deg) for each in measured]
         search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, measured=places)
@@ -267,31 +289,43 @@ def _solved(
         least = min(range(len(torques)), key=lambda k: (torques[k] not in drive.operation.M_g, abs(torques[k])))
         figures[ACCURACY] = float(F_ior[least])
     weight = float(np.exp(log_likelihood(evidence, figures))) / density / probability
+    if measured:
+        F_ior, turned = errors_shown(measured, there, torques, rotations_deg, F_ior, turned, [seed, number])
     whole = proof + found + more_proof
     at_turns = tuple(map(tuple, turned.tolist()))
     return Draw("", figures, tuple(F_ior.tolist()), at_turns, weight, tuple(of_fields), astuple(whole))
 
 
-def conflict_of(drive: Drive, values: Mapping[str, float]) -> str:
-    """Why a drive with other values of some fields, by path, is none; empty where it is one."""
-    if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
-        return f"{outside}: out of range"
-    conflict = first_conflict(drive.with_values(values))
-    return f"{conflict.path}: {conflict.message}" if conflict else ""
+def errors_shown(
+    errors: Sequence[Evidence],
+    there: Array,
+    torques: Sequence[float],
+    rotations_deg: Sequence[float],
+    F_ior: Array,
+    turned: Array,
+    seed: list[int],
+) -> tuple[Array, Array]:
+    """F'_ior [arcsec] of the drive, where the model of a draw has F_ior and turned, by F'_ior as measured on it.
 
-
-def going_on(
-    drive: Drive, evidence: tuple[Evidence, ...], density: float = 1.0
-) -> tuple[dict[str, float], float, Certificate]:
-    """Stiffnesses and lost motion of a draw by name, where there is evidence of them, with the proof of its states.
-
-    Also the probability with which it goes on to F'_ior, by its likelihood; its weight is divided by that.
-    Argument density: that it was drawn with, over the prior's. Raises UntrustedError where an answer cannot be trusted.
+    A draw of its scale, misfit, noise and misread value (belief/misfit.py), the same whatever else is asked for.
+    Arguments: there, F'_ior of the model as measured, shape (errors,); the others as results of errors_by_turn.
     """
-    if not any(each.figure in STIFFNESS_FIGURES for each in evidence):
-        return {}, 1.0, EMPTY
-    figures, proof = in_wide_enough_window(drive, stiffness_figures)
-    return figures, min(1.0, float(np.exp(log_likelihood(evidence, figures))) / density / KEPT_LIKELIHOOD), proof
+    y, stated, correlation = values_of_errors(errors)
+    f, rng, kinds = there[None], np.random.default_rng(seed), error_kinds(len(y), {1.0: 0.0})
+    mean = f.mean(axis=1)
+    kind = kinds[rng.choice(len(kinds), p=softmax(log_likelihoods(kinds, f, y, stated, correlation, mean)[:, 0]))]
+    of_scale, noise = rng.standard_normal(1), rng.standard_normal((1, len(y)))
+    points = [(M_g, turn) for M_g in torques for turn in (0.0, *rotations_deg)]
+    loads, turns = np.array([*points, *((each.M_g, each.rotation_deg) for each in errors)]).T
+    misfit = np.zeros((1, len(turns)))
+    for M_g in np.unique(loads):
+        numbers = np.random.default_rng([*seed, int(M_g.view(np.uint64))]).standard_normal((1, SMOOTH_NUMBERS))
+        misfit[:, loads == M_g] = smooth_misfits(turns[loads == M_g], numbers)
+    every = np.append(np.column_stack([F_ior, turned]), there)[None]
+    spreads, alike = kind.spreads(stated, y)[None], kernel(turns, turns) * np.equal.outer(loads, loads)
+    shown, _ = errors_of_drive(every, y, (kind.misfit * mean) ** 2, spreads, alike, (of_scale, misfit, noise))
+    shown = np.round(shown, SHOWN_DIGITS).reshape(len(torques), -1)
+    return shown[:, 0], shown[:, 1:]
 
 
 def errors_by_turn(
@@ -306,14 +340,15 @@ def errors_by_turn(
     Arguments: measured, single torques [N*m] with a turn each [deg]. Raises UsageError for rolling balls,
     UntrustedError where an answer cannot be trusted.
     """
-    like, proof, formulation = None, EMPTY, formulate(contact_system(drive))
+    proof = EMPTY
     F_ior, found = np.empty(len(torques)), np.empty((len(torques), len(rotations_deg)))
     at_measured = np.empty(len(measured))
-    every = enumerate(dict.fromkeys((*torques, *(torque for torque, _ in measured))))
+    every = list(dict.fromkeys((*torques, *(torque for torque, _ in measured))))
     # where the window of flanks is too narrow the greatest torque says so at once
-    for k, M_g in sorted(every, key=lambda each: -abs(each[1])):
-        error_map = ErrorMap(drive, M_g, formulation, like)
-        like, now = error_map.fresh, error_map.many_extremes(Batch.of(drive), grid=COARSE_POINTS)
+    falling = sorted(range(len(every)), key=lambda k: -abs(every[k]))
+    maps = error_maps(drive, [every[k] for k in falling])
+    for k, M_g, error_map in zip(falling, (every[k] for k in falling), maps, strict=True):
+        now = error_map.many_extremes(Batch.of(drive), grid=COARSE_POINTS)
         proof += now.certificate
         if k < len(torques):
             F_ior[k] = now.first
@@ -393,7 +428,7 @@ def _too_few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, 
     if without[doubted] < CONTRADICTION * _mean_likelihood(draws, evidence):
         return UntrustedError(
             f"{found}: too few draws agree with all evidence at once, though no figure contradicts the others",
-            "narrow the assumed ranges; F'_ior in many holes, with directions unknown, is for hdassist trials",
+            "narrow the assumed ranges, or ask for fewer samples: --draws 16",
         )
     return UntrustedError(
         f"{found}: {doubted.path} = {doubted.value:g} contradicts the other evidence or the assumed ranges",

@@ -6,6 +6,7 @@ doi 10.1006/jcom.1998.0489 (scrambling by a linear matrix and a digital shift).
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,7 @@ def sobol_points(count: int, dimensions: int, seed: int | list[int]) -> Array:
     return np.asarray(points / 2.0**BITS)
 
 
+@cache
 def _directions(dimensions: int) -> NDArray[np.uint32]:
     """Direction numbers, shape (dimensions, BITS), by the recurrence of each dimension's primitive polynomial."""
     with np.load(DIRECTION_NUMBERS) as known:

@@ -192,8 +192,15 @@ def extremes_of(drive: Drive, torques: Sequence[float]) -> list[Extremes]:
     """
     if not searchable(drive):
         return [every_state(drive, M_g) for M_g in torques]
-    formulation = formulate(contact_system(drive))
-    return [ErrorMap(drive, M_g, formulation).many_extremes(Batch.of(drive)) for M_g in torques]
+    return [each.many_extremes(Batch.of(drive)) for each in error_maps(drive, torques)]
+
+
+def error_maps(drive: Drive, torques: Sequence[float]) -> list[ErrorMap]:
+    """Maps of the error of a drive at torques [N*m], which share one contact system."""
+    formulation, maps = formulate(contact_system(drive)), list[ErrorMap]()
+    for M_g in torques:
+        maps.append(ErrorMap(drive, M_g, formulation, maps[-1].fresh if maps else None))
+    return maps
 
 
 @lru_cache(maxsize=4)  # of drives that differ in their deviations alone it is the same

@@ -18,9 +18,9 @@ from pydantic import Field, TypeAdapter
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.samples import SAMPLE_STATES, Samples, SamplingEffort, draw_samples
 from hdassist.error.cycle import state_place
-from hdassist.error.error_map import Batch, ErrorMap, Extremes, searchable
+from hdassist.error.error_map import Batch, ErrorMap, Extremes, error_maps, searchable
 from hdassist.errors import HdassistError, UntrustedError, UsageError
-from hdassist.model.contacts import StateGaps, contact_system
+from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
@@ -31,7 +31,6 @@ from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.certificate import Residual
-from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.window import in_wide_enough_window
 from hdassist.tolerance.law import ProductionLaw
@@ -252,8 +251,5 @@ class _Maps:
     def of(self, drive: Drive) -> list[ErrorMap]:
         """Maps of a drive."""
         if self._drive != drive:
-            formulation, like, self._drive, self._maps = formulate(contact_system(drive)), None, drive, []
-            for M_g in self._torques:
-                self._maps.append(ErrorMap(drive, M_g, formulation, like))
-                like = self._maps[-1].fresh
+            self._drive, self._maps = drive, error_maps(drive, self._torques)
         return self._maps

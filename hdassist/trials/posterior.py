@@ -16,13 +16,17 @@ from scipy.stats import norm
 
 from hdassist.belief.evidence import FREEDOM
 from hdassist.belief.misfit import (
+    LEAST_SHOWN,
     MISFITS,
     SCALE,
+    SMOOTH_NUMBERS,
     ErrorKind,
     error_kinds,
+    errors_of_drive,
     kernel,
     log_likelihoods,
     require_shown,
+    smooth_misfits,
 )
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
@@ -119,7 +123,8 @@ def learnt(
             return draws.F_ior_arcsec
         f = prior.at(everywhere, draws.places, M_g)
         spread = (np.hypot(draws.misfit, prior.read_error[M_g]) * f.mean(axis=1))[:, None]
-        return np.asarray(np.maximum(f * draws.scale[:, None] + spread * _smooth(everywhere, len(f), rng), 0.1 * f))
+        smooth = smooth_misfits(everywhere, rng.standard_normal((len(f), SMOOTH_NUMBERS)))
+        return np.asarray(np.maximum(f * draws.scale[:, None] + spread * smooth, LEAST_SHOWN * f))
 
     decide, shares = torques or [prior.M_g], None if weights is None else tuple(weights)
     every, weights_of_draws = np.array([at(M_g) for M_g in decide]), np.ones(len(draws.places))
@@ -191,19 +196,12 @@ def drawn(
     kind, row = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
     places = possible[row]
     misfit, noise = np.array([(each.misfit, each.noise) for each in kinds])[kind].T
-    # drawn without the values, then moved by what these differ from their own draw (Matheron's rule)
-    count, everywhere = len(rotations_deg), [*rotations_deg, *tried]
+    everywhere = [*rotations_deg, *tried]
     spread = np.array([each.spreads(stated, y) for each in kinds])[kind]
     f, variance = prior.at(everywhere, places), (misfit**2 + read_error**2) * _mean(prior, places) ** 2
-    scale = 1 + SCALE * rng.standard_normal(len(places))
-    F_ior = f * scale[:, None] + np.sqrt(variance)[:, None] * _smooth(everywhere, len(places), rng)
-    there, seen = f[:, count:], F_ior[:, count:] + spread * rng.standard_normal((len(places), len(tried)))
-    both = variance[:, None, None] * kernel(everywhere, tried) + SCALE**2 * f[:, :, None] * there[:, None, :]
-    of_values = both[:, count:] + np.square(spread)[:, :, None] * np.eye(len(tried))
-    moved = np.linalg.solve(of_values, (y - seen)[..., None])
-    scale += SCALE**2 * (there * moved[..., 0]).sum(axis=1)
-    # a normal distribution has no end, an error has
-    F_ior = np.maximum((F_ior + (both @ moved)[..., 0])[:, :count], 0.1 * f[:, :count])
+    smooth = smooth_misfits(everywhere, rng.standard_normal((len(places), SMOOTH_NUMBERS)))
+    normal = rng.standard_normal(len(places)), smooth, rng.standard_normal(spread.shape)
+    F_ior, scale = errors_of_drive(f, y, variance, spread, kernel(everywhere, everywhere), normal)
     effective = float(1 / np.square(weight.sum(axis=0)).sum())
     of_kind, doubted = weight.sum(axis=1), np.array([each.misread for each in kinds])
     misread = np.array([of_kind[doubted == k].sum() for k in range(len(trials))])
@@ -213,12 +211,6 @@ def drawn(
 def _mean(prior: Prior, places: Places) -> Array:
     """Mean F'_ior of samples over all directions [arcsec], shape (places,)."""
     return np.asarray(prior.F_ior_arcsec.mean(axis=1)[places // prior.weight.shape[1]])
-
-
-def _smooth(rotations_deg: Sequence[float], draws: int, rng: np.random.Generator) -> Array:
-    """Draws of the misfit of variance 1, shape (draws, rotations)."""
-    own, basis = np.linalg.eigh(kernel(rotations_deg, rotations_deg))
-    return np.asarray(rng.standard_normal((draws, len(own))) @ (np.sqrt(np.maximum(own, 0))[:, None] * basis.T))
 
 
 def require_reachable(prior: Prior, trials: Sequence[Trial]) -> None:

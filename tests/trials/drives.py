@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 
 from hdassist import load_preset
+from hdassist.belief.tabled import TableEffort
 from hdassist.error.error_map import ErrorMap
 from hdassist.error.table import Mesh
 from hdassist.mounting.positions import rotated, usable_positions
@@ -19,7 +20,8 @@ THIRDS = (0.0, 120.0, 240.0)
 KNOWN = {"tolerances.e_hh": 1.0, "phases.phi_hh": 2.0}  # the cam's own offset, well measured
 RIG = Rig(M_G, noise_arcsec=0.5)
 FEW = TrialEffort.of(16)
-COARSE = TrialEffort(2, 2, 2, 64, 16, Mesh((9, 5, 9, 9), 12))
+COARSE_MESH = Mesh((9, 5, 9, 9), 12)
+COARSE = TrialEffort(2, 2, 2, 64, TableEffort(16, COARSE_MESH))
 
 
 def told(*overrides: str, **uncertainty: float) -> Drive:

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,13 @@ import pytest
 from rich.console import Console
 
 from hdassist import load_preset
-from hdassist.error.table import Mesh
+from hdassist.belief.evidence import evidence_of
+from hdassist.belief.prior import prior_of
+from hdassist.belief.samples import SamplingEffort, draw_samples
+from hdassist.belief.tabled import TableEffort
+from hdassist.error.error_map import ErrorMap
 from hdassist.mounting.losses import Criterion, PositionStatistics
+from hdassist.mounting.positions import rotated
 from hdassist.mounting.trial import Trial
 from hdassist.pages.trials import trials_card_facts, trials_instruction, trials_report, trials_warnings
 from hdassist.terminal.answers import report_object
@@ -22,9 +28,10 @@ from hdassist.trials.posterior import (
     Prediction,
 )
 from hdassist.trials.prior import Rig, TrialEffort
-from tests.process import ASSUMED, SMALL
+from tests.process import ASSUMED, SMALL, TINY
 from tests.support import changed
 from tests.trials.drives import (
+    COARSE_MESH,
     M_G,
     POSITIONS,
     RIG,
@@ -88,7 +95,7 @@ def prediction_of(value: float, rotation: float = 60.0, expected: float = 15.0) 
 def advice() -> TrialAdvice:
     tried = trials(measured(50.0, 20.0), (*THIRDS, 60.0))
     drive = load_preset(SMALL, ["operation.M_g=4", ASSUMED])
-    found = advise_from_trials(drive, tried, RIG, effort=TrialEffort(8, 32, 8, 256, 32, Mesh((9, 5, 9, 9), 12)))
+    found = advise_from_trials(drive, tried, RIG, effort=TrialEffort(8, 32, 8, 256, TableEffort(32, COARSE_MESH)))
     assert len(found.without) == 4
     return replace(found, without=())
 
@@ -257,3 +264,33 @@ def test_a_choice_that_hinges_on_one_value_is_not_settled_and_says_which(advice:
     assert "is probably misread (60 %)" in " ".join(trials_warnings(suspected, texts()))
     repeated = replace(loose, trials=(*advice.trials[:3], replace(advice.trials[3], rotation_deg=0.0)))
     assert repeated.to_repeat is None
+
+
+OPEN = [f"phases.{name}=unknown" for name in ("phi_hb", "xi_b", "xi_g", "phi_hh")] + ["tolerances.e_hb=unknown"]
+SEAT = ["mounting.holes=6", "operation.M_g=4", "source.cam.W_0={kind: assumed, range: [1.6, 1.8], ref: judged}"]
+
+
+def test_measured_errors_in_three_holes_mean_the_same_to_check_and_mount_as_to_trials():
+    """All directions are unknown, so that hardly any draw of the prior alone agrees with all three values."""
+    directions = ("phi_hb=20", "xi_b=100", "xi_g=210", "phi_hh=40")
+    true = load_preset(TINY, [*(f"phases.{each}" for each in directions), "tolerances.e_hb=8", *SEAT])
+    search = ErrorMap(true, 4.0)
+    values = {hole: round(search.extremes(rotated(true, 60.0 * hole)).first, 2) for hole in (0, 2, 4)}
+    readings = ", ".join(f"h{hole}@4: {value} ± 2" for hole, value in values.items())
+    drive, holes = load_preset(TINY, [*OPEN, *SEAT, f"measured.F_ior={{{readings}}}"]), (0.0, 60.0, 120.0, 240.0)
+    draw = partial(draw_samples, prior_of(drive), (4.0,), evidence=evidence_of(drive))
+    samples = draw(rotations_deg=holes, effort=SamplingEffort(16, 16, 512, 32))
+    found = PositionStatistics.of(samples, holes, "expected", None)
+    tried = [Trial(60.0 * hole, value) for hole, value in values.items()]
+    losses = advise_from_trials(load_preset(TINY, [*OPEN, *SEAT]), tried, Rig(4.0, 1.0)).losses
+    for hole in values:  # 5th percentile, median and 95th percentile
+        here, there = (each.range_of(each.at(each.place(60.0 * hole))[0]) for each in (found, losses))
+        assert here == pytest.approx(there, rel=0.02)
+    for place, rotation in enumerate(holes):
+        there = losses.place(rotation)
+        assert found.quantile(0.5, place) == pytest.approx(losses.quantile(0.5, there), rel=0.1)
+    # F'_ior as mounted is that which was measured, and the same with fewer positions asked for
+    fewer = draw(effort=SamplingEffort(1, 1, 16, 16)).F_ior_arcsec
+    assert np.array_equal(fewer, samples.F_ior_arcsec[: len(fewer)])
+    assert np.array_equal(samples.F_ior_arcsec[:, 0], samples.turned_arcsec[:, 0, 0])
+    assert samples.percentile(0.05, 0) < values[0] < samples.percentile(0.95, 0)
