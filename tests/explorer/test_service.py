@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.explorer.compute import Effort, ExplorerAnswer, SeatCurve, Sure, cam_turn, drive_answers
+from hdassist.explorer.compute import Effort, ExplorerAnswer, FirstErrors, SeatCurve, Sure, cam_turn, drive_answers
 from hdassist.explorer.service import Failed, Question, Service
 from hdassist.mounting.advice import Advice
 from tests.explorer.rig import QUICK, tiny
@@ -31,11 +31,11 @@ async def told(service: Service, question: Question) -> list[ExplorerAnswer]:
 
 def turn(*overrides: str) -> Question:
     """What is computed soon."""
-    return partial(cam_turn, tiny(*overrides).drive, 0.0, 4.0)
+    return partial(cam_turn, tiny(*overrides).drive, {}, 0.0, 4.0)
 
 
 def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Service) -> None:
-    answers = asyncio.run(told(service, partial(drive_answers, tiny().drive, QUICK)))
+    answers = asyncio.run(told(service, partial(drive_answers, tiny().drive, {}, QUICK)))
     curves = [answer for answer in answers if isinstance(answer, SeatCurve)]
     assert [curve.sure[0] for curve in curves] == [Sure.REFINED, Sure.PROVEN]
     assert isinstance(answers[-1], Advice) and {len(curve.rotations_deg) for curve in curves} == {6}
@@ -48,11 +48,11 @@ def test_an_answer_that_is_there_comes_before_the_next_is_computed(service: Serv
         async with contextlib.aclosing(service.ask(question)) as answers:
             return await anext(answers)
 
-    assert isinstance(asyncio.run(first(partial(drive_answers, tiny().drive, LONG))), SeatCurve)
+    assert isinstance(asyncio.run(first(partial(drive_answers, tiny().drive, {}, LONG))), FirstErrors)
 
 
 def test_what_cannot_be_computed_is_an_answer_too(service: Service) -> None:
-    question = partial(cam_turn, tiny("operation.M_g=[9000000.0]").drive, 0.0, 9e6)
+    question = partial(cam_turn, tiny("operation.M_g=[9000000.0]").drive, {}, 0.0, 9e6)
     [failed] = asyncio.run(told(service, question))
     assert isinstance(failed, Failed) and "linear model" in failed.message
 
@@ -96,7 +96,7 @@ def asked_for(service: Service, end: Callable[[asyncio.Task[list[ExplorerAnswer]
     seen: set[int] = set()
 
     async def run() -> None:
-        task = asyncio.create_task(told(service, partial(drive_answers, drive, LONG)))
+        task = asyncio.create_task(told(service, partial(drive_answers, drive, {}, LONG)))
         before = processes()
         while len(seen) < 3:  # the one that answers, and two workers
             await asyncio.sleep(0.1)
