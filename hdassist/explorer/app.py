@@ -22,7 +22,7 @@ from textual.widgets import DataTable, Input, Static
 
 from hdassist.explorer import state, words
 from hdassist.explorer.compute import (
-    Sure,
+    LeverEffects,
     cam_turn,
     drive_answers,
     is_any_hole,
@@ -178,8 +178,8 @@ class Explorer(Exporting):
         behind = known if of_trials else self.pinned
         self.holes.show(session, (of_trials or known).curve, behind.curve if behind else None, letters, trials)
         self.holes.border_subtitle = "NO ANSWER" if known.failed else "COMPUTING …" * self.busy
-        fields, changed = resolved_fields(session.drive), {path for path, _ in session.changes}
-        self.levers.show(fields, changed, known.effects, torque, self.wanted.value, is_grouped=self.is_grouped)
+        effects = known.effects or LeverEffects({})
+        self.levers.show(session, effects, torque, self.wanted.value, is_grouped=self.is_grouped)
         self.side.border_subtitle = f"step: change at {self.M_g:g} N·m, ″"
         advice = words.advice_text(session, known, of_trials)
         panes["seat"].show(seat_pane(session, letters))
@@ -248,10 +248,8 @@ class Explorer(Exporting):
         session, curve, turn = self.session, (self.of_trials or self.known).curve, self.session.turn_deg
         text = Text(f"{hole_words(turn, session.drive.mounting.holes)}{', where it stands' * (not turn)}  ")
         text.append(values_of(curve, turn))
-        if curve and (place := curve.place(turn)) is not None:
-            sure = curve.sure[place]
-            at_zero = sure is not Sure.RANGE and unknowns(session.drive)
-            text.append(f" {MARKS[sure]} {sure}{', unknown as 0' if at_zero else ''}")
+        if curve:
+            text.append(f" {MARKS.get(curve.surety(turn), '○')} {curve.surety(turn)}")
         return text.append(", any hole may be the best" * is_any_hole(session.drive))
 
     @on(DataTable.RowHighlighted)

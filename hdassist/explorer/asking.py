@@ -18,7 +18,6 @@ from hdassist.errors import HdassistError
 from hdassist.explorer.compute import (
     FULL,
     Effort,
-    ExplorerAnswer,
     FirstErrors,
     LeverEffects,
     SeatCurve,
@@ -62,7 +61,7 @@ class Known:
         """The whole answer of `check`, None before."""
         return self.check if self.page else None
 
-    def take(self, answer: ExplorerAnswer) -> None:
+    def take(self, answer: object) -> None:
         """Learn an answer."""
         if isinstance(answer, Report):
             self.page, self.report = (answer, self.report) if answer.command == "check" else (self.page, answer)

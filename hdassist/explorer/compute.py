@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import partial
 from typing import Any
 
@@ -20,7 +19,6 @@ from hdassist.error.error_map import searchable
 from hdassist.error.trace import trace
 from hdassist.errors import HdassistError
 from hdassist.explorer.levers import SETTING_SECTIONS, TEETH_FIELDS, step_of
-from hdassist.explorer.service import Failed
 from hdassist.explorer.state import Session, rig_of
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
@@ -36,25 +34,17 @@ from hdassist.pages.trials import trials_report
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.report.blocks import Curve, Lines
-from hdassist.report.report import Report
 from hdassist.run.processes import workers
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.window import in_wide_enough_window
-from hdassist.trials.advice import TrialAdvice, advise_from_trials
+from hdassist.trials.advice import advise_from_trials
 from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort
 
 SEED = 0  # of samples and of what is solved again, as the commands have it
 LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN = 0.05, 0.5, 0.95  # percentiles
 ORDERS = 5  # of a cam turn, the greatest
+REFINED, PROVEN, RANGE = "REFINED", "PROVEN", "90 % RANGE"  # extremes searched; every state solved; percentiles
 STEP = 0.34  # of the probability of a field that is not known exactly: a step to either side, about one deviation
-
-
-class Sure(StrEnum):
-    """How sure an F'_ior is: its extremes searched, every state solved, a 90 % range."""
-
-    REFINED = "REFINED"
-    PROVEN = "PROVEN"
-    RANGE = "90 % RANGE"
 
 
 @dataclass(frozen=True)
@@ -83,7 +73,12 @@ class SeatCurve:
 
     rotations_deg: tuple[float, ...]
     F_ior_arcsec: Array
-    sure: tuple[Sure, ...]
+    sure: tuple[str, ...]
+
+    def surety(self, rotation_deg: float) -> str:
+        """How sure it is at a turn, empty at one that it has not."""
+        place = self.place(rotation_deg)
+        return "" if place is None else self.sure[place]
 
     def place(self, rotation_deg: float) -> int | None:
         """Which of the turns one is, None for another."""
@@ -118,10 +113,7 @@ class TurnErrors:
     orders: Lines
 
 
-ExplorerAnswer = (
-    SeatCurve | DesignCheck | FirstErrors | LeverEffects | Report | Advice | TrialAdvice | TurnErrors | Failed
-)
-Tell = Callable[[ExplorerAnswer], None]
+Tell = Callable[[object], None]
 
 
 def is_any_hole(drive: Drive) -> bool:
@@ -142,7 +134,7 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     if searchable(drive) and not unknowns(drive):
         rotations = tuple(seat_positions(drive))
         F_ior = in_wide_enough_window(drive, partial(_searched, rotations))
-        tell(SeatCurve(rotations, np.stack([F_ior] * 3), (Sure.REFINED,) * len(rotations)))
+        tell(SeatCurve(rotations, np.stack([F_ior] * 3), (REFINED,) * len(rotations)))
     with workers(effort.jobs) as executor:
         run = Run(executor, seed=SEED)
         in_wide_enough_window(drive, partial(_checked, effort=effort, run=run, tell=tell))
@@ -271,7 +263,7 @@ def _statistics_curve(found: PositionStatistics) -> SeatCurve:
         [found.quantile(share, found.place(at)) for at in rotations]
         for share in (LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN)
     ]
-    return SeatCurve(rotations, np.swapaxes(values, 1, 2), (Sure.RANGE,) * len(rotations))
+    return SeatCurve(rotations, np.swapaxes(values, 1, 2), (RANGE,) * len(rotations))
 
 
 def _mount_curve(advice: Advice) -> SeatCurve:
@@ -280,7 +272,8 @@ def _mount_curve(advice: Advice) -> SeatCurve:
     curve = advice.curve
     order = np.argsort(curve.rotation_deg)
     done = np.atleast_1d(curve.every_state[:, order].all(axis=0)).tolist()
-    sure = [Sure.PROVEN if each and not advice.unknown else Sure.REFINED for each in done]
+    at_zero = f"{REFINED}, unknown as 0"
+    sure = [at_zero if advice.unknown else PROVEN if each else REFINED for each in done]
     return SeatCurve(
         tuple(curve.rotation_deg[order].tolist()), np.stack([curve.F_ior_arcsec[:, order]] * 3), tuple(sure)
     )

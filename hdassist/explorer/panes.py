@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
 from rich.console import Group, RenderableType
@@ -12,14 +12,14 @@ from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.widgets import DataTable, Static
 
-from hdassist.explorer.compute import LeverEffects, SeatCurve, Sure
+from hdassist.explorer.compute import PROVEN, RANGE, LeverEffects, SeatCurve
 from hdassist.explorer.levers import mark_of
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
 from hdassist.mounting.trial import Trial
 from hdassist.pages.seat import seat_holes
 from hdassist.preset.kinds import text_of
-from hdassist.preset.schema import ResolvedField
+from hdassist.preset.schema import ResolvedField, resolved_fields
 from hdassist.report.blocks import Block, Seat, SeatMark
 from hdassist.terminal.console import Style
 from hdassist.terminal.page import block_on_page
@@ -27,7 +27,7 @@ from hdassist.terminal.plot import ticks
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.visible import visible
 
-MARKS = {Sure.REFINED: "○", Sure.PROVEN: "●", Sure.RANGE: "◌"}
+MARKS = {PROVEN: "●", RANGE: "◌"}  # else ○
 INK = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one
 LETTER_STYLES = {"B": f"{INK[3]} bold", "W": "red bold", "?": f"{INK[2]} bold", "◆": INK[2]}
 LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
@@ -104,7 +104,7 @@ class Holes(LeverTable):
             head.highlight_regex("B", LETTER_STYLES["B"])
             marks = [(limit, limit, "│", "red") for limit in limits]
             marks += [(middle, middle, "┄", "dim") for _, middle, _ in ranges_of(behind, at)]
-            sure = MARKS[found.sure[place]] if found and (place := found.place(at)) is not None else ""
+            sure = MARKS.get(found.surety(at), "○") if found else ""
             for k, (low, middle, high) in enumerate(ranges_of(found, at)):
                 marks += [(low, high, "─", torque_style(k)), (middle, middle, sure, torque_style(k))]
             marks += [(value, value, "◆", INK[2]) for value in measured]
@@ -184,32 +184,23 @@ class Levers(LeverTable):
         Binding("k", "app.keep_clearance", "x_b with W_0"),
     ]
 
-    def show(
-        self,
-        fields: Iterable[ResolvedField],
-        changed: Collection[str],
-        effects: LeverEffects | None,
-        torque: int,
-        wanted: str,
-        *,
-        is_grouped: bool,
-    ) -> None:
+    def show(self, session: Session, effects: LeverEffects, torque: int, wanted: str, *, is_grouped: bool) -> None:
         """Show fields whose path or meaning has some words, in the preset's order or by what they change.
 
-        Those in which a pinned drive differs come first, then those that change F'_ior most. Arguments: fields;
-        changed, paths that differ from the preset; effects of steps at a torque, by its place.
+        Those in which a pinned drive differs come first, then those that change F'_ior most. Arguments: session;
+        effects of steps at a torque, by its place; wanted words.
         """
-        steps, differing = (effects.steps, effects.differing) if effects else ({}, ())
-        words = wanted.lower().split()
+        changed, steps, words = {path for path, _ in session.changes}, effects.steps, wanted.lower().split()
+        fields = resolved_fields(session.drive)
         found = [each for each in fields if all(word in f"{each.path} {each.meaning}".lower() for word in words)]
 
         def change(field: ResolvedField) -> tuple[bool, float]:
-            return field.path in differing, abs(steps[field.path][1][torque]) if field.path in steps else -1.0
+            return field.path in effects.differing, abs(steps[field.path][1][torque]) if field.path in steps else -1.0
 
         rows = {}
         for field in found if is_grouped else sorted(found, key=change, reverse=True):
             mark, (by, changes) = mark_of(field, changed), steps.get(field.path, (0.0, ()))
-            step = f" {'pin ' * (field.path in differing)}{by:+.3g}: {changes[torque]:+.2f}" if changes else ""
+            step = f" {'pin ' * (field.path in effects.differing)}{by:+.3g}: {changes[torque]:+.2f}" if changes else ""
             value = visible(text_of(field.value))[: 13 - len(field.unit)]
             rows[field.path] = (
                 Text.assemble(field.path, (f" {mark or ' '}", INK[1] if mark == "?" else INK[3])),

@@ -41,15 +41,9 @@ def head(session: Session) -> Text:
     drive, line = session.drive, Text(no_wrap=True, overflow="ellipsis")
     line.append(visible(drive.name), "bold")
     line.append(f"  {drive.gears.z_g}/{drive.gears.z_b}  {drive.mounting.fixed} wheel fixed", "dim")
-    if is_any_hole(drive):
-        line.append("  PHASES UNKNOWN", "red")
-    elif unknown := unknowns(drive):
-        line.append(f"  {len(unknown)} unknown", "red")
-    if assumed := assumptions(drive):
-        line.append(f"  {len(assumed)} assumed", "dim")
-    if session.changes:
-        line.append(f"  {len(session.changes)} changed", INK[3])
-    more = len(session.pinned.origin.overrides) - len(session.source.overrides)
+    counts = {"unknown": unknowns(drive), "assumed": assumptions(drive), "changed": session.changes}
+    line.append("".join(f"  {len(found)} {word}" for word, found in counts.items() if found), INK[3])
+    more = len({*session.pinned.origin.overrides} - {*session.source.overrides})
     line.append(f"  vs {visible(session.pinned.name)}{f' with {more} changed' * (more > 0)}", INK[2])
     return line.append("  x_b keeps clearance" * session.keeps_clearance, INK[1])
 

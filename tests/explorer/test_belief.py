@@ -13,7 +13,6 @@ from hdassist.design.check import DesignCheck, check
 from hdassist.errors import HdassistError
 from hdassist.explorer.asking import Known
 from hdassist.explorer.compute import (
-    ExplorerAnswer,
     FirstErrors,
     LeverEffects,
     drive_answers,
@@ -33,9 +32,9 @@ from tests.process import TINY, no_processes, run
 OPEN = ("phases.phi_hb=unknown", "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}")
 
 
-def believed(*overrides: str, typical: Mapping[str, float] = MappingProxyType({})) -> list[ExplorerAnswer]:
+def believed(*overrides: str, typical: Mapping[str, float] = MappingProxyType({})) -> list[object]:
     """Answers about the tiny drive, the page of its check last."""
-    told: list[ExplorerAnswer] = []
+    told: list[object] = []
     with no_processes():
         drive_answers(load_preset(TINY, overrides), typical, QUICK, told.append)
     pages = [isinstance(each, Report) and each.command == "check" for each in told]
@@ -107,7 +106,7 @@ def test_an_old_answer_and_one_that_is_not_whole_are_called_so() -> None:
 def test_levers_move_a_typical_drive_with_what_is_unknown_of_it() -> None:
     open_ = ("operation.M_g=[4.0]", "tolerances.e_hb=unknown")
     *_, found, _ = believed(*open_)
-    drive, told = load_preset(TINY, open_), list[ExplorerAnswer]()
+    drive, told = load_preset(TINY, open_), list[object]()
     assert isinstance(found, DesignCheck)
     typical, _ = typical_of(found)
     with no_processes():

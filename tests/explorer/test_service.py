@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.explorer.compute import Effort, ExplorerAnswer, FirstErrors, SeatCurve, Sure, cam_turn, drive_answers
+from hdassist.explorer.compute import PROVEN, REFINED, Effort, FirstErrors, SeatCurve, cam_turn, drive_answers
 from hdassist.explorer.service import Failed, Question, Service
 from hdassist.mounting.advice import Advice
 from tests.explorer.rig import QUICK, tiny
@@ -25,7 +25,7 @@ def service() -> Iterator[Service]:
     service.close()
 
 
-async def told(service: Service, question: Question) -> list[ExplorerAnswer]:
+async def told(service: Service, question: Question) -> list[object]:
     return [answer async for answer in service.ask(question)]
 
 
@@ -37,14 +37,14 @@ def turn(*overrides: str) -> Question:
 def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Service) -> None:
     answers = asyncio.run(told(service, partial(drive_answers, tiny().drive, {}, QUICK)))
     curves = [answer for answer in answers if isinstance(answer, SeatCurve)]
-    assert [curve.sure[0] for curve in curves] == [Sure.REFINED, Sure.PROVEN]
+    assert [curve.sure[0] for curve in curves] == [REFINED, PROVEN]
     assert isinstance(answers[-1], Advice) and {len(curve.rotations_deg) for curve in curves} == {6}
     searched, proven = (curve.F_ior_arcsec for curve in curves)
     assert searched == pytest.approx(proven, abs=0.01)
 
 
 def test_an_answer_that_is_there_comes_before_the_next_is_computed(service: Service) -> None:
-    async def first(question: Question) -> ExplorerAnswer:
+    async def first(question: Question) -> object:
         async with contextlib.aclosing(service.ask(question)) as answers:
             return await anext(answers)
 
@@ -90,7 +90,7 @@ def vanished(before: set[int]) -> bool:
 LONG = Effort(draws=20_000, jobs=2)  # with an uncertainty of a stiffness: minutes
 
 
-def asked_for(service: Service, end: Callable[[asyncio.Task[list[ExplorerAnswer]]], Awaitable[None]]) -> set[int]:
+def asked_for(service: Service, end: Callable[[asyncio.Task[list[object]]], Awaitable[None]]) -> set[int]:
     """Ask what takes minutes, and end that once its workers are at work; the processes that there were."""
     drive = tiny("uncertainty.cam.W_0=0.001").drive
     seen: set[int] = set()
@@ -112,7 +112,7 @@ def test_a_question_that_is_superseded_leaves_no_process(service: Service) -> No
     asyncio.run(told(service, turn()))  # what it forks from has begun
     before = processes()
 
-    async def cancelled(task: asyncio.Task[list[ExplorerAnswer]]) -> None:
+    async def cancelled(task: asyncio.Task[list[object]]) -> None:
         task.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await task
@@ -126,7 +126,7 @@ def test_a_service_that_is_closed_leaves_no_process() -> None:
     asyncio.run(told(service, turn()))
     before = processes()
 
-    async def closed(task: asyncio.Task[list[ExplorerAnswer]]) -> None:
+    async def closed(task: asyncio.Task[list[object]]) -> None:
         service.close()
         await task
 
