@@ -126,7 +126,6 @@ def test_trials_that_explain_themselves_have_a_band_and_the_commands_words(likel
         assert found is not None and isinstance(found.advice, TrialAdvice) and found.curve is not None
         assert advice_text(app.session, app.known, Known()).plain.startswith("Nothing is ordered")
         assert set(found.curve.sure) == {RANGE}
-        print(screen(app))
         assert "◆" in screen(app) and "90 % RANGE" in screen(app)
         assert not found.advice.settled
         await pilot.press("c")
@@ -150,6 +149,7 @@ def test_a_trial_that_cannot_be_is_refused_where_it_is_entered() -> None:
 
 async def to_lever(app: Explorer, pilot: Pilot[int], path: str) -> None:
     app.levers.focus()
+    await pilot.pause()  # from then on the cursor stays on its field when others are ranked above it
     app.levers.move_cursor(row=app.levers.get_row_index(path))
     await pilot.pause()
 
