@@ -11,7 +11,7 @@ import typer
 
 from hdassist.terminal import options as o
 
-KEPT = "explore.txt"  # among the user's states: the command that comes back to the last session
+SESSION_FILE = "explore.txt"  # among the user's states: the command that comes back to the last session
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +70,7 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
                 from hdassist.terminal.files import put_text
 
                 plain = Style.of(sys.stdout, ascii=self.ascii).ascii
-                keep = partial(put_text, str(user_state_path("hdassist", ensure_exists=True) / KEPT))
+                keep = partial(put_text, str(user_state_path("hdassist", ensure_exists=True) / SESSION_FILE))
                 effort = Effort(jobs=self.jobs)
                 app = Explorer(session, service, effort, dark=not self.light, ascii=plain, keep=keep)
                 app.run()

@@ -43,7 +43,11 @@ from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort
 SEED = 0  # of samples and of what is solved again, as the commands have it
 LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN = 0.05, 0.5, 0.95  # percentiles
 ORDERS = 5  # of a cam turn, the greatest
-REFINED, PROVEN, RANGE = "REFINED", "PROVEN", "90 % RANGE"  # extremes searched; every state solved; percentiles
+SURE_REFINED, SURE_PROVEN, SURE_RANGE = (
+    "REFINED",
+    "PROVEN",
+    "90 % RANGE",
+)  # extremes searched; every state solved; percentiles
 STEP = 0.34  # of the probability of a field that is not known exactly: a step to either side, about one deviation
 
 
@@ -134,7 +138,7 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     if searchable(drive) and not unknowns(drive):
         rotations = tuple(seat_positions(drive))
         F_ior = in_wide_enough_window(drive, partial(_searched, rotations))
-        tell(SeatCurve(rotations, np.stack([F_ior] * 3), (REFINED,) * len(rotations)))
+        tell(SeatCurve(rotations, np.stack([F_ior] * 3), (SURE_REFINED,) * len(rotations)))
     with workers(effort.jobs) as executor:
         run = Run(executor, seed=SEED)
         in_wide_enough_window(drive, partial(_checked, effort=effort, run=run, tell=tell))
@@ -263,7 +267,7 @@ def _statistics_curve(found: PositionStatistics) -> SeatCurve:
         [found.quantile(share, found.place(at)) for at in rotations]
         for share in (LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN)
     ]
-    return SeatCurve(rotations, np.swapaxes(values, 1, 2), (RANGE,) * len(rotations))
+    return SeatCurve(rotations, np.swapaxes(values, 1, 2), (SURE_RANGE,) * len(rotations))
 
 
 def _mount_curve(advice: Advice) -> SeatCurve:
@@ -272,8 +276,8 @@ def _mount_curve(advice: Advice) -> SeatCurve:
     curve = advice.curve
     order = np.argsort(curve.rotation_deg)
     done = np.atleast_1d(curve.every_state[:, order].all(axis=0)).tolist()
-    at_zero = f"{REFINED}, unknown as 0"
-    sure = [at_zero if advice.unknown else PROVEN if each else REFINED for each in done]
+    at_zero = f"{SURE_REFINED}, unknown as 0"
+    sure = [at_zero if advice.unknown else SURE_PROVEN if each else SURE_REFINED for each in done]
     return SeatCurve(
         tuple(curve.rotation_deg[order].tolist()), np.stack([curve.F_ior_arcsec[:, order]] * 3), tuple(sure)
     )

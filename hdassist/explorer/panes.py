@@ -12,7 +12,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.widgets import DataTable, Static
 
-from hdassist.explorer.compute import PROVEN, RANGE, LeverEffects, SeatCurve
+from hdassist.explorer.compute import SURE_PROVEN, SURE_RANGE, LeverEffects, SeatCurve
 from hdassist.explorer.levers import mark_of
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
@@ -27,7 +27,7 @@ from hdassist.terminal.plot import ticks
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.visible import visible
 
-MARKS = {PROVEN: "●", RANGE: "◌"}  # else ○
+MARKS = {SURE_PROVEN: "●", SURE_RANGE: "◌"}  # else ○
 INK = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one
 LETTER_STYLES = {"B": f"{INK[3]} bold", "W": "red bold", "?": f"{INK[2]} bold", "◆": INK[2]}
 LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
@@ -103,9 +103,9 @@ class Holes(LeverTable):
             head = Text(f"{bare(at, holes):>4} {signs:4.4}", "bold" if at == session.turn_deg else "")
             head.highlight_regex("B", LETTER_STYLES["B"])
             marks = [(limit, limit, "│", "red") for limit in limits]
-            marks += [(middle, middle, "┄", "dim") for _, middle, _ in ranges_of(behind, at)]
+            marks += [(middle, middle, "┄", "dim") for _, middle, _ in seat_ranges(behind, at)]
             sure = MARKS.get(found.surety(at), "○") if found else ""
-            for k, (low, middle, high) in enumerate(ranges_of(found, at)):
+            for k, (low, middle, high) in enumerate(seat_ranges(found, at)):
                 marks += [(low, high, "─", torque_style(k)), (middle, middle, sure, torque_style(k))]
             marks += [(value, value, "◆", INK[2]) for value in measured]
             rows[f"{at}"] = head, Text.assemble(" ", values_of(found, at), " "), _bar(max(width, LEAST_BAR), top, marks)
@@ -116,7 +116,7 @@ class Holes(LeverTable):
                 self.move_cursor(row=self.get_row_index(here))
 
 
-def ranges_of(found: SeatCurve | None, rotation_deg: float) -> list[list[float]]:
+def seat_ranges(found: SeatCurve | None, rotation_deg: float) -> list[list[float]]:
     """5th percentile, median and 95th of F'_ior [arcsec] at each torque in a position; empty where there are none."""
     place = found.place(rotation_deg) if found else None
     return found.F_ior_arcsec[:, :, place].T.tolist() if found and place is not None else []
@@ -125,7 +125,7 @@ def ranges_of(found: SeatCurve | None, rotation_deg: float) -> list[list[float]]
 def values_of(found: SeatCurve | None, rotation_deg: float) -> Text:
     """F'_ior at each torque in a position: a value, or its 5th and 95th percentile."""
     text = Text()
-    for k, (low, _, high) in enumerate(ranges_of(found, rotation_deg)):
+    for k, (low, _, high) in enumerate(seat_ranges(found, rotation_deg)):
         words = f"{low:.1f}…{high:.1f}" if high > low else f"{low:.2f}"
         text.append(f"{words:>6} ", torque_style(k))
     return text
@@ -168,7 +168,7 @@ class Pane(VerticalScroll):
 
     def show(self, *parts: RenderableType | Block, ascii: bool = False) -> None:
         """Show texts and blocks; one moment later where there is no room yet."""
-        style = Style(ascii=ascii, codes=False, width=self.content_size.width)
+        style = Style(ascii=ascii, codes=False, width=self.scrollable_content_region.width)
         if style.width >= LEAST_BAR:
             shown = [[*block_on_page(part, style)] if isinstance(part, Block) else [part] for part in parts]
             self._text.update(Group(*(part for each in shown for part in each)))
@@ -200,7 +200,7 @@ class Levers(LeverTable):
         rows = {}
         for field in found if is_grouped else sorted(found, key=change, reverse=True):
             mark, (by, changes) = mark_of(field, changed), steps.get(field.path, (0.0, ()))
-            step = f" {'pin ' * (field.path in effects.differing)}{by:+.3g}: {changes[torque]:+.2f}" if changes else ""
+            step = f" {'pin ' * (field.path in effects.differing)}{by:+.4g}: {changes[torque]:+.2f}" if changes else ""
             value = visible(text_of(field.value))[: 13 - len(field.unit)]
             rows[field.path] = (
                 Text.assemble(field.path, (f" {mark or ' '}", INK[1] if mark == "?" else INK[3])),

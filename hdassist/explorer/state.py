@@ -149,14 +149,14 @@ def edited(session: Session, path: str, value: str) -> Session:
         values[other] = f"{int(value) + follows}" if value.isdecimal() else ""
         if "/" in value:
             values = dict(zip(TEETH_FIELDS, map(str.strip, value.split("/", 1)), strict=True))
-    changed = with_changes(session, values)
+    changed = with_fields(session, values)
     if path == "cam.W_0" and session.keeps_clearance:
         x_b = drive.gears.x_b + (changed.drive.cam.W_0 - drive.cam.W_0) / drive.gears.m
-        changed = with_changes(session, {**values, "gears.x_b": f"{x_b:.6g}"})
+        changed = with_fields(session, {**values, "gears.x_b": f"{x_b:.6g}"})
     return changed
 
 
-def with_changes(session: Session, values: Mapping[str, str]) -> Session:
+def with_fields(session: Session, values: Mapping[str, str]) -> Session:
     """The session with fields changed, by path; empty values take changes back."""
     changes = {path: text for path, text in {**dict(session.changes), **values}.items() if text}
     return _stepped(session, replace(session.step, changes=tuple(changes.items())))
@@ -178,7 +178,7 @@ def with_evidence(session: Session, text: str) -> Session:
         is_field = name.partition(".")[0] in {path.partition(".")[0] for path in field_table()}
         path = measured if measured in field_table() else f"measured.F_ior.{name}{at}"
         values["acceptance.F_ior" if name == "limit" else name if is_field else path] = value.strip()
-    return with_changes(session, values)
+    return with_fields(session, values)
 
 
 def _measured_value(session: Session, path: str) -> str:

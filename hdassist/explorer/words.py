@@ -109,7 +109,7 @@ def advice_text(session: Session, known: Known, of_trials: Known | None) -> Text
 def next_text(advice: Text, known: Known) -> Text:
     """The order in a line, and in another one what to measure first with what that brings."""
     text = Text(advice.plain.partition("\n")[0], no_wrap=True, overflow="ellipsis")
-    gains = why_blocks(known)[1].lines if known.whole else ()
+    gains = why_blocks(known)[1].lines if known.whole and known.whole.to_measure else ()
     return text.append(f"\nmeasure next: {'; '.join(gains[:2])}" * bool(gains))
 
 
@@ -122,8 +122,8 @@ def why_blocks(known: Known) -> tuple[Lines, ...]:
     shares = (f"{100 * each.share:3.0f} % {named(each.group)}" for each in found.influences)
     gains = (f"{100 * each.gain:3.0f} % {gain}: {named(each.measured)}" for each in found.to_measure)
     return (
-        Lines(f"share of the variance of ln F'_ior at {point.M_g:g} N·m", tuple(shares)),
-        Lines("measure next, and what it brings", tuple(gains)),
+        Lines(f"share of the variance of ln F'_ior at {point.M_g:g} N·m", tuple(shares) or ("no field stands out",)),
+        Lines("measure next, and what it brings", tuple(gains) or ("nothing that brings more",)),
         Lines("", tuple(report_notes(known.page))),
     )
 

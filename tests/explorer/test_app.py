@@ -12,7 +12,7 @@ from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.design.check import check
 from hdassist.explorer.app import Explorer
 from hdassist.explorer.asking import REST, Known
-from hdassist.explorer.compute import FULL, RANGE
+from hdassist.explorer.compute import FULL, SURE_RANGE
 from hdassist.explorer.screens import Form, Notice
 from hdassist.explorer.state import Session, opened_state, with_trials
 from hdassist.explorer.words import advice_text, middle_of
@@ -125,7 +125,7 @@ def test_trials_that_explain_themselves_have_a_band_and_the_commands_words(likel
         found = app.of_trials
         assert found is not None and isinstance(found.advice, TrialAdvice) and found.curve is not None
         assert advice_text(app.session, app.known, Known()).plain.startswith("Nothing is ordered")
-        assert set(found.curve.sure) == {RANGE}
+        assert set(found.curve.sure) == {SURE_RANGE}
         assert "◆" in screen(app) and "90 % RANGE" in screen(app)
         assert not found.advice.settled
         await pilot.press("c")
@@ -260,7 +260,7 @@ def test_unknown_directions_have_a_range_with_its_verdict_no_order_and_no_card(
 def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         curve = app.known.curve
-        assert curve is not None and set(curve.sure) == {RANGE}
+        assert curve is not None and set(curve.sure) == {SURE_RANGE}
         told = screen(app)
         assert range_of_check(app.session) in told
         low, _, high = curve.F_ior_arcsec[:, 0, 0]
@@ -292,7 +292,7 @@ def test_levers_are_ranked_by_what_a_plausible_step_changes_and_filtered() -> No
         )  # not known exactly, though no part of the drive
         by, (change,) = effects.steps["gears.j_n"]
         assert by > 1  # about a standard deviation of its plausible range
-        assert f"{by:+.3g}: {change:+.2f}" in str(app.levers.get_row("gears.j_n")[2])
+        assert f"{by:+.4g}: {change:+.2f}" in str(app.levers.get_row("gears.j_n")[2])
         await pilot.press("slash")
         await typed(pilot, "cam offset")
         await pilot.press("enter")

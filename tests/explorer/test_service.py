@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.explorer.compute import PROVEN, REFINED, Effort, FirstErrors, SeatCurve, cam_turn, drive_answers
+from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, FirstErrors, SeatCurve, cam_turn, drive_answers
 from hdassist.explorer.service import Failed, Question, Service
 from hdassist.mounting.advice import Advice
 from tests.explorer.rig import QUICK, tiny
@@ -37,7 +37,7 @@ def turn(*overrides: str) -> Question:
 def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Service) -> None:
     answers = asyncio.run(told(service, partial(drive_answers, tiny().drive, {}, QUICK)))
     curves = [answer for answer in answers if isinstance(answer, SeatCurve)]
-    assert [curve.sure[0] for curve in curves] == [REFINED, PROVEN]
+    assert [curve.sure[0] for curve in curves] == [SURE_REFINED, SURE_PROVEN]
     assert isinstance(answers[-1], Advice) and {len(curve.rotations_deg) for curve in curves} == {6}
     searched, proven = (curve.F_ior_arcsec for curve in curves)
     assert searched == pytest.approx(proven, abs=0.01)
