@@ -116,7 +116,7 @@ def explorer(*args: str) -> Iterator[Terminal]:
 def test_a_session_in_a_terminal() -> None:
     before = processes()
     with explorer() as terminal:
-        seen = terminal.wait_for("c writes the card")
+        seen = terminal.wait_for("Turn the rigid wheel")
         assert (
             "7 advice" in seen and "F'_ior in each hole, arcsec" in seen and "hole 0 (0 deg), where it stands" in seen
         )
@@ -132,7 +132,7 @@ def test_a_session_in_a_terminal() -> None:
         terminal.press("t")
         terminal.wait_for("add trials")
         terminal.press("28.1\r")
-        terminal.wait_for("u undo")
+        terminal.wait_for("undo")
         terminal.press("q")
         terminal.wait_for("comes back to this session")
         terminal.press("y")
@@ -153,7 +153,7 @@ def test_a_killed_explorer_gives_the_terminal_back_and_leaves_no_process(stop: s
         terminal.press("t")
         terminal.wait_for("add trials")
         terminal.press("28.1\r")
-        terminal.wait_for("u undo")
+        terminal.wait_for("undo")
         os.kill(terminal.process.pid, stop)
         assert terminal.end() == code
         end = time.monotonic() + 10
@@ -176,7 +176,7 @@ def test_an_explorer_ends_with_its_terminal(is_ignored: bool) -> None:
         terminal.press("t")
         terminal.wait_for("add trials")
         terminal.press("28.1\r")
-        terminal.wait_for("u undo")
+        terminal.wait_for("undo")
         terminal.hang_up()
         assert terminal.process.wait(timeout=20) > 128
         assert terminal.kept == f"hdassist explore {TINY} --torque=4 --set {FEW[1]} h0=28.1"
