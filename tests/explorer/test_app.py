@@ -434,7 +434,7 @@ def test_a_file_that_cannot_be_written_is_said(tmp_path: Path) -> None:
         await pilot.press("s")
         app.screen.query_one(Input).value = str(tmp_path / "nowhere" / "mine.yaml")
         await pilot.press("enter")
-        await pilot.pause()
+        await pilot.pause(0.3)
         assert "cannot write" in said(app) and "there is no directory" in said(app)
 
     explored(act)
