@@ -130,6 +130,11 @@ class DesignCheck:
     prior: DrivePrior | None = None
     samples: Samples | None = None
 
+    def with_samples(self, samples: Samples) -> DesignCheck:
+        """The check with samples of all that is not known exactly."""
+        points = (replace(point, belief=ErrorBelief(samples, k)) for k, point in enumerate(self.points))
+        return replace(self, points=tuple(points), samples=samples)
+
     @property
     def kinematics(self) -> Kinematics:
         """Ratio and cycle of the drive."""
@@ -244,12 +249,12 @@ def check(
         if prior.fields and draws and not samples:
             left = [point.left_arcsec for point in points]
             samples = drive_samples(prior, left, draws=draws, sure=sure, run=run)
-    beliefs = [ErrorBelief(samples, k) if samples else None for k in range(len(points))]
     found = tuple(
-        replace(point, sensitivity=slope, floating=floats, belief=belief)
-        for point, slope, floats, belief in zip(points, slopes, floating, beliefs, strict=True)
+        replace(point, sensitivity=slope, floating=floats)
+        for point, slope, floats in zip(points, slopes, floating, strict=True)
     )
-    return DesignCheck(drive, found, measured, unknowns(known), prior, samples)
+    checked = DesignCheck(drive, found, measured, unknowns(known), prior)
+    return checked.with_samples(samples) if samples else checked
 
 
 def beside_measured_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, DrivePrior]:

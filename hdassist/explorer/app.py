@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -15,25 +15,46 @@ from rich.text import Text
 from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical, VerticalScroll
-from textual.widgets import DataTable, Footer, Input, Static
+from textual.containers import Horizontal, Vertical
+from textual.content import Content
+from textual.events import DescendantFocus
+from textual.widgets import DataTable, Input, Static
 
 from hdassist.explorer import state, words
-from hdassist.explorer.compute import LeverEffects, Sure, cam_turn, is_any_hole, lever_effects
+from hdassist.explorer.compute import (
+    LeverEffects,
+    cam_turn,
+    drive_answers,
+    is_any_hole,
+    lever_effects,
+    typical_of,
+)
 from hdassist.explorer.export import Exporting
-from hdassist.explorer.levers import Lever, levers, stepped
-from hdassist.explorer.panes import MARKS, TORQUE_STYLES, Holes, Levers, Turn, seat_pane
-from hdassist.explorer.screens import Explain
+from hdassist.explorer.levers import about_field, stepped
+from hdassist.explorer.panes import MARKS, Holes, Levers, Pane, seat_pane, values_of
+from hdassist.explorer.screens import EXPLAINED, Form, Notice
 from hdassist.explorer.state import Session
 from hdassist.model.unknown import unknowns
+from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import hole_words, usable_positions
 from hdassist.mounting.trial import read_trial
+from hdassist.preset.kinds import text_of
+from hdassist.preset.schema import ResolvedField, resolved_fields
 from hdassist.run.stops import STOPS, end_at_stops
-from hdassist.terminal.console import Style
 from hdassist.visible import visible
 
-LINE_WIDGETS = ("head", "headline", "about", "looked-at", "trials", "advice-text", "command")
+LINES = ("head", "headline", "tabs", "looked-at", "next", "command", "keys", "about")
+NO_BREAK = "\N{NO-BREAK SPACE}"
 TOO_SMALL = "too small for the explorer: 60 x 18 at least. q quits."
+VIEWS = {
+    "holes": "holes",
+    "seat": "seat",
+    "levers": "levers",
+    "turn": "cam turn",
+    "cycle": "full cycle",
+    "why": "why",
+    "advice": "advice",
+}
 
 
 class Explorer(Exporting):
@@ -44,65 +65,65 @@ class Explorer(Exporting):
     ENABLE_COMMAND_PALETTE = False
     # no class variables for mypy, as Textual declares them
     HORIZONTAL_BREAKPOINTS = [(0, "-tiny"), (60, "-narrow"), (100, "-normal"), (140, "-wide")]  # noqa: RUF012
-    VERTICAL_BREAKPOINTS = [(0, "-flat"), (18, "-low"), (28, "-high"), (40, "-tall")]  # noqa: RUF012
+    VERTICAL_BREAKPOINTS = [(0, "-flat"), (18, "-low"), (24, "-middle"), (28, "-high"), (40, "-tall")]  # noqa: RUF012
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("left,h", "turn(-1)", "turn", key_display="←→"),
-        Binding("right", "turn(1)", "turn on", show=False),
-        Binding("t", "trial", "trial"),
-        Binding("x", "drop_trial", "drop the last trial", show=False),
-        Binding("b", "look('best')", "look at the best", show=False),
-        Binding("0,home", "look('')", "look at where it stands", show=False),
-        Binding("1", "view('holes')", "views", key_display="1-4"),
-        Binding("2", "view('seat')", "view the seat", show=False),
-        Binding("3,l", "view('levers')", "levers", show=False),
-        Binding("4", "view('turn')", "view a cam turn", show=False),
-        Binding("slash", "filter", "filter levers", show=False),
-        Binding("m", "torque", "next torque", show=False),
-        Binding("p", "pin", "pin to compare", show=False),
-        Binding("u,ctrl+z", "undo", "undo"),
-        Binding("r,ctrl+y", "redo", "redo", show=False),
-        Binding("c", "card", "card"),
-        Binding("s", "save", "save"),
-        Binding("g", "picture", "picture of the screen", show=False),
-        Binding("y", "copy", "copy the command line", show=False),
-        Binding("question_mark", "explain", "explain", key_display="?"),
-        Binding("q", "quit", "quit"),
+        Binding("left", "turn(-1)", "turn", key_display="←→"),
+        Binding("right", "turn(1)", "", show=False),
+        ("b", "look('best')", "best"),
+        ("0", "look('')", "now"),
+        *(Binding(f"{k}", f"view('{name}')", name, show=False) for k, name in enumerate(VIEWS, 1)),
+        Binding("slash", "filter", "filter", key_display="/"),
+        ("m", "torque", "torque"),
+        ("e", "evidence", "evidence"),
+        ("t", "trial", "trial"),
+        ("x", "change('without_trial')", "drop trial"),
+        ("p", "change('pinned')", "pin"),
+        ("u,ctrl+z", "change('undone')", "undo"),
+        ("r,ctrl+y", "change('redone')", "redo"),
+        ("c", "card", "card"),
+        ("w", "report", "report"),
+        ("s", "save", "save"),
+        ("g", "picture", "picture"),
+        ("y", "copy", "copy"),
+        Binding("question_mark", "explain", "help", key_display="?"),
+        ("q", "quit", "quit"),
     ]
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self.holes, self.levers, self.turn = Holes(id="holes"), Levers(id="levers"), Turn(id="turn", markup=False)
-        self.seat, self.panes = Static(id="seat", markup=False), Horizontal(id="panes", classes="holes")
-        self.lines = {name: Static(id=name, markup=False) for name in LINE_WIDGETS}
+        self.holes, self.levers, self.is_grouped = Holes(id="holes"), Levers(id="levers"), False
+        self.panes = {
+            name: Pane(name, title.upper()) for name, title in VIEWS.items() if name not in ("holes", "levers")
+        }
+        self.lines = {name: Static(id=name, markup=False) for name in LINES}
         self.side, self.wanted = Vertical(id="side"), Input(placeholder="/ filters", id="filter", compact=True)
+        self.all = Vertical(id="all", classes="holes")
 
     def compose(self) -> ComposeResult:
-        """Head, F'_ior, the panes, trials and advice, the command line, the keys."""
-        yield self.lines["head"]
-        yield self.lines["headline"]
-        with self.panes:
-            yield self.holes
-            with Vertical(id="middle"):
-                yield self.seat
-                yield self.turn
-            with self.side:
-                yield self.wanted
-                yield self.levers
-                yield self.lines["about"]
-        yield self.lines["looked-at"]
-        with Horizontal(id="bottom"):
-            yield self.lines["trials"]
-            with VerticalScroll(id="advice"):
-                yield self.lines["advice-text"]
-        yield self.lines["command"]
-        yield Footer(compact=True)
+        """Head, F'_ior, tabs, the panes, the position looked at, what is next, the command line, the keys."""
+        with self.all:
+            yield from (self.lines[name] for name in LINES[:3])
+            with Horizontal():
+                with Vertical(id="left"):
+                    yield self.holes
+                    yield self.panes["cycle"]
+                with Vertical(id="middle"):
+                    yield self.panes["seat"]
+                    yield self.panes["turn"]
+                with Vertical(id="right"):
+                    with self.side:
+                        yield self.wanted
+                        yield self.levers
+                        yield self.lines["about"]
+                    yield self.panes["why"]
+                    yield self.panes["advice"]
+            yield from (self.lines[name] for name in LINES[3:7])
         yield Static(TOO_SMALL, id="too-small")
 
     def on_mount(self) -> None:
         """Ask the first questions."""
         self._end_when_told()
-        self.seat.border_title, self.side.border_title = "SEAT, cam side", "LEVERS"
-        self.lines["trials"].border_title, self.query_one("#advice").border_title = "TRIALS", "ADVICE"
+        self.side.border_title = "LEVERS"
         self.holes.focus()
         self.ask_of_drive()
         self.ask_of_trials()
@@ -129,95 +150,120 @@ class Explorer(Exporting):
     def on_resize(self) -> None:
         """Draw with the new room."""
         self.call_after_refresh(self.draw)
+        self.when_at_rest()
 
     def ask_of_panes(self) -> None:
-        """Ask for steps of levers and a cam turn, where they are on the screen and not there yet."""
-        known, drive, headline = self.known, self.session.drive, self.known.headline
-        if self.levers.region.width and known.effects is None and headline and headline.whole:
-            known.effects = LeverEffects({})
-            self.follow(partial(lever_effects, drive, headline.typical, self.effort), known, "levers")
-        wanted = self.session.turn_deg, self.M_g
-        if self.turn.region.width and known.traced != wanted:
-            known.trace, known.traced = None, wanted
-            self.follow(partial(cam_turn, drive, *wanted), known, "turn")
+        """Ask for what is on the screen and not there yet: the pinned drive, steps of levers, errors of a cam turn."""
+        known, drive, pinned = self.known, self.session.drive, self.session.pinned
+        if self.pinned and self.pinned.check is None:
+            self.ask_once(partial(drive_answers, pinned, {}, self.effort), self.pinned, "pinned")
+        if known.whole and self.levers.region.width:
+            typical, _ = typical_of(known.whole)
+            self.ask_once(partial(lever_effects, drive, pinned, typical, self.effort), known, "levers")
+        if known.whole and (self.panes["turn"].region.width or self.panes["cycle"].region.width):
+            where = self.session.turn_deg, self.M_g
+            self.ask_once(partial(cam_turn, drive, self._of_turn(), *where), known, "turn")
+
+    def _of_turn(self) -> Mapping[str, float]:
+        """Typical values for a cam turn: none where all deviations are known."""
+        return typical_of(self.known.whole)[0] if self.known.whole and unknowns(self.session.drive) else {}
 
     def draw(self) -> None:
         """Show the session and its answers."""
         if not self.holes.is_attached:
             return
-        session, known, of_trials = self.session, self.known, self.of_trials
-        shown, any_hole = of_trials or known, is_any_hole(session.drive)
-        letters, holes = self._letters(), session.drive.mounting.holes
-        trials = [read_trial(text, holes) for text in session.trials]
+        session, known, of_trials, panes = self.session, self.known, self.of_trials, self.panes
+        letters, torque = self._letters(), self.torque % len(session.drive.operation.M_g)
+        trials = [read_trial(text, session.drive.mounting.holes) for text in session.trials]
         behind = known if of_trials else self.pinned
-        self.lines["head"].update(words.head(session))
-        self.lines["headline"].update(words.headline(session, known, self.pinned))
-        self.holes.show(session, shown.curve, behind.curve if behind else None, letters, trials)
-        self.lines["looked-at"].update(self._looked_at())
-        self.seat.update(seat_pane(session, letters))
-        self.holes.border_subtitle = words.stage(known, of_trials, self.busy)
-        torque = self.torque % len(session.drive.operation.M_g)
-        changed = {path for path, _ in session.changes}
-        self.levers.show(levers(session.drive, changed), known.effects, torque, self.wanted.value)
+        self.holes.show(session, (of_trials or known).curve, behind.curve if behind else None, letters, trials)
+        self.holes.border_subtitle = "NO ANSWER" if known.failed else "COMPUTING …" * self.busy
+        effects = known.effects or LeverEffects({})
+        self.levers.show(session, effects, torque, self.wanted.value, is_grouped=self.is_grouped)
         self.side.border_subtitle = f"step: change at {self.M_g:g} N·m, ″"
-        unknown = ", unknown as 0" if unknowns(session.drive) else ""
-        self.turn.border_title = f"cam turn at {self.M_g:g} N·m, ″{unknown}"
-        self.turn.show(known.trace, Style(ascii=self.ascii, codes=False, width=self.turn.content_size.width))
-        self.lines["trials"].update(words.trials_text(session))
-        self.lines["advice-text"].update(words.advice_text(known, of_trials, any_hole))
-        self.lines["command"].update(visible(f"= {self.command_line()}"))
+        advice = words.advice_text(session, known, of_trials)
+        panes["seat"].show(seat_pane(session, letters))
+        panes["why"].show(*words.why_blocks(known), ascii=self.ascii)
+        panes["advice"].show(advice)
+        for name in ("turn", "cycle"):
+            panes[name].border_title = f"{VIEWS[name].upper()}{', of a typical drive' * bool(self._of_turn())}"
+            found = known.turn
+            blocks = () if not found else (found.turn,) if name == "turn" else (found.cycle, found.orders)
+            panes[name].show(*blocks or [Text("computing …", "dim")], ascii=self.ascii)
+        for name, line in {
+            "head": words.head(session),
+            "headline": words.headline(session, known, self.pinned, torque),
+            "tabs": self._tabs(),
+            "looked-at": self._looked_at(),
+            "next": words.next_text(advice, known),
+            "command": visible(f"= {self.command_line()}"),
+            "keys": self._keys(),
+        }.items():
+            self.lines[name].update(line)
+
+    def _tabs(self) -> Content:
+        """The views by their keys, the one that is shown in reverse; a click goes to one."""
+        tabs = [
+            f"[{'reverse ' * self.all.has_class(name)}@click=app.view('{name}')] {k} {title} [/]"
+            for k, (name, title) in enumerate(VIEWS.items(), 1)
+        ]
+        return Content.from_markup(" ".join(tabs))
+
+    def _keys(self) -> Content:
+        """Keys that work where the focus is; a click presses one."""
+        keys: dict[str, str] = {}
+        for active in self.screen.active_bindings.values():
+            if (key := active.binding).show and active.enabled:
+                words = f"[b]{self.get_key_display(key)}[/b] {key.description}".replace(" ", NO_BREAK)
+                keys.setdefault(key.description, f"[@click=app.simulate_key('{key.key}')]{words}[/]")
+        return Content.from_markup("  ".join(keys.values()))
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Whether an action can be done now."""
+        session = self.session
+        able = {"without_trial": session.trials, "undone": session.past, "redone": session.future}
+        return bool(able.get(str(*parameters), True)) if action == "change" else True
+
+    @on(DescendantFocus)
+    def show_keys(self) -> None:
+        """Show the keys of another focus."""
+        self.call_after_refresh(self.draw)
 
     def _letters(self) -> dict[float, str]:
         """Letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
-        shown, drive = self.of_trials or self.known, self.session.drive
-        allowed, letters = usable_positions(drive.mounting.holes, drive.mounting.allowed), defaultdict(str, {0.0: "N"})
-        if (curve := shown.curve) and shown.advice:
-            ranked = [position.rotation_deg for position in shown.advice.choice.ranked]
-        elif curve:
-            merits = dict(zip(curve.rotations_deg, curve.merits, strict=True))
-            usable = [at for at in merits if not drive.mounting.holes or at in allowed]
-            ranked = sorted(usable, key=merits.__getitem__)
-        if curve:
-            letters[ranked[0]] += "B"
-            letters[ranked[-1]] += "W"
-        if shown.advice and (following := words.next_deg(shown.advice)) is not None:
-            letters[following] += "?"
-        for at in {*self.session.positions} - {*allowed}:
+        drive, letters = self.session.drive, defaultdict(str, {0.0: "N"})
+        if (advice := (self.of_trials or self.known).advice) and not is_any_hole(drive):
+            ranked = advice.choice.ranked
+            letters[ranked[0].rotation_deg] += "B"
+            letters[ranked[-1].rotation_deg] += "W"
+        if advice and words.why_no_card((self.of_trials or self.known).report):
+            to_try = advice.to_try[0].rotation_deg if isinstance(advice, Advice) else advice.to_measure_next[0]
+            letters[to_try] += "?"
+        for at in {*self.session.positions} - {*usable_positions(drive.mounting.holes, drive.mounting.allowed)}:
             letters[at] += "x"
         return letters
 
     def _looked_at(self) -> Text:
         """Where the wheel is looked at, and F'_ior there."""
-        session, curve, text = self.session, (self.of_trials or self.known).curve, Text()
-        turn = session.turn_deg
-        text.append(f"{hole_words(turn, session.drive.mounting.holes)}{', where it stands' * (not turn)}")
-        if curve is None:
-            return text.append(", directions unknown: any hole" * is_any_hole(session.drive))
-        if (place := curve.place(turn)) is not None:
-            now = curve.F_ior_arcsec[1, :, curve.rotations_deg.index(0.0)]
-            for k, value in enumerate(curve.F_ior_arcsec[1, :, place]):
-                change = f" {value / max(now[k], 1e-9) - 1:+.0%}" if turn else ""
-                text.append(
-                    f"  {session.drive.operation.M_g[k]:g} N·m {value:.1f}″{change}",
-                    TORQUE_STYLES[k % len(TORQUE_STYLES)],
-                )
-            sure = curve.sure[place]
-            at_zero = sure is not Sure.RANGE and unknowns(session.drive)
-            text.append(f"  {MARKS[sure]} {sure}{', unknown as 0' if at_zero else ''}")
-        return text
+        session, curve, turn = self.session, (self.of_trials or self.known).curve, self.session.turn_deg
+        text = Text(f"{hole_words(turn, session.drive.mounting.holes)}{', where it stands' * (not turn)}  ")
+        text.append(values_of(curve, turn))
+        if curve:
+            text.append(f" {MARKS.get(curve.surety(turn), '○')} {curve.surety(turn)}")
+        return text.append(", any hole may be the best" * is_any_hole(session.drive))
 
     @on(DataTable.RowHighlighted)
     def look_at(self, event: DataTable.RowHighlighted) -> None:
         """Look at the wheel in the hole under the cursor, or explain the field there."""
         if event.data_table is self.levers:
-            lever = self._lever()
-            self.lines["about"].update(f"{lever.path}: {lever.words}" if lever else "")
+            field = self._field()
+            self.lines["about"].update(about_field(field) if field else "")
         elif (key := self.holes.key) and key != f"{self.session.turn_deg}":
             self.show(replace(self.session, turn_deg=float(key)))
 
-    def _lever(self) -> Lever | None:
+    def _field(self) -> ResolvedField | None:
         """The field under the cursor."""
-        return next((each for each in levers(self.session.drive, set()) if each.path == self.levers.key), None)
+        return next((each for each in resolved_fields(self.session.drive) if each.path == self.levers.key), None)
 
     @on(Input.Changed, "#filter")
     def filtered(self) -> None:
@@ -231,16 +277,16 @@ class Explorer(Exporting):
 
     def command_line(self) -> str:
         """The command that gives the same answer."""
-        if self.panes.has_class("turn"):
-            return self.session.trace_command(self.M_g)
+        if self.all.has_class("turn") or self.all.has_class("cycle"):
+            return self.session.trace_command(self.M_g, self._of_turn())
         return self.session.command()
 
     # --- actions
 
     def action_view(self, name: str) -> None:
         """Show a pane where not all of them have room, and go to it."""
-        self.panes.set_classes(name)
-        (self.levers if name == "levers" else self.holes).focus()
+        self.all.set_classes(name)
+        (self.levers if name == "levers" else self.panes[name] if name in ("why", "advice") else self.holes).focus()
         self.call_after_refresh(self.draw)
         self.when_at_rest()
 
@@ -264,17 +310,27 @@ class Explorer(Exporting):
         best = next((at for at, signs in self._letters().items() if "B" in signs), self.session.turn_deg)
         self.show(replace(self.session, turn_deg=best if where else 0.0))
 
-    def action_pin(self) -> None:
-        """Compare with the drive as it is now; again: with the preset."""
-        self.show(state.pinned(self.session))
+    def action_change(self, name: str) -> None:
+        """Change the session by a function of `state`."""
+        self.change(getattr(state, name))
 
-    def action_undo(self) -> None:
-        """Take the last change back."""
-        self.change(state.undone)
+    def action_keep_clearance(self) -> None:
+        """Have x_b change with W_0, or not."""
+        self.show(replace(self.session, keeps_clearance=not self.session.keeps_clearance))
 
-    def action_redo(self) -> None:
-        """Make the change again that was taken back."""
-        self.change(state.redone)
+    def action_sort(self) -> None:
+        """Show levers by group, or by what they change."""
+        self.is_grouped = not self.is_grouped
+        self.draw()
+
+    def action_evidence(self) -> None:
+        """Ask for what is known of the drive."""
+        session = self.session
+        hint = (
+            f"K_1=3.1e4 lost_motion=50; h4=31 ± 2, F'_ior in a hole; supports.C_3=5200; limit=45; or the path of a "
+            f"trace measured in {session.here} at {session.trial_torque:g} N·m. ± is k = 2; empty takes it back."
+        )
+        self._ask_change("what is known of this drive", "", hint, state.with_evidence)
 
     def action_trial(self) -> None:
         """Ask for trials."""
@@ -283,25 +339,18 @@ class Explorer(Exporting):
         hint = f"{torque}: 28.1 for {session.here}, or h4=17.3; several with blanks between"
         self._ask_change("add trials", "", hint, state.with_trials)
 
-    def action_drop_trial(self) -> None:
-        """Drop the last trial."""
-        self.change(state.without_trial)
-
     @on(DataTable.RowSelected, "#levers")
     def edit(self) -> None:
         """Ask for another value of the field under the cursor."""
-        if lever := self._lever():
-            title = f"{lever.path}, {lever.unit}" if lever.unit else lever.path
-            hint = f"{lever.words}. Empty takes a change back."
-            self._ask_change(title, lever.text, hint, lambda s, value: state.edited(s, lever.path, value))
+        if field := self._field():
+            title = f"{field.path}, {field.unit}" if field.unit else field.path
+            hint = f"{about_field(field)}. Empty takes a change back."
+            text = text_of(field.value)
+            self._ask_change(title, text, hint, lambda s, value: state.edited(s, field.path, value))
 
     def _ask_change(self, title: str, text: str, hint: str, change: Callable[[Session, str], Session]) -> None:
         """Have a text filled in that changes the session."""
-
-        def take(values: tuple[str, ...]) -> None:
-            self.change(lambda s: change(s, values[0]))
-
-        self.fill_in(title, [("", text)], hint, take, lambda values: change(self.session, values[0]))
+        self.push_screen(Form(title, [("", text)], hint, lambda value: self.show(change(self.session, value))))
 
     def action_nudge(self, steps: int) -> None:
         """Change the field under the cursor by steps."""
@@ -311,4 +360,4 @@ class Explorer(Exporting):
 
     def action_explain(self) -> None:
         """Explain the screen."""
-        self.push_screen(Explain())
+        self.push_screen(Notice(EXPLAINED, markup=True))

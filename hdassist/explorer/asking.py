@@ -13,23 +13,25 @@ from textual.color import Color
 from textual.filter import LineFilter
 from textual.timer import Timer
 
-from hdassist.error.trace import Trace
+from hdassist.design.check import DesignCheck
 from hdassist.errors import HdassistError
 from hdassist.explorer.compute import (
     FULL,
     Effort,
-    ExplorerAnswer,
-    Headline,
+    FirstErrors,
     LeverEffects,
     SeatCurve,
+    TurnErrors,
     drive_answers,
     trial_answers,
+    typical_of,
 )
-from hdassist.explorer.screens import Form
 from hdassist.explorer.service import Failed, Question, Service
-from hdassist.explorer.state import Session, Step
+from hdassist.explorer.state import Session
 from hdassist.mounting.advice import Advice
+from hdassist.preset.fields import Drive
 from hdassist.report.report import Report
+from hdassist.terminal.brief import again
 from hdassist.terminal.console import PLAIN_CHARACTERS
 from hdassist.trials.advice import TrialAdvice
 from hdassist.visible import visible
@@ -41,29 +43,38 @@ SIGNS = PLAIN_CHARACTERS | str.maketrans("○●◌◆…°″±≤≥←→↑�
 
 @dataclass
 class Known:
-    """Answers about one variant of the drive, or about one with trials; old: the headline of the variant before."""
+    """Answers about one variant of the drive, or about one with trials; old: the check of the variant before."""
 
     curve: SeatCurve | None = None
-    headline: Headline | None = None
-    old: Headline | None = None
+    check: DesignCheck | None = None  # by the samples so far, before its page is there
+    page: Report | None = None  # of the check
+    old: DesignCheck | None = None
+    first: FirstErrors | None = None
     advice: Advice | TrialAdvice | None = None
     report: Report | None = None  # of the advice
     effects: LeverEffects | None = None
-    trace: Trace | None = None
-    traced: tuple[float, float] | None = None  # turn of the wheel [deg] and torque [N*m] of the trace
+    turn: TurnErrors | None = None
     failed: Failed | None = None
 
-    def take(self, answer: ExplorerAnswer) -> None:
+    @property
+    def whole(self) -> DesignCheck | None:
+        """The whole answer of `check`, None before."""
+        return self.check if self.page else None
+
+    def take(self, answer: object) -> None:
         """Learn an answer."""
-        setattr(self, FIELD_OF.get(type(answer), "advice"), answer)
+        if isinstance(answer, Report):
+            self.page, self.report = (answer, self.report) if answer.command == "check" else (self.page, answer)
+        else:
+            setattr(self, FIELD_OF.get(type(answer), "advice"), answer)
 
 
 FIELD_OF = {
     SeatCurve: "curve",
-    Headline: "headline",
+    DesignCheck: "check",
+    FirstErrors: "first",
     LeverEffects: "effects",
-    Trace: "trace",
-    Report: "report",
+    TurnErrors: "turn",
     Failed: "failed",
 }
 
@@ -85,7 +96,8 @@ def seven_bits(text: str) -> str:
 class Asking(App[int]):
     """A session, and questions about it: each change asks for new answers, and ends questions that became needless.
 
-    Arguments: session, service and effort; dark or light; ascii, whether in 7 bits.
+    Arguments: session, service and effort; dark or light; ascii, whether in 7 bits; keep, which is given the command
+    that comes back to the session at each change.
     """
 
     def __init__(
@@ -96,11 +108,13 @@ class Asking(App[int]):
         *,
         dark: bool = True,
         ascii: bool = False,
+        keep: Callable[[str], object] = str,
     ) -> None:
         super().__init__()
-        self.ascii, self.torque = ascii, 0  # place of the torque that cam turn and levers are shown at
+        self.ascii, self.keep, self.torque = ascii, keep, 0  # place of the torque that cam turn and levers are shown at
         self.session, self.service, self.effort = session, service, effort
-        self.answers: dict[Step, Known] = {}
+        self.answers: dict[str, Known] = {}  # by the command that gives them
+        self.asked: dict[str, tuple[object, ...]] = {}  # the last question of a group, by its arguments
         self._rest: Timer | None = None
         self.theme = THEMES[dark]
 
@@ -114,21 +128,25 @@ class Asking(App[int]):
     def ask_of_panes(self) -> None:
         """Ask for what else is on the screen."""
 
+    def known_of(self, drive: Drive) -> Known:
+        """Answers about a drive without trials."""
+        return self.answers.setdefault(again("check", drive), Known())
+
     @property
     def known(self) -> Known:
-        """Answers about the drive without trials."""
-        return self.answers.setdefault(Step(self.session.changes), Known())
+        """Answers about the drive as it is now."""
+        return self.known_of(self.session.drive)
 
     @property
     def of_trials(self) -> Known | None:
         """Answers from the trials; None where there are none."""
-        return self.answers.setdefault(self.session.step, Known()) if self.session.trials else None
+        return self.answers.setdefault(self.session.command("trials"), Known()) if self.session.trials else None
 
     @property
     def pinned(self) -> Known | None:
-        """Answers about the variant to compare with, None where it is the one that is shown."""
-        pinned = self.session.pinned
-        return None if pinned == self.session.changes else self.answers.get(Step(pinned))
+        """Answers about the drive to compare with, None where it is the one that is shown."""
+        pinned = self.known_of(self.session.pinned)
+        return None if pinned is self.known else pinned
 
     @property
     def M_g(self) -> float:
@@ -139,47 +157,37 @@ class Asking(App[int]):
     def show(self, session: Session) -> None:
         """Go on with another session: ask for answers that are missing, and draw it."""
         old, before, self.session = self.session, self.known, session
-        if session.changes != old.changes:
-            if self.workers.cancel_group(self, "levers"):
-                before.effects = None
-            if self.workers.cancel_group(self, "turn"):
-                before.traced = None
-            self.known.old = before.headline or before.old
+        if self.known is not before:
+            self.known.old = before.whole or before.old or before.check
             self.ask_of_drive()
         if session.step != old.step:
             self.ask_of_trials()
+            self.keep(session.command("explore"))
         self.when_at_rest()
         self.draw()
 
     def change(self, change: Callable[[Session], Session]) -> None:
         """Go on with a changed session; say why where that cannot be."""
+        self.attempt(lambda: self.show(change(self.session)))
+
+    def attempt(self, act: Callable[[], None]) -> None:
+        """Do something; say why where that cannot be."""
         try:
-            self.show(change(self.session))
+            act()
         except HdassistError as error:
             self.complain(error)
 
     def complain(self, error: HdassistError | Failed) -> None:
         """Notify of an error and its hint."""
-        hint = f"\n{error.hint}" if error.hint else ""
-        self.notify(visible(f"{error.message}{hint}"), severity="error", markup=False, timeout=8)
-
-    def fill_in(
-        self,
-        title: str,
-        fields: Sequence[tuple[str, str]],
-        hint: str,
-        take: Callable[[tuple[str, ...]], None],
-        check: Callable[[tuple[str, ...]], object] | None = None,
-    ) -> None:
-        """Have a form filled in, and take its values unless it is left."""
-        self.push_screen(Form(title, fields, hint, check), lambda values: take(values) if values else None)
+        self.notify(visible(f"{error.message}\n{error.hint}".strip()), severity="error", markup=False, timeout=8)
 
     def ask_of_drive(self) -> None:
         """Ask for the answers of `check` and `mount`, unless they are there."""
         self.workers.cancel_group(self, "drive")
         if self.known.advice is None:
             self.known.failed = None
-            self.follow(partial(drive_answers, self.session.drive, self.effort), self.known, "drive")
+            typical = typical_of(self.known.old)[0] if self.known.old else {}
+            self.follow(partial(drive_answers, self.session.drive, typical, self.effort), self.known, "drive")
 
     def ask_of_trials(self) -> None:
         """Ask for the answer of `trials`, unless it is there or there are none."""
@@ -188,16 +196,22 @@ class Asking(App[int]):
             known.failed = None
             self.follow(partial(trial_answers, self.session, self.effort), known, "trials")
 
+    def ask_once(self, question: partial[None], known: Known, group: str) -> None:
+        """Ask, unless that was the last question of its group."""
+        if self.asked.get(group) != question.args:
+            self.asked[group] = question.args
+            self.follow(question, known, group)
+
     def follow(self, question: Question, known: Known, group: str) -> None:
         """Ask, and take each answer; another question of the group ends the process of this one."""
 
         async def follow() -> None:
             async for answer in self.service.ask(question):
-                if isinstance(answer, Failed) and group in ("levers", "turn"):
+                if isinstance(answer, Failed) and group not in ("drive", "trials"):
                     self.complain(answer)
                 else:
                     known.take(answer)
-                if isinstance(answer, Headline) and answer.whole:
+                if isinstance(answer, Report):
                     self.when_at_rest()
                 self.draw()
             self.call_later(self.draw)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated
 
 import typer
 
 from hdassist.terminal import options as o
 
-HUNG_UP = "explore.txt"  # among the user's states: the command that goes on, where the terminal was closed
+SESSION_FILE = "explore.txt"  # among the user's states: the command that comes back to the last session
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,10 +24,11 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
       hdassist explore my-drive.yaml --set phases.xi_b=230
       hdassist explore my-drive.yaml h0=28.1 h4=17.3 h8=24.9
 
-    Arrow keys turn the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline); t adds a trial, c
-    writes the assembly card, ? explains the screen. Numbers are coarse at once, then refined, then proven; a card comes
-    only from what mount and trials would order too. The line at the bottom is the command that gives the same answer in
-    a script; on leaving, the command that comes back to the session is printed.
+    Arrow keys turn the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline); e takes what is
+    known of the drive, t a trial, c writes the assembly card, ? explains the screen. A number is searched first, then
+    proven; a card comes only from what mount and trials would order too. The line at the bottom is the command that
+    gives the same answer in a script; the one that comes back to the session is printed on leaving, and kept at each
+    change in explore.txt in the user's folder of states.
     """
 
     preset: o.Preset
@@ -34,6 +36,7 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
         list[str] | None,
         typer.Argument(metavar="HOLE=F_IOR", help="Trials to begin with, as hdassist trials takes them."),
     ] = None
+    pin: Annotated[str | None, typer.Option(metavar="PRESET", help="A second drive to compare with.")] = None
     light: Annotated[bool, typer.Option("--light", help="Dark letters on a light ground.")] = False
     ascii: o.Ascii = False
     jobs: o.Jobs = 0
@@ -46,7 +49,7 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
 
         if self.preset == "-":
             raise UsageError("the explorer needs standard input for its keys", "name a preset or a file")
-        session = opened_state(self.preset, tuple(self.changes), self.only(o.TrialOptions))
+        session = opened_state(self.preset, tuple(self.changes), self.only(o.TrialOptions), self.pin or "")
         rig_of(session)
         if self.trials:
             session = with_trials(session, " ".join(self.trials))
@@ -67,17 +70,16 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
                 from hdassist.terminal.files import put_text
 
                 plain = Style.of(sys.stdout, ascii=self.ascii).ascii
-                app = Explorer(session, service, Effort(jobs=self.jobs), dark=not self.light, ascii=plain)
+                keep = partial(put_text, str(user_state_path("hdassist", ensure_exists=True) / SESSION_FILE))
+                effort = Effort(jobs=self.jobs)
+                app = Explorer(session, service, effort, dark=not self.light, ascii=plain, keep=keep)
                 app.run()
             finally:
                 service.close()
-        is_hung_up = not sys.stdout.isatty()  # what is left for the terminal has no place
-        if is_hung_up:
+        if not sys.stdout.isatty():  # the terminal is gone: what is left for it has no place
             for stream in (sys.stdout, sys.stderr):
                 silence(stream)
         if app.session.step != session.step:
             for words, name in (("back to it", "explore"), ("its numbers", "check")):
                 say(f"{words}: {app.session.command(name)}")
-            if is_hung_up:
-                put_text(str(user_state_path("hdassist", ensure_exists=True) / HUNG_UP), app.session.command("explore"))
         return app.return_code or 0

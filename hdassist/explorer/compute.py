@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
-from enum import StrEnum
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from hdassist.belief.prior import FieldPrior, prior_of
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, ErrorBelief, Samples, errors_by_turn
-from hdassist.design.check import DesignCheck, OperatingPoint, check, drive_samples
+from hdassist.belief.prior import prior_of
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, errors_by_turn
+from hdassist.comparing.drives import differing_fields
+from hdassist.design.check import DesignCheck, check, drive_samples
+from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import searchable
-from hdassist.error.self_error import limits_left
-from hdassist.error.trace import Trace, trace
+from hdassist.error.trace import trace
 from hdassist.errors import HdassistError
-from hdassist.explorer.levers import SETTING_SECTIONS, step_of
-from hdassist.explorer.service import Failed
+from hdassist.explorer.levers import SETTING_SECTIONS, TEETH_FIELDS, step_of
 from hdassist.explorer.state import Session, rig_of
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
@@ -29,28 +29,26 @@ from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.mounting.trial import read_trial
 from hdassist.pages.check import check_report
 from hdassist.pages.mount import mount_report
+from hdassist.pages.trace import curve_of_turns
 from hdassist.pages.trials import trials_report
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
-from hdassist.report.report import Report
+from hdassist.report.blocks import Curve, Lines
 from hdassist.run.processes import workers
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.window import in_wide_enough_window
-from hdassist.trials.advice import TrialAdvice, advise_from_trials
+from hdassist.trials.advice import advise_from_trials
 from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort
-from hdassist.verdict import Verdict, verdict_by_probability
 
 SEED = 0  # of samples and of what is solved again, as the commands have it
 LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN = 0.05, 0.5, 0.95  # percentiles
+ORDERS = 5  # of a cam turn, the greatest
+SURE_REFINED, SURE_PROVEN, SURE_RANGE = (
+    "REFINED",
+    "PROVEN",
+    "90 % RANGE",
+)  # extremes searched; every state solved; percentiles
 STEP = 0.34  # of the probability of a field that is not known exactly: a step to either side, about one deviation
-
-
-class Sure(StrEnum):
-    """How sure an F'_ior is: its extremes searched, every state solved, a 90 % range."""
-
-    REFINED = "REFINED"
-    PROVEN = "PROVEN"
-    RANGE = "90 % RANGE"
 
 
 @dataclass(frozen=True)
@@ -79,73 +77,47 @@ class SeatCurve:
 
     rotations_deg: tuple[float, ...]
     F_ior_arcsec: Array
-    sure: tuple[Sure, ...]
+    sure: tuple[str, ...]
+
+    def surety(self, rotation_deg: float) -> str:
+        """How sure it is at a turn, empty at one that it has not."""
+        place = self.place(rotation_deg)
+        return "" if place is None else self.sure[place]
 
     def place(self, rotation_deg: float) -> int | None:
         """Which of the turns one is, None for another."""
         near = np.abs((np.array(self.rotations_deg) - rotation_deg + 180) % 360 - 180) < 1e-6
         return int(near.argmax()) if near.any() else None
 
-    @property
-    def merits(self) -> Array:
-        """Greatest over the torques of the median against that of how the wheel stands, shape (turns,)."""
-        median = self.F_ior_arcsec[1]
-        now = median[:, self.rotations_deg.index(0.0)]
-        return np.asarray((median / np.maximum(now, 1e-9)[:, None]).max(axis=0))
-
 
 @dataclass(frozen=True)
-class ErrorRange:
-    """F'_ior [arcsec] at a torque M_g [N*m] with the wheel as it stands, and the limit that it is held against.
+class FirstErrors:
+    """F'_ior [arcsec] at each torque of a typical drive: what is there first."""
 
-    p5, p50, p95: percentiles over all that is not known exactly, all alike where all is known; left_arcsec, what the
-    limit leaves F'_ior beside the self error; probability of keeping the limit, None where all is known; verdict by
-    the rule of `check`.
-    """
-
-    M_g: float
-    p5: float
-    p50: float
-    p95: float
-    left_arcsec: float | None
-    limit_arcsec: float | None
-    probability: float | None
-    verdict: Verdict
-
-    @property
-    def margin_arcsec(self) -> float | None:
-        """What the limit leaves above the 95th percentile with the self error [arcsec]."""
-        return None if self.left_arcsec is None else self.left_arcsec - self.p95
-
-
-@dataclass(frozen=True)
-class Headline:
-    """The answer of `check`, a row a torque.
-
-    samples: effective ones so far, 0 where all is known; report, that of the whole answer; typical: values by path of
-    the sample nearest to the median.
-    """
-
-    rows: tuple[ErrorRange, ...]
-    samples: float
-    report: Report | None = None
-    typical: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def whole(self) -> bool:
-        """Whether it is the whole answer, not one of the samples so far."""
-        return self.report is not None
+    F_ior_arcsec: Sequence[float]
 
 
 @dataclass(frozen=True)
 class LeverEffects:
-    """By field: the step that is plausible [its unit], and what it does to F'_ior at each torque [arcsec]."""
+    """By field: the step that is plausible [its unit], and what it does to F'_ior at each torque [arcsec].
+
+    differing: fields in which the pinned drive differs; their step goes to its value.
+    """
 
     steps: Mapping[str, tuple[float, tuple[float, ...]]]
+    differing: tuple[str, ...] = ()
 
 
-ExplorerAnswer = SeatCurve | Headline | LeverEffects | Report | Advice | TrialAdvice | Trace | Failed
-Tell = Callable[[ExplorerAnswer], None]
+@dataclass(frozen=True, eq=False)
+class TurnErrors:
+    """The error of a drive as blocks of a page: over a cam turn, over the full cycle, and its greatest orders."""
+
+    turn: Curve
+    cycle: Curve
+    orders: Lines
+
+
+Tell = Callable[[object], None]
 
 
 def is_any_hole(drive: Drive) -> bool:
@@ -153,25 +125,45 @@ def is_any_hole(drive: Drive) -> bool:
     return bool(unknowns(drive) and unknown_turn(drive) and not no_hole_better(drive))
 
 
-def drive_answers(drive: Drive, effort: Effort, tell: Tell) -> None:
-    """F'_ior over the seat by a search, the answer of `check`, that of `mount`.
+def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:
+    """F'_ior of a typical drive by a search, that over the seat, the answer of `check`, that of `mount`.
 
-    Raises HdassistError where there is no answer.
+    Argument: typical, values by path of all that was not known exactly of a drive like it. Raises HdassistError where
+    there is no answer.
     """
-    if searchable(drive) and not is_any_hole(drive):
+    if searchable(drive) and (typical or not unknowns(drive)):
+        tell(
+            FirstErrors(in_wide_enough_window(with_typical(drive, typical), partial(_searched, (0.0,)))[:, 0].tolist())
+        )
+    if searchable(drive) and not unknowns(drive):
         rotations = tuple(seat_positions(drive))
         F_ior = in_wide_enough_window(drive, partial(_searched, rotations))
-        tell(SeatCurve(rotations, np.stack([F_ior] * 3), (Sure.REFINED,) * len(rotations)))
+        tell(SeatCurve(rotations, np.stack([F_ior] * 3), (SURE_REFINED,) * len(rotations)))
     with workers(effort.jobs) as executor:
         run = Run(executor, seed=SEED)
-        tell(in_wide_enough_window(drive, partial(_checked, effort=effort, run=run, tell=tell)))
+        in_wide_enough_window(drive, partial(_checked, effort=effort, run=run, tell=tell))
         torques, rotations_deg = drive.operation.M_g, seat_positions(drive)
         mounting = partial(advise, torques=torques, rotations_deg=rotations_deg, draws=effort.draws, run=run)
         advice = in_wide_enough_window(drive, mounting)
-    if not advice.any_hole:
+    if advice.positions or not advice.any_hole:
         tell(_mount_curve(advice))
     tell(mount_report(advice, SEED))
     tell(advice)
+
+
+def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]]:
+    """Values by path of the sample nearest to the median, and its F'_ior at each torque [arcsec]."""
+    if not (samples := found.samples):
+        return {}, [point.error.F_ior_arcsec for point in found.points]
+    errors = samples.F_ior_arcsec[:, found.least_sure]
+    near = np.argmin(np.abs(errors - samples.percentile(MIDDLE_SHARE, found.least_sure)))
+    return samples.prior.values(samples.shares[[near]])[0], samples.F_ior_arcsec[near].tolist()
+
+
+def with_typical(drive: Drive, typical: Mapping[str, float]) -> Drive:
+    """The drive with typical values of what is not known exactly of it."""
+    open_ = {each.path for each in prior_of(drive).fields}
+    return drive.with_values({path: value for path, value in typical.items() if path in open_})
 
 
 def trial_answers(session: Session, effort: Effort, tell: Tell) -> None:
@@ -191,58 +183,78 @@ def trial_answers(session: Session, effort: Effort, tell: Tell) -> None:
     tell(advice)
 
 
-def cam_turn(drive: Drive, rotation_deg: float, M_g: float, tell: Tell) -> None:
-    """The answer of `trace` with the fixed wheel turned. Raises HdassistError where there is none."""
-    tell(in_wide_enough_window(rotated(drive, rotation_deg), partial(trace, M_g=M_g, run=UNCHECKED)))
+def cam_turn(drive: Drive, typical: Mapping[str, float], rotation_deg: float, M_g: float, tell: Tell) -> None:
+    """The errors of a typical drive with its fixed wheel turned, as `trace` has them.
+
+    Raises HdassistError where there is no answer.
+    """
+
+    def both(there: Drive) -> TurnErrors:
+        of_turn, cycle = trace(there, M_g=M_g, run=UNCHECKED), kinematic_error(there, M_g, run=UNCHECKED)
+        turn, full = (
+            curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, f"error at {M_g:g} N·m, ″")
+            for error in (of_turn.error, cycle)
+        )
+        orders = sorted(of_turn.orders, key=lambda order: -order.amplitude_arcsec)[:ORDERS]
+        lines = (f"{o.per_cam_rev:5.2f} {o.amplitude_arcsec:7.2f}  {o.cause.split(';')[0]}" for o in orders)
+        return TurnErrors(turn, full, Lines("orders of the cam turn, ″", tuple(lines)))
+
+    tell(in_wide_enough_window(rotated(drive.with_values(dict(typical)), rotation_deg), both))
 
 
-def lever_effects(drive: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:
+def lever_effects(drive: Drive, pinned: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:
     """What a plausible step of each field does to F'_ior of a typical drive, by a search.
 
-    A step of a field that is not known exactly goes about one standard deviation far. Raises HdassistError where the
-    typical drive has no answer.
+    A step of a field that is not known exactly goes about one standard deviation far, one of a field in which a pinned
+    drive differs to its value. Raises HdassistError where the typical drive has no answer.
     """
-    here = drive.with_values(dict(typical))
+    here = with_typical(drive, typical)
     if not searchable(here):
         return
     now = _searched((0.0,), here)[:, 0]
-    steps = dict(_steps(here, {each.path: each for each in prior_of(drive).fields}))
-    found: dict[str, tuple[float, tuple[float, ...]]] = {}
+    found = LeverEffects({}, tuple(differing_fields((drive, pinned))))
+    steps = _steps(drive, here, {path: pinned.value(path) for path in found.differing})
     with workers(effort.jobs) as executor:
-        ranges = executor.map(partial(_moved_ranges, here), steps.items())
-        for (path, step), there in zip(steps.items(), ranges, strict=True):
+        for path, step, there in executor.map(partial(_stepped_errors, here), steps):
             if there is not None:
-                found[path] = step, tuple((there - now).tolist())
-            if len(found) % 8 == 0:
-                tell(LeverEffects(dict(found)))
-    tell(LeverEffects(found))
+                found = replace(found, steps={**found.steps, path: (step, tuple((there - now).tolist()))})
+            if len(found.steps) % 8 == 0:
+                tell(found)
+    tell(found)
 
 
-def _steps(drive: Drive, priors: Mapping[str, FieldPrior]) -> Iterator[tuple[str, float]]:
-    """Plausible steps of the fields of a drive, the other way where the first leaves what is allowed."""
+def _steps(drive: Drive, here: Drive, others: Mapping[str, Any]) -> Iterator[tuple[str, tuple[float, ...]]]:
+    """Plausible steps of the fields of a typical drive, in order of preference.
+
+    Arguments: drive, with its ranges; here, the typical one; others, values where a pinned one differs.
+    """
+    priors = {each.path: each for each in prior_of(drive).fields}
     for path, info in field_table().items():
-        prior = priors.get(path)
-        is_setting = path.split(".")[0] in SETTING_SECTIONS and not prior
-        if kind_of(info) != "number" or is_setting or drive.value(path) is None:
+        value, is_setting = here.value(path), path.split(".")[0] in SETTING_SECTIONS
+        if kind_of(info) not in ("number", "count") or value is None:
             continue
-        if prior:
-            low, high = prior.value(np.array([MIDDLE_SHARE - STEP, MIDDLE_SHARE + STEP]))
+        if others.get(path) is not None:
+            yield path, (others[path] - value,)
+        elif path in priors:
+            low, high = priors[path].value(np.array([MIDDLE_SHARE - STEP, MIDDLE_SHARE + STEP]))
             step = float(f"{(high - low) / 2:.2g}")
-        else:
-            step = step_of(info, drive.number(path))
-        for each in (step, -step):
-            value = drive.number(path) + each
-            if each and drive.allows(path, value) and first_conflict(drive.with_values({path: value})) is None:
-                yield path, each
-                break
+            yield path, (step, -step)
+        elif path == TEETH_FIELDS[0]:
+            yield path, (here.gears.z_b - here.gears.z_g,)
+        elif kind_of(info) == "number" and not is_setting:
+            yield path, (step_of(info, value), -step_of(info, value))
 
 
-def _moved_ranges(drive: Drive, step: tuple[str, float]) -> Array | None:
-    """F'_ior at each torque after a step; None where such a drive has no answer."""
-    path, by = step
-    with suppress(HdassistError):
-        return _searched((0.0,), drive.with_values({path: drive.number(path) + by}))[:, 0]
-    return None
+def _stepped_errors(drive: Drive, steps: tuple[str, tuple[float, ...]]) -> tuple[str, float, Array | None]:
+    """A field, the first of its steps that makes a drive, and F'_ior at each torque there, None without an answer."""
+    path, sizes = steps
+    together = TEETH_FIELDS if path in TEETH_FIELDS else [path]
+    for by in sizes:
+        moved = drive.with_values({each: drive.value(each) + by for each in together})
+        if by and moved.allows(path, moved.number(path)) and first_conflict(moved) is None:
+            with suppress(HdassistError):
+                return path, by, _searched((0.0,), moved)[:, 0]
+    return path, 0.0, None
 
 
 def _searched(rotations_deg: tuple[float, ...], drive: Drive) -> Array:
@@ -255,7 +267,7 @@ def _statistics_curve(found: PositionStatistics) -> SeatCurve:
         [found.quantile(share, found.place(at)) for at in rotations]
         for share in (LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN)
     ]
-    return SeatCurve(rotations, np.swapaxes(values, 1, 2), (Sure.RANGE,) * len(rotations))
+    return SeatCurve(rotations, np.swapaxes(values, 1, 2), (SURE_RANGE,) * len(rotations))
 
 
 def _mount_curve(advice: Advice) -> SeatCurve:
@@ -264,48 +276,27 @@ def _mount_curve(advice: Advice) -> SeatCurve:
     curve = advice.curve
     order = np.argsort(curve.rotation_deg)
     done = np.atleast_1d(curve.every_state[:, order].all(axis=0)).tolist()
-    sure = [Sure.PROVEN if each and not advice.unknown else Sure.REFINED for each in done]
+    at_zero = f"{SURE_REFINED}, unknown as 0"
+    sure = [at_zero if advice.unknown else SURE_PROVEN if each else SURE_REFINED for each in done]
     return SeatCurve(
         tuple(curve.rotation_deg[order].tolist()), np.stack([curve.F_ior_arcsec[:, order]] * 3), tuple(sure)
     )
 
 
-def _checked(drive: Drive, effort: Effort, run: Run, tell: Tell) -> Headline:
-    """The answer of `check`; told on the way, by the samples so far."""
-    prior, torques, samples = prior_of(drive), drive.operation.M_g, None
+def _checked(drive: Drive, effort: Effort, run: Run, tell: Tell) -> None:
+    """The answer of `check`, and its page; told on the way: F'_ior of every state, then by the samples so far."""
+    prior, torques = prior_of(drive), drive.operation.M_g
+    if not prior.fields:
+        found = run.map(partial(kinematic_error, drive, run=UNCHECKED), torques)
+        tell(FirstErrors([error.F_ior_arcsec for error in found]))
+    whole = check(drive, draws=0, run=run)
     if prior.fields and effort.draws and searchable(drive):
-        left = limits_left(drive, torques)
 
         def seen(samples: Samples) -> None:
             if samples.effective:
-                rows = tuple(_sampled(samples, k, each, drive.limit(torques[k])) for k, each in enumerate(left))
-                tell(Headline(rows, samples.effective))
+                tell(whole.with_samples(samples))
 
-        samples = drive_samples(prior, left, draws=effort.draws, run=run, seen=seen)
-    found = check(drive, draws=effort.draws, samples=samples, run=run)
-    rows = tuple(map(_of_point, found.points))
-    return Headline(rows, samples.effective if samples else 0.0, check_report(found, SEED), _typical(found))
-
-
-def _sampled(samples: Samples, torque: int, left: float | None, limit: float | None) -> ErrorRange:
-    belief = ErrorBelief(samples, torque)
-    kept = None if left is None else belief.probability_within(left)
-    verdict = verdict_by_probability(kept.low, kept.high) if kept else Verdict.NO_LIMIT
-    return ErrorRange(
-        samples.torques[torque], belief.p5, belief.p50, belief.p95, left, limit, kept.value if kept else None, verdict
-    )
-
-
-def _of_point(point: OperatingPoint) -> ErrorRange:
-    belief, value = point.belief, point.error.F_ior_arcsec
-    percentiles = (belief.p5, belief.p50, belief.p95) if belief else (value,) * 3
-    left, kept = point.left_arcsec, point.probability
-    return ErrorRange(point.M_g, *percentiles, left, point.limit_arcsec, kept.value if kept else None, point.verdict)
-
-
-def _typical(found: DesignCheck) -> Mapping[str, float]:
-    if not found.samples:
-        return {}
-    values = found.samples.F_ior_arcsec[:, found.least_sure]
-    near = np.argmin(np.abs(values - found.samples.percentile(MIDDLE_SHARE, found.least_sure)))
-    return found.samples.prior.values(found.samples.shares[[near]])[0]
+        left = [point.left_arcsec for point in whole.points]
+        whole = whole.with_samples(drive_samples(prior, left, draws=effort.draws, run=run, seen=seen))
+    tell(whole)
+    tell(check_report(whole, SEED))

@@ -8,27 +8,23 @@ from functools import partial
 from pathlib import Path
 
 from hdassist.commands.card import CARD_SUFFIXES, CardFile
-from hdassist.errors import HdassistError, UsageError
+from hdassist.errors import UsageError
 from hdassist.explorer.asking import Asking
-from hdassist.explorer.screens import Confirm
+from hdassist.explorer.screens import Form, Notice
 from hdassist.explorer.words import why_no_card
 from hdassist.loading.write import with_changes
 from hdassist.mounting.advice import Advice
+from hdassist.pages.documents import report_html, report_markdown
 from hdassist.pages.mount import mount_card_facts
 from hdassist.pages.trials import trials_card_facts
+from hdassist.terminal.console import Style
 from hdassist.terminal.files import put_text, require_writable
 from hdassist.terminal.texts import texts
-from hdassist.trials.advice import TrialAdvice
 from hdassist.visible import visible
 
 
 class Exporting(Asking):
     """Actions that write a file."""
-
-    @property
-    def advice(self) -> Advice | TrialAdvice | None:
-        """The advice that is shown."""
-        return (self.of_trials or self.known).advice
 
     def named(self, end: str) -> str:
         """A file's name that begins as the preset's."""
@@ -36,20 +32,42 @@ class Exporting(Asking):
 
     def action_card(self) -> None:
         """Write the assembly card of the advice, if there is one to write."""
-        advice = self.advice
-        if advice is None or why_no_card(advice):
-            self.notify(f"no card: {why_no_card(advice)}", severity="warning")
+        found = self.of_trials or self.known
+        advice = found.advice
+        if advice is None or why_no_card(found.report):
+            self.notify(f"no card: {why_no_card(found.report)}", severity="warning")
             return
-        hint = f"{', '.join(CARD_SUFFIXES)}; from {'the prediction' if isinstance(advice, Advice) else 'these trials'}"
-        fields, say = [("file", self.named("-card.html")), ("serial number", "")], texts()
+        say = texts()
         facts = mount_card_facts(advice, say) if isinstance(advice, Advice) else trials_card_facts(advice, say)
 
-        def card(values: tuple[str, ...]) -> CardFile:
-            return CardFile.named(values[0], say, values[1])
+        def write(path: str, serial: str) -> None:
+            card = CardFile.named(path, say, serial)
+            self.write(path, lambda: card.text(facts))
 
-        self.fill_in(
-            "assembly card", fields, hint, lambda values: self.write(values[0], lambda: card(values).text(facts)), card
-        )
+        hint = f"{', '.join(CARD_SUFFIXES)}; from {'the prediction' if isinstance(advice, Advice) else 'these trials'}"
+        fields = [("file", self.named("-card.html")), ("serial number", "")]
+        self.push_screen(Form("assembly card", fields, hint, write))
+
+    def ask_file(self, title: str, name: str, hint: str, text: Callable[[str], str]) -> None:
+        """Ask for a file's name and write a text to it, made of that name once the form has gone."""
+
+        def take(path: str) -> None:
+            self.set_timer(0.1, lambda: self.attempt(lambda: self.write(path, lambda: text(path))))
+
+        self.push_screen(Form(title, [("file", name)], hint, take))
+
+    def action_report(self) -> None:
+        """Write the page of `check` with all its tables."""
+        if not (report := self.known.page):
+            self.notify("no report before the answer is whole", severity="warning")
+            return
+
+        def text(path: str) -> str:
+            style = Style(ascii=self.ascii, codes=False, width=80)
+            return report_html(report) if path.endswith(".html") else report_markdown(report, style)
+
+        hint = ".html, else Markdown: all of check; hdassist report has the tables of mount and stiffness too"
+        self.ask_file("report", self.named("-check.html"), hint, text)
 
     def action_save(self) -> None:
         """Write the preset with the changes, its comments and order as they are."""
@@ -57,51 +75,49 @@ class Exporting(Asking):
         if not overrides:
             self.notify("nothing is changed: there is nothing to save")
             return
-
-        text = partial(with_changes, source.text, source.file, overrides)
-        fields = [("file", source.file if Path(source.file).suffix else self.named("-changed.yaml"))]
+        name = source.file if Path(source.file).suffix else self.named("-changed.yaml")
         hint = "comments and order of the original are kept"
-        self.fill_in("save the preset", fields, hint, lambda values: self.write(values[0], text))
+        self.ask_file("save the preset", name, hint, lambda _: with_changes(source.text, source.file, overrides))
 
     def action_picture(self) -> None:
         """Write the screen as SVG."""
-
-        def take(values: tuple[str, ...]) -> None:
-            # once the form has gone
-            self.set_timer(0.1, lambda: self.write(values[0], lambda: without_fonts(self.export_screenshot())))
-
-        self.fill_in("picture", [("file", self.named(".svg"))], "the screen as it is, as SVG", take)
+        hint = "the screen as it is, as SVG"
+        self.ask_file("picture", self.named(".svg"), hint, lambda _: without_fonts(self.export_screenshot()))
 
     def action_copy(self) -> None:
         """Put the command line on the clipboard."""
         self.copy_to_clipboard(self.session.command())
         self.notify("the command line is on the clipboard")
 
+    async def action_quit(self) -> None:
+        """Leave; ask before where there is something to come back to."""
+        command = self.session.command("explore")
+        question = f"{command}\n\ncomes back to this session, and is printed on leaving.\n\ny leave\nn stay"
+        if self.session.past:
+            self.push_screen(Notice(question), lambda sure: self.exit() if sure else None)
+        else:
+            self.exit()
+
     def write(self, path: str, text: Callable[[], str]) -> None:
-        """Write a text to a file, an existing one only after asking."""
-        try:
-            if path == "-":
-                raise UsageError("the screen has standard output", "name a file")
-            require_writable(path, force=True)
-            made = text()
-        except HdassistError as error:
-            self.complain(error)
-            return
+        """Write a text to a file, an existing one only after asking. Raises HdassistError where it cannot be."""
+        if path == "-":
+            raise UsageError("the screen has standard output", "name a file")
+        require_writable(path, force=True)
+        made = text()
 
         def put(sure: bool | None) -> None:
-            if not sure:
-                return
-            try:
-                put_text(path, made)
-            except HdassistError as error:
-                self.complain(error)
-                return
-            self.notify(visible(f"wrote {path}"), markup=False)
+            if sure:
+                self.attempt(partial(self.put, path, made))
 
-        if Path(path).exists():
-            self.push_screen(Confirm(f"{path} exists. Replace it?"), put)
+        if Path(path).exists():  # once a form has gone
+            self.call_later(self.push_screen, Notice(f"{path} exists. Replace it?\n\ny yes\nn no"), put)
         else:
             put(True)
+
+    def put(self, path: str, text: str) -> None:
+        """Write a text to a file. Raises HdassistError where it cannot be."""
+        put_text(path, text)
+        self.notify(visible(f"wrote {path}"), markup=False)
 
 
 def without_fonts(svg: str) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import select
 import signal
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -25,9 +24,6 @@ def terminal_guarded() -> Iterator[None]:
 
     That the terminal hung up is no signal where SIGHUP is ignored (nohup), or the terminal is of another session.
     """
-    if sys.platform == "win32":
-        yield
-        return
     import termios
 
     attributes = termios.tcgetattr(0)

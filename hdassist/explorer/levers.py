@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Collection
 from math import floor, inf, log10
 
 from pydantic.fields import FieldInfo
 
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import bounds_of, kind_of, range_of, text_of, unit_of
-from hdassist.preset.schema import resolved_fields
+from hdassist.preset.schema import ResolvedField
 
 SETTING_SECTIONS = (
     "mounting",
@@ -20,33 +19,21 @@ SETTING_SECTIONS = (
     "acceptance",
     "numerics",
 )  # sections that are no part of the drive
+TEETH_FIELDS = ("gears.z_g", "gears.z_b")  # change together
 LEVER_STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # a step in units that have a natural one
 
 
-@dataclass(frozen=True)
-class Lever:
-    """One field: path, value as text, unit, range and meaning in words; mark: ? assumed, * changed, or nothing."""
-
-    path: str
-    text: str
-    unit: str
-    range: str
-    meaning: str
-    mark: str = ""
-
-    @property
-    def words(self) -> str:
-        """Meaning and range."""
-        return f"{self.meaning}{f'; {self.range}' if self.range else ''}"
+def mark_of(field: ResolvedField, changed: Collection[str]) -> str:
+    """How a field stands out: * changed, ? assumed; changed: paths that differ from the preset."""
+    is_setting = field.path.split(".")[0] in SETTING_SECTIONS
+    by_default = field.kind == "default" and field.value is not None and not is_setting
+    return "*" if field.path in changed else "?" * (by_default or field.kind == "assumed")
 
 
-def levers(drive: Drive, changed: set[str]) -> Iterator[Lever]:
-    """The fields of a drive in the order in which a preset has them; changed: paths that differ from the preset."""
-    for row in resolved_fields(drive):
-        by_default = row.kind == "default" and row.value is not None and row.path.split(".")[0] not in SETTING_SECTIONS
-        mark = "*" if row.path in changed else "?" * (by_default or row.kind == "assumed")
-        reach = range_of(field_table()[row.path], row.unit)
-        yield Lever(row.path, text_of(row.value), row.unit, reach, row.meaning, mark)
+def about_field(field: ResolvedField) -> str:
+    """Path, meaning and range of a field."""
+    reach = range_of(field_table()[field.path], field.unit)
+    return f"{field.path}: {field.meaning}{f'; {reach}' if reach else ''}"
 
 
 def step_of(info: FieldInfo, value: float) -> float:

@@ -5,38 +5,47 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
-import numpy as np
+from rich.console import Group, RenderableType
 from rich.text import Text
+from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
+from textual.containers import VerticalScroll
 from textual.widgets import DataTable, Static
 
-from hdassist.error.trace import Trace
-from hdassist.explorer.compute import LeverEffects, SeatCurve, Sure
-from hdassist.explorer.levers import Lever
+from hdassist.explorer.compute import SURE_PROVEN, SURE_RANGE, LeverEffects, SeatCurve
+from hdassist.explorer.levers import mark_of
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
 from hdassist.mounting.trial import Trial
 from hdassist.pages.seat import seat_holes
-from hdassist.report.blocks import Curve, Seat, SeatMark
+from hdassist.preset.kinds import text_of
+from hdassist.preset.schema import ResolvedField, resolved_fields
+from hdassist.report.blocks import Block, Seat, SeatMark
 from hdassist.terminal.console import Style
-from hdassist.terminal.plot import curve, ticks
+from hdassist.terminal.page import block_on_page
+from hdassist.terminal.plot import ticks
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.visible import visible
 
-MARKS = {Sure.REFINED: "○", Sure.PROVEN: "●", Sure.RANGE: "◌"}
-TORQUE_STYLES = ("cyan", "yellow", "magenta", "green")  # styles of the torques, one after the other
-LETTER_STYLES = {"B": "green bold", "W": "red bold", "?": "magenta bold", "◆": "magenta"}
+MARKS = {SURE_PROVEN: "●", SURE_RANGE: "◌"}  # else ○
+INK = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one
+LETTER_STYLES = {"B": f"{INK[3]} bold", "W": "red bold", "?": f"{INK[2]} bold", "◆": INK[2]}
 LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
-ORDERS = 5  # that a cam turn names, the greatest
 LEAST_BAR = 10  # columns of a bar at least
+TICKS = tuple(SeatMark("cam", float(at), f"{at}", "") for at in (0, 90, 180, 270))  # in the seat's middle
+
+
+def torque_style(place: int) -> str:
+    """The style of a torque by its place."""
+    return INK[place % len(INK)]
 
 
 class LeverTable(DataTable[Text]):
     """Rows by key, put in place without losing the cursor."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("left", "app.turn(-1)", "turn", show=False),
-        Binding("right", "app.turn(1)", "turn", show=False),
+        Binding("left", "app.turn(-1)", "turn", key_display="←→"),
+        Binding("right", "app.turn(1)", "", show=False),
     ]
 
     def on_mount(self) -> None:
@@ -81,74 +90,53 @@ class Holes(LeverTable):
 
         Arguments: session; found, their F'_ior; behind, that of another variant; letters by turn [deg]; trials.
         """
-        drive = session.drive
+        drive, holes = session.drive, session.drive.mounting.holes
         limits = [limit for M_g in drive.operation.M_g if (limit := drive.limit(M_g))]
-        highest = max(
-            [0.1, *(one.F_ior_arcsec for one in trials), *(found.F_ior_arcsec.max(axis=(1, 2)) if found else ())]
-        )
-        highest = max([highest, *(limit for limit in limits if limit < 1.5 * highest)])
-        top = ticks(0.0, highest, 5)[-1]
-        values = {
-            at: _values(found, at)
-            for at in sorted({*session.positions, *letters, *(one.rotation_deg for one in trials)})
-        }
-        width = self.size.width - max(map(len, values.values())) - 12
+        errors = [*(one.F_ior_arcsec for one in trials), *(found.F_ior_arcsec.max(axis=(1, 2)) if found else limits)]
+        top = ticks(0.0, max([0.1, *errors]), 5)[-1]
+        places = sorted({*session.positions, *letters, *(one.rotation_deg for one in trials)})
+        width = self.size.width - max(len(values_of(found, at)) for at in places) - 12
         rows = {}
-        for rotation, numbers in values.items():
-            hole, signs = bare(rotation, session.drive.mounting.holes), letters.get(rotation, "")
-            measured = [one.F_ior_arcsec for one in trials if abs(one.rotation_deg - rotation) < 1e-6]
-            head = Text.assemble((f"{hole:>4} ", "bold" if rotation == session.turn_deg else ""))
-            for sign in f"{signs}{'◆' * bool(measured)}"[:4].ljust(4):
-                head.append(sign, LETTER_STYLES.get(sign, "bold"))
-            bar = _bar(max(width, LEAST_BAR), top, rotation, found, behind, limits, measured)
-            rows[f"{rotation}"] = (head, Text.assemble(" ", numbers, " "), bar)
+        for at in places:
+            measured = [one.F_ior_arcsec for one in trials if abs(one.rotation_deg - at) < 1e-6]
+            signs = f"{letters.get(at, '')}{'◆' * bool(measured)}"
+            head = Text(f"{bare(at, holes):>4} {signs:4.4}", "bold" if at == session.turn_deg else "")
+            head.highlight_regex("B", LETTER_STYLES["B"])
+            marks = [(limit, limit, "│", "red") for limit in limits]
+            marks += [(middle, middle, "┄", "dim") for _, middle, _ in seat_ranges(behind, at)]
+            sure = MARKS.get(found.surety(at), "○") if found else ""
+            for k, (low, middle, high) in enumerate(seat_ranges(found, at)):
+                marks += [(low, high, "─", torque_style(k)), (middle, middle, sure, torque_style(k))]
+            marks += [(value, value, "◆", INK[2]) for value in measured]
+            rows[f"{at}"] = head, Text.assemble(" ", values_of(found, at), " "), _bar(max(width, LEAST_BAR), top, marks)
         self.fill(rows)
         self.border_title = f"F'_ior in each hole, arcsec{f', bars 0 to {top:g}' * bool(found)}"
-        if (at := f"{session.turn_deg}") in self.rows and self.key != at:
+        if (here := f"{session.turn_deg}") in rows and self.key != here:
             with self.prevent(DataTable.RowHighlighted):
-                self.move_cursor(row=self.get_row_index(at))
+                self.move_cursor(row=self.get_row_index(here))
 
 
-def _values(found: SeatCurve | None, rotation_deg: float) -> Text:
+def seat_ranges(found: SeatCurve | None, rotation_deg: float) -> list[list[float]]:
+    """5th percentile, median and 95th of F'_ior [arcsec] at each torque in a position; empty where there are none."""
+    place = found.place(rotation_deg) if found else None
+    return found.F_ior_arcsec[:, :, place].T.tolist() if found and place is not None else []
+
+
+def values_of(found: SeatCurve | None, rotation_deg: float) -> Text:
     """F'_ior at each torque in a position: a value, or its 5th and 95th percentile."""
-    place, text = found.place(rotation_deg) if found else None, Text()
-    if found is None or place is None:
-        return text
-    for k, (low, _, high) in enumerate(found.F_ior_arcsec[:, :, place].T.tolist()):
+    text = Text()
+    for k, (low, _, high) in enumerate(seat_ranges(found, rotation_deg)):
         words = f"{low:.1f}…{high:.1f}" if high > low else f"{low:.2f}"
-        text.append(f"{words:>6} ", TORQUE_STYLES[k % len(TORQUE_STYLES)])
+        text.append(f"{words:>6} ", torque_style(k))
     return text
 
 
-def _bar(
-    width: int,
-    top: float,
-    rotation_deg: float,
-    found: SeatCurve | None,
-    behind: SeatCurve | None,
-    limits: Iterable[float],
-    measured: Iterable[float],
-) -> Text:
-    """A row of signs from 0 to a top [arcsec]: limits, the other variant, values with their range, trials."""
+def _bar(width: int, top: float, marks: Iterable[tuple[float, float, str, str]]) -> Text:
+    """A row of signs from 0 to a top [arcsec], each from a value to another one, in a style; later ones above."""
     signs = [(" ", "")] * width
-
-    def put(value: float, sign: str, style: str) -> None:
-        signs[min(round(value / top * (width - 1)), width - 1)] = (sign, style)
-
-    for limit in limits:
-        put(limit, "│", "red")
-    for curve_, is_shown in ((behind, False), (found, True)):
-        place = curve_.place(rotation_deg) if curve_ else None
-        if curve_ is None or place is None:
-            continue
-        for k, (low, middle, high) in enumerate(curve_.F_ior_arcsec[:, :, place].T.tolist()):
-            style = TORQUE_STYLES[k % len(TORQUE_STYLES)] if is_shown else "dim"
-            for step in range(width if high > low and is_shown else 0):
-                if low <= step / (width - 1) * top <= high:
-                    put(step / (width - 1) * top, "─", style)
-            put(middle, MARKS[curve_.sure[place]] if is_shown else "┄", style)
-    for value in measured:
-        put(value, "◆", "magenta")
+    for low, high, sign, style in marks:
+        first, last = (min(round(value / top * (width - 1)), width - 1) for value in (low, high))
+        signs[first : last + 1] = [(sign, style)] * (last + 1 - first)
     return Text.assemble(*signs)
 
 
@@ -159,7 +147,7 @@ def seat_pane(session: Session, letters: Mapping[float, str]) -> Text:
     seat = Seat(
         "", seat_holes(session.drive), first, session.turn_deg,
         tuple(SeatMark(LETTER_KINDS[sign], first + at, sign, "") for at, sign in named),
-        (SeatMark("now", first + session.turn_deg, "o", ""),), "x", "",
+        (*TICKS, SeatMark("now", first + session.turn_deg, "o", "")), "x", "",
     )  # fmt: skip
     text = Text(seat_in_characters(seat))
     for letter in "BW?":
@@ -167,22 +155,23 @@ def seat_pane(session: Session, letters: Mapping[float, str]) -> Text:
     return text
 
 
-class Turn(Static):
-    """The error over a cam turn with its greatest orders."""
+class Pane(VerticalScroll):
+    """A pane with a title that shows text, or blocks of a page, and is scrolled where they have no room."""
 
-    def show(self, found: Trace | None, style: Style) -> None:
-        """Show a trace; None while it is computed."""
-        if found is None:
-            self.update(Text("computing …", "dim"))
-            return
-        if style.width < LEAST_BAR:
-            return
-        error = found.error
-        rows = max(self.size.height - ORDERS - 4, 5)
-        drawn = curve(style, Curve(np.degrees(error.states.phi_h), error.error_arcsec, "cam angle, deg", "", rows=rows))
-        orders = sorted(found.orders, key=lambda order: -order.amplitude_arcsec)[:ORDERS]
-        lines = [f"{each.per_cam_rev:6.2f} {each.amplitude_arcsec:7.2f}  {each.cause.split(';')[0]}" for each in orders]
-        self.update(Text.assemble(drawn.lstrip("\n"), ("\n" + "\n".join(lines), "dim"), no_wrap=True, overflow="crop"))
+    def __init__(self, name: str, title: str) -> None:
+        super().__init__(id=name)
+        self.border_title, self._text = title, Static(markup=False)
+
+    def compose(self) -> ComposeResult:
+        """The text."""
+        yield self._text
+
+    def show(self, *parts: RenderableType | Block, ascii: bool = False) -> None:
+        """Show texts and blocks; one moment later where there is no room yet."""
+        style = Style(ascii=ascii, codes=False, width=self.scrollable_content_region.width)
+        if style.width >= LEAST_BAR:
+            shown = [[*block_on_page(part, style)] if isinstance(part, Block) else [part] for part in parts]
+            self._text.update(Group(*(part for each in shown for part in each)))
 
 
 class Levers(LeverTable):
@@ -191,28 +180,31 @@ class Levers(LeverTable):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("plus,equals_sign", "app.nudge(1)", "step", key_display="+ -"),
         Binding("minus", "app.nudge(-1)", "- step", show=False),
+        Binding("o", "app.sort", "by group"),
+        Binding("k", "app.keep_clearance", "x_b with W_0"),
     ]
 
-    def show(self, levers: Iterable[Lever], effects: LeverEffects | None, torque: int, wanted: str) -> None:
-        """Show fields whose path or meaning has some words, those that change F'_ior most first."""
-        steps = effects.steps if effects else {}
-        words = wanted.lower().split()
-        found = [each for each in levers if all(word in f"{each.path} {each.meaning}".lower() for word in words)]
+    def show(self, session: Session, effects: LeverEffects, torque: int, wanted: str, *, is_grouped: bool) -> None:
+        """Show fields whose path or meaning has some words, in the preset's order or by what they change.
 
-        def change(lever: Lever) -> float:
-            return abs(steps[lever.path][1][torque]) if lever.path in steps else -1.0
+        Those in which a pinned drive differs come first, then those that change F'_ior most. Arguments: session;
+        effects of steps at a torque, by its place; wanted words.
+        """
+        changed, steps, words = {path for path, _ in session.changes}, effects.steps, wanted.lower().split()
+        fields = resolved_fields(session.drive)
+        found = [each for each in fields if all(word in f"{each.path} {each.meaning}".lower() for word in words)]
+
+        def change(field: ResolvedField) -> tuple[bool, float]:
+            return field.path in effects.differing, abs(steps[field.path][1][torque]) if field.path in steps else -1.0
 
         rows = {}
-        for lever in sorted(found, key=change, reverse=True):
-            by, changes = steps.get(lever.path, (0.0, ()))
-            ink = "green" if lever.mark == "*" else "dim" if lever.text == "unknown" else ""
-            value = visible(lever.text)
-            value = value if len(value) <= 12 else f"{value[:11]}…"
-            rows[lever.path] = (
-                Text.assemble(
-                    f"{lever.path:.22}", (f" {lever.mark or ' '}", "yellow" if lever.mark == "?" else "green")
-                ),
-                Text.assemble((f"{value:>8}", ink), (f" {lever.unit}", "dim")),
-                Text(f" {by:+g}: {changes[torque]:+.2f}" if changes else "", "cyan"),
+        for field in found if is_grouped else sorted(found, key=change, reverse=True):
+            mark, (by, changes) = mark_of(field, changed), steps.get(field.path, (0.0, ()))
+            step = f" {'pin ' * (field.path in effects.differing)}{by:+.4g}: {changes[torque]:+.2f}" if changes else ""
+            value = visible(text_of(field.value))[: 13 - len(field.unit)]
+            rows[field.path] = (
+                Text.assemble(field.path, (f" {mark or ' '}", INK[1] if mark == "?" else INK[3])),
+                Text.assemble((value, INK[3] if mark == "*" else ""), (f" {field.unit}", "dim")),
+                Text(step, INK[0]),
             )
         self.fill(rows)

@@ -10,7 +10,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
-from multiprocessing.context import ForkServerContext, SpawnContext
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -38,13 +37,11 @@ class Service:
     """
 
     def __init__(self) -> None:
-        self._context: ForkServerContext | SpawnContext = multiprocessing.get_context("spawn")
-        if "forkserver" in multiprocessing.get_all_start_methods():
-            self._context = multiprocessing.get_context("forkserver")
-            self._context.set_forkserver_preload(PRELOADED)
-            for name in ONE_THREAD:
-                os.environ.setdefault(name, "1")
-            forkserver.ensure_running()  # now: it inherits streams that the screen takes away
+        self._context = multiprocessing.get_context("forkserver")
+        self._context.set_forkserver_preload(PRELOADED)
+        for name in ONE_THREAD:
+            os.environ.setdefault(name, "1")
+        forkserver.ensure_running()  # now: it inherits streams that the screen takes away
         self._running: set[BaseProcess] = set()
         self._closed = False
 

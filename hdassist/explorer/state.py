@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from hdassist.errors import UsageError
+from hdassist.explorer.levers import TEETH_FIELDS
 from hdassist.loading.load import load_text
+from hdassist.measuring.cycle import gearing_of
+from hdassist.measuring.measure import measure
 from hdassist.model.deviations import carried
 from hdassist.mounting.positions import hole_of
 from hdassist.mounting.trial import read_trial
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.library import read_preset
+from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.terminal.brief import again
 from hdassist.terminal.options import TrialOptions
 from hdassist.trials.prior import Rig
 
 MOST_PAST = 200  # steps that can be undone
 USUAL = TrialOptions()
-TEETH_FIELDS = ("gears.z_g", "gears.z_b")  # change together
 
 Change = tuple[str, str]  # path of a field, and its value as --set takes it
 
@@ -30,6 +35,11 @@ class StateSource:
     text: bytes
     file: str
     overrides: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, name: str, overrides: tuple[str, ...] = ()) -> StateSource:
+        """A preset by its name or file. Raises DataError where there is none."""
+        return cls(name, *read_preset(name), overrides)
 
     def drive(self, changes: tuple[Change, ...] = ()) -> Drive:
         """The drive with changes, of one field the last one.
@@ -54,16 +64,17 @@ class Step:
 class Session:
     """A preset, what was changed of it, trials, and where its fixed wheel is looked at.
 
-    turn_deg: from where it stands; pinned: changes of the variant that the others are compared with; past and future:
-    for undo and redo.
+    pinned: the drive that it is compared with; turn_deg: from where the wheel stands; keeps_clearance: whether x_b
+    changes with W_0 by as much; past and future: for undo and redo.
     """
 
     source: StateSource
     drive: Drive
+    pinned: Drive
     rig: TrialOptions = USUAL
     step: Step = Step()
     turn_deg: float = 0.0
-    pinned: tuple[Change, ...] = ()
+    keeps_clearance: bool = False
     past: tuple[Step, ...] = ()
     future: tuple[Step, ...] = ()
 
@@ -97,20 +108,26 @@ class Session:
     def command(self, name: str = "") -> str:
         """The command line that gives the same answer: that of a command by name, without one of mount or trials."""
         name = name or ("trials" if self.trials else "mount")
-        return again(name, self.drive, *((*self.trials, *self.rig.words()) if name in ("trials", "explore") else ()))
+        pinned = self.pinned.origin.file
+        other = ("--pin", pinned) if pinned != self.drive.origin.file else ()
+        more = (*self.trials, *self.rig.words(), *(other if name == "explore" else ()))
+        return again(name, self.drive, *(more if name in ("trials", "explore") else ()))
 
-    def trace_command(self, M_g: float) -> str:
-        """The same of the cam turn at a torque [N*m], the fixed wheel as it is looked at."""
-        moved = [path for path in carried(self.drive) if self.turn_deg and self.drive.value(path) is not None]
-        turned = ((path, f"{self.drive.number(path) + self.turn_deg:g}") for path in moved)
-        return again("trace", self.source.drive((*self.changes, *turned, ("operation.M_g", f"[{M_g}]"))))
+    def trace_command(self, M_g: float, typical: Mapping[str, float]) -> str:
+        """The same of the cam turn at a torque [N*m] of a typical drive, the fixed wheel as it is looked at."""
+        drive = self.drive.with_values(dict(typical))
+        moved = [path for path in carried(drive) if self.turn_deg and drive.value(path) is not None]
+        turned = {path: drive.number(path) + self.turn_deg for path in moved}
+        values = [(path, f"{value:.6g}") for path, value in {**typical, **turned}.items()]
+        return again("trace", self.source.drive((*self.changes, *values, ("operation.M_g", f"[{M_g}]"))))
 
 
-def opened_state(name: str, overrides: tuple[str, ...] = (), rig: TrialOptions = USUAL) -> Session:
-    """A session of a preset. Raises what loading it raises."""
-    text, file = read_preset(name)
-    source = StateSource(name, text, file, overrides)
-    return Session(source, source.drive(), rig)
+def opened_state(name: str, overrides: tuple[str, ...] = (), rig: TrialOptions = USUAL, pin: str = "") -> Session:
+    """A session of a preset, compared with it as it was opened or with another one. Raises what loading raises."""
+    source = StateSource.of(name, overrides)
+    drive = source.drive()
+    torques = ("operation.M_g", f"{list(drive.operation.M_g)}")
+    return Session(source, drive, StateSource.of(pin).drive((torques,)) if pin else drive, rig)
 
 
 def rig_of(session: Session) -> Rig:
@@ -124,19 +141,54 @@ def edited(session: Session, path: str, value: str) -> Session:
     Teeth change together: one number of them keeps their difference, 120/122 gives both. Raises UsageError with the
     loader's words where the value is refused.
     """
-    if path not in field_table():
-        raise UsageError(f"no field {path}")
-    value = value.strip()
+    drive, value = session.drive, value.strip()
     values = {path: value}
     if path in TEETH_FIELDS:
         other = TEETH_FIELDS[path == TEETH_FIELDS[0]]
-        follows = session.drive.value(other) - session.drive.value(path)
+        follows = drive.value(other) - drive.value(path)
         values[other] = f"{int(value) + follows}" if value.isdecimal() else ""
         if "/" in value:
             values = dict(zip(TEETH_FIELDS, map(str.strip, value.split("/", 1)), strict=True))
-    changes = {key: text for key, text in session.changes if key not in values}
-    changes |= {key: text for key, text in values.items() if text}
+    changed = with_fields(session, values)
+    if path == "cam.W_0" and session.keeps_clearance:
+        x_b = drive.gears.x_b + (changed.drive.cam.W_0 - drive.cam.W_0) / drive.gears.m
+        changed = with_fields(session, {**values, "gears.x_b": f"{x_b:.6g}"})
+    return changed
+
+
+def with_fields(session: Session, values: Mapping[str, str]) -> Session:
+    """The session with fields changed, by path; empty values take changes back."""
+    changes = {path: text for path, text in {**dict(session.changes), **values}.items() if text}
     return _stepped(session, replace(session.step, changes=tuple(changes.items())))
+
+
+def with_evidence(session: Session, text: str) -> Session:
+    """The session with more known of its drive: values by name, several with blanks between, or the path of a trace.
+
+    A name is a field, one of `measured` (K_1), a position (h4, h4@80) in which F'_ior was measured, or `limit`. A trace
+    is of the position and torque of trials. Values may have an uncertainty (31 ± 2), k = 2; an empty one takes it back.
+    Raises UsageError with the loader's words, and what reading or measuring a trace raises.
+    """
+    values = {}
+    for word in re.split(r"\s+(?=[^\s=]+=)", text.strip()):
+        name, equals, value = word.partition("=")
+        if not equals:
+            name, value = session.here, _measured_value(session, word)
+        measured, at = f"measured.{name}", f"@{session.trial_torque:g}" * ("@" not in name)
+        is_field = name.partition(".")[0] in {path.partition(".")[0] for path in field_table()}
+        path = measured if measured in field_table() else f"measured.F_ior.{name}{at}"
+        values["acceptance.F_ior" if name == "limit" else name if is_field else path] = value.strip()
+    return with_fields(session, values)
+
+
+def _measured_value(session: Session, path: str) -> str:
+    """F'_ior of a trace with its expanded uncertainty [arcsec]."""
+    gearing = gearing_of(session.drive, None)
+    found = measure(read_trace(path, TraceForm(), gearing.ratio if gearing else None), drive=session.drive)
+    sweep = found.directions[0]
+    if sweep.is_bound:
+        raise UsageError(f"{path}: a part of the full cycle, whose F'_ior may be greater", f"hdassist measure {path}")
+    return f"{sweep.range.value:.4g} ± {2 * sweep.uncertainty_arcsec:.2g}"
 
 
 def with_trials(session: Session, text: str) -> Session:
@@ -164,8 +216,9 @@ def turned_state(session: Session, by: int) -> Session:
 
 
 def pinned(session: Session) -> Session:
-    """The session with the drive as it is now to compare with; pinned again, with the preset."""
-    return replace(session, pinned=() if session.pinned == session.changes else session.changes)
+    """The session compared with its drive as it is now; pinned again, with the preset."""
+    is_pinned = session.pinned.origin == session.drive.origin
+    return replace(session, pinned=session.source.drive() if is_pinned else session.drive)
 
 
 def undone(session: Session) -> Session:

@@ -2,146 +2,136 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
+from rich.table import Table as RichTable
 from rich.text import Text
 
+from hdassist.design.check import OperatingPoint
 from hdassist.explorer.asking import Known
-from hdassist.explorer.compute import is_any_hole
+from hdassist.explorer.compute import is_any_hole, typical_of
+from hdassist.explorer.panes import INK, torque_style
 from hdassist.explorer.state import Session
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknowns
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.positions import hole_words
-from hdassist.report.blocks import Facts
+from hdassist.mounting.positions import bare
+from hdassist.pages.check import F_ior_table
+from hdassist.report.blocks import Facts, Lines
 from hdassist.report.report import Report
 from hdassist.terminal.brief import proof
-from hdassist.trials.advice import TrialAdvice
+from hdassist.terminal.influence_words import named
 from hdassist.verdict import Verdict
 from hdassist.visible import visible
 
-VERDICT_STYLES = {Verdict.PASS: "green bold", Verdict.FAIL: "red bold", Verdict.INCONCLUSIVE: "yellow bold"}
+VERDICT_STYLES: dict[str, str] = {
+    Verdict.PASS: f"{INK[3]} bold",
+    Verdict.FAIL: "red bold",
+    Verdict.INCONCLUSIVE: f"{INK[1]} bold",
+}
 
 
-def is_order_settled(advice: Advice | TrialAdvice) -> bool:
-    """Whether an advice orders something: only then there is a card."""
-    return advice.order != "none" if isinstance(advice, Advice) else advice.settled
-
-
-def next_deg(advice: Advice | TrialAdvice) -> float | None:
-    """The turn [deg] at which to measure next; None where it is settled."""
-    if is_order_settled(advice):
-        return None
-    return advice.to_try[0].rotation_deg if isinstance(advice, Advice) else advice.to_measure_next[0]
-
-
-def why_no_card(advice: Advice | TrialAdvice | None) -> str:
-    """Why there is no card; empty where there is one."""
-    if advice is None:
-        return "nothing is ordered before it is proven"
-    if is_order_settled(advice):
-        return ""
-    return "unknown inputs could change the order" if isinstance(advice, Advice) else "the trials do not settle it"
+def why_no_card(report: Report | None) -> str:
+    """Why there is no card of an advice; empty where there is one."""
+    return "" if report and not report.exit_code else "nothing is ordered" if report else "nothing is proven yet"
 
 
 def head(session: Session) -> Text:
-    """The drive, and how much of it is unknown, assumed and changed."""
+    """The drive, how much of it is unknown, assumed and changed, and what it is compared with."""
     drive, line = session.drive, Text(no_wrap=True, overflow="ellipsis")
     line.append(visible(drive.name), "bold")
-    line.append(f"  {drive.gears.z_g}/{drive.gears.z_b}  m {drive.gears.m:g} mm  {drive.mounting.fixed} fixed", "dim")
-    if is_any_hole(drive):
-        line.append("  PHASES UNKNOWN", "red")
-    elif unknown := unknowns(drive):
-        line.append(f"  {len(unknown)} unknown", "red")
-    if assumed := assumptions(drive):
-        line.append(f"  {len(assumed)} ranges assumed", "dim")
-    if session.changes:
-        line.append(f"  {len(session.changes)} changed", "green")
-    return line
+    line.append(f"  {drive.gears.z_g}/{drive.gears.z_b}  {drive.mounting.fixed} wheel fixed", "dim")
+    counts = {"unknown": unknowns(drive), "assumed": assumptions(drive), "changed": session.changes}
+    line.append("".join(f"  {len(found)} {word}" for word, found in counts.items() if found), INK[3])
+    more = len({*session.pinned.origin.overrides} - {*session.source.overrides})
+    line.append(f"  vs {visible(session.pinned.name)}{f' with {more} changed' * (more > 0)}", INK[2])
+    return line.append("  x_b keeps clearance" * session.keeps_clearance, INK[1])
 
 
-def headline(session: Session, known: Known, pinned: Known | None) -> Text:
-    """F'_ior by torque as `check` has it, as it stands and in the best hole; an old answer is called so."""
-    found = known.headline or (None if known.failed else known.old)
-    if found is None:
+def headline(session: Session, known: Known, pinned: Known | None, torque: int) -> RichTable | Text:
+    """F'_ior by torque as `check` has it, as it stands and in the best hole.
+
+    Arguments: session; known, of it; pinned, of what it is compared with; torque, the place of the one to mark. Before
+    the answer is whole a typical drive, as it was and is, stands beside the old one.
+    """
+    found, whole = known.check or known.old, known.whole
+    if known.failed or not found:
         return Text("F'_ior: no answer" if known.failed else "F'_ior: computing …", "dim")
-    is_old, advice = found is not known.headline, known.advice
-    size = (
-        f"5-50-95 %, {found.samples:.0f} samples{' …' * (not found.whole)}" if found.samples else "every state solved"
-    )
-    text = Text(f"F'_ior, arcsec, as it stands ({'old, computing …' if is_old else size})", "dim")
-    behind = pinned.headline if pinned else None  # compared once both are whole: fewer samples differ by chance
-    before = {row.M_g: row for row in behind.rows} if behind and behind.whole and found.whole else {}
-    best_deg = advice.choice.chosen.rotation_deg if advice else 0.0
-    place = known.curve.place(best_deg) if known.curve else None
-    for k, row in enumerate(found.rows):
-        text.append(f"\n{row.M_g:g} N·m {_values((row.p5, row.p50, row.p95))}", "dim" if is_old else "")
-        if row.limit_arcsec is not None:
-            kept = f": kept {100 * row.probability:.0f} %" if row.probability is not None else ""
-            text.append(f", limit {row.limit_arcsec:g}{kept}, ").append(row.verdict, VERDICT_STYLES[row.verdict])
-            text.append(f" ({row.margin_arcsec:+.2f}″ to the limit)", "dim")
-        if row.M_g in before:
-            text.append(f"; {'pinned' if session.pinned else 'preset'} {row.p50 - before[row.M_g].p50:+.2f}″", "cyan")
-        if known.curve and advice and place:
-            best = hole_words(best_deg, session.drive.mounting.holes)
-            text.append(f"; best, {best}: {_values(known.curve.F_ior_arcsec[:, k, place].tolist())}", "green")
-    return text
+    page = F_ior_table(found)
+    columns = dict(zip(page.heads, map(list, zip(*page.rows, strict=True)), strict=True))
+    del columns["self error"]
+    if known.first and known.old and not whole:
+        both = zip(typical_of(known.old)[1], known.first.F_ior_arcsec, strict=True)
+        columns["typical drive"] = [f"{before:.2f} → {now:.2f}" for before, now in both]
+    if "limit" in columns:
+        held = [(point.limit_arcsec, point.held_arcsec, point.probability) for point in found.points]
+        columns["margin"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in held]
+        columns["kept"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in held]
+        columns["verdict"] = [f"[{VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in columns.pop("verdict")]
+    if whole and pinned and pinned.whole and len(pinned.whole.points) == len(found.points):
+        both = zip(map(middle_of, found.points), map(middle_of, pinned.whole.points), strict=True)
+        columns["change"] = [f"[{INK[0]}]{now - before:+.2f}[/]" for now, before in both]
+    best_deg = known.advice.chosen.rotation_deg if isinstance(known.advice, Advice) else 0.0
+    if best_deg and known.curve and not is_any_hole(session.drive):
+        hole, place = bare(best_deg, session.drive.mounting.holes), known.curve.place(best_deg)
+        columns[f"best: {hole}"] = [f"[{INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, place]]
+    state = f"{found.samples.effective:.0f} samples" if found.samples else "every state"
+    state = f"{'old' if found is not known.check else state}{'' if whole else ' …'}"
+    table = RichTable(box=None, padding=(0, 1, 0, 0), header_style="dim")
+    for name in (state, *list(columns)[1:]):
+        table.add_column(name, justify="right", no_wrap=True)
+    for k, (M_g, *cells) in enumerate(zip(*columns.values(), strict=True)):
+        table.add_row(f"[{torque_style(k)}]{'▸' if k == torque else ''}{M_g} N·m[/]", *cells)
+    return table
 
 
-def _values(percentiles: Iterable[float]) -> str:
-    """Percentiles [arcsec], or the one value that all of them are."""
-    return " - ".join(f"{value:.2f}" for value in dict.fromkeys(percentiles)) + "″"
+def middle_of(point: OperatingPoint) -> float:
+    """The median of F'_ior [arcsec], or its value where all is known."""
+    return point.belief.p50 if point.belief else point.error.F_ior_arcsec
 
 
-def stage(known: Known, of_trials: Known | None, busy: bool) -> str:
-    """How sure the values over the holes are, and whether they become surer."""
-    curve = of_trials.curve if of_trials else known.curve
-    more = " …" if busy else ""
-    return (
-        "NO ANSWER"
-        if known.failed
-        else "COMPUTING …" * busy
-        if curve is None
-        else f"{curve.sure[curve.rotations_deg.index(0.0)]}{more}"
-    )
-
-
-def trials_text(session: Session) -> Text:
-    """The trials so far, and how to add one."""
-    if session.trials:
-        return Text("  ".join(session.trials), "magenta")
-    text = Text("none yet. ", "dim")
-    text.append("t", "bold")
-    return text.append(f" adds F'_ior measured at {session.trial_torque:g} N·m in a position", "dim")
-
-
-def advice_text(known: Known, of_trials: Known | None, any_hole: bool) -> Text:
-    """The order with its reasons, or why there is none yet; below it what the pages of it and of `check` note."""
-    here, text, notes = of_trials or known, Text(), []
+def advice_text(session: Session, known: Known, of_trials: Known | None) -> Text:
+    """The order with its reasons, or why there is none yet; below it the trials, and what the page of it notes."""
+    here, text = of_trials or known, Text()
     if failed := here.failed or known.failed:
-        text.append(visible(failed.message), "red")
-        notes.append(failed.hint)
+        text.append(visible(failed.message), "red").append(f"\n{visible(failed.hint)}")
     elif here.report and here.advice:
-        text.append(visible(" ".join(here.report.why)), "bold" * is_order_settled(here.advice))
-        why = why_no_card(here.advice)
+        why = why_no_card(here.report)
+        text.append(visible(" ".join(here.report.why)), "" if why else "bold")
         text.append(f"\n{f'no card: {why}' if why else 'c writes the card'}", "dim")
-        notes += report_notes(here.report)
-    elif of_trials is not None:
-        text.append("Weighing the trials …", "dim")
-    elif any_hole:
-        text.append("Directions are not known: any hole may be the best one. Measure in three holes (t).")
     else:
-        text.append("Computing: nothing is ordered before it is proven …", "dim")
-    if known.headline and known.headline.report:
-        notes += report_notes(known.headline.report)
-    return text.append(visible("".join(f"\n{note}" for note in dict.fromkeys(notes))), "dim")
+        text.append("Nothing is ordered before it is proven …", "dim")
+    trials = "  ".join(session.trials) or f"t adds F'_ior measured at {session.trial_torque:g} N·m in a position"
+    text.append(f"\ntrials: {trials}", INK[2])
+    return text.append(visible("".join(f"\n{note}" for note in report_notes(here.report))), "dim")
 
 
-def report_notes(report: Report) -> Iterator[str]:
+def next_text(advice: Text, known: Known) -> Text:
+    """The order in a line, and in another one what to measure first with what that brings."""
+    text = Text(advice.plain.partition("\n")[0], no_wrap=True, overflow="ellipsis")
+    gains = why_blocks(known)[1].lines if known.whole and known.whole.to_measure else ()
+    return text.append(f"\nmeasure next: {'; '.join(gains[:2])}" * bool(gains))
+
+
+def why_blocks(known: Known) -> tuple[Lines, ...]:
+    """Influences on F'_ior with their shares, measurements with what each of them brings, and warnings."""
+    if not (found := known.whole):
+        return (Lines("", ("computing …",)),)
+    point = found.points[found.least_sure]
+    gain = "less spread" if point.limit_arcsec is None else "more sure"
+    shares = (f"{100 * each.share:3.0f} % {named(each.group)}" for each in found.influences)
+    gains = (f"{100 * each.gain:3.0f} % {gain}: {named(each.measured)}" for each in found.to_measure)
+    return (
+        Lines(f"share of the variance of ln F'_ior at {point.M_g:g} N·m", tuple(shares) or ("no field stands out",)),
+        Lines("measure next, and what it brings", tuple(gains) or ("nothing that brings more",)),
+        Lines("", tuple(report_notes(known.page))),
+    )
+
+
+def report_notes(report: Report | None) -> Iterator[str]:
     """The labelled facts of a report's page, its warnings and proof; not the command to type next."""
-    for block in report.blocks:
+    for block in report.blocks if report else ():
         if isinstance(block, Facts):
             yield from (f"{label}: {text}" for label, text in block.rows if label != "next")
-    yield from report.warnings
-    if report.certificate:
-        yield f"proof of {report.command}: {proof(report.certificate, report.cross_checks)}"
+    if report:
+        yield from (*report.warnings, f"proof of {report.command}: {proof(report.certificate, report.cross_checks)}")

@@ -12,7 +12,7 @@ from textual.pilot import Pilot
 
 from hdassist.errors import HdassistError
 from hdassist.explorer.app import Explorer
-from hdassist.explorer.compute import Effort, ExplorerAnswer
+from hdassist.explorer.compute import Effort
 from hdassist.explorer.service import Failed, Question
 from hdassist.explorer.state import USUAL, Session, opened_state
 from hdassist.terminal.options import TrialOptions
@@ -31,7 +31,7 @@ class Recorded:
         self.asked: list[Question] = []
         resource_tracker.ensure_running()  # inherits a stream that the screen takes away
 
-    async def ask(self, question: Question) -> AsyncIterator[ExplorerAnswer]:
+    async def ask(self, question: Question) -> AsyncIterator[object]:
         self.asked.append(question)
         for each in _answers(pickle.dumps(question)):
             await asyncio.sleep(0)
@@ -42,8 +42,8 @@ class Recorded:
 
 
 @cache
-def _answers(pickled: bytes) -> list[ExplorerAnswer]:
-    found: list[ExplorerAnswer] = []
+def _answers(pickled: bytes) -> list[object]:
+    found: list[object] = []
     try:
         with no_processes():
             pickle.loads(pickled)(found.append)

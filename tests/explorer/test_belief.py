@@ -2,86 +2,118 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import partial
+import json
+from collections.abc import Mapping
+from io import StringIO
+from types import MappingProxyType
 
 import pytest
 
-from hdassist.design.check import check
+from hdassist.design.check import DesignCheck, check
 from hdassist.errors import HdassistError
 from hdassist.explorer.asking import Known
-from hdassist.explorer.compute import ErrorRange, ExplorerAnswer, Headline, LeverEffects, drive_answers, lever_effects
+from hdassist.explorer.compute import (
+    FirstErrors,
+    LeverEffects,
+    drive_answers,
+    lever_effects,
+    typical_of,
+)
 from hdassist.explorer.service import Failed
 from hdassist.explorer.words import headline
 from hdassist.loading.load import load_preset
 from hdassist.report.report import Report
+from hdassist.terminal.answers import json_text, report_object
+from hdassist.terminal.console import Style, console
 from hdassist.verdict import Verdict
 from tests.explorer.rig import QUICK, tiny
-from tests.process import TINY, no_processes
+from tests.process import TINY, no_processes, run
 
 OPEN = ("phases.phi_hb=unknown", "source.gears.j_n={kind: assumed, range: [12, 18], ref: judged}")
 
 
-def believed(*overrides: str) -> list[Headline]:
-    """Headlines, the whole one last."""
-    told: list[ExplorerAnswer] = []
+def believed(*overrides: str, typical: Mapping[str, float] = MappingProxyType({})) -> list[object]:
+    """Answers about the tiny drive, the page of its check last."""
+    told: list[object] = []
     with no_processes():
-        drive_answers(load_preset(TINY, overrides), QUICK, told.append)
-    return [each for each in told if isinstance(each, Headline)]
+        drive_answers(load_preset(TINY, overrides), typical, QUICK, told.append)
+    pages = [isinstance(each, Report) and each.command == "check" for each in told]
+    return told[: pages.index(True) + 1]
 
 
-def test_it_grows_to_the_numbers_and_the_verdict_of_check() -> None:
-    *grown, found = believed(*OPEN, "acceptance.F_ior={1: 3000, 4: 2050}")
-    points = check(load_preset(TINY, [*OPEN, "acceptance.F_ior={1: 3000, 4: 2050}"]), draws=QUICK.draws).points
-    for row, point in zip(found.rows, points, strict=True):
-        assert point.belief and point.probability and point.held_arcsec and point.limit_arcsec
-        assert (row.M_g, row.p5, row.p50, row.p95) == (point.M_g, point.belief.p5, point.belief.p50, point.belief.p95)
-        assert (row.limit_arcsec, row.probability, row.verdict) == (
-            point.limit_arcsec, point.probability.value, point.verdict,
-        )  # fmt: skip
-        assert row.margin_arcsec == pytest.approx(point.limit_arcsec - point.held_arcsec[1])
-    sizes = [each.samples for each in grown]
-    assert sizes == sorted(sizes) and sizes[0] < 9 and len(sizes) > 1 and found.whole and not grown[-1].whole
-    assert grown[-1].rows == found.rows
+def test_it_grows_to_the_answer_of_check() -> None:
+    open_ = [*OPEN, "acceptance.F_ior={1: 3000, 4: 2050}"]
+    told = believed(*open_)
+    grown, page = [each for each in told if isinstance(each, DesignCheck)], told[-1]
+    sizes = [each.samples.effective for each in grown if each.samples]
+    assert sizes == sorted(sizes) and sizes[0] < 9 and len(sizes) == len(grown) > 1
+    command = json.loads(
+        run(
+            "check", TINY, *(word for text in open_ for word in ("--set", text)), "--draws", f"{QUICK.draws}", "--json"
+        ).stdout
+    )
+    assert isinstance(page, Report)
+    assert json.loads(json_text(report_object(page)))["operating_points"] == command["operating_points"]
+    assert json.loads(json_text(report_object(page)))["to_measure"] == command["to_measure"]
 
 
-def test_where_all_is_known_it_is_the_value_and_the_verdict_of_check() -> None:
-    (found,) = believed("acceptance.F_ior={1: 3000, 4: 20}")
-    points = check(load_preset(TINY, ["acceptance.F_ior={1: 3000, 4: 20}"])).points
-    for row, point in zip(found.rows, points, strict=True):
-        assert (row.p5, row.p95, row.verdict) == (*[point.error.F_ior_arcsec] * 2, point.verdict)
-    assert [row.verdict for row in found.rows] == [Verdict.PASS, Verdict.FAIL] and found.typical == {}
+def test_where_all_is_known_every_state_is_solved_before_the_answer_of_check() -> None:
+    limits = "acceptance.F_ior={1: 3000, 4: 20}"
+    told = believed(limits)
+    points = check(load_preset(TINY, [limits])).points
+    searched, proven = (each.F_ior_arcsec for each in told if isinstance(each, FirstErrors))
+    assert proven == [point.error.F_ior_arcsec for point in points] and searched == pytest.approx(proven, abs=0.01)
+    (found,) = (each for each in told if isinstance(each, DesignCheck))
+    assert [point.verdict for point in found.points] == [Verdict.PASS, Verdict.FAIL]
+    assert typical_of(found) == ({}, proven)
+
+
+def test_the_first_number_is_of_a_typical_drive_with_what_was_changed() -> None:
+    *_, found, _ = believed("operation.M_g=[4.0]", *OPEN)
+    assert isinstance(found, DesignCheck)
+    typical, (before,) = typical_of(found)
+    first, *_ = believed("operation.M_g=[4.0]", *OPEN, typical=typical)
+    assert isinstance(first, FirstErrors) and first.F_ior_arcsec == pytest.approx([before], abs=0.01)
+    first, *_ = believed("operation.M_g=[4.0]", *OPEN, "tolerances.e_hb=1", typical=typical)
+    assert isinstance(first, FirstErrors) and abs(first.F_ior_arcsec[0] - before) > 1
 
 
 def test_a_contradiction_and_rolling_balls_are_said() -> None:
     with pytest.raises(HdassistError, match="contradicts the other evidence"):
         believed(*OPEN, "catalogue.K_1=1e9", "catalogue.K_2=1", "catalogue.K_3=1")
-    (found,) = believed(*OPEN, "bearing.ball_motion=rolling", "bearing.d_ball=5")
-    assert found.report and any("no range over them" in note for note in found.report.warnings)
+    *_, page = believed(*OPEN, "bearing.ball_motion=rolling", "bearing.d_ball=5")
+    assert isinstance(page, Report) and any("no range over them" in note for note in page.warnings)
+
+
+def text_of_headline(known: Known) -> str:
+    """The headline as a person reads it."""
+    style = Style(ascii=False, codes=False, width=120)
+    stream = StringIO()
+    console(stream, style).print(headline(tiny(), known, None, 0))
+    return stream.getvalue()
 
 
 def test_an_old_answer_and_one_that_is_not_whole_are_called_so() -> None:
-    row = ErrorRange(4.0, 1.0, 2.0, 3.0, 2.25, 2.5, 0.7, Verdict.INCONCLUSIVE)
-    found, shown = Headline((row,), 16.2), partial(headline, tiny(), pinned=None)
-    first, second = shown(Known(headline=found)).plain.split("\n")
-    assert first.endswith("(5-50-95 %, 16 samples …)")
-    assert second == "4 N·m 1.00 - 2.00 - 3.00″, limit 2.5: kept 70 %, INCONCLUSIVE (-0.75″ to the limit)"
-    assert (
-        shown(Known(headline=replace(found, report=Report("check", None, ""))))
-        .plain.split("\n")[0]
-        .endswith("16 samples)")
-    )
-    assert "(old, computing …)" in shown(Known(old=found)).plain
-    assert shown(Known(old=found, failed=Failed("edge"))).plain == "F'_ior: no answer"
+    *_, some, found, page = believed("operation.M_g=[4.0]", *OPEN)
+    assert isinstance(found, DesignCheck) and isinstance(some, DesignCheck) and isinstance(page, Report)
+    assert "samples …" in text_of_headline(Known(check=some))
+    assert "samples F'_ior" in text_of_headline(Known(check=found, page=page))
+    changed = text_of_headline(Known(old=found, first=FirstErrors([12.5])))
+    assert "old …" in changed and f"{typical_of(found)[1][0]:.2f} → 12.50" in changed
+    assert text_of_headline(Known(old=found, failed=Failed("edge"))) == "F'_ior: no answer\n"
 
 
 def test_levers_move_a_typical_drive_with_what_is_unknown_of_it() -> None:
     open_ = ("operation.M_g=[4.0]", "tolerances.e_hb=unknown")
-    *_, found = believed(*open_)
-    told: list[ExplorerAnswer] = []
+    *_, found, _ = believed(*open_)
+    drive, told = load_preset(TINY, open_), list[object]()
+    assert isinstance(found, DesignCheck)
+    typical, _ = typical_of(found)
     with no_processes():
-        lever_effects(load_preset(TINY, open_), found.typical, QUICK, told.append)
+        lever_effects(drive, load_preset(TINY, [*open_, "gears.j_n=8"]), typical, QUICK, told.append)
     effects = told[-1]
-    assert isinstance(effects, LeverEffects) and found.typical["tolerances.e_hb"] > 0
+    assert isinstance(effects, LeverEffects) and typical["tolerances.e_hb"] > 0
     by, (change,) = effects.steps["tolerances.e_hb"]
     assert by > 1 and abs(change) > 0.1
+    assert effects.differing == ("gears.j_n",) and effects.steps["gears.j_n"][0] == 8 - 18  # to the pinned value
+    assert effects.steps["gears.z_g"][0] == 2  # with z_b

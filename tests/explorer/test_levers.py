@@ -2,31 +2,34 @@ from __future__ import annotations
 
 import pytest
 
-from hdassist.explorer.levers import levers, step_of, stepped
+from hdassist.explorer.levers import about_field, mark_of, step_of, stepped
 from hdassist.explorer.state import opened_state
 from hdassist.loading.load import load_text
 from hdassist.preset.fields import field_table
+from hdassist.preset.kinds import text_of
+from hdassist.preset.schema import resolved_fields
 from tests.explorer.rig import tiny
 from tests.process import TINY
 
 
-def test_every_field_is_a_lever_with_what_the_preset_says_of_it() -> None:
-    found = {lever.path: lever for lever in levers(tiny().drive, {"cam.W_0"})}
-    assert list(found) == list(field_table())
-    assert found["mounting.allowed"].mark == found["harmonics.xi_b2"].mark == ""  # a setting; not known
-    lever = found["gears.j_n"]
-    assert (lever.text, lever.unit, lever.range, lever.mark) == ("18", "um", "0 to 200 um", "")
-    assert "clearance" in lever.meaning
-    assert (found["cam.W_0"].mark, found["gears.alpha"].mark) == ("*", "?")  # changed; left to its default
+def test_a_field_has_its_meaning_range_and_mark() -> None:
+    fields = {field.path: field for field in resolved_fields(tiny().drive)}
+    assert list(fields) == list(field_table())
+    marks = {path: mark_of(field, {"cam.W_0"}) for path, field in fields.items()}
+    assert marks["mounting.allowed"] == marks["harmonics.xi_b2"] == marks["gears.j_n"] == ""  # a setting; not known
+    assert (marks["cam.W_0"], marks["gears.alpha"]) == ("*", "?")  # changed; left to its default
+    assert about_field(fields["gears.j_n"]).endswith("; 0 to 200 um") and "clearance" in about_field(
+        fields["gears.j_n"]
+    )
 
 
 def test_the_text_of_a_value_is_read_back_as_the_same_value() -> None:
     session = opened_state(TINY)
-    given = [lever for lever in levers(session.drive, set()) if lever.text != "unknown"]
+    given = [field for field in resolved_fields(session.drive) if field.value is not None]
     assert len(given) > len(field_table()) / 2
-    for lever in given:
-        there = load_text(session.source.text, TINY, [f"{lever.path}={lever.text}"])
-        assert there.value(lever.path) == session.drive.value(lever.path), lever.path
+    for field in given:
+        there = load_text(session.source.text, TINY, [f"{field.path}={text_of(field.value)}"])
+        assert there.value(field.path) == session.drive.value(field.path), field.path
 
 
 @pytest.mark.parametrize(

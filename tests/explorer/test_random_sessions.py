@@ -18,9 +18,9 @@ from tests.process import TINY
 
 LENGTH = 12  # keys of a session
 MOVES = ("left", "right", "up", "down", "home", "end", "pageup", "pagedown", "tab", "shift+tab", "h", "l", "b", "0")
-VIEWS = ("1", "2", "3", "4", "m", "question_mark", "slash")
-CHANGES = ("plus", "minus", "t", "x", "u", "r", "ctrl+z", "ctrl+y", "enter", "enter", "backspace")
-ANSWERS = ("escape", "escape", "y", "n", "q", "c", "s")
+VIEWS = ("1", "2", "3", "4", "5", "6", "7", "m", "o", "k", "p", "question_mark", "slash")
+CHANGES = ("plus", "minus", "t", "e", "x", "u", "r", "ctrl+z", "ctrl+y", "enter", "enter", "backspace")
+ANSWERS = ("escape", "escape", "y", "n", "q", "c", "s", "w")
 TEXT = ("h", "1", "5", "full_stop", "equals_sign", "slash", "space", "a", "é", "left_square_bracket")
 KEYS = (*MOVES, *MOVES, *VIEWS, *CHANGES, *CHANGES, *ANSWERS, *TEXT)
 SIZES = ((80, 24), (100, 30), (140, 44), (60, 18), (40, 12))

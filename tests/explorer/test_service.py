@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.explorer.compute import Effort, ExplorerAnswer, SeatCurve, Sure, cam_turn, drive_answers
+from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, FirstErrors, SeatCurve, cam_turn, drive_answers
 from hdassist.explorer.service import Failed, Question, Service
 from hdassist.mounting.advice import Advice
 from tests.explorer.rig import QUICK, tiny
@@ -25,34 +25,34 @@ def service() -> Iterator[Service]:
     service.close()
 
 
-async def told(service: Service, question: Question) -> list[ExplorerAnswer]:
+async def told(service: Service, question: Question) -> list[object]:
     return [answer async for answer in service.ask(question)]
 
 
 def turn(*overrides: str) -> Question:
     """What is computed soon."""
-    return partial(cam_turn, tiny(*overrides).drive, 0.0, 4.0)
+    return partial(cam_turn, tiny(*overrides).drive, {}, 0.0, 4.0)
 
 
 def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Service) -> None:
-    answers = asyncio.run(told(service, partial(drive_answers, tiny().drive, QUICK)))
+    answers = asyncio.run(told(service, partial(drive_answers, tiny().drive, {}, QUICK)))
     curves = [answer for answer in answers if isinstance(answer, SeatCurve)]
-    assert [curve.sure[0] for curve in curves] == [Sure.REFINED, Sure.PROVEN]
+    assert [curve.sure[0] for curve in curves] == [SURE_REFINED, SURE_PROVEN]
     assert isinstance(answers[-1], Advice) and {len(curve.rotations_deg) for curve in curves} == {6}
     searched, proven = (curve.F_ior_arcsec for curve in curves)
     assert searched == pytest.approx(proven, abs=0.01)
 
 
 def test_an_answer_that_is_there_comes_before_the_next_is_computed(service: Service) -> None:
-    async def first(question: Question) -> ExplorerAnswer:
+    async def first(question: Question) -> object:
         async with contextlib.aclosing(service.ask(question)) as answers:
             return await anext(answers)
 
-    assert isinstance(asyncio.run(first(partial(drive_answers, tiny().drive, LONG))), SeatCurve)
+    assert isinstance(asyncio.run(first(partial(drive_answers, tiny().drive, {}, LONG))), FirstErrors)
 
 
 def test_what_cannot_be_computed_is_an_answer_too(service: Service) -> None:
-    question = partial(cam_turn, tiny("operation.M_g=[9000000.0]").drive, 0.0, 9e6)
+    question = partial(cam_turn, tiny("operation.M_g=[9000000.0]").drive, {}, 0.0, 9e6)
     [failed] = asyncio.run(told(service, question))
     assert isinstance(failed, Failed) and "linear model" in failed.message
 
@@ -90,13 +90,13 @@ def vanished(before: set[int]) -> bool:
 LONG = Effort(draws=20_000, jobs=2)  # with an uncertainty of a stiffness: minutes
 
 
-def asked_for(service: Service, end: Callable[[asyncio.Task[list[ExplorerAnswer]]], Awaitable[None]]) -> set[int]:
+def asked_for(service: Service, end: Callable[[asyncio.Task[list[object]]], Awaitable[None]]) -> set[int]:
     """Ask what takes minutes, and end that once its workers are at work; the processes that there were."""
     drive = tiny("uncertainty.cam.W_0=0.001").drive
     seen: set[int] = set()
 
     async def run() -> None:
-        task = asyncio.create_task(told(service, partial(drive_answers, drive, LONG)))
+        task = asyncio.create_task(told(service, partial(drive_answers, drive, {}, LONG)))
         before = processes()
         while len(seen) < 3:  # the one that answers, and two workers
             await asyncio.sleep(0.1)
@@ -112,7 +112,7 @@ def test_a_question_that_is_superseded_leaves_no_process(service: Service) -> No
     asyncio.run(told(service, turn()))  # what it forks from has begun
     before = processes()
 
-    async def cancelled(task: asyncio.Task[list[ExplorerAnswer]]) -> None:
+    async def cancelled(task: asyncio.Task[list[object]]) -> None:
         task.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await task
@@ -126,7 +126,7 @@ def test_a_service_that_is_closed_leaves_no_process() -> None:
     asyncio.run(told(service, turn()))
     before = processes()
 
-    async def closed(task: asyncio.Task[list[ExplorerAnswer]]) -> None:
+    async def closed(task: asyncio.Task[list[object]]) -> None:
         service.close()
         await task
 

@@ -1,11 +1,19 @@
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
 import pytest
 
-from hdassist.errors import UsageError
+from hdassist.error.cycle import kinematic_error
+from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.explorer import state
 from hdassist.explorer.state import Session, Step
 from hdassist.loading.load import load_text
+from hdassist.measuring.measure import measure
+from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.run.run import UNCHECKED
 from hdassist.terminal.options import TrialOptions
 from tests.explorer.rig import FEW, tiny
 from tests.process import TINY
@@ -77,7 +85,7 @@ def test_the_command_of_trials_says_how_they_were_measured() -> None:
 
 def test_a_trace_is_of_the_wheel_as_it_is_looked_at(session: Session) -> None:
     looked = state.turned_state(session, 1)
-    assert "--set phases.xi_b=120" in looked.trace_command(4.0)
+    assert "--set phases.xi_b=120" in looked.trace_command(4.0, {})
     assert "phases.xi_b" not in looked.command()
 
 
@@ -96,5 +104,48 @@ def test_of_two_values_of_a_field_the_last_one_counts() -> None:
 
 def test_a_pin_is_what_others_are_compared_with(session: Session) -> None:
     there = state.edited(session, "gears.j_n", "8")
-    assert state.pinned(there).pinned == there.changes
-    assert state.pinned(state.pinned(there)).pinned == ()
+    assert state.pinned(there).pinned == there.drive
+    assert state.pinned(state.pinned(there)).pinned == session.drive
+
+
+def test_a_second_preset_is_pinned_at_the_torques_of_the_first_and_stands_in_the_command() -> None:
+    two = state.opened_state(TINY, ("operation.M_g=[3.0]",), pin="vzp160")
+    assert two.pinned.name == "vzp160" and two.pinned.operation.M_g == (3.0,)
+    assert two.command("explore") == f"hdassist explore {TINY} --torque=3 --pin vzp160"
+    assert "--pin" not in two.command()
+
+
+def test_what_is_known_is_typed_by_name_position_or_limit(session: Session) -> None:
+    there = state.with_evidence(session, "K_1=3.1e4 h4=31 ± 2 h5@1=30±1 gears.j_n=8 ± 2 limit=45")
+    measured, here = there.drive.measured, f"h4@{session.trial_torque:g}"
+    assert measured.K_1 == 3.1e4 and measured.F_ior[here].value == 31 and measured.F_ior["h5@1"].value == 30
+    assert there.drive.gears.j_n == 8 and there.drive.uncertainty == {"gears.j_n": 2.0} and there.drive.limit(4) == 45
+    assert state.with_evidence(there, f"{here}=").drive.measured.F_ior.keys() == {"h5@1"}
+    with pytest.raises(UsageError, match="h0 to h11"):
+        state.with_evidence(session, "h12=3 ± 1")
+    with pytest.raises(DataError, match=r"nosuch\.csv"):
+        state.with_evidence(session, "nosuch.csv")
+
+
+def test_the_path_of_a_trace_is_its_F_ior_where_the_wheel_is_looked_at(session: Session, tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    error = kinematic_error(session.drive, 4.0, run=UNCHECKED)
+    rows = zip(np.degrees(error.states.phi_h), error.error_arcsec, strict=True)
+    path.write_text("angle_deg,error_arcsec\n" + "".join(f"{at:.4f},{value:.4f}\n" for at, value in rows))
+    there = state.with_evidence(state.turned_state(session, 2), str(path))
+    sweep = measure(read_trace(str(path), TraceForm(), 10.0), drive=session.drive).directions[0]
+    found = there.drive.measured.F_ior[f"h2@{session.trial_torque:g}"]
+    assert found.value == pytest.approx(sweep.range.value, rel=1e-3)
+    assert found.uncertainty == pytest.approx(2 * sweep.uncertainty_arcsec, rel=0.1)
+    part = tmp_path / "part.csv"
+    part.write_text("\n".join(path.read_text().splitlines()[:60]))
+    with pytest.raises(HdassistError):
+        state.with_evidence(session, str(part))
+
+
+def test_W_0_takes_x_b_along_where_that_is_asked_for(session: Session) -> None:
+    gears, W_0 = session.drive.gears, session.drive.cam.W_0
+    alone = state.edited(session, "cam.W_0", f"{W_0 + 0.01}").drive
+    assert alone.gears.x_b == gears.x_b
+    both = state.edited(replace(session, keeps_clearance=True), "cam.W_0", f"{W_0 + 0.01}").drive
+    assert both.gears.m * (both.gears.x_b - gears.x_b) == pytest.approx(both.cam.W_0 - W_0, abs=1e-5)

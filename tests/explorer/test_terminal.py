@@ -83,6 +83,11 @@ class Terminal:
         left = self.sent.rfind(b"\x1b[?1049l") > self.sent.rfind(b"\x1b[?1049h") > -1
         return line and left and self.sent.rfind(b"\x1b[?25h") > self.sent.rfind(b"\x1b[?25l")
 
+    @property
+    def kept(self) -> str:
+        """The command that comes back to the session, as it is kept at each change."""
+        return (Path(self.states.name) / "hdassist" / "explore.txt").read_text()
+
     def hang_up(self) -> None:
         """Close the end of the terminal that its user has."""
         os.close(self._leader)
@@ -111,8 +116,10 @@ def explorer(*args: str) -> Iterator[Terminal]:
 def test_a_session_in_a_terminal() -> None:
     before = processes()
     with explorer() as terminal:
-        seen = terminal.wait_for("c writes the card")
-        assert "TRIALS" in seen and "F'_ior in each hole, arcsec" in seen and "hole 0 (0 deg), where it stands" in seen
+        seen = terminal.wait_for("Turn the rigid wheel")
+        assert (
+            "7 advice" in seen and "F'_ior in each hole, arcsec" in seen and "hole 0 (0 deg), where it stands" in seen
+        )
         terminal.press("\x1b[C")
         terminal.wait_for("hole 1 (60 deg)")
         terminal.press("t")
@@ -125,8 +132,10 @@ def test_a_session_in_a_terminal() -> None:
         terminal.press("t")
         terminal.wait_for("add trials")
         terminal.press("28.1\r")
-        terminal.wait_for("h1=28.1")
+        terminal.wait_for("undo")
         terminal.press("q")
+        terminal.wait_for("comes back to this session")
+        terminal.press("y")
         assert terminal.end() == 0
         assert terminal.as_it_was
         left = terminal.sent.rpartition(b"\x1b[?1049l")[2].decode()
@@ -140,13 +149,18 @@ def test_a_session_in_a_terminal() -> None:
 def test_a_killed_explorer_gives_the_terminal_back_and_leaves_no_process(stop: signal.Signals, code: int) -> None:
     before = processes()
     with explorer() as terminal:
-        terminal.wait_for("TRIALS")  # what computes has begun
+        terminal.wait_for("7 advice")  # what computes has begun
+        terminal.press("t")
+        terminal.wait_for("add trials")
+        terminal.press("28.1\r")
+        terminal.wait_for("undo")
         os.kill(terminal.process.pid, stop)
         assert terminal.end() == code
         end = time.monotonic() + 10
         while not terminal.as_it_was and time.monotonic() < end:
             terminal.read()
         assert terminal.as_it_was
+        assert terminal.kept == f"hdassist explore {TINY} --torque=4 --set {FEW[1]} h0=28.1"
     assert vanished(before)
 
 
@@ -158,15 +172,14 @@ def test_an_explorer_ends_with_its_terminal(is_ignored: bool) -> None:
     ignoring = ["sh", "-c", "trap '' HUP; exec \"$@\"", "sh", *COMMAND] if is_ignored else COMMAND
     terminal = Terminal("explore", TINY, *SETS, command=ignoring)
     try:
-        terminal.wait_for("TRIALS")
+        terminal.wait_for("7 advice")
         terminal.press("t")
         terminal.wait_for("add trials")
         terminal.press("28.1\r")
-        terminal.wait_for("h0=28.1")
+        terminal.wait_for("undo")
         terminal.hang_up()
         assert terminal.process.wait(timeout=20) > 128
-        again = (Path(terminal.states.name) / "hdassist" / "explore.txt").read_text()
-        assert again == f"hdassist explore {TINY} --torque=4 --set {FEW[1]} h0=28.1"
+        assert terminal.kept == f"hdassist explore {TINY} --torque=4 --set {FEW[1]} h0=28.1"
     finally:
         terminal.close()
     assert vanished(before)
