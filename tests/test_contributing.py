@@ -18,7 +18,7 @@ def test_a_check_is_added_as_the_page_says(tmp_path):
     changes = {
         "preset/fields.py": ("    order_amplitude: ", textwrap.indent(field, "    ") + "    order_amplitude: "),
         "acceptance/checks.py": (
-            "CHECKS = (F_IOR, TURN_RANGE, SELF_ERROR, ORDER_CHECK, LOST_MOTION_CHECK, *STIFFNESSES)\n",
+            "CHECKS = (F_IOR, TURN_RANGE, SELF_ERROR, ORDER_CHECK, LOST_MOTION_CHECK, *STATED_CHECKS, *STIFFNESSES)\n",
             check,
         ),
     }

@@ -142,7 +142,7 @@ STIFFNESSES = K1, K2, K3 = tuple(
 SECOND_HAND = (
     "As makers put it, second hand: conformity to no standard is claimed. hdassist measure has it of a file of "
 )
-POSITIONING, REPEATABILITY, BIDIRECTIONAL, HYSTERESIS, STARTING, BACKDRIVING, RATCHETING = (
+STATED_CHECKS = tuple(  # of what makers state
     Check(code, words, tests, wrong, change, code.lower(), (), upper=code != "RATCHET_TORQUE")
     for code, words, tests, wrong, change in (
         (
@@ -202,10 +202,7 @@ POSITIONING, REPEATABILITY, BIDIRECTIONAL, HYSTERESIS, STARTING, BACKDRIVING, RA
         ),
     )
 )
-CHECKS = (
-    F_IOR, TURN_RANGE, SELF_ERROR, ORDER_CHECK, LOST_MOTION_CHECK, POSITIONING, REPEATABILITY, BIDIRECTIONAL,
-    HYSTERESIS, STARTING, BACKDRIVING, RATCHETING, *STIFFNESSES,
-)  # fmt: skip
+CHECKS = (F_IOR, TURN_RANGE, SELF_ERROR, ORDER_CHECK, LOST_MOTION_CHECK, *STATED_CHECKS, *STIFFNESSES)
 
 # remarks that a verdict should not be read without
 COVERAGE = Explained(

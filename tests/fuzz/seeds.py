@@ -274,6 +274,7 @@ LINES: dict[str, Args] = {
     "tolerance": ("drive.yaml", "-n", "3"), "sensitivity": ("drive.yaml", "-n", "16"), "doctor": (), "help": ("check",),
     "allocate": ("drive.yaml", "--limit", "60", "-n", "20"), "sweep": ("drive.yaml", "--vary", "gears.j_n=5,6"),
     "explore": ("drive.yaml",), "report": ("drive.yaml",), "plan": ("drive.yaml", "--limit", "60"),
+    "compensate": ("drive.yaml",),
     "presets list": (), "presets show": ("drive.yaml",), "presets validate": ("drive.yaml",), "presets new": ("x",),
     "presets schema": (),
 }  # fmt: skip

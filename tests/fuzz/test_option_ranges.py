@@ -30,7 +30,7 @@ LINES: dict[str, tuple[str, ...]] = {
     "tolerance": (*ONE, "-n", "2", "--limit", "3000"), "sensitivity": (*ONE, "-n", "16"),
     "sweep": (*ONE, "--vary", "gears.j_n=5,6"),
     "allocate": (*ONE, "-n", "20", "--limit", "3000"), "compare": (*ONE, "run.csv", "--no-plot"), "report": ONE,
-    "plan": ONE, "mount": (*ONE, "--draws", "1"), "trials": (*ONE, "h0=280", "h4=170", "--draws", "8"),
+    "plan": ONE, "compensate": (*ONE, "--draws", "1"), "mount": (*ONE, "--draws", "1"), "trials": (*ONE, "h0=280", "h4=170", "--draws", "8"),
     "measure": ("run.csv", "--ratio", "10"), "accept": (*ONE, "--limit", "F_ior@4=300"),
     "calibrate": (*ONE, "--targets", "targets.yaml", "--evaluations", "8"), "presets new": ("own",),
     "explain": ("F_ior",), "doctor": (), "help": (), "presets list": (), "presets show": ("drive.yaml",),

@@ -52,7 +52,7 @@ def test_lines_stay_beside_their_label_and_empty_ones_are_left_out(width):
 
 
 def test_a_command_that_goes_on_is_about_the_same_drive():
-    overrides = [*torque_overrides([2.0, -3.5]), "phases.xi_b=90±10", "name=a b"]
+    overrides = [*torque_overrides(["2", "-3.5 N·m"]), "phases.xi_b=90±10", "name=a b"]
     drive = load_preset(SMALL, overrides)
     words = shlex.split(again("check", drive, "--json"))
     assert words == [
