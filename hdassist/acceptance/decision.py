@@ -142,6 +142,6 @@ def _verdict(found: AcceptedValue, room: float | None, guard: float, rule: Rule,
         return Verdict.INCONCLUSIVE, f"within the guard band{lines}"
     if strict and found.unstated:
         names, options = ", ".join(found.unstated), ",".join(f"{name}=U" for name in found.unstated)
-        words = f"nothing stated of {names}: --budget {options}, U in arcsec, 0 where a source adds nothing"
+        words = f"nothing stated of {names}: --budget {options}, U in ″, 0 where a source adds nothing"
         return Verdict.INCONCLUSIVE, words
     return Verdict.PASS, ""

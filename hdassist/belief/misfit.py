@@ -164,4 +164,4 @@ def require_shown(names: Sequence[str], f: Array, y: Array, spreads: Array, corr
     if min(map(nearest, without)) > UNSHOWN:
         rows = zip(names, y, f.min(axis=0), f.max(axis=0), strict=True)
         words = "; ".join(f"{name} = {value:g}, drawn {low:.4g} to {high:.4g}" for name, value, low, high in rows)
-        raise UntrustedError(f"no draw shows F'_ior as measured, arcsec: {words}", hint)
+        raise UntrustedError(f"no draw shows F'_ior as measured, ″: {words}", hint)

@@ -64,7 +64,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         room = rooms(limits, own)
         if room is None:
             worst = max(range(len(own)), key=lambda t: own[t] - limits[t])
-            words = f"the self error alone is {own[worst]:.1f} arcsec at {torques[worst]:g} N*m"
+            words = f"the self error alone is {own[worst]:.1f}″ at {torques[worst]:g} N*m"
             hint = "no tolerance changes that: a limit above it, or another wave or clearance"
             raise UsageError(f"{words}, the limit {limits[worst]:g}", hint)
         production = Production.of(

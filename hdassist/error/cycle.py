@@ -176,4 +176,4 @@ def cross_check_of(
 def state_place(states: States, M_g: float, k: int) -> str:
     """Words for where state k of some states is, at a torque [N*m]."""
     phi_h, phi_g, phi_b = (float(np.degrees(x[k])) for x in (states.phi_h, states.phi_g, states.phi_b))
-    return f"phi_h = {turns_and_degrees(phi_h)}, phi_g = {phi_g:.3f} deg, phi_b = {phi_b:.3f} deg, M_g = {M_g:g} N*m"
+    return f"phi_h = {turns_and_degrees(phi_h)}, phi_g = {phi_g:.3f}°, phi_b = {phi_b:.3f}°, M_g = {M_g:g} N*m"

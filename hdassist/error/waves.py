@@ -59,7 +59,7 @@ class ErrorWaves:
 
         def where(k: int) -> str:
             g, b = (float(np.degrees(angle[k])) for angle in (alpha_g, alpha_b))
-            return f"alpha_g = {g:.2f} deg, alpha_b = {b:.2f} deg, M_g = {self._map.M_g:g} N*m"
+            return f"alpha_g = {g:.2f}°, alpha_b = {b:.2f}°, M_g = {self._map.M_g:g} N*m"
 
         held = np.maximum(np.abs(self.k_g), np.abs(self.k_b)) < points / 2
         error, found = np.empty(points**2), []

@@ -335,7 +335,7 @@ class Explorer(Exporting):
     def action_trial(self) -> None:
         """Ask for trials."""
         session = self.session
-        torque = f"F'_ior in arcsec at {session.trial_torque:g} N·m"
+        torque = f"F'_ior in ″ at {session.trial_torque:g} N·m"
         hint = f"{torque}: 28.1 for {session.here}, or h4=17.3; several with blanks between"
         self._ask_change("add trials", "", hint, state.with_trials)
 

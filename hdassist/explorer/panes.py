@@ -110,7 +110,7 @@ class Holes(LeverTable):
             marks += [(value, value, "◆", INK[2]) for value in measured]
             rows[f"{at}"] = head, Text.assemble(" ", values_of(found, at), " "), _bar(max(width, LEAST_BAR), top, marks)
         self.fill(rows)
-        self.border_title = f"F'_ior in each hole, arcsec{f', bars 0 to {top:g}' * bool(found)}"
+        self.border_title = f"F'_ior in each hole, ″{f', bars 0 to {top:g}' * bool(found)}"
         if (here := f"{session.turn_deg}") in rows and self.key != here:
             with self.prevent(DataTable.RowHighlighted):
                 self.move_cursor(row=self.get_row_index(here))

@@ -43,8 +43,8 @@ from hdassist.readers.trace import MeasuredTrace
 DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
 SHORTEST_TURNS = 1.0  # cam turns
 STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
-DRIFT_LEFT = "linear drift of {:.3g} arcsec over the record left in (--drift linear), if it is no part of a slow order"
-DRIFT_OFF = "the cycle does not close: linear drift of {:.3g} arcsec taken off; with it the curve spans {:.1f} arcsec"
+DRIFT_LEFT = "linear drift of {:.3g}″ over the record left in (--drift linear), if it is no part of a slow order"
+DRIFT_OFF = "the cycle does not close: linear drift of {:.3g}″ taken off; with it the curve spans {:.1f}″"
 WIND_UP_LEFT = (
     "the torque goes with the output's turn: its wind-up is left in (--drive PRESET with catalogue.K_1 to K_3)"
 )
@@ -239,7 +239,7 @@ def measure(
             sign, cleaned, sweeps, fit, declared, drift_left, gearing, drive, stated or {}, seed, torque
         )
         if not fit.unmodelled < UNMODELLED * result.range.value:
-            size = f"{fit.unmodelled:.2g} arcsec"
+            size = f"{fit.unmodelled:.2g}″"
             warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
         directions.append(result)
     if not directions:
@@ -287,7 +287,7 @@ def _declared(
         return declared, highest
     kept = tuple(order for order in declared if order <= highest)
     if orders is not None or not kept:
-        message = f"steps of {360 / (STEPS_PER_PERIOD * highest):.3g} deg are too long for order {declared[-1]:g}"
+        message = f"steps of {360 / (STEPS_PER_PERIOD * highest):.3g}° are too long for order {declared[-1]:g}"
         raise UntrustedError(
             f"{trace.file}: {message}", f"up to {highest:.2g} can be declared: --orders", Fault.ORDERS_UNTOLD
         )
@@ -349,11 +349,11 @@ def _sweep_result(
         wind_up=torque.uncertainty_arcsec if torque and torque.by == "catalogue" else 0.0,
     )  # fmt: skip
     if trace.in_time and step > COARSE_STEP * extent.value:
-        message = f"the output is read in steps of {step:.2g} arcsec at even angles: what they round looks like error"
+        message = f"the output is read in steps of {step:.2g}″ at even angles: what they round looks like error"
         raise UntrustedError(f"{trace.file}: {message}", "read both encoders by the clock", Fault.ORDERS_UNTOLD)
     alone = combined([source for source in sources if source.name not in {*STATED, WIND_UP}])
     if not fit.clear_of_noise or not extent.value > COVERAGE_FACTOR * alone:
-        message = f"F'_ior of {max(extent.value, 0.0):.3g} arcsec is not clear of its noise, u = {alone:.3g} arcsec"
+        message = f"F'_ior of {max(extent.value, 0.0):.3g}″ is not clear of its noise, u = {alone:.3g}″"
         hint = "it drifts: --drift linear" if drift_left else "record longer or with less noise; check the column"
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
     rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in sweeps])

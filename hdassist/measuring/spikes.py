@@ -48,9 +48,9 @@ def without_spikes(
         return trace, []
     count, named = len(short), ", ".join(map(str, trace.line[rows[short[:NAMED_LINES]]]))
     where = f"line{'s' * (count > 1)} {named}{f' and {count - NAMED_LINES} more' if count > NAMED_LINES else ''}"
-    words = f"{where}: {size[short].max():.2g} arcsec off all readings around"
+    words = f"{where}: {size[short].max():.2g}″ off all readings around"
     if count > max(FEW_SPIKES, share * len(trace.line)):
         hint = "check the encoders' cables and counters, or leave out these rows: --robust"
         raise UntrustedError(f"{trace.file}: {words}: too many to leave out", hint, Fault.ORDERS_UNTOLD)
-    warning = f"{words}, left out; else the curve would span {np.ptp(fit.curve(bins.turns)):.1f} arcsec"
+    warning = f"{words}, left out; else the curve would span {np.ptp(fit.curve(bins.turns)):.1f}″"
     return trace.without(rows[short]), [warning]

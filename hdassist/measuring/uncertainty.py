@@ -84,7 +84,7 @@ def budget(
     ]
     words_of = dict(STATED)
     if ratio:
-        words_of["encoder"] += f" ({OFF_CENTRE:g} deg of it are {3600 * OFF_CENTRE / ratio:.2g} arcsec)"
+        words_of["encoder"] += f" ({OFF_CENTRE:g}° of it are {3600 * OFF_CENTRE / ratio:.2g}″)"
     given = [
         UncertaintySource(name, stated.get(name), "stated" if name in stated else f"not stated; {words}")
         for name, words in words_of.items()

@@ -115,7 +115,7 @@ def neighbours_together(kinematics: Kinematics, states: States) -> NDArray[np.in
 def turns_and_degrees(degrees: float) -> str:
     """An angle as whole turns and degrees, to a tenth of a degree."""
     turns, rest = divmod(round(degrees, 1), 360.0)
-    return f"{turns:.0f} turn{'s' * (turns != 1)} + {rest:.1f} deg"
+    return f"{turns:.0f} turn{'s' * (turns != 1)} + {rest:.1f}°"
 
 
 def ball_phase(drive: Drive, phi_h: Array) -> Array:

@@ -125,7 +125,7 @@ def teeth_mesh(geometry: Geometry) -> Iterator[Conflict]:
     if overlap > most:
         yield Conflict(
             "cam.W_0", "the teeth interfere: they run through each other under the shape the cam gives",
-            f"an overlap of {overlap * 1e3:.3g} um at {np.degrees(angle):.3g} deg from the major axis",
+            f"an overlap of {overlap * 1e3:.3g} um at {np.degrees(angle):.3g}° from the major axis",
             f"at most {most * 1e3:.3g} um; check W_0 with m, x_g, x_b and h_a",
         )  # fmt: skip
 

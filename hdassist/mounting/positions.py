@@ -173,7 +173,7 @@ def hole_of(rotation_deg: float, holes: int) -> int | None:
 def hole_words(rotation_deg: float, holes: int) -> str:
     """A position in words: hole 4 (120 deg), or the angle alone."""
     hole = hole_of(rotation_deg, holes)
-    return f"{rotation_deg:g} deg" if hole is None else f"hole {hole} ({rotation_deg:g} deg)"
+    return f"{rotation_deg:g}°" if hole is None else f"hole {hole} ({rotation_deg:g}°)"
 
 
 def bare(rotation_deg: float, holes: int) -> str:

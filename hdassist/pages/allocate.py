@@ -52,7 +52,7 @@ def allocate_report(found: Allocated) -> Report:
     """The cheapest tolerances of a drive."""
     drive, choices, ways = found.drive, found.choices, found.ways
     held = list(zip(drive.operation.M_g, found.limits, found.self_errors, strict=True))
-    limits = ", ".join(f"{limit:g} arcsec at {M_g:g} N·m" for M_g, limit, _ in held)
+    limits = ", ".join(f"{limit:g}″ at {M_g:g} N·m" for M_g, limit, _ in held)
     assumed = [choice.path for choice in choices if choice.assumed_law]
     costs = f"costs are assumed, 1 now and growing as 1/tolerance: {', '.join(assumed)} (preset: cost)"
     reasons = [_words(way, found) for way in ways]
@@ -122,7 +122,7 @@ def _facts(found: Allocated) -> Iterator[tuple[str, str]]:
     passed = found.verdict is Verdict.PASS
     if not passed:
         taken = (
-            f"{own:.1f} of {limit:g} arcsec at {M_g:g} N·m"
+            f"{own:.1f} of {limit:g}″ at {M_g:g} N·m"
             for M_g, own, limit in zip(found.drive.operation.M_g, found.self_errors, found.limits, strict=True)
         )
         yield "self error", f"takes {', '.join(taken)}; no tolerance changes that"

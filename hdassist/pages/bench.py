@@ -28,18 +28,18 @@ def _ends(ends: list[float]) -> str:
 
 _QUANTITIES: tuple[Quantity[StatedQuantity], ...] = (
     Quantity("name", "quantity", "", "", lambda q: q.name),
-    Quantity("value_arcsec", "value", "arcsec", ".2f", lambda q: q.arcsec),
-    Quantity("standard_uncertainty_arcsec", "u", "arcsec", ".2f", lambda q: q.uncertainty_arcsec),
-    Quantity("interval_arcsec", "95 %", "arcsec", _ends, lambda q: _interval(q.arcsec, q.uncertainty_arcsec)),
+    Quantity("value_arcsec", "value", "″", ".2f", lambda q: q.arcsec),
+    Quantity("standard_uncertainty_arcsec", "u", "″", ".2f", lambda q: q.uncertainty_arcsec),
+    Quantity("interval_arcsec", "95 %", "″", _ends, lambda q: _interval(q.arcsec, q.uncertainty_arcsec)),
     Quantity("of", "of", "", "", lambda q: q.of),
 )
 _ON_PAGE = (Quantity("", "", "", "", lambda q: _CHECKS[q.name].words), *_QUANTITIES[1:2], *_QUANTITIES[3:])
 _PLACES: tuple[Quantity[PlaceLoop], ...] = (
     Quantity("place", "place", "", "g", lambda p: p.place),
-    Quantity("hysteresis_loss_arcsec", "hysteresis loss", "arcsec", ".2f", lambda p: p.hysteresis[0]),
-    Quantity("hysteresis_loss_uncertainty_arcsec", "u", "arcsec", ".2f", lambda p: p.hysteresis[1]),
-    Quantity("lost_motion_arcsec", "lost motion", "arcsec", ".2f", lambda p: p.lost_motion[0]),
-    Quantity("lost_motion_uncertainty_arcsec", "u", "arcsec", ".2f", lambda p: p.lost_motion[1]),
+    Quantity("hysteresis_loss_arcsec", "hysteresis loss", "″", ".2f", lambda p: p.hysteresis[0]),
+    Quantity("hysteresis_loss_uncertainty_arcsec", "u", "″", ".2f", lambda p: p.hysteresis[1]),
+    Quantity("lost_motion_arcsec", "lost motion", "″", ".2f", lambda p: p.lost_motion[0]),
+    Quantity("lost_motion_uncertainty_arcsec", "u", "″", ".2f", lambda p: p.lost_motion[1]),
 )
 
 
@@ -63,7 +63,7 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
         command="measure",
         drive=drive,
         head=f"{table.file}, {len(table.lines)} rows" + (f", {drive.name}" if drive else ""),
-        verdict=f"{_CHECKS[first.name].words} {first.arcsec:.2f} arcsec",
+        verdict=f"{_CHECKS[first.name].words} {first.arcsec:.2f}″",
         blocks=(
             Table.by_row("", _ON_PAGE, found, words=(0, 3)),
             *(Table.by_row("places", _PLACES, each, words=()) for each in [places] * (len(places) > 1)),
@@ -81,7 +81,7 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
             "seed": seed,
         },
         line=", ".join(
-            f"{q.name} {q.arcsec:.2f}{f' +- {_expanded(q):.2f}' if q in unsure else ''} arcsec" for q in found
+            f"{q.name} {q.arcsec:.2f}{f' +- {_expanded(q):.2f}' if q in unsure else ''}″" for q in found
         ),
         about=table.file,
         warnings=(once,) * (len(unsure) < len(found)),

@@ -121,7 +121,7 @@ def _sets(result: Calibration) -> Table:
         phases = (fit.best_deg[row] for fit in result.fits)
         rows.append((f"best phase at {M_g:g} N·m", *(NO_VALUE if deg is None else f"{deg:.0f}" for deg in phases)))
     heads = ("field", "best", *(f"other {k}" for k in range(1, len(result.fits))))
-    return Table("sets of values that were kept, and the best mounting phase of each, deg", heads, tuple(rows))
+    return Table("sets of values that were kept, and the best mounting phase of each, °", heads, tuple(rows))
 
 
 def _set_object(result: Calibration, fit: Fit) -> Json:

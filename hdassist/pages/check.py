@@ -56,12 +56,12 @@ def _percentile_error(percent: int, point: OperatingPoint) -> float | None:
 BELIEF_PERCENTILES = {5: "5th percentile", 50: "median", 95: "95th percentile"}
 POINT_QUANTITIES: tuple[Quantity[OperatingPoint], ...] = (
     Quantity("M_g_Nm", "torque M_g", "N·m", "g", "M_g"),
-    Quantity("F_ior_arcsec", "F'_ior", "arcsec", ".2f"),
-    Quantity("self_error_arcsec", "self error", "arcsec", ".2f", "self_error.range_arcsec"),
-    Quantity("F_ior_upper_arcsec", "F'_ior + self error", "arcsec", ".2f"),
-    Quantity("limit_arcsec", "limit", "arcsec", "g"),
+    Quantity("F_ior_arcsec", "F'_ior", "″", ".2f"),
+    Quantity("self_error_arcsec", "self error", "″", ".2f", "self_error.range_arcsec"),
+    Quantity("F_ior_upper_arcsec", "F'_ior + self error", "″", ".2f"),
+    Quantity("limit_arcsec", "limit", "″", "g"),
     Quantity("verdict", "verdict", "", ""),
-    Quantity("F_ior_nominal_arcsec", "F'_ior, numbers of the preset", "arcsec", ".2f", "error.F_ior_arcsec"),
+    Quantity("F_ior_nominal_arcsec", "F'_ior, numbers of the preset", "″", ".2f", "error.F_ior_arcsec"),
     *(
         Quantity(f"{end}.{angle}_deg", words, unit, digits, partial(_angle_deg, end, angle))
         for end, label in (("at_max", "greatest at phi_h"), ("at_min", "least at phi_h"))
@@ -73,14 +73,14 @@ POINT_QUANTITIES: tuple[Quantity[OperatingPoint], ...] = (
     ),
     Quantity("one_wave_share", "one-wave meshing, share", "", ".3f", "error.one_wave_share"),
     Quantity("max_tooth_force_N", "greatest tooth force", "N", ".0f", "error.max_tooth_force_N"),
-    Quantity("wind_up_arcsec", "mean wind-up", "arcsec", ".1f", "error.wind_up_arcsec"),
-    Quantity("tooth_phase_arcsec", "self error of tooth phase", "arcsec", ".2f", "self_error.tooth_phase_arcsec"),
-    Quantity("ball_phase_arcsec", "self error of ball phase", "arcsec", ".2f", "self_error.ball_phase_arcsec"),
-    Quantity("F_ior_floating_arcsec", "F'_ior, self-aligning cam", "arcsec", ".2f", "floating.first"),
+    Quantity("wind_up_arcsec", "mean wind-up", "″", ".1f", "error.wind_up_arcsec"),
+    Quantity("tooth_phase_arcsec", "self error of tooth phase", "″", ".2f", "self_error.tooth_phase_arcsec"),
+    Quantity("ball_phase_arcsec", "self error of ball phase", "″", ".2f", "self_error.ball_phase_arcsec"),
+    Quantity("F_ior_floating_arcsec", "F'_ior, self-aligning cam", "″", ".2f", "floating.first"),
 )
 BELIEF: tuple[Quantity[OperatingPoint], ...] = (
     *(
-        Quantity(f"belief.p{percent}_arcsec", f"F'_ior, {words}", "arcsec", ".2f", f"belief.p{percent}")
+        Quantity(f"belief.p{percent}_arcsec", f"F'_ior, {words}", "″", ".2f", f"belief.p{percent}")
         for percent, words in BELIEF_PERCENTILES.items()
     ),
     Quantity("belief.probability", "probability of keeping it", "", ".2f", "probability.value"),
@@ -88,7 +88,7 @@ BELIEF: tuple[Quantity[OperatingPoint], ...] = (
 MONTE_CARLO: tuple[Quantity[OperatingPoint], ...] = (
     *(
         Quantity(
-            f"belief.p{percent}_error_arcsec", f"standard error of the {words}", "arcsec", ".2f",
+            f"belief.p{percent}_error_arcsec", f"standard error of the {words}", "″", ".2f",
             partial(_percentile_error, percent),
         )
         for percent, words in BELIEF_PERCENTILES.items()
@@ -105,7 +105,7 @@ SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
 
 
 OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of what is not known exactly too
-HELD: Quantity[OperatingPoint] = Quantity("held_arcsec", "F'_ior + self error, 5 to 95 %", "arcsec", "")
+HELD: Quantity[OperatingPoint] = Quantity("held_arcsec", "F'_ior + self error, 5 to 95 %", "″", "")
 
 
 def _range_text(belief: ErrorBelief) -> str:
@@ -151,10 +151,10 @@ def F_ior_table(check: DesignCheck) -> Table:
     empty = {"belief"} if not check.samples else set()
     if all(point.limit_arcsec is None for point in check.points):
         empty |= {"limit_arcsec", "verdict"}
-    title = "kinematic error F'_ior over the full cycle, arcsec" + ", unknown as 0" * bool(check.unknown)
+    title = "kinematic error F'_ior over the full cycle, ″" + ", unknown as 0" * bool(check.unknown)
     if check.samples and check.prior:
         fitted = f" ({len(check.prior.fitted)} others as fitted)" if check.prior.fitted else ""
-        title = f"F'_ior, arcsec: median and range over {len(check.prior.fields)} uncertain inputs{fitted}"
+        title = f"F'_ior, ″: median and range over {len(check.prior.fields)} uncertain inputs{fitted}"
     return Table.by_row(title, [q for q in _ON_PAGE if q.key not in empty], check.points, words=())
 
 
@@ -163,7 +163,7 @@ def verdict_reason(point: OperatingPoint) -> str:
     found = point.probability
     if found is None:
         return ""
-    kept = f"F'_ior + self error keep {point.limit_arcsec:g} arcsec"
+    kept = f"F'_ior + self error keep {point.limit_arcsec:g}″"
     needed = point.sure if point.verdict is Verdict.INCONCLUSIVE else None
     return f"{point.M_g:g} N·m: {kept}, probability {probability_words(found, needed)}"
 
@@ -197,7 +197,7 @@ def _coupling(check: DesignCheck) -> str:
     now, then, M_g = max(pairs, key=lambda pair: 1 - pair[1] / max(pair[0], LEAST_ERROR))
     if then > (1 - LEAST_SHARE) * now or now < LEAST_ERROR:
         return ""
-    return f"a self-aligning cam (cam.coupling: oldham) would bring {now:.1f} to {then:.1f} arcsec at {M_g:g} N·m"
+    return f"a self-aligning cam (cam.coupling: oldham) would bring {now:.1f} to {then:.1f}″ at {M_g:g} N·m"
 
 
 def fitted_words(prior: DrivePrior) -> str:
@@ -214,7 +214,7 @@ def error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
         np.asarray(point.error.states.phi_h / (2 * np.pi)),
         point.error.error_arcsec,
         x_label="cam angle phi_h, turns",
-        y_label=f"error at {point.M_g:g} N·m{taken}, arcsec: least and greatest around each cam turn",
+        y_label=f"error at {point.M_g:g} N·m{taken}, ″: least and greatest around each cam turn",
         caption=f"Error over the full cycle at {point.M_g:g} N·m{taken}",
         over=1.0,
         rows=8,
@@ -228,7 +228,7 @@ def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
     return Curve(
         *shares_below(samples.F_ior_arcsec[:, check.least_sure], samples.weights),
         x_label="% of them stay below",
-        y_label=f"F'_ior at {point.M_g:g} N·m, arcsec, of the drives that it may be{held}",
+        y_label=f"F'_ior at {point.M_g:g} N·m, ″, of the drives that it may be{held}",
         caption=f"F'_ior at {point.M_g:g} N·m over all that is not known exactly{held}",
         limit=point.left_arcsec,
         rows=8,

@@ -34,17 +34,17 @@ _VERDICT_WORDS = {
 }
 
 COMPARED_NUMBERS: tuple[Quantity[Comparison], ...] = (
-    Quantity("measured.range_arcsec", "measured range", "arcsec", ".2f", lambda r: r.sweep.range.value),
-    Quantity("measured.standard_uncertainty_arcsec", "  uncertainty u", "arcsec", ".2f",
+    Quantity("measured.range_arcsec", "measured range", "″", ".2f", lambda r: r.sweep.range.value),
+    Quantity("measured.standard_uncertainty_arcsec", "  uncertainty u", "″", ".2f",
              lambda r: r.sweep.uncertainty_arcsec),
-    Quantity("predicted.range_arcsec", "predicted range", "arcsec", ".2f", lambda r: float(np.ptp(r.predicted_curve))),
-    Quantity("difference.rms_arcsec", "difference, rms", "arcsec", ".2f", lambda r: r.difference_rms_arcsec),
-    Quantity("difference.largest_arcsec", "  largest", "arcsec", "z.2f", lambda r: r.largest[0]),
+    Quantity("predicted.range_arcsec", "predicted range", "″", ".2f", lambda r: float(np.ptp(r.predicted_curve))),
+    Quantity("difference.rms_arcsec", "difference, rms", "″", ".2f", lambda r: r.difference_rms_arcsec),
+    Quantity("difference.largest_arcsec", "  largest", "″", "z.2f", lambda r: r.largest[0]),
     Quantity("difference.largest_at_cam_deg", "  at cam angle", "deg", ".1f", lambda r: 360 * r.largest[1]),
-    Quantity("difference.range_arcsec", "  range", "arcsec", ".2f", lambda r: float(np.ptp(r.difference_curve))),
-    Quantity("residual.rms_arcsec", "beyond orders, rms", "arcsec", ".2f", lambda r: float(np.std(r.residual_arcsec))),
-    Quantity("residual.range_arcsec", "  range", "arcsec", ".2f", lambda r: float(np.ptp(r.residual_arcsec))),
-    Quantity("predicted.F_ior_arcsec", "F'_ior, predicted", "arcsec", ".2f", lambda r: r.unchanged.F_ior_arcsec),
+    Quantity("difference.range_arcsec", "  range", "″", ".2f", lambda r: float(np.ptp(r.difference_curve))),
+    Quantity("residual.rms_arcsec", "beyond orders, rms", "″", ".2f", lambda r: float(np.std(r.residual_arcsec))),
+    Quantity("residual.range_arcsec", "  range", "″", ".2f", lambda r: float(np.ptp(r.residual_arcsec))),
+    Quantity("predicted.F_ior_arcsec", "F'_ior, predicted", "″", ".2f", lambda r: r.unchanged.F_ior_arcsec),
     Quantity("cam_revolutions", "record", "cam turns", ".2f", lambda r: r.sweep.bins.span),
     Quantity("measured.is_full_cycle", "  is the full cycle", "", "", lambda r: not r.sweep.is_bound),
     Quantity("chi_square", "chi-square", "", ".1f", lambda r: r.unchanged.chi_square),
@@ -115,7 +115,7 @@ def _why(result: Comparison) -> str:
         return "noise and stiffnesses that are a little off explain the difference"
     if kind == "mirrored" and result.mirror:
         now, then = result.difference_rms_arcsec, result.mirror.rms_arcsec
-        return f"difference {now:.2f} arcsec rms, {then:.2f} with {' '.join(_options(result))}"
+        return f"difference {now:.2f}″ rms, {then:.2f} with {' '.join(_options(result))}"
     if best is None:
         return "no deviation explains the difference"
     explained = best.explained_share
@@ -125,7 +125,7 @@ def _why(result: Comparison) -> str:
     fitted = named(best.deviations[0])
     if best.changes:
         size, direction = _size_and_direction(best.changes[0])
-        fitted += f", {size} um" + f" at {direction} deg" * (direction != NO_VALUE)
+        fitted += f", {size} um" + f" at {direction}°" * (direction != NO_VALUE)
     if kind == "unexplained":
         return f"{fitted}, the best single one, explains {share}; the rest is clear of noise"
     return f"{fitted}: {share}; no more than noise is left"
@@ -141,7 +141,7 @@ def _facts(result: Comparison) -> Iterator[tuple[str, str]]:
     if joint and joint.not_told_apart:
         yield "together", f"the record cannot tell apart: {'; '.join(map(', '.join, joint.not_told_apart))}"
     if rest := joint if joint and joint.orders_left else best:
-        left = [f"order {p.per_cam_rev:.2f}: {p.difference.amplitude_arcsec:.2f} arcsec" for p in rest.orders_left]
+        left = [f"order {p.per_cam_rev:.2f}: {p.difference.amplitude_arcsec:.2f}″" for p in rest.orders_left]
         yield "left", "; ".join(left)
     cycle, turns = Kinematics.of(result.drive).cycle_cam_revolutions, result.sweep.bins.span
     yield "measure", f"the full cycle, {cycle} cam turns: the record has {turns:.2f}" if result.sweep.is_bound else ""
@@ -156,7 +156,7 @@ def _starts(result: Comparison) -> Iterator[tuple[str, str]]:
     for name, angle, u in _angles(result):
         sure = "given" if u is None else f"fitted, u = {u:.1f}"
         is_known = u is None or u < UNIDENTIFIABLE_ANGLE
-        yield name, f"{angle:.4g} deg, {sure}" if is_known else "the record does not determine it"
+        yield name, f"{angle:.4g}°, {sure}" if is_known else "the record does not determine it"
 
 
 def _next(result: Comparison) -> str:
@@ -187,7 +187,7 @@ def _curves(result: Comparison) -> TwoCurves:
     predicted = result.predicted_arcsec[shown]
     return TwoCurves(
         bins.turns[shown], predicted + result.residual_arcsec[shown], predicted, ("measured", "predicted"),
-        x_label="cam angle, turns: around the largest difference", y_label="error, arcsec",
+        x_label="cam angle, turns: around the largest difference", y_label="error, ″",
         rows=_PLOTTED_ROWS,
     )  # fmt: skip
 
@@ -198,14 +198,14 @@ def _tables(result: Comparison) -> Iterator[Table]:
     def greatest(pair: OrderPair) -> float:
         return -max(pair.measured.amplitude_arcsec, pair.predicted.amplitude_arcsec)
 
-    title = f"amplitude·cos(order·angle + phase), arcsec and deg: the {TABLED_ORDERS} greatest of {len(result.orders)}"
+    title = f"amplitude·cos(order·angle + phase), ″ and deg: the {TABLED_ORDERS} greatest of {len(result.orders)}"
     shown = sorted(sorted(result.orders, key=greatest)[:TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
     yield Table.by_row(title, COMPARED_ORDERS, shown, words=(0, 6))
     if result.singles:
         title = (
             "deviations fitted alone, the best first, and together; ±: standard; left: chi-square per degree of freedom"
         )
-        columns = ("deviation", "size, um", "direction, deg", "explains", "left", "F'_ior, arcsec")
+        columns = ("deviation", "size, um", "direction, °", "explains", "left", "F'_ior, ″")
         fits = [result.unchanged, *sorted(result.singles, key=lambda single: single.chi_square)]
         yield Table(title, columns, tuple(row for found in (*fits, result.joint) if found for row in _rows(found)))
 

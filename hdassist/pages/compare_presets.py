@@ -41,7 +41,7 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
         head=names,
         verdict=_verdict(rows, len(result.torques) > 1),
         blocks=(
-            Table("F'_ior, arcsec; 5 to 95 % where inputs are unknown", DRIVE_HEADS, rows, words=(0, 5)),
+            Table("F'_ior, ″; 5 to 95 % where inputs are unknown", DRIVE_HEADS, rows, words=(0, 5)),
             Facts.of(_facts(result)),
         ),
         details=(
@@ -115,7 +115,7 @@ def _verdict(rows: Sequence[tuple[str, ...]], several: bool) -> str:
 def _line(row: tuple[str, ...]) -> str:
     """A drive at a torque in words."""
     letter, torque, built, best, change, field = row
-    words = f"{letter}, {torque}: F'_ior {built} arcsec, mounted best {best}"
+    words = f"{letter}, {torque}: F'_ior {built}″, mounted best {best}"
     return words if letter == "A" else f"{words}, {change}, most by {field}"
 
 
@@ -123,7 +123,7 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
     """The change that each field that differs makes alone, by drive."""
     torques = [f"{M_g:g} N·m" for M_g in result.torques]
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
-        title = f"each field alone from A to {letter}, change of F'_ior, arcsec"
+        title = f"each field alone from A to {letter}, change of F'_ior, ″"
         rows = [(each.field or "all together", *_change_cells(each)) for each in (*changes.single, changes.together)]
         notes = [f"median (least to greatest) of {changes.pairs} pairs drawn from unknown inputs"] * (changes.pairs > 1)
         paths = _some(changes.not_alone)

@@ -66,7 +66,7 @@ def _verdict(result: Correction) -> str:
     best = min(result.measured, key=lambda each: each.left[1])
     if not result.chosen.is_refused:
         left, of = result.chosen.residuals[0].p50, result.chosen.residuals[0].uncorrected_p50
-        return f"{result.chosen.form.name} leave {left:.1f} of {of:.1f} arcsec ({_percent(result.chosen)} %)"
+        return f"{result.chosen.form.name} leave {left:.1f} of {of:.1f}″ ({_percent(result.chosen)} %)"
     if result.measured[result.stored.index(result.chosen)].is_refused:
         return f"no: {result.chosen.form.name} may make it worse"
     return f"record it first: {best.form.name} then leave {_percent(best)} %, from the preset alone it may get worse"
@@ -117,7 +117,7 @@ def _residual_table(title: str, forms: Sequence[FormResiduals], *, short: bool =
 
 def _parts_table(parts: tuple[ErrorPart, ...]) -> Table:
     rows = tuple((each.name, *(f"{value:.1f}" for value in (each.p5, each.p50, each.p95))) for each in parts)
-    return Table("parts of the error, range in arcsec", ("part", "5 %", "50 %", "95 %"), rows)
+    return Table("parts of the error, range in ″", ("part", "5 %", "50 %", "95 %"), rows)
 
 
 def _lines_table(result: Correction) -> Table:
@@ -131,7 +131,7 @@ def _lines_table(result: Correction) -> Table:
         place = lines.per_cycle[k]
         sizes = (f"{spectrum[place]:.2f}" for spectrum in spectra)
         rows.append((f"{often[k]:g}", f"{place / cam_turns:.2f}", *sizes))
-    heads = ("times an output turn", "a cam turn", "before, arcsec", "after, arcsec")
+    heads = ("times an output turn", "a cam turn", "before, ″", "after, ″")
     return Table("lines of the error of a drive in the middle of all", heads, tuple(rows), words=())
 
 
@@ -145,7 +145,7 @@ def _curves(result: Correction) -> tuple[Any, Any]:
 def _before_and_after(result: Correction) -> TwoCurves:
     before, after = _curves(result)
     turns, names = np.arange(len(before)) / POINTS_A_TURN, ("before", "after")
-    return TwoCurves(turns, before, after, names, "turns of the cam over the full cycle", "error, arcsec", rows=4)
+    return TwoCurves(turns, before, after, names, "turns of the cam over the full cycle", "error, ″", rows=4)
 
 
 def _form_object(each: FormResiduals) -> dict[str, Any]:

@@ -39,7 +39,7 @@ def history_report(serial: str, archive: str, entries: Sequence[ArchiveEntry]) -
         verdict=verdict,
         why=tuple(map(_sentence, found)),
         blocks=(
-            Table.by_row("F'_ior in arcsec, torque in N·m", ENTRY_COLUMNS, entries, words=(0, 1, 3)),
+            Table.by_row("F'_ior in ″, torque in N·m", ENTRY_COLUMNS, entries, words=(0, 1, 3)),
             Facts.of(_facts(entries)),
             *(_curve(each) for each in sorted(found, key=lambda each: -len(each.entries))[:1]),
         ),
@@ -57,12 +57,12 @@ def _place(found: DriveHistory) -> str:
 def _sentence(found: DriveHistory) -> str:
     """The change of a history in words."""
     values = [each.F_ior_arcsec for each in found.entries]
-    words = f"{_place(found)}: {min(values):.2f} to {max(values):.2f} arcsec"
+    words = f"{_place(found)}: {min(values):.2f} to {max(values):.2f}″"
     words += f"; unchanged drives spread so in {100 * found.probability:.2g} % of cases"
     if found.trend_arcsec_per_year is None or found.trend_uncertainty_arcsec_per_year is None:
         return words
     reach = COVERAGE_FACTOR * found.trend_uncertainty_arcsec_per_year
-    return f"{words}; trend {found.trend_arcsec_per_year:+.2f} ± {reach:.2f} arcsec a year"
+    return f"{words}; trend {found.trend_arcsec_per_year:+.2f} ± {reach:.2f}″ a year"
 
 
 def _facts(entries: Sequence[ArchiveEntry]) -> Iterator[tuple[str, str]]:
@@ -78,5 +78,5 @@ def _curve(found: DriveHistory) -> Curve:
     first, *_ = dates = [date.fromisoformat(each.date) for each in found.entries]
     days = np.array([(each - first).days for each in dates], dtype=float)
     ends = [(day, each.low_arcsec, each.high_arcsec) for day, each in zip(days, found.entries, strict=True)]
-    y, label = np.array([each.F_ior_arcsec for each in found.entries]), f"F'_ior, arcsec: {_place(found)}"
+    y, label = np.array([each.F_ior_arcsec for each in found.entries]), f"F'_ior, ″: {_place(found)}"
     return Curve(days, y, f"days since {first}", label, whiskers=tuple(ends), points=True, rows=6)

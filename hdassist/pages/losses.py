@@ -23,7 +23,7 @@ def losses_table(found: PositionStatistics, holes: int, torques: Sequence[float]
         spread = [beside(found.quantile(level, place), ".1f") for level in LEVELS.values()]
         good, loss = f"{100 * found.probability_good[place]:.0f}", f"{100 * found.expected_loss[place]:.1f}"
         rows.append((hole_words(found.rotations_deg[place], holes), good, *spread, loss))
-    return Table(title, heads, tuple(rows), notes=(f"F'_ior in arcsec at {beside(torques, 'g')} N·m",))
+    return Table(title, heads, tuple(rows), notes=(f"F'_ior in ″ at {beside(torques, 'g')} N·m",))
 
 
 def whiskers_of(
@@ -46,9 +46,7 @@ def kept_line(found: PositionStatistics, drive: Drive, torques: Sequence[float])
     for M_g, drawn in zip(torques, found.at(found.best), strict=True):
         if (limit := drive.limit(M_g)) is not None:
             sure = 100 * weights[drawn <= limit].sum()
-            words.append(
-                f"{sure:.0f} % sure that {where} at {M_g:g} N·m stays below {limit:g} arcsec, self error aside"
-            )
+            words.append(f"{sure:.0f} % sure that {where} at {M_g:g} N·m stays below {limit:g}″, self error aside")
     return "; ".join(words)
 
 

@@ -31,8 +31,8 @@ DIRECTION_NAMES = {1: "growing", -1: "falling"}
 
 ORDER_COLUMNS: tuple[Quantity[MeasuredOrder], ...] = (
     Quantity("per_cam_rev", "order", "1/turn", ".2f", lambda o: o.per_cam_rev),
-    Quantity("amplitude_arcsec", "amplitude", "arcsec", ".3f", lambda o: o.amplitude_arcsec),
-    Quantity("amplitude_uncertainty_arcsec", "±", "arcsec", ".3f", lambda o: o.uncertainty_arcsec),
+    Quantity("amplitude_arcsec", "amplitude", "″", ".3f", lambda o: o.amplitude_arcsec),
+    Quantity("amplitude_uncertainty_arcsec", "±", "″", ".3f", lambda o: o.uncertainty_arcsec),
     Quantity("phase_deg", "phase", "deg", ".1f", lambda o: o.phase_deg),
     Quantity("cause", "cause", "", "", lambda o: o.cause or None),
 )
@@ -47,43 +47,43 @@ _COVERAGE: tuple[Quantity[Coverage], ...] = (
 )
 SWEEP_QUANTITIES: tuple[Quantity[SweepResult], ...] = (
     Quantity("direction", "cam angle", "", DIRECTION_NAMES.__getitem__, lambda s: s.direction),
-    Quantity("F_ior_arcsec", "F'_ior", "arcsec", ".2f", lambda s: s.range.value),
-    Quantity("standard_uncertainty_arcsec", "  standard uncertainty u", "arcsec", ".2f",
+    Quantity("F_ior_arcsec", "F'_ior", "″", ".2f", lambda s: s.range.value),
+    Quantity("standard_uncertainty_arcsec", "  standard uncertainty u", "″", ".2f",
              lambda s: s.uncertainty_arcsec),
-    Quantity("interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", "arcsec",
+    Quantity("interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", "″",
              lambda ends: "{:.2f} to {:.2f}".format(*ends), lambda s: list(s.interval_arcsec)),
     Quantity("F_ior_is_lower_bound", "  is a lower bound", "", lambda bound: "yes" if bound else "no",
              lambda s: s.is_bound),
-    Quantity("rise_in_another_cycle_arcsec", "  more in another cycle, at most", "arcsec", ".2f",
+    Quantity("rise_in_another_cycle_arcsec", "  more in another cycle, at most", "″", ".2f",
              lambda s: s.rise_arcsec),
-    Quantity("band_limited_range_arcsec", "  with what noise adds", "arcsec", ".2f", lambda s: s.range.fitted),
-    Quantity("noise_bias_arcsec", "  noise adds", "arcsec", ".2f", lambda s: s.range.bias),
-    Quantity("raw_range_arcsec", "  range of the readings", "arcsec", ".2f", lambda s: s.raw_range_arcsec),
-    Quantity("revolution_range_arcsec", "range in a cam turn, at most", "arcsec", ".2f", lambda s: s.revolution.value),
-    Quantity("revolution_range_standard_uncertainty_arcsec", "  standard uncertainty u", "arcsec", ".2f",
+    Quantity("band_limited_range_arcsec", "  with what noise adds", "″", ".2f", lambda s: s.range.fitted),
+    Quantity("noise_bias_arcsec", "  noise adds", "″", ".2f", lambda s: s.range.bias),
+    Quantity("raw_range_arcsec", "  range of the readings", "″", ".2f", lambda s: s.raw_range_arcsec),
+    Quantity("revolution_range_arcsec", "range in a cam turn, at most", "″", ".2f", lambda s: s.revolution.value),
+    Quantity("revolution_range_standard_uncertainty_arcsec", "  standard uncertainty u", "″", ".2f",
              lambda s: s.revolution_uncertainty_arcsec),
-    Quantity("revolution_range_rise_arcsec", "  more in another cycle, at most", "arcsec", ".2f",
+    Quantity("revolution_range_rise_arcsec", "  more in another cycle, at most", "″", ".2f",
              lambda s: s.revolution_rise_arcsec),
-    Quantity("cam_range_arcsec", "orders of the cam alone", "arcsec", ".2f", lambda s: s.cam.value),
-    Quantity("cam_interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", "arcsec",
+    Quantity("cam_range_arcsec", "orders of the cam alone", "″", ".2f", lambda s: s.cam.value),
+    Quantity("cam_interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", "″",
              lambda ends: "{:.2f} to {:.2f}".format(*ends), lambda s: list(s.cam_interval_arcsec)),
-    Quantity("slow_range_arcsec", "  slow terms of the output", "arcsec", ".2f", lambda s: s.slow_arcsec),
+    Quantity("slow_range_arcsec", "  slow terms of the output", "″", ".2f", lambda s: s.slow_arcsec),
     Quantity("slow_uncertainty_added", "  orders less certain by them, at most", "%",
              lambda share: f"{100 * share:.1f}", lambda s: s.slow_cost),
     Quantity("rows", "rows", "", "", lambda s: int(s.bins.rows.sum())),
     Quantity("sweeps", "sweeps", "", "", lambda s: len(s.fit.level)),
     Quantity("cam_revolutions", "record", "cam turns", ".2f", lambda s: s.bins.span),
-    Quantity("drift_arcsec", "drift taken off", "arcsec", ".2f",
+    Quantity("drift_arcsec", "drift taken off", "″", ".2f",
              lambda s: 0.0 if s.is_part else float(s.fit.drift.sum())),
-    Quantity("residuals.rms_arcsec", "beyond the orders, rms", "arcsec", ".2f",
+    Quantity("residuals.rms_arcsec", "beyond the orders, rms", "″", ".2f",
              lambda s: float(np.std(s.fit.residual))),
-    Quantity("residuals.unmodelled_arcsec", "  not noise", "arcsec", ".2f", lambda s: s.fit.unmodelled),
+    Quantity("residuals.unmodelled_arcsec", "  not noise", "″", ".2f", lambda s: s.fit.unmodelled),
     Quantity("residuals.correlated_steps", "  correlated over", "steps", ".3g", lambda s: s.fit.correlated),
     Quantity("residuals.condition", "condition of the fit", "", ".3g", lambda s: s.fit.design.condition),
 )  # fmt: skip
 _BUDGET: tuple[Quantity[UncertaintySource], ...] = (
     Quantity("source", "source", "", "", lambda source: source.name),
-    Quantity("standard_uncertainty_arcsec", "u", "arcsec", ".3f", lambda source: source.arcsec),
+    Quantity("standard_uncertainty_arcsec", "u", "″", ".3f", lambda source: source.arcsec),
     Quantity("origin", "from", "", "", lambda source: source.origin),
 )
 _ON_PAGE: tuple[Quantity[SweepResult], ...] = (
@@ -106,7 +106,7 @@ def measure_report(result: Measurement, drive: Drive | None) -> Report:
         command="measure",
         drive=drive,
         head=f"{trace.file}, {len(trace.line)} rows" + (f", {drive.name}" if drive else ""),
-        verdict=f"F'_ior {'at least ' if found.is_bound else ''}{found.range.value:.2f} arcsec",
+        verdict=f"F'_ior {'at least ' if found.is_bound else ''}{found.range.value:.2f}″",
         why=tuple(_lower_bound(result, found)),
         blocks=(table, Facts.of(_facts(result, drive)), _curve(found)),
         details=(
@@ -149,14 +149,14 @@ def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]
     found, file = result.directions[0], result.trace.file
     greatest = sorted(found.orders_of_cam, key=lambda o: -o.amplitude_arcsec)[:_NAMED_ORDERS]
     alone = () if found.is_bound else found.orders
-    yield "orders", f"{', '.join(_with_beats(order, alone) for order in greatest)} arcsec, with beats"
+    yield "orders", f"{', '.join(_with_beats(order, alone) for order in greatest)}″, with beats"
     yield "slow", _slow(found)
     if found.lines:
         lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f} arcsec)" for line in found.lines)
-        rise = f"; in another cycle they may add {found.rise_arcsec:.2f} arcsec" if found.rise_arcsec else ""
+        rise = f"; in another cycle they may add {found.rise_arcsec:.2f}″" if found.rise_arcsec else ""
         yield "lines", f"off the orders: {lines}{rise}"
     if reversal := result.reversal:
-        words = f"{reversal.mean_arcsec:.2f} arcsec on the mean, up to {reversal.greatest_arcsec:.2f} arcsec off that"
+        words = f"{reversal.mean_arcsec:.2f}″ on the mean, up to {reversal.greatest_arcsec:.2f}″ off that"
         yield "reversal", f"{words}; it is not lost motion"
     if torque := result.torque:
         yield "torque", _torque(torque)
@@ -183,7 +183,7 @@ def _torque(torque: RecordedTorque) -> str:
     words = f"{torque.mean_Nm:.4g} N·m on the mean, {torque.least_Nm:.4g} to {torque.greatest_Nm:.4g}"
     if not torque.by:
         return words
-    size = f"{torque.wind_up_arcsec:.3g} ± {COVERAGE_FACTOR * torque.uncertainty_arcsec:.2g} arcsec"
+    size = f"{torque.wind_up_arcsec:.3g} ± {COVERAGE_FACTOR * torque.uncertainty_arcsec:.2g}″"
     by = "K_1 to K_3 of the preset's catalogue"
     if fitted := torque.stiffness_Nm_rad or torque.times_catalogue:
         unit = "N·m/rad" if torque.stiffness_Nm_rad else f"times {by}"
@@ -205,7 +205,7 @@ def _slow(found: SweepResult) -> str:
     if found.slow_arcsec < _NAMED_SLOW * found.range.value:
         return ""
     slow = [order for order in found.orders if order.per_cam_rev < SLOWEST_ORDER]
-    size = f"{found.slow_arcsec:.2f} arcsec"
+    size = f"{found.slow_arcsec:.2f}″"
     if found.is_part:
         return f"{size} taken off: rig, drift or drive, in a part of an output turn"
     greatest = max(slow, key=lambda order: order.amplitude_arcsec)
@@ -217,7 +217,7 @@ def _slow(found: SweepResult) -> str:
 def _curve(found: SweepResult) -> Curve:
     """The error in the first sweep of a direction, without what was taken off."""
     first = found.bins.sweep == 0
-    words = f"error, arcsec, {DIRECTION_NAMES[found.direction]} cam angle"
+    words = f"error, ″, {DIRECTION_NAMES[found.direction]} cam angle"
     turns = found.bins.turns[first]
     return curve_of_turns(turns, found.fit.curve(turns) + found.fit.residual[first], words)
 
@@ -262,7 +262,7 @@ def _line(found: SweepResult) -> str:
     bound = ">= " if found.is_bound else ""
     reach, rise = COVERAGE_FACTOR * found.uncertainty_arcsec, found.rise_arcsec
     spread = f"+{reach + rise:.2f} -{reach:.2f}" if rise else f"+- {reach:.2f}"
-    return f"{bound}{found.range.value:.2f} {spread} arcsec"
+    return f"{bound}{found.range.value:.2f} {spread}″"
 
 
 def _csv(result: Measurement) -> CsvTable:
@@ -288,4 +288,4 @@ def repeats(results: Sequence[Measurement]) -> Json | None:
 def repeats_line(repeats: Json) -> str:
     """Repeat runs in a line."""
     mean, spread = repeats["mean_arcsec"], repeats["standard_deviation_arcsec"]
-    return f"{repeats['files']} files: F'_ior {mean:.2f} arcsec on the mean, standard deviation {spread:.2f}"
+    return f"{repeats['files']} files: F'_ior {mean:.2f}″ on the mean, standard deviation {spread:.2f}"

@@ -181,13 +181,13 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
         return
     per = 360 / result.holes if result.holes else 1.0
     turned, over = result.rotation_deg / per, "positions"
-    x_label = "turned by, holes" if result.holes else "turned by, deg"
+    x_label = "turned by, holes" if result.holes else "turned by, °"
     marked, sampled = {"now": advice.choice.current, "target": advice.choice.chosen}, advice.positions
     if advice.any_hole:
         turned, over, marked, sampled = result.phase_deg, "phases", {}, None
         symbol, cam = ("xi_b", "phi_hb") if advice.drive.mounting.fixed == "rigid" else ("xi_g", "phi_hg")
         mark = "mark" if advice.measured and advice.measured.fixed(advice.drive) else symbol
-        x_label = f"phase {mark} - {cam}, deg"
+        x_label = f"phase {mark} - {cam}, °"
     order = np.argsort(turned)
     notes = ["bars 5 to 95 % over all that is uncertain"] * bool(sampled)
     notes += ["line: unknown as 0"] * bool(advice.unknown and not advice.any_hole)
@@ -197,7 +197,7 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
             for kind, at in marked.items()
             if kind == "now" or at.rotation_deg
         )
-        label = "; ".join([f"F'_ior at {M_g:g} N·m, arcsec", *notes])
+        label = "; ".join([f"F'_ior at {M_g:g} N·m, ″", *notes])
         held = ["dashed: the limit less the self error"] * (limit is not None)
         yield Curve(
             turned[order], result.F_ior_arcsec[k, order], x_label, label,
@@ -221,8 +221,8 @@ def positions_table(advice: Advice) -> Table:
         change = f"{100 * position.change_from(choice.current):+.0f} %"
         rows.append((words, bare(position.rotation_deg, advice.curve.holes), *cells, change))
     heads = (f"at {M_g:g} N·m" for M_g in advice.curve.torques)
-    title = f"F'_ior, arcsec{spread}; turns counter-clockwise from the cam side"
-    where = "hole" if advice.curve.holes else "turn, deg"
+    title = f"F'_ior, ″{spread}; turns counter-clockwise from the cam side"
+    where = "hole" if advice.curve.holes else "turn, °"
     return Table(title, ("position", where, *heads, "against now"), tuple(rows))
 
 

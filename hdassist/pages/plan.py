@@ -69,7 +69,7 @@ def plan_report(choice: PlanChoice) -> Report:
     return Report(
         command="plan",
         drive=drive,
-        head=f"{drive.name}, test at {choice.M_g:g} N·m" + (f" against {limit:g} arcsec" if limit else ""),
+        head=f"{drive.name}, test at {choice.M_g:g} N·m" + (f" against {limit:g}″" if limit else ""),
         verdict=answer,
         why=tuple(_why(choice, F_ior)),
         blocks=(
@@ -105,7 +105,7 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
     first, drives, wrong = choice.judged[0], choice.drives, choice.drives.demands.wrong
     low, _, high = map(_percent, first.seen)
     F_ior = "{0:.1f} to {2:.1f}".format(*F_ior_arcsec) if choice.samples else f"{F_ior_arcsec[0]:.1f}"
-    yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior} arcsec) of smooth teeth"
+    yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior}″) of smooth teeth"
     risk, beyond = first.false_pass, drives.beyond
     if not risk or not beyond:
         yield f"enough without a --limit: to see {100 * SEEN_SHARE:g} % of F'_ior in {100 * (1 - wrong):g} % of cases"

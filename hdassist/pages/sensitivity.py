@@ -46,7 +46,7 @@ EFFECT_COLUMNS: tuple[Quantity[FieldEffect], ...] = (
     *EFFECT_CSV[1:3],
     Quantity(
         "gain",
-        "takes off, arcsec",
+        "takes off, ″",
         "",
         lambda way: f"{'' if way.proven else '≤ '}{way.gain:.2f}",
         "tightened",
@@ -100,11 +100,11 @@ def sensitivity_report(found: Sensitivities, *, bars: bool = True) -> Report:
 def _answer(found: Sensitivities) -> tuple[str, str]:
     """The tolerance to tighten first and what a step of it brings; or why there is none, and what to do."""
     first, largest = found.first, found.largest
-    percentile = f"the 95th percentile of F'_ior, {first.now:.2f} arcsec"
+    percentile = f"the 95th percentile of F'_ior, {first.now:.2f}″"
     if found.is_worth_tightening:
-        gain = f"{first.gain:.2f} arcsec ({first.now - first.high:.2f} to {first.now - first.low:.2f})"
+        gain = f"{first.gain:.2f}″ ({first.now - first.high:.2f} to {first.now - first.low:.2f})"
         return named(first.path), f"made {STEP_WORDS} it takes {gain} off {percentile}"
-    reason = f"a tolerance {STEP_WORDS} takes at most {max(first.gain, 0):.2f} arcsec off {percentile}"
+    reason = f"a tolerance {STEP_WORDS} takes at most {max(first.gain, 0):.2f}″ off {percentile}"
     if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
         share = f"{100 * largest.share:.0f} % of the variance of ln F'_ior"
         return f"no tolerance, measure {named(largest.group)}", f"{share}; {reason}"

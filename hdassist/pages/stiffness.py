@@ -28,8 +28,8 @@ def _percent(percent: float) -> str:
 
 WHOLE_QUANTITIES: tuple[Quantity[Stiffness], ...] = (
     Quantity("rated_Nm", "rated torque", "N·m", "g", "rated"),
-    Quantity("lost_motion_arcsec", f"lost motion, +-{LOST_MOTION_SHARE:.0%} of rated", "arcsec", ".2f"),
-    Quantity("play_arcsec", "play", "arcsec", ".2f"),
+    Quantity("lost_motion_arcsec", f"lost motion, +-{LOST_MOTION_SHARE:.0%} of rated", "″", ".2f"),
+    Quantity("play_arcsec", "play", "″", ".2f"),
 )
 TANGENT_QUANTITIES: tuple[Quantity[Tangent], ...] = (
     Quantity("M_g_Nm", "torque", "N·m", "g", "torque"),
@@ -93,7 +93,7 @@ def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
 def twist_curve(found: Stiffness) -> Curve:
     """Twist over torque."""
     caption = "Twist of the drive without deviations, the cam held"
-    return Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, arcsec", caption, rows=8)
+    return Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, ″", caption, rows=8)
 
 
 def _facts(drive: Drive, found: Stiffness) -> Iterator[tuple[str, str]]:
@@ -103,10 +103,10 @@ def _facts(drive: Drive, found: Stiffness) -> Iterator[tuple[str, str]]:
     slopes = ", ".join(f"{_scaled(t.stiffness)} at {t.torque:g} N·m" for t in found.tangents)
     yield "tangent", slopes and f"{slopes}, 1e4 N·m/rad"
     ends = f"±{100 * LOST_MOTION_SHARE:.0f} % of {found.rated:g} N·m"
-    yield "lost motion", f"{found.lost_motion_arcsec:.2f} arcsec between {ends}; play {found.play_arcsec:.2f} arcsec"
+    yield "lost motion", f"{found.lost_motion_arcsec:.2f}″ between {ends}; play {found.play_arcsec:.2f}″"
     theirs = drive.catalogue.lost_motion
     percent = _percent(off(found.lost_motion_arcsec, theirs) or 0.0)
-    yield "  catalogue", f"{theirs:g} arcsec, with friction; ours is off by {percent}" if theirs else ""
+    yield "  catalogue", f"{theirs:g}″, with friction; ours is off by {percent}" if theirs else ""
     yield "assumed", on_what(drive)
     yield "next", again("check", drive)
 

@@ -70,7 +70,7 @@ def _facts(swept: Swept) -> Iterator[tuple[str, str]]:
         yield "greatest", _at(swept, *greatest)
     effects = [(swept.effect(k), axis.path) for k, axis in enumerate(swept.sweep.axes)]
     moved = sorted(((effect, path) for effect, path in effects if effect is not None), reverse=True)
-    yield "effect", ", ".join(f"{path} {effect:.2f} arcsec" for effect, path in moved)
+    yield "effect", ", ".join(f"{path} {effect:.2f}″" for effect, path in moved)
     if swept.failed:
         yield "no answer", f"{swept.failed} of {swept.sweep.rows} rows; the first: {swept.reason}"
     if least:
@@ -92,7 +92,7 @@ def _at(swept: Swept, row: int, F_ior: float) -> str:
     units = {axis.path: _unit(axis) for axis in swept.sweep.axes}
     values = [f"{path} = {value:g} {units[path]}".rstrip() for path, value in swept.sweep.values(row).items()]
     torque = [] if TORQUE in units else [f"{swept.sweep.torque(row):g} N·m"]
-    return f"{F_ior:.2f} arcsec at {', '.join(values + torque)}"
+    return f"{F_ior:.2f}″ at {', '.join(values + torque)}"
 
 
 def _figures(swept: Swept) -> Iterator[Curve | Table]:
@@ -106,7 +106,7 @@ def _figures(swept: Swept) -> Iterator[Curve | Table]:
     for k in range(sweep.shape[-1]):
         F_ior = swept.F_ior_arcsec[..., k][np.ix_(*orders)]
         solved = np.isfinite(F_ior)
-        at = f"F'_ior at {sweep.torques[k]:g} N·m, arcsec" if sweep.torques else "F'_ior, arcsec"
+        at = f"F'_ior at {sweep.torques[k]:g} N·m, ″" if sweep.torques else "F'_ior, ″"
         if len(orders) == 1 and solved.sum() > 1:
             at += "" if solved.all() else f", {np.sum(~solved)} points without an answer left out"
             yield Curve(values[0][solved], F_ior[solved], labels[0], at)

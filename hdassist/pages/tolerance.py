@@ -99,7 +99,7 @@ def tolerance_report(
     refused = f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
     of_designs = f"; yield: {100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over designs"
     F_ior_table = Table.by_row(
-        "F'_ior, arcsec: percentiles over the drives" + of_designs * bool(summary.has_limit and law.shared),
+        "F'_ior, ″: percentiles over the drives" + of_designs * bool(summary.has_limit and law.shared),
         (*MOUNTING_COLUMNS, *F_IOR_COLUMNS[:3], *YIELD_COLUMNS[: 2 * summary.has_limit]),
         drives,
         words=(1,),
@@ -122,7 +122,7 @@ def tolerance_report(
         csv=csv_table(drive.name, (*MOUNTING_COLUMNS, *F_IOR_COLUMNS, YIELD_SHARE), drives),
         line=_yields(summary) + f": {summary.verdict}" * (summary.wanted is not None)
         if summary.has_limit
-        else "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]} arcsec" for row in F_ior_table.rows),
+        else "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]}″" for row in F_ior_table.rows),
         warnings=(*law_warnings(law), *[few_words] * few, *[refused] * bool(summary.refused)),
         exit_code=130 if interrupted else summary.verdict.exit_code,
     )
@@ -165,7 +165,7 @@ def _share_below(drives: Sequence[MountedDrives]) -> Curve | TwoCurves:
     point, weights = drives[0].point, np.array(drives[0].summary.weights)
     limit = None if point.limit is None or point.limit <= point.self_error else point.limit - point.self_error
     curves = [np.interp(PLOTTED_SHARES, *shares_below(np.array(each.F_ior), weights)) for each in drives]
-    x_label, y_label = "share of the drives, %", f"F'_ior at {point.M_g:g} N·m, arcsec"
+    x_label, y_label = "share of the drives, %", f"F'_ior at {point.M_g:g} N·m, ″"
     y_label += "" if limit is None else f" ({limit:.4g} allowed)"
     built, best = curves[0], curves[-1]
     if len(curves) == 1:

@@ -23,11 +23,11 @@ MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope i
 
 ORDER_QUANTITIES: tuple[Quantity[Order], ...] = (
     Quantity("per_cam_rev", "order", "", ".2f"),
-    Quantity("amplitude_arcsec", "amplitude", "arcsec", ".3f"),
+    Quantity("amplitude_arcsec", "amplitude", "″", ".3f"),
     Quantity("phase_deg", "phase", "deg", ".1f"),
     Quantity("cause", "cause", "", ""),
 )
-_ON_PAGE: Quantity[Order] = Quantity("amplitude_arcsec", "arcsec", "", ".2f")
+_ON_PAGE: Quantity[Order] = Quantity("amplitude_arcsec", "″", "", ".2f")
 
 
 def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
@@ -41,12 +41,12 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     order, _, _, cause = ORDER_QUANTITIES
     orders = sorted(trace.orders, key=lambda o: -o.amplitude_arcsec)
     listed = sorted(orders[:_LISTED_ORDERS], key=lambda o: o.per_cam_rev)
-    words = f"error F_kpp, arcsec, at {error.M_g:g} N·m"
+    words = f"error F_kpp, ″, at {error.M_g:g} N·m"
     return Report(
         command="trace",
         drive=drive,
         head=f"{drive.name}, {error.M_g:g} N·m, {turns} from {moving} = {trace.start_deg:g}°{heading(trace.measured)}",
-        verdict=f"range {error.range_arcsec:.2f} arcsec",
+        verdict=f"range {error.range_arcsec:.2f}″",
         why=(f"{trace.revolutions} of the {cycle} cam turns of the full cycle: F'_ior is at least as large",) * is_part,
         blocks=(
             Table.by_row("", [order, _ON_PAGE, cause], orders[:_NAMED_ORDERS], words=(2,)),

@@ -90,7 +90,7 @@ def trials_warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
     for a, b in advice.repeats:
         noise = np.linalg.norm(advice.prior.noise((a, b)))
         if abs(a.F_ior_arcsec - b.F_ior_arcsec) > APART * noise:
-            values = f"{advice.where(a.rotation_deg)}: {a.F_ior_arcsec:g} and {b.F_ior_arcsec:g} arcsec differ by more"
+            values = f"{advice.where(a.rotation_deg)}: {a.F_ior_arcsec:g} and {b.F_ior_arcsec:g}″ differ by more"
             taken = f"it is taken for {advice.noise_arcsec:.1f}"
             yield f"{values} than a noise of {rig.noise_arcsec:g} makes likely; {taken}"
     if advice.unlike_told:
@@ -100,7 +100,7 @@ def trials_warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
 
 def _measured(advice: TrialAdvice, trial: Trial) -> str:
     """A value and its position in words."""
-    return f"{trial.F_ior_arcsec:g} arcsec at {advice.where(trial.rotation_deg)}"
+    return f"{trial.F_ior_arcsec:g}″ at {advice.where(trial.rotation_deg)}"
 
 
 def _repeat(advice: TrialAdvice) -> str:
@@ -117,7 +117,7 @@ def _chance(advice: TrialAdvice) -> str:
 
 def _outcome(advice: TrialAdvice, of: Prediction) -> str:
     predicted = f"predicted {of.expected_arcsec:.1f} ({of.low_arcsec:.2f} to {of.high_arcsec:.2f})"
-    return f"{of.F_ior_arcsec:g} arcsec at {advice.where(of.rotation_deg)}, {predicted}"
+    return f"{of.F_ior_arcsec:g}″ at {advice.where(of.rotation_deg)}, {predicted}"
 
 
 def trials_instruction(advice: TrialAdvice) -> str:
@@ -157,7 +157,7 @@ def _more_facts(advice: TrialAdvice) -> Iterator[tuple[str, str]]:
     setup = advice.prior.rig
     for one in advice.predictions:
         yield "trial", _outcome(advice, one)
-    found = f"found {advice.noise_arcsec:.2f} arcsec"
+    found = f"found {advice.noise_arcsec:.2f}″"
     yield "noise", f"given {setup.noise_arcsec:g}, {found}"
     yield "found", "; ".join(f"{q.label} {q.text(advice)} {q.unit}".rstrip() for q in POSTERIOR)
     yield "unknown", unknown_names(unknowns(advice.drive))
@@ -170,8 +170,8 @@ def _curve(advice: TrialAdvice) -> Curve:
     per, k = 360 / holes if holes else 1.0, torques.index(M_g)
     measured = advice.trials if M_g == advice.prior.rig.M_g else ()
     return Curve(
-        np.array(losses.rotations_deg) / per, _medians(losses)[k], "turned by, holes" if holes else "turned by, deg",
-        f"F'_ior at {M_g:g} N·m, arcsec: median, 5 to 95 %; M measured",
+        np.array(losses.rotations_deg) / per, _medians(losses)[k], "turned by, holes" if holes else "turned by, °",
+        f"F'_ior at {M_g:g} N·m, ″: median, 5 to 95 %; M measured",
         whiskers=whiskers_of(losses, k, per), from_zero=True, rows=6,
         marks=tuple(CurveMark(t.rotation_deg / per, t.F_ior_arcsec, "measured", "now") for t in measured),
     )  # fmt: skip

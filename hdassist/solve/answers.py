@@ -137,8 +137,8 @@ def _require_linear(
     if abs(sums.rotation[k]) > quarter_pitch:
         raise UntrustedError(
             f"outside the limits of the linear model at {place(first + k)}: wind-up of "
-            f"{abs(sums.rotation[k]) * ARCSEC:.0f} arcsec, above a quarter of a tooth pitch "
-            f"({quarter_pitch * ARCSEC:.0f} arcsec)",
+            f"{abs(sums.rotation[k]) * ARCSEC:.0f}″, above a quarter of a tooth pitch "
+            f"({quarter_pitch * ARCSEC:.0f}″)",
             "the torque is too great for this drive",
             Fault.BEYOND_MODEL,
         )

@@ -147,7 +147,7 @@ def solve_again(
             difference = _difference(*state, SECOND_SOLVER)
         if not difference <= CROSS_TOLERANCE:
             raise UntrustedError(
-                f"two solvers disagree at {place(k)}: {difference:.3g} arcsec between the engine and "
+                f"two solvers disagree at {place(k)}: {difference:.3g}″ between the engine and "
                 f"{' and '.join(used).lower()}, {CROSS_TOLERANCE} allowed",
                 "try another solver for the cross-check (--cross-check osqp)",
                 Fault.SOLVERS_DISAGREE,

@@ -42,7 +42,7 @@ def with_window(drive: Drive, window: float) -> Drive:
     if window == own:
         return drive
     warning = (
-        f"teeth carry load at the edge of the flank window of {own:g} deg: computed anew in one of {window:g} deg; "
+        f"teeth carry load at the edge of the flank window of {own:g}°: computed anew in one of {window:g}°; "
         f"--set {FIELD}={window:g} makes it permanent"
     )
     return overridden(drive, FIELD, window, warning)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator
@@ -62,7 +63,7 @@ class Style:
         text = visible(text)
         if not self.ascii:
             return text
-        plain = text.replace(" ″", "″").translate(PLAIN_CHARACTERS)
+        plain = re.sub(" ([″°])", r"\1", text).translate(PLAIN_CHARACTERS)
         return "".join(c if c.isascii() or ord(c) in self.beyond_ascii else "?" for c in plain)
 
 

@@ -28,7 +28,7 @@ def named(path: str, holes: int = 0) -> str:
     """A field, figure or error in words with its path in brackets; holes of the seat, 0 for a free angle."""
     if path.startswith("F_ior@"):
         M_g, _, rotation = path.removeprefix("F_ior@").partition("+")
-        there = f"hole {round(float(rotation or 0) * holes / 360)}" if holes else f"turned by {rotation} deg"
+        there = f"hole {round(float(rotation or 0) * holes / 360)}" if holes else f"turned by {rotation}°"
         return f"F'_ior at {M_g} N·m" + (f" now and {there}" if rotation else "")
     if path not in field_table():
         return f"{path.removeprefix('stiffness.')} (hdassist stiffness)"

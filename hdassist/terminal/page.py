@@ -159,5 +159,5 @@ def certificate_table(found: Certificate, cross_checks: Iterable[CrossCheck | No
     rows.append(("states that needed a fallback", f"{found.fallbacks}", ""))
     if cross:
         apart = f"{cross['max_difference_arcsec']:.1e}"
-        rows.append((f"{cross['states']} again by {cross['solver']}, arcsec", apart, f"<= {CROSS_TOLERANCE:g}"))
+        rows.append((f"{cross['states']} again by {cross['solver']}, ″", apart, f"<= {CROSS_TOLERANCE:g}"))
     return Table("proof", ("", "", ""), tuple(rows), header=False)

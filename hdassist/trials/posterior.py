@@ -144,7 +144,7 @@ def require_effective(prior: Prior, trials: Sequence[Trial], draws: Draws, neede
     where = hole_words(doubted.rotation_deg, prior.drive.mounting.holes)
     raise UntrustedError(
         f"too few samples explain the trials: {draws.effective:.1f} of {prior.possible.size} are effective, "
-        f"{needed:g} are needed; {doubted.F_ior_arcsec:g} arcsec at {where} agrees least",
+        f"{needed:g} are needed; {doubted.F_ior_arcsec:g}″ at {where} agrees least",
         f"measure {where} again; a larger --noise, or more samples: --draws 128",
     )
 

@@ -56,7 +56,7 @@ class Rig:
     def __post_init__(self) -> None:
         # beyond that, squares are no numbers
         if not (0 < abs(self.M_g) <= 1e7 and 1e-6 <= self.noise_arcsec <= 1e6):
-            stated = f"{self.M_g:g} N*m, noise {self.noise_arcsec:g} arcsec"
+            stated = f"{self.M_g:g} N*m, noise {self.noise_arcsec:g}″"
             wanted = "expected a torque up to 1e7 N*m but 0, and a noise above 0"
             raise UsageError(f"invalid trials: {stated}: {wanted}", "--trial-torque 80")
 

@@ -104,7 +104,7 @@ def test_silence_about_a_source_is_inconclusive_and_says_how_to_end_it(rig):
     args = ("--measured", "4=run.csv", "--limit", f"F_ior@4={TRUE + 3}")
     done = accepted(rig, *args, budget="encoder=0.1,reseating=0")
     assert done.returncode == 6
-    words = "nothing stated of coupling, temperature: --budget coupling=U,temperature=U, U in arcsec, 0 where"
+    words = "nothing stated of coupling, temperature: --budget coupling=U,temperature=U, U in ″, 0 where"
     assert words in re.sub(r"\s+", " ", done.stdout)
     stated = accepted(rig, *args, "--budget", "coupling=0.1,temperature=0", budget="encoder=0.1,reseating=0")
     assert stated.returncode == 0

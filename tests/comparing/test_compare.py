@@ -175,7 +175,7 @@ def test_a_hidden_deviation_is_recovered(drive, values, size):
     assert best.difference_left_arcsec is not None
     assert best.difference_left_arcsec < 0.5 * result.difference_rms_arcsec
     page = told_on(result, details=True)
-    for words in ("beyond orders", "none: as the", "all together", "--set", "phi_g0 20 deg, given"):
+    for words in ("beyond orders", "none: as the", "all together", "--set", "phi_g0 20°, given"):
         assert words in page
 
 

@@ -93,8 +93,8 @@ def test_the_answer_alone_has_each_drive_as_built_and_mounted_best(better):
     report = drives_report(better, 0)
     assert report.verdict == f"B {share:.0f} % less"
     assert report.line.splitlines() == [
-        f"A, 4 N·m: F'_ior {values[0]:.2f} arcsec, mounted best {best[0].F_ior_arcsec[0]:.2f}, hole {best[0].hole}",
-        f"B, 4 N·m: F'_ior {values[1]:.2f} arcsec, mounted best {best[1].F_ior_arcsec[0]:.2f}, hole {best[1].hole}, "
+        f"A, 4 N·m: F'_ior {values[0]:.2f}″, mounted best {best[0].F_ior_arcsec[0]:.2f}, hole {best[0].hole}",
+        f"B, 4 N·m: F'_ior {values[1]:.2f}″, mounted best {best[1].F_ior_arcsec[0]:.2f}, hole {best[1].hole}, "
         f"{share:.0f} % less, most by tolerances.F_i2",
     ]
 

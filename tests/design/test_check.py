@@ -81,7 +81,7 @@ def test_the_accuracy_of_a_catalogue_stands_beside_and_decides_nothing(answer):
 def test_the_accuracy_is_compared_at_the_least_load_with_the_range_over_what_is_not_known(draws, words):
     asked = ("--no-plot", "--set", "phases.phi_hb=unknown", "--set", "operation.M_g=[-4, 1]", "--draws", str(draws))
     page = run("check", TINY, *asked, "--details", "--set", "catalogue.accuracy=1.5 arcmin").stdout
-    assert re.search(rf"\ncatalogue +accuracy 90 arcsec \(no load\); {words}\n", page)
+    assert re.search(rf"\ncatalogue +accuracy 90″ \(no load\); {words}\n", page)
     assert max(map(len, page.splitlines())) <= 80
 
 
@@ -115,7 +115,7 @@ def test_the_short_page_fits_a_screen_and_ends_in_a_command():
     asked = ("--no-plot", "--torque", "4", "--set", "phases.phi_hb=unknown", "--set", ASSUMED)
     lines = run("check", TINY, *asked, "--set", "acceptance.F_ior=2050").stdout.splitlines()
     assert lines[0] == "tiny, 20/22 teeth, rigid wheel fixed: INCONCLUSIVE"
-    words = r"4 N·m: F'_ior \+ self error keep 2050 arcsec, probability \d+ % \(\d+ to \d+\)"
+    words = r"4 N·m: F'_ior \+ self error keep 2050″, probability \d+ % \(\d+ to \d+\)"
     assert re.match(words, lines[1])
     assert len(lines) <= 24
     assert lines[-1].endswith("(more: --details)")
@@ -145,7 +145,7 @@ def test_a_coupling_is_named_where_it_is_a_lever():
     limit = ("--limit", "0.1")
     page = " ".join(run("check", TINY, *stiff, *limit, "--no-plot").stdout.split())
     assert then < 0.9 * now
-    assert f"{words}{now:.1f} to {then:.1f} arcsec at 4 N·m" in page
+    assert f"{words}{now:.1f} to {then:.1f}″ at 4 N·m" in page
     # it is none where the wheels run true, and a cam is all that could be off
     for others in ("tolerances={F_i1: 0, F_i2: 0, e_hb: 0, e_hh: 0, e_hg: 0, e_b: 0}", "cam.coupling=oldham"):
         assert words not in " ".join(run("check", TINY, *stiff, *limit, "--set", others, "--no-plot").stdout.split())
@@ -153,7 +153,7 @@ def test_a_coupling_is_named_where_it_is_a_lever():
 
 def test_the_rest_stands_in_the_details(answer):
     page = run("check", TINY, "--details", "--no-plot").stdout
-    for words in ("one-wave", "self error, arcsec", "a micrometre more", "equilibrium", "tip circles"):
+    for words in ("one-wave", "self error, ″", "a micrometre more", "equilibrium", "tip circles"):
         assert words in page
     turns, degrees = re.search(r"greatest at phi_h, turns \+ deg +(\d+) \+ ([\d.]+) ", page).groups()
     told = json.loads(answer.stdout)["operating_points"][0]["at_max"]["phi_h_deg"]

@@ -47,7 +47,7 @@ def test_people_figures_and_the_answer_alone(answer):
     assert page.stderr == ""
     page = run("stiffness", SMALL, "--set", "operation.rated=4")
     assert max(map(len, page.stdout.splitlines())) <= 80
-    for words in ("twist, arcsec", "K1", "K3", "tangent", "lost motion", "again by HIGHS", "--details"):
+    for words in ("twist, ″", "K1", "K3", "tangent", "lost motion", "again by HIGHS", "--details"):
         assert words in page.stdout
     slopes = [f"{t['stiffness_Nm_per_rad'] / 1e4:.3g} at {t['M_g_Nm']:g} N·m" for t in told["tangents"]]
     assert ", ".join(slopes) in page.stdout

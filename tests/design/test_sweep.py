@@ -129,7 +129,7 @@ def test_a_table_of_two_fields(tmp_path):
     assert done.returncode == 0
     lines = [line.split() for line in done.stdout.splitlines()]
     head = lines.index(["tolerances.e_hb,", "um", "1.6", "4"])
-    assert " ".join(lines[head - 1]) == "F'_ior at 4 N·m, arcsec, over gears.x_b"
+    assert " ".join(lines[head - 1]) == "F'_ior at 4 N·m, ″, over gears.x_b"
     rows = {row[0]: row[1:] for row in lines[head + 2 : head + 4]}
     in_csv = list(csv.DictReader(io.StringIO((tmp_path / "rows.csv").read_text())))
     solved = [f"{float(row['F_ior_arcsec']):.2f}" for row in in_csv if row["F_ior_arcsec"]]

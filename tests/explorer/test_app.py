@@ -32,7 +32,7 @@ def test_the_screen_has_error_seat_holes_levers_cam_turn_and_the_order() -> None
         await settled(app, pilot)
         told = screen(app)
         assert app.known.advice is not None and "Turn the rigid wheel" in told and "c writes the card" in told
-        assert "SEAT" in told and "LEVERS" in told and "F'_ior in each hole, arcsec" in told
+        assert "SEAT" in told and "LEVERS" in told and "F'_ior in each hole, ″" in told
         assert f"= hdassist mount {TINY[:40]}" in told
         assert "PROVEN" in told and "80 N·m" not in told
         found = app.known.turn
@@ -56,7 +56,7 @@ def test_arrows_turn_the_wheel_and_the_values_are_those_of_the_position() -> Non
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("right", "right", "left")
         assert app.session.turn_deg == 60
-        assert "hole 1 (60 deg)" in screen(app) and f"{F_ior(app, 60):.2f}" in screen(app)
+        assert "hole 1 (60°)" in screen(app) and f"{F_ior(app, 60):.2f}" in screen(app)
         await pilot.press("b")
         positions = [60.0 * k for k in range(6)]
         assert app.session.turn_deg == min(positions, key=lambda at: F_ior(app, at)) != 0
@@ -317,21 +317,21 @@ def test_teeth_change_together() -> None:
 def test_one_pane_at_a_time_where_there_is_little_room() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert "LEVERS" not in screen(app) and all(len(row) == 80 for row in screen(app).split("\n"))
-        assert "F'_ior in each hole, arcsec" in screen(app)
+        assert "F'_ior in each hole, ″" in screen(app)
         for key, title in (
             ("3", "LEVERS"),
             ("2", "270"),
             ("4", "CAM TURN"),
             ("6", "WHY"),
             ("7", "ADVICE"),
-            ("1", "F'_ior in each hole, arcsec"),
+            ("1", "F'_ior in each hole, ″"),
         ):
             await pilot.press(key)
             await pilot.pause()
             assert title in screen(app)
         await pilot.resize_terminal(60, 18)
         await pilot.pause()
-        assert "hole 0 (0 deg), where it stands" in screen(app) and "too small" not in screen(app)
+        assert "hole 0 (0°), where it stands" in screen(app) and "too small" not in screen(app)
         await pilot.resize_terminal(140, 40)
         await pilot.pause()
         assert "LEVERS" in screen(app) and "SEAT" in screen(app)

@@ -117,11 +117,9 @@ def test_a_session_in_a_terminal() -> None:
     before = processes()
     with explorer() as terminal:
         seen = terminal.wait_for("Turn the rigid wheel")
-        assert (
-            "7 advice" in seen and "F'_ior in each hole, arcsec" in seen and "hole 0 (0 deg), where it stands" in seen
-        )
+        assert "7 advice" in seen and "F'_ior in each hole, ″" in seen and "hole 0 (0°), where it stands" in seen
         terminal.press("\x1b[C")
-        terminal.wait_for("hole 1 (60 deg)")
+        terminal.wait_for("hole 1 (60°)")
         terminal.press("t")
         terminal.wait_for("add trials")
         terminal.press("h9=3\r")

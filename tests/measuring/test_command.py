@@ -58,7 +58,7 @@ def test_a_screen_holds_the_answer_and_what_to_do_next(rig):
     told = json.loads(run("measure", "run.csv", "--drive", SMALL, "--json", cwd=rig).stdout)
     (found,) = told["directions"]
     low, high = found["interval_arcsec"]
-    assert lines[0] == f"run.csv, 3600 rows, small: F'_ior {told['F_ior_arcsec']:.2f} arcsec"
+    assert lines[0] == f"run.csv, 3600 rows, small: F'_ior {told['F_ior_arcsec']:.2f}″"
     assert any(f"{low:.2f} to {high:.2f}" in line and line.endswith("100.0 %") for line in lines)
     labels = [match[1] for line in lines if (match := re.match(r"(orders|measure|read as|next|more)  +\S", line))]
     assert labels == ["orders", "measure", "read as", "next", "more"]
@@ -102,7 +102,7 @@ def test_both_directions_stand_side_by_side(rig):
     for direction in told["directions"]:
         name = {1: "growing", -1: "falling"}[direction["direction"]]
         assert re.search(rf"^{name} +{direction['F_ior_arcsec']:.2f} ", page, re.MULTILINE)
-    assert re.search(r"^reversal +-5\.\d\d arcsec on the mean", page, re.MULTILINE)
+    assert re.search(r"^reversal +-5\.\d\d″ on the mean", page, re.MULTILINE)
 
 
 def test_a_gap_longer_than_a_cam_turn_is_drawn(rig):

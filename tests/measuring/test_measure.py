@@ -91,7 +91,7 @@ def test_orders_of_a_model_have_its_causes(model):
     assert "once per output turn: also encoder" in causes[round(1 / 30, 3)].cause
     assert "once per cam turn: also the cam's encoder" in causes[1.0].cause
     (encoder,) = (s.origin for s in found.sources if s.name == "encoder")
-    assert "0.05 deg of it are 6 arcsec" in encoder
+    assert "0.05° of it are 6″" in encoder
     spectrum = 2 * np.abs(np.fft.rfft(model[1])) / len(model[1])
     assert causes[2.0].amplitude_arcsec == pytest.approx(spectrum[60], abs=0.05)
 
@@ -386,7 +386,7 @@ def test_a_missing_row_is_no_step():
 
 
 def test_steps_that_may_be_the_error_are_refused():
-    with pytest.raises(UntrustedError, match="steps of 20 arcsec at even angles"):
+    with pytest.raises(UntrustedError, match="steps of 20″ at even angles"):
         by_two_encoders(20.0, encoders.CAM)
     assert by_two_encoders(20.0, encoders.CLOCK).range.value == pytest.approx(30, abs=5)
 

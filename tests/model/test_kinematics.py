@@ -121,12 +121,12 @@ def test_results_stand_in_the_order_of_the_states_asked_for(reference):
 
 def test_an_angle_in_turns_and_degrees():
     told = [turns_and_degrees(deg) for deg in (14916.83, 400.0, 719.97, 0.0)]
-    assert told == ["41 turns + 156.8 deg", "1 turn + 40.0 deg", "2 turns + 0.0 deg", "0 turns + 0.0 deg"]
+    assert told == ["41 turns + 156.8°", "1 turn + 40.0°", "2 turns + 0.0°", "0 turns + 0.0°"]
 
 
 def test_a_state_is_named_by_the_turns_of_its_cam(reference):
     states = pitch_locked_states(Kinematics.of(reference), np.array([8370]))
-    assert state_place(states, 80.0, 0).startswith("phi_h = 41 turns + 156.8 deg, phi_g = ")
+    assert state_place(states, 80.0, 0).startswith("phi_h = 41 turns + 156.8°, phi_g = ")
 
 
 def test_full_cycle_is_asked_for_by_name(reference):

@@ -89,14 +89,14 @@ def test_no_gain_means_stay():
 
 def test_the_instruction_takes_the_shorter_way():
     curve = curve_of([20.0, 9.0, 30.0, 8.0], holes=4)
-    assert turn(curve.at(1)) == "1 hole (90 deg) counter-clockwise"
-    assert turn(curve.at(2)) == "2 holes (180 deg) counter-clockwise"
-    assert turn(curve.at(3)) == "1 hole (90 deg) clockwise"
+    assert turn(curve.at(1)) == "1 hole (90°) counter-clockwise"
+    assert turn(curve.at(2)) == "2 holes (180°) counter-clockwise"
+    assert turn(curve.at(3)) == "1 hole (90°) clockwise"
     said = instruction(advice_of(curve).choice)
-    assert said.startswith("Turn the rigid wheel by 1 hole (90 deg) clockwise, seen from the cam side: ")
-    assert "20.00 -> 8.00 arcsec at 1 N" in said
+    assert said.startswith("Turn the rigid wheel by 1 hole (90°) clockwise, seen from the cam side: ")
+    assert "20.00 -> 8.00″ at 1 N" in said
     free = curve_of([20.0, 9.0, 30.0, 8.0], holes=0)
-    assert turn(free.at(1)) == "90 deg counter-clockwise"
+    assert turn(free.at(1)) == "90° counter-clockwise"
 
 
 @pytest.mark.moves("mounting.first_hole")

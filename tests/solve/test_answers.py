@@ -109,7 +109,7 @@ def test_the_state_that_winds_up_most_is_the_one_that_is_looked_at(system, formu
     fine = replace(system, geometry=replace(system.geometry, flexspline=wheel))
     worst = int(np.argmax(rotation))
     assert worst == 1
-    with pytest.raises(UntrustedError, match=f"at state {worst}: wind-up of {rotation[worst] * ARCSEC:.0f} arcsec"):
+    with pytest.raises(UntrustedError, match=f"at state {worst}: wind-up of {rotation[worst] * ARCSEC:.0f}″"):
         proven_answers(fine, torque, [load_case(formulation, torque).sums(gaps)], lambda k: f"state {k}")
 
 

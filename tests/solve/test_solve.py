@@ -149,7 +149,7 @@ def test_states_solved_again_are_counted_and_the_greatest_difference_is_told(for
     found = solve_again(formulation, torques, delta_p, rotation + np.array([0.001, -0.004, 0.002]), "daqp", str)
     assert (found.solver, found.states) == ("DAQP", 3)
     assert found.max_difference_arcsec == pytest.approx(0.004, abs=1e-6)
-    words = r"disagree at state 1: 0.02 arcsec between the engine and daqp and clarabel"
+    words = r"disagree at state 1: 0.02″ between the engine and daqp and clarabel"
     with pytest.raises(UntrustedError, match=words) as error:
         solve_again(
             formulation, torques, delta_p, rotation + np.array([0.001, -0.02, 0.03]), "daqp", lambda k: f"state {k}"
@@ -304,7 +304,7 @@ def test_a_solver_stopped_at_its_bound_has_no_answer_and_ends_the_run(reference,
 def test_too_great_a_torque_is_outside_the_model(reference):
     states = pitch_locked_states(Kinematics.of(reference), np.arange(40))
     for torque in (1e6, -1e6):
-        with pytest.raises(UntrustedError, match=r"wind-up of (\d+) arcsec, .* pitch \(1620 arcsec\)") as error:
+        with pytest.raises(UntrustedError, match=r"wind-up of (\d+)″, .* pitch \(1620″\)") as error:
             kinematic_error(reference, torque, states=states)
         assert error.value.fault is Fault.BEYOND_MODEL
         assert error.value.hint == "the torque is too great for this drive"

@@ -30,8 +30,8 @@ def windows_until(enough: float, *sets: str) -> list[float]:
     assert there.numerics.window == tried[-1]
     assert there.origin.overrides == (*sets, *([f"{FIELD}={tried[-1]:g}"] if len(tried) > 1 else []))
     assert there.origin.warnings == load_preset(SMALL, sets).origin.warnings + tuple(
-        f"teeth carry load at the edge of the flank window of {tried[0]:g} deg: computed anew in one of {tried[-1]:g} "
-        f"deg; --set numerics.window={tried[-1]:g} makes it permanent"
+        f"teeth carry load at the edge of the flank window of {tried[0]:g}°: computed anew in one of {tried[-1]:g}°; "
+        f"--set numerics.window={tried[-1]:g} makes it permanent"
         for _ in tried[1:2]
     )
     assert load_preset(SMALL, there.origin.overrides).model_dump() == there.model_dump()

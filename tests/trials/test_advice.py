@@ -142,7 +142,7 @@ def test_an_outcome_has_its_verdict_and_exit_code(advice: TrialAdvice) -> None:
         assert told_["probability_good"] == pytest.approx(after.losses.probability_good[place])
         assert told_["best"]["rotation_deg"] == after.losses.rotations_deg[after.losses.best]
         assert trials_instruction(after).startswith(
-            "Go back to hole 1 (30 deg), where 16 was" if code == 3 else "Keep it: 15 arcsec at hole 2"
+            "Go back to hole 1 (30°), where 16 was" if code == 3 else "Keep it: 15″ at hole 2"
         )
         assert any("may be better" in words for words in trials_warnings(after, texts())) == (code == 6)
 
@@ -257,8 +257,8 @@ def test_a_choice_that_hinges_on_one_value_is_not_settled_and_says_which(advice:
     loose = replace(firm, without=(0.9, 0.7, 0.8, 0.55))
     assert (loose.hinges_on, loose.settled, exit_code(loose)) == (advice.trials[3], False, 6)
     assert loose.to_repeat == advice.trials[3]
-    assert f"but not without {advice.trials[3].F_ior_arcsec:g} arcsec at hole" in trials_instruction(loose)
-    assert f"hinges on {advice.trials[3].F_ior_arcsec:g} arcsec at hole" in " ".join(trials_warnings(loose, texts()))
+    assert f"but not without {advice.trials[3].F_ior_arcsec:g}″ at hole" in trials_instruction(loose)
+    assert f"hinges on {advice.trials[3].F_ior_arcsec:g}″ at hole" in " ".join(trials_warnings(loose, texts()))
     suspected = replace(loose, draws=replace(advice.draws, misread=np.array([0.1, 0.6, 0.0, 0.1])))
     assert suspected.to_repeat == advice.trials[1]
     assert "is probably misread (60 %)" in " ".join(trials_warnings(suspected, texts()))

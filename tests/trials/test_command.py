@@ -107,7 +107,7 @@ def test_people_see_the_instruction_the_best_positions_and_where_to_go_on(answer
     assert len(done.stdout.splitlines()) <= 28
     page = " ".join(done.stdout.split())
     assert page.startswith("small, 5 trials at 4 N*m: MEASURE FIRST No order yet: hole ")
-    assert " ".join(answer[0]["instruction"].replace("·", "*").split()) in page
+    assert " ".join(answer[0]["instruction"].replace("·", "*").replace("°", " deg").split()) in page
     for words in (
         "hole 4 (120 deg)",
         "90 % are needed",
@@ -185,8 +185,8 @@ def test_trials_that_nothing_explains_have_no_answer(tmp_path: Path):
     done = run(*ONE, "h0=20", "h4=500", "--csv", str(figures))
     assert done.returncode == 5
     words = " ".join(done.stderr.split())
-    assert "no draw shows F'_ior as measured, arcsec: hole 0 (0 deg) = 20, drawn" in words
-    assert "hole 4 (120 deg) = 500, drawn" in words
+    assert "no draw shows F'_ior as measured, ″: hole 0 (0°) = 20, drawn" in words
+    assert "hole 4 (120°) = 500, drawn" in words
     assert done.stdout == ""
     assert not figures.exists()
 
@@ -201,7 +201,7 @@ def test_a_card_tells_the_trials_it_rests_on(answer, tmp_path: Path):
     done = run(*LOOSE, *MANY, "--card", str(card), "-q", "--sure", "0.3")
     assert (done.returncode, done.stdout) == (0, "4\n"), done.stderr
     text = " ".join(card.read_text(encoding="utf-8").split())
-    assert "hole 0: 71.2 arcsec; hole 4: 16.5 arcsec; hole 8: 25 arcsec" in text
+    assert "hole 0: 71.2″; hole 4: 16.5″; hole 8: 25″" in text
     assert "not from the last trial" in text
     told = json.loads(run(*LOOSE, *MANY, "--json", "--sure", "0.3").stdout)
     now, best = (f"{told[name]['F_ior_arcsec']['expected'][0]:.2f}" for name in ("current", "best_bet"))
@@ -217,4 +217,4 @@ def test_a_lower_demand_does_not_settle_what_hinges_on_one_value(answer):
     told = json.loads(done.stdout)
     assert (told["settled"], told["recommended"], told["probability_needed"]) == (False, None, best - 0.01)
     assert min(told["trials"]["probability_good_without"]) < 0.6
-    assert "the choice hinges on 73 arcsec at hole 0" in done.stderr
+    assert "the choice hinges on 73″ at hole 0" in done.stderr

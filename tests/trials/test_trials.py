@@ -196,7 +196,7 @@ def test_a_drive_that_errs_more_than_the_model_is_found_all_the_same(cloud: Prio
 
 
 def test_values_that_nothing_explains_are_refused_with_what_would_have_to_change(cloud: Prior) -> None:
-    with pytest.raises(UntrustedError, match=r"no draw shows .* = 20, .*hole 4 \(120 deg\) = 400, drawn \d") as far:
+    with pytest.raises(UntrustedError, match=r"no draw shows .* = 20, .*hole 4 \(120°\) = 400, drawn \d") as far:
         require_reachable(cloud, [Trial(0, 20.0), Trial(120, 400.0)])
     assert "a larger offset" in far.value.hint
     with pytest.raises(UntrustedError):
@@ -213,7 +213,7 @@ def test_too_few_samples_are_no_cloud(cloud: Prior) -> None:
     thin = replace(cloud, weight=np.isin(np.arange(cloud.weight.size), likely).reshape(cloud.weight.shape) / 3)
     tried = trials(values)
     draws, _ = learnt(thin, tried, POSITIONS)
-    with pytest.raises(UntrustedError, match=r"too few samples .* arcsec at hole \d+ .* agrees least") as few:
+    with pytest.raises(UntrustedError, match=r"too few samples .*″ at hole \d+ .* agrees least") as few:
         require_effective(thin, tried, draws, 64)
     assert "--draws" in few.value.hint
 
@@ -269,5 +269,5 @@ def test_one_misread_value_of_six_carries_no_order(cloud: Prior) -> None:
 
 def test_a_value_of_three_that_no_drive_shows_is_named_with_what_is_drawn(cloud: Prior) -> None:
     tried = [*trials(measured(50.0, 20.0), THIRDS[:2]), Trial(240.0, 900.0)]
-    with pytest.raises(UntrustedError, match=r"hole 8 \(240 deg\) = 900, drawn"):
+    with pytest.raises(UntrustedError, match=r"hole 8 \(240°\) = 900, drawn"):
         require_reachable(cloud, tried)
