@@ -97,7 +97,7 @@ class Numerics(Section):
 
     n_max: int = field("highest bending mode of the rings", default=40, ge=4, le=200)
     n_2: int = field("nodes between bore and outer ring", default=100, ge=12, le=720)
-    window: float = field("flank window on each side of the major axis", "deg", 30.0, ge=5, le=85)
+    window: float = field("flank window on each side of the major axis", "deg", 60.0, ge=5, le=85)
     nominal_curve: Literal["linear", "inextensible"] = field(
         "shape of the rim on the cam: the ring's bending mode, or a closed curve of unchanged length",
         default="inextensible",
