@@ -1,7 +1,7 @@
 """Options of an archive of measured drives: adding to it, and showing how a drive has changed."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 from hdassist.errors import UsageError
@@ -52,8 +52,10 @@ class ArchiveOptions(o.OptionGroup):
 
     def history_report(self, serial: str) -> "Report":
         """How a drive of the archive has changed."""
-        from hdassist.measuring.archive import read_archive
+        from hdassist.measuring.archive import is_cut_off, read_archive
         from hdassist.pages.history import history_report
 
         archive = str(self.archive)
-        return history_report(serial, archive, read_archive(archive, serial))
+        report = history_report(serial, archive, read_archive(archive, serial))
+        words = f"{archive}: its last line was cut off, a result is lost: add the records of that time again"
+        return replace(report, warnings=(words,)) if is_cut_off(archive) else report

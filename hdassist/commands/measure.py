@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdassist.commands.archive_options import ArchiveOptions
+from hdassist.errors import UsageError
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
@@ -78,6 +79,8 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
         def one(name: str) -> Report:
             table = read_record(name, form)
             if record := bench_record(table):
+                if self.archive:
+                    raise UsageError(f"{name}: positions and torque loops are not kept in an archive", "traces are")
                 return bench_report(record, drive, self.seed)
             trace = trace_of(table, form, gearing.ratio if gearing else None)
             result = measure(

@@ -83,7 +83,8 @@ class FormResiduals:
     @property
     def worse_at(self) -> tuple[float, ...]:
         """Other torques [N*m] at which the median error is greater with it than without."""
-        return tuple(each.M_g for each in self.residuals if each.case == IN_PLACE and each.p50 > each.uncorrected_p50)
+        others = (each for each in self.residuals[1:] if each.case == IN_PLACE)
+        return tuple(each.M_g for each in others if each.p50 > each.uncorrected_p50)
 
 
 @dataclass(frozen=True, eq=False)

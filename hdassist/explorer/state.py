@@ -163,14 +163,14 @@ def with_fields(session: Session, values: Mapping[str, str]) -> Session:
 
 
 def with_evidence(session: Session, text: str) -> Session:
-    """The session with more known of its drive: values by name, several with blanks between, or the path of a trace.
+    """The session with more known of its drive: values by name, several with blanks or ; between, or a trace's path.
 
     A name is a field, one of `measured` (K_1), a position (h4, h4@80) in which F'_ior was measured, or `limit`. A trace
     is of the position and torque of trials. Values may have an uncertainty (31 ± 2), k = 2; an empty one takes it back.
     Raises UsageError with the loader's words, and what reading or measuring a trace raises.
     """
     values = {}
-    for word in re.split(r"\s+(?=[^\s=]+=)", text.strip()):
+    for word in re.split(r"[;\s]+(?=[^\s=]+=)", text.strip()):
         name, equals, value = word.partition("=")
         if not equals:
             name, value = session.here, _measured_value(session, word)

@@ -102,7 +102,7 @@ def read_conditions(serial: str, texts: Sequence[str]) -> Json:
 
 
 def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
-    """Add a record to the archive of a folder; False where the same record of this drive is there.
+    """Add a record to the archive of a folder; False where each of its directions is there as one of this drive.
 
     Raises UsageError: conditions that cannot be, or another file; DataError: it cannot be written, or does not hold.
     """
@@ -114,10 +114,10 @@ def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
     with suppress(OSError):  # what is wrong is said of the file
         Path(folder).mkdir()
     with open_kept(str(Path(folder) / ARCHIVE_FILE), OWNER, ENTRIES, patience=WRITERS_WAIT) as kept:
-        if any((each.serial, each.sha256) == (fresh[0].serial, fresh[0].sha256) for each in kept.records()):
-            return False
+        known = {(each.serial, each.sha256, each.direction) for each in kept.records()}
+        fresh = [each for each in fresh if (each.serial, each.sha256, each.direction) not in known]
         kept.append(fresh)
-    return True
+    return bool(fresh)
 
 
 def _result(found: SweepResult) -> Json:
@@ -131,6 +131,11 @@ def _result(found: SweepResult) -> Json:
         "F_ior_is_lower_bound": found.is_bound,
         "unstated": tuple(source.name for source in found.sources if source.arcsec is None),
     }
+
+
+def is_cut_off(folder: str) -> bool:
+    """Whether the last line of the archive of a folder was not written to its end: that result is lost."""
+    return not (Path(folder) / ARCHIVE_FILE).read_bytes().endswith(b"\n")
 
 
 def read_archive(folder: str, serial: str) -> list[ArchiveEntry]:

@@ -33,8 +33,9 @@ class EncoderLag:
 
 def speed_changes(bins: Bins) -> bool:
     """Whether the speed within the sweeps changes by enough to tell a lag."""
-    apart = [bins.speed[own] - bins.speed[own].mean() for own in (bins.sweep == k for k in range(bins.sweeps))]
-    return float(np.std(np.concatenate(apart))) > LEAST_SPEED_CHANGE * float(np.abs(bins.speed).mean())
+    apart = [bins.speed[own] - np.median(bins.speed[own]) for own in (bins.sweep == k for k in range(bins.sweeps))]
+    low, high = np.quantile(np.concatenate(apart), (0.05, 0.95))  # a turning point alone tells no lag
+    return float(high - low) / 2 > LEAST_SPEED_CHANGE * float(np.abs(bins.speed).mean())
 
 
 def encoder_lag(fits: Sequence[TraceFit], ratio: float, sense: int) -> EncoderLag:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.fit import TraceFit
@@ -18,6 +19,7 @@ from hdassist.readers.trace import MeasuredTrace
 SPIKE_SIGMAS, ROBUST_SIGMAS = 10.0, 5.0  # robust standard deviations of the readings around the fit
 SPIKE_RANGE_SHARE = 0.1  # of the fitted curve: a smaller spike has no effect
 LONGEST_SPIKE = 2  # readings: a longer one may be the drive
+BESIDE_SPIKE = 7  # readings around one, of whose departures the median is taken
 TO_SIGMA = 1.4826  # standard deviation of normal readings over their median departure
 MAX_SPIKE_SHARE, MAX_ROBUST_SHARE = 1 / 200, 1 / 10  # of the readings: with more of them the rig is at fault
 NAMED_LINES = 3  # lines in a message
@@ -37,13 +39,16 @@ def without_spikes(
         np.interp(trace.cam_deg[s.start : s.stop] / 360, bins.turns[bins.sweep == k], fitted[bins.sweep == k])
         for k, s in enumerate(sweeps)
     ]
-    size = np.abs(trace.error_arcsec[rows] - np.concatenate(fits))
+    apart = [trace.error_arcsec[s.start : s.stop] - fit for s, fit in zip(sweeps, fits, strict=True)]
+    size = np.abs(np.concatenate(apart))
+    beside = np.concatenate([np.abs(each - median_filter(each, BESIDE_SPIKE, mode="mirror")) for each in apart])
     # a spike draws the fit to it, and so its neighbours off: only the farthest are looked at
     noise = TO_SIGMA * float(np.median(size))
     sigmas, share = (ROBUST_SIGMAS, MAX_ROBUST_SHARE) if trace.robust else (SPIKE_SIGMAS, MAX_SPIKE_SHARE)
     far = size > max(sigmas * noise, SPIKE_RANGE_SHARE * float(np.ptp(fitted)), float(size.max()) / 2)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], far, [0]]))).reshape(-1, 2)
     short = [k for first, last in edges.tolist() if last - first <= LONGEST_SPIKE for k in range(first, last)]
+    short = [k for k in short if beside[k] > size[k] / 2]  # what a fit misses is smooth
     if not short:
         return trace, []
     count, named = len(short), ", ".join(map(str, trace.line[rows[short[:NAMED_LINES]]]))

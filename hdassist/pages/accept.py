@@ -122,8 +122,8 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
     titles = {
         "measured": f"measured: {RULE_WORDS[answer.rule['measured']]}",
         "stated": f"measured otherwise: {RULE_WORDS[answer.rule['measured']]}",
-        "predicted": f"predicted: PASS from {100 * answer.rule['sure']:g} % probability; no decision on conformity"
-        + (f"; measured teeth: {teeth}" if teeth else ""),
+        "predicted": f"predicted, F'_ior with the self error: PASS from {100 * answer.rule['sure']:g} % probability; "
+        "no decision on conformity" + (f"; measured teeth: {teeth}" if teeth else ""),
     }
     for basis, title in titles.items():
         checks = [check for check in answer.checks if (check.basis or "measured") == basis]

@@ -136,7 +136,7 @@ def test_the_page_says_what_the_answer_hangs_on_and_what_to_measure():
     page = " ".join(done.stdout.split())
     assert done.returncode == 6
     assert page.startswith("tiny: INCONCLUSIVE F'_ior at 4 N·m: kept with a probability of ")
-    for words in ("predicted: PASS from 95 % probability", "--measured 4=FILE", "influence", "tolerances.e_hb",
+    for words in ("self error: PASS from 95 % probability", "--measured 4=FILE", "influence", "tolerances.e_hb",
                   "remarks hdassist explain UNKNOWN next hdassist accept "):  # fmt: skip
         assert words in page
     told = json.loads(run(*asked, "--draws", "4", "--sure", "0.8", "--json").stdout)

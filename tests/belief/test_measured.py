@@ -113,7 +113,7 @@ def test_a_measured_figure_that_contradicts_is_named(hidden):
 
 def test_errors_that_no_draw_shows_are_refused():
     drive = tiny("phases.phi_hb=unknown", "mounting.holes=6", "measured.F_ior={h0@4: 5 ± 1, h2@4: 4 ± 1}")
-    words = r"no draw shows F'_ior as measured, arcsec: measured\.F_ior\.h0@4 = 5, drawn \d+.* to \d+.*h2@4 = 4, drawn"
+    words = r"no draw shows F'_ior as measured, ″: measured\.F_ior\.h0@4 = 5, drawn \d+.* to \d+.*h2@4 = 4, drawn"
     with pytest.raises(UntrustedError, match=words):
         believed(drive, (4.0,), SamplingEffort(4, 4, 16, 4))
 

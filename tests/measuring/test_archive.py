@@ -17,6 +17,7 @@ from hdassist.measuring.archive import (
     ArchiveEntry,
     add_to_archive,
     histories,
+    is_cut_off,
     read_archive,
     read_conditions,
 )
@@ -123,7 +124,9 @@ def test_a_line_that_was_changed_is_refused_and_half_a_line_is_not_there(tmp_pat
     for serial in ("17-1", "17-2"):
         add_to_archive(folder, read_conditions(serial, []), measured)
     whole = path.read_bytes()
+    assert not is_cut_off(folder)
     path.write_bytes(whole[:-40])  # the power was lost
+    assert is_cut_off(folder)
     assert [each.serial for each in read_archive(folder, "17-1")] == ["17-1"]
     with pytest.raises(DataError, match="has no measurement of 17-2"):
         read_archive(folder, "17-2")

@@ -349,6 +349,10 @@ def test_a_lag_at_one_speed_is_not_told_and_no_part_of_the_error():
     assert both.lag is not None
     assert both.lag.ms is None
     assert both.lag.bound_ms == pytest.approx(4 + 4 / 12.96, abs=0.05)
+    turning = np.append(np.ones(350), [0.5])  # a change of speed at the turning point alone
+    there = timed([turning, -turning[::-1]], 0.004)
+    assert there.lag is not None
+    assert there.lag.ms is None
     assert measure(recorded(EVEN, wave(EVEN)), ratio=100).lag is None
 
 

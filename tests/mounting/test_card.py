@@ -59,7 +59,7 @@ def test_the_facts():
     assert made.torques.rows == (("1", "28.09", "14.94", "-47 %", ""), ("10", "8.09", "4.52", "-44 %", ""))
     # hole 8 is the best; 7 lies clockwise of it and is the second best, 3 the worst
     assert made.others.rows == (("9", "-35 %", "+22 %"), ("7", "-38 %", "+14 %"), ("3", "+56 %", "+179 %"))
-    assert "the wheel stands at hole 8: 4 holes (120 deg) clockwise" in made.checks.lines
+    assert "the wheel stands at hole 8: 4 holes (120°) clockwise" in made.checks.lines
     assert made.chance.lines == ("Values of the preset: 49 given, 0 identified, 0 assumed.",)
     assert made.warnings.lines == ()
     digest = CARDS["plain"].drive.origin.sha256[:12]
@@ -69,21 +69,21 @@ def test_the_facts():
 
 def test_the_mark_turns_with_the_wheel_and_the_cam_does_not():
     made = card(CARDS["plain"])  # xi_b 90, phi_hb 0, turned by 240
-    assert made.directions.lines == ("a: mark now, 90 deg", "b: mark afterwards, 330 deg", "c: cam offset e_hb, 0 deg")
+    assert made.directions.lines == ("a: mark now, 90°", "b: mark afterwards, 330°", "c: cam offset e_hb, 0°")
     assert dict(made.subject.rows)["mark"] == "the phase xi_b itself, of the deviation F'_i2 of the rigid wheel"
     other = card(CARDS["flexspline"])  # xi_g 0, phi_hg 0
-    assert other.directions.lines == ("a: mark now, 0 deg", "b: mark afterwards, 240 deg", "c: cam offset e_hg, 0 deg")
+    assert other.directions.lines == ("a: mark now, 0°", "b: mark afterwards, 240°", "c: cam offset e_hg, 0°")
     assert dict(other.subject.rows)["mark"] == "high spot of the radial run-out of the flexspline"
-    assert other.instruction.startswith("Turn the flexspline by 4 holes (120 deg) clockwise")
+    assert other.instruction.startswith("Turn the flexspline by 4 holes (120°) clockwise")
     without = card(advice_of(overrides=("mounting.fixed=flexspline",)))  # e_hg is 0: no hole is better
-    assert without.directions.lines == ("b: mark, now and afterwards, 0 deg",)
+    assert without.directions.lines == ("b: mark, now and afterwards, 0°",)
     assert dict(card(CARDS["free"]).subject.rows)["mark"] == "greatest cumulative pitch deviation of the rigid wheel"
 
 
 def test_a_measured_wheel_is_marked_at_its_tooth():
     made = card(CARDS["measured"])  # turned by 240
     assert dict(made.subject.rows)["mark"] == "tooth 17 of the measured rigid wheel"
-    assert made.directions.lines[:2] == ("a: mark now, 33 deg", "b: mark afterwards, 273 deg")
+    assert made.directions.lines[:2] == ("a: mark now, 33°", "b: mark afterwards, 273°")
     assert made.foot.lines[2] == "measured teeth: rigid wheel, wheel.csv, sha256 0123456789ab"
     assert len(made.warnings.lines) == 1
 
@@ -91,9 +91,9 @@ def test_a_measured_wheel_is_marked_at_its_tooth():
 def test_a_wheel_that_is_left_stays_on_its_hole():
     made = card(CARDS["leave"])
     assert made.instruction == "Leave the rigid wheel as it is."
-    assert made.torques.heads == ("torque, N·m", "now, arcsec", "measured, arcsec")
+    assert made.torques.heads == ("torque, N·m", "now, ″", "measured, ″")
     assert made.torques.rows == (("1", "10.00", ""),)
-    assert made.directions.lines[0] == "b: mark, now and afterwards, 90 deg"
+    assert made.directions.lines[0] == "b: mark, now and afterwards, 90°"
     assert [p.kind for p in made.seat.places] == ["worst", "now"]
     assert not [text for text in made.checks.lines if "hole" in text]
     unsure = card(CARDS["not sure"])
@@ -104,10 +104,10 @@ def test_a_wheel_that_is_left_stays_on_its_hole():
 
 def test_a_free_angle_has_degrees_and_no_holes():
     made = card(CARDS["free"])
-    assert made.instruction.startswith("Turn the rigid wheel by 114.7 deg clockwise, seen")
-    assert "the wheel is turned by 114.7 deg clockwise" in made.checks.lines
+    assert made.instruction.startswith("Turn the rigid wheel by 114.7° clockwise, seen")
+    assert "the wheel is turned by 114.7° clockwise" in made.checks.lines
     assert made.seat.holes == ()
-    assert made.others.heads[0] == "turn, deg"
+    assert made.others.heads[0] == "turn, °"
     assert [row[0] for row in made.others.rows] == ["270", "240", "90"]  # to both sides, and the worst
     assert "hole" not in re.sub("whole", "", everything(CARDS["free"])).replace("mounting.holes", "")
 
