@@ -77,10 +77,10 @@ def words_of(file: Path) -> str:
 def test_start(tmp_path: Path):
     output_of("start.md", tmp_path)
     card = words_of(tmp_path / "card.txt")
-    assert "Turn the rigid wheel by 3 holes (90 deg) clockwise" in card
+    assert "Turn the rigid wheel by 3 holes (90°) clockwise" in card
     assert "Values of the preset: 4 given, 0 identified, 29 assumed." in card
     assert "By the trials this position loses less than 5 % against the best one with a probability of" in card
-    assert "hole 9: 22.1 arcsec" in card
+    assert "hole 9: 22.1″" in card
 
 
 def test_design(tmp_path: Path):
@@ -90,8 +90,8 @@ def test_design(tmp_path: Path):
 
 def test_mount(tmp_path: Path):
     output_of("mount.md", tmp_path)
-    assert "Turn the rigid wheel by 4 holes (120 deg) clockwise" in words_of(tmp_path / "known.txt")
-    assert "Turn the rigid wheel by 2 holes (60 deg) clockwise" in words_of(tmp_path / "card.txt")
+    assert "Turn the rigid wheel by 4 holes (120°) clockwise" in words_of(tmp_path / "known.txt")
+    assert "Turn the rigid wheel by 2 holes (60°) clockwise" in words_of(tmp_path / "card.txt")
 
 
 def test_measure(tmp_path: Path):
@@ -105,7 +105,7 @@ def test_measure(tmp_path: Path):
 
 def test_correct(tmp_path: Path):
     output = output_of("correct.md", tmp_path)
-    assert "vzp160, correction at 80 N·m: phasors leave 1.3 of 28.7 arcsec (4 %)" in output
+    assert "vzp160, correction at 80 N·m: phasors leave 1.3 of 28.7″ (4 %)" in output
     assert len((tmp_path / "table.csv").read_text().splitlines()) == 1501
     assert json.loads((tmp_path / "correction.json").read_text())["schema"] == "hdassist.compensate/1"
 
