@@ -85,6 +85,7 @@ async def pictures() -> dict[str, str]:
 
 def rows(app: object) -> list[str]:
     """The lines of the screen."""
+    # Textual has no public way to the cells of a screen
     strips = app.screen._compositor.render_strips()  # type: ignore[attr-defined]
     return ["".join(segment.text for segment in strip).rstrip() for strip in strips]
 

@@ -83,7 +83,7 @@ class FormResiduals:
     @property
     def worse_at(self) -> tuple[float, ...]:
         """Other torques [N*m] at which the median error is greater with it than without."""
-        others = (each for each in self.residuals[1:] if each.case == IN_PLACE)
+        others = (each for each in self.residuals[1:] if each.case == IN_PLACE)  # the first is of the torque it is for
         return tuple(each.M_g for each in others if each.p50 > each.uncorrected_p50)
 
 

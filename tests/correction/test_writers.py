@@ -131,7 +131,10 @@ def test_moteus_holds_the_output_where_the_cams_encoder_is_compensated(turn, sen
 def tracked(kind, table, axis, error_of):
     """Range [arcsec] that a mount leaves while it tracks over three turns of the worm, and what the table promises."""
     text, worm_deg = text_of(table, kind, axis), table.period_deg / abs(table.u)
-    error = lambda reading: axis.sense * error_of(axis.sense * (np.asarray(reading) - axis.zero_deg) / 360 * table.u)  # noqa: E731
+
+    def error(reading):
+        return axis.sense * error_of(axis.sense * (np.asarray(reading) - axis.zero_deg) / 360 * table.u)
+
     if kind == "eqmod":
         left = controllers.eqmod(text, error, STEPS)
     else:

@@ -64,6 +64,7 @@ def explored(
     ascii: bool = False,
 ) -> Explorer:
     """Run an explorer without a terminal, do something with it once its first answers are there, and give it back."""
+    # Recorded stands in for the service: it has what the explorer calls of it, and no processes
     app = Explorer(session or tiny(), Recorded(), QUICK, ascii=ascii)  # type: ignore[arg-type]
 
     async def run() -> None:
