@@ -177,7 +177,7 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
 def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationTarget]:
     path: Path = ("targets", number)
     quantity = item.get("quantity") if isinstance(item, dict) else None
-    if quantity not in TARGET_KINDS:
+    if not isinstance(quantity, str) or quantity not in TARGET_KINDS:
         hint = near_miss(str(quantity), TARGET_KINDS) or f"known: {', '.join(TARGET_KINDS)}"
         document.add((*path, "quantity"), "names no quantity", hint)
         return
