@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,9 +20,6 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
     """How answers are worked out and given; jsonl and junit also have the drives without an answer."""
 
     details: o.Details = False
-    fail_on: Annotated[
-        Literal["warn", "fail", "never"], typer.Option(metavar="KIND", help="Fails the command: warn, fail or never.")
-    ] = "fail"
     jsonl: Annotated[str | None, o.lot_option(metavar="FILE", help="Write each answer as a line of JSON.")] = None
     resume: Annotated[bool, o.lot_option("--resume", help="Go on with the answers in --jsonl FILE.")] = False
     junit: Annotated[str | None, o.lot_option(metavar="FILE", help="Write JUnit XML (- for stdout).")] = None
@@ -170,5 +167,4 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             wheels=self.wheels(),
             draws=self.draws,
             sure=self.sure,
-            fail_on=self.fail_on,
         )
