@@ -12,9 +12,10 @@ from hdassist.acceptance.decision import GUARD, Decision
 from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.lot import Lot
 from hdassist.acceptance.predictions import Belief, Predictions
-from hdassist.acceptance.replay import RELATIVE, answer_differences
+from hdassist.acceptance.replay import answer_differences
 from hdassist.acceptance.statistics import lot_summary, yield_of_lot
 from hdassist.errors import DataError
+from hdassist.json_parts import attributes
 from hdassist.pages.check import fitted_words
 from hdassist.preset.fields import Drive
 from hdassist.preset.yamltext import shown
@@ -222,7 +223,6 @@ def replay_report(recorded: AcceptAnswer, now: AcceptAnswer | None, fault: DataE
     if fault:
         outcome, code = "cannot be replayed", fault.exit_code
     by = f", by version {recorded.version}" * (recorded.version != __version__)
-    before = answer_json(recorded)
     return Report(
         command="accept-replay",
         drive=None,
@@ -230,13 +230,11 @@ def replay_report(recorded: AcceptAnswer, now: AcceptAnswer | None, fault: DataE
         verdict=outcome,
         why=(fault.message,) if fault else tuple(map(str, found)),
         values={
-            "preset": before["preset"],
+            "preset": recorded.preset,
             "serial": recorded.serial,
             "agrees": now and not found,
-            "recorded": {key: before[key] for key in ("version", "time", "verdict", "exit_code")},
+            "recorded": attributes(recorded, "version", "time", "verdict", "exit_code"),
             "verdict": now and now.verdict,
-            "time": now and now.time,
-            "tolerance_relative": RELATIVE,
             "differences": [asdict(each) for each in found],
             **({"error": {"code": fault.fault, "message": fault.message, "hint": fault.hint}} if fault else {}),
         },
