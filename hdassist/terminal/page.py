@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
 from rich import box
 from rich.cells import cell_len
@@ -25,16 +26,27 @@ from hdassist.report.blocks import (
     Tiles,
     TwoCurves,
 )
-from hdassist.report.report import Report
+from hdassist.report.report import Report, ReportProof
 from hdassist.solve.answers import Certificate
 from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE, CrossCheck
 from hdassist.terminal.brief import COLOURS, proof
-from hdassist.terminal.console import Style
+from hdassist.terminal.console import Style, made_or
 from hdassist.terminal.plot import curve, two_curves
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.verdict import Verdict
 
+DRAWINGS: dict[type, Callable[[Style, Any], str]] = {
+    Curve: curve,
+    TwoCurves: two_curves,
+    Seat: lambda style, seat: style.text(f"{seat_in_characters(seat)}\n\n{seat.legend}"),
+}
+RESIDUALS = {  # of a certificate, each a share of its scale
+    "negative_force": "negative force",
+    "negative_gap": "negative gap",
+    "complementarity": "force on an open gap",
+    "equilibrium": "equilibrium",
+}
 PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word says too little
 
 
@@ -43,13 +55,11 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     head = Text(style.text(report.head), style="bold")
     if report.verdict:
         head.append(style.text(": ")).append(word(report.verdict, style))
-    blocks = [*report.blocks, *(report.details if details else ())]
-    residuals = isinstance(report.certificate, Certificate)
-    if details and isinstance(report.certificate, Certificate):
-        blocks.append(certificate_table(report.certificate, report.cross_checks))
-    more = "(more: --details)" if (report.details or residuals) and not details else ""
+    more = (*report.details, *certificate_tables(report.certificate, report.cross_checks))
+    blocks = [*report.blocks, *(more if details else ())]
+    hidden = "" if details or not more else "--details"
     proven = proof(report.certificate, report.cross_checks)
-    last = Facts.of([("proof" if proven else "more", f"{proven} {more}".strip() if proven else more[7:-1])])
+    last = Facts.of([("proof", f"{proven} (more: {hidden})" if hidden else proven) if proven else ("more", hidden)])
     parts = [part for block in blocks for part in block_on_page(block, style, plots)]
     lines = [line for part in parts for line in (part, Text(""))]
     if plots and blocks and isinstance(blocks[-1], Curve | TwoCurves):
@@ -81,20 +91,14 @@ def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[Re
             yield from parts[1:]
         case Tiles():
             yield labelled(Facts(tuple((label, f"{value} {below}") for label, value, below in block.rows)), style)
-        case Curve() | TwoCurves() | Seat() if plots:
+        case _ if isinstance(block, Figure) and plots:
             if text := in_characters(block, style):
                 yield Text(text)
 
 
 def in_characters(block: Figure, style: Style) -> str:
     """A figure in characters; empty, with a remark on stderr, where it cannot be drawn."""
-    match block:
-        case Curve():
-            return curve(style, block)
-        case TwoCurves():
-            return two_curves(style, block)
-        case Seat():
-            return style.text(f"{seat_in_characters(block)}\n\n{block.legend}")
+    return made_or("plot", lambda: DRAWINGS[type(block)](style, block), str)
 
 
 def labelled(block: Facts, style: Style) -> RichTable:
@@ -149,15 +153,13 @@ def _table(block: Table, columns: list[int], style: Style) -> RichTable:
     return found
 
 
-def certificate_table(found: Certificate, cross_checks: Iterable[CrossCheck | None]) -> Table:
-    """Residuals of the states behind a report, each with the bound that it keeps."""
-    cross = certificate_object(found, cross_checks)["cross_check"]
-    names = {"negative_force": "negative force, share of its scale", "negative_gap": "negative gap"}
-    names |= {"complementarity": "force on an open gap", "equilibrium": "equilibrium"}
-    rows = [("states solved", f"{found.states}", "")]
-    rows += [(words, f"{getattr(found, name):.1e}", f"<= {TOLERANCE:.0e}") for name, words in names.items()]
-    rows.append(("states that needed a fallback", f"{found.fallbacks}", ""))
-    if cross:
-        apart = f"{cross['max_difference_arcsec']:.1e}"
-        rows.append((f"{cross['states']} again by {cross['solver']}, ″", apart, f"<= {CROSS_TOLERANCE:g}"))
-    return Table("proof", ("", "", ""), tuple(rows), header=False)
+def certificate_tables(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None]) -> Iterator[Table]:
+    """Residuals of the states behind a report with the bounds that they keep; none of a proof that has none."""
+    if isinstance(found, Certificate):
+        rows = [("states solved", f"{found.states}"), ("states that needed a fallback", f"{found.fallbacks}")]
+        bound = f", share of its scale, at most {TOLERANCE:.0e}"
+        rows += [(f"{words}{bound}", f"{getattr(found, name):.1e}") for name, words in RESIDUALS.items()]
+        if cross := certificate_object(found, cross_checks)["cross_check"]:
+            words = f"{cross['states']} again by {cross['solver']}, apart by at most {CROSS_TOLERANCE:g}″"
+            rows.append((words, f"{cross['max_difference_arcsec']:.1e}"))
+        yield Table("proof", ("", ""), tuple(rows), header=False)
