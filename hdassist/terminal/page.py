@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from rich import box
 from rich.cells import cell_len
-from rich.console import Group, RenderableType
+from rich.console import Group, JustifyMethod, RenderableType
+from rich.measure import Measurement
 from rich.table import Table as RichTable
 from rich.text import Text
 
@@ -31,7 +33,7 @@ from hdassist.solve.answers import Certificate
 from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE, CrossCheck
 from hdassist.terminal.brief import COLOURS, proof
-from hdassist.terminal.console import Style, made_or
+from hdassist.terminal.console import Style, console, made_or
 from hdassist.terminal.plot import curve, two_curves
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.verdict import Verdict
@@ -47,6 +49,7 @@ RESIDUALS = {  # of a certificate, each a share of its scale
     "complementarity": "force on an open gap",
     "equilibrium": "equilibrium",
 }
+ANY_WIDTH = 100_000  # columns
 PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word says too little
 
 
@@ -113,28 +116,24 @@ def labelled(block: Facts, style: Style) -> RichTable:
 
 def tables(block: Table, style: Style) -> Iterator[RenderableType]:
     """A table, or several with the same first column where all columns are wider than the page."""
-    columns = list(range(1, len(block.heads)))
-    first = True
-    while columns or first:
-        shown = len(columns)
-        while shown > 1 and _width(block, [0, *columns[:shown]], style) > style.width:
-            shown -= 1
-        table = _table(block, [0, *columns[:shown]], style)
-        title = "\n".join((block.title, *block.notes)) if first else ""
+    screen = console(sys.stdout, style)
+    left, title = list(range(1, len(block.heads))), "\n".join((block.title, *block.notes))
+    while True:
+        count = len(left)
+        table = _table(block, [0, *left], style)
+        while (
+            count > 1 and Measurement.get(screen, screen.options.update(width=ANY_WIDTH), table).minimum > style.width
+        ):
+            count -= 1
+            table = _table(block, [0, *left[:count]], style)
         yield Group(Text(style.text(title), style="bold"), table) if title else table
-        columns, first = columns[shown:], False
-
-
-def _width(block: Table, columns: list[int], style: Style) -> int:
-    """Columns of characters of a table in which only words wrap."""
-    whole = [[block.heads[k] if block.header else "", *(row[k] for row in block.rows)] for k in columns]
-    shown = [list(map(style.text, cells)) for cells in whole]
-    parts = [" ".join(cells).split() if k in block.words else cells for k, cells in zip(columns, shown, strict=True)]
-    apart = 3 * (len(columns) - 1) + (4 if style.ascii else 0)
-    return apart + sum(max(map(cell_len, cells), default=0) for cells in parts)
+        left, title = left[count:], ""
+        if not left:
+            return
 
 
 def _table(block: Table, columns: list[int], style: Style) -> RichTable:
+    """Some columns of a table, of which only words with spaces wrap."""
     found = RichTable(
         box=box.ASCII2 if style.ascii else box.SIMPLE_HEAD,
         show_header=block.header,
@@ -142,12 +141,11 @@ def _table(block: Table, columns: list[int], style: Style) -> RichTable:
         show_edge=style.ascii,
     )
     for k in columns:
-        head = style.text(block.heads[k])
-        if k in block.words:
-            spaced = any(" " in cell for cell in (head, *(row[k] for row in block.rows)))
-            found.add_column(head, overflow="fold", no_wrap=not spaced)
-        else:
-            found.add_column(head, justify="right", no_wrap=True)
+        head, *cells = (style.text(row[k]) for row in (block.heads, *block.rows))
+        widest = max(map(cell_len, (head * block.header, *cells)))
+        wraps = k in block.words and any(" " in cell for cell in (head, *cells))
+        justify: JustifyMethod = "left" if k in block.words else "right"
+        found.add_column(head, justify=justify, overflow="fold", no_wrap=not wraps, min_width=None if wraps else widest)
     for row in block.rows:
         found.add_row(*(word(row[k], style) for k in columns))
     return found

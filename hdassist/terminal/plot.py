@@ -113,11 +113,10 @@ class _Frame:
 
     def _x_numbers(self) -> str:
         line = [" "] * self.columns
-        low, high = float(self.figure.x[0]), float(self.figure.x[-1])
+        low, high = self.figure.x[[0, -1]].tolist()
         for tick in ticks(low, high, 6):
-            number = f"{tick:g}"
-            place = round((tick - low) / (high - low) * (self.columns - 1))
-            if 0 <= place < self.columns:
+            if low <= tick <= high:
+                number, place = f"{tick:g}", int(self.place(tick, 0)[0])
                 start = min(max(0, place - len(number) // 2), self.columns - len(number))
                 line[start : start + len(number)] = number
         return "".join(line).rstrip()
