@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MountCommand(
-    o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOptions, o.ChoiceOptions, o.LoadedDriveOptions
-):
+class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDriveOptions):
     """Where to mount the fixed wheel: the hole of its seat with the least error F'_ior.
 
     \b
@@ -44,8 +42,6 @@ class MountCommand(
 
     --pitch-b and --pitch-g put measured teeth in place of the first harmonics, tooth by tooth from the mark. Every
     state is solved then, and nothing is drawn.
-
-    Ctrl-C ends the work early and prints what is done (exit code 130).
     """
 
     preset: o.Preset
@@ -57,9 +53,6 @@ class MountCommand(
     ] = 0.95
     assume_phases: Annotated[
         bool, typer.Option("--assume-phases", help="Take unknown deviations as 0; the card says so.")
-    ] = False
-    every_state: Annotated[
-        bool, o.advanced_option("--every-state", help="Solve every state of every position, search none.")
     ] = False
     plot: o.Plot = True
     details: o.Details = False
@@ -80,27 +73,20 @@ class MountCommand(
         drive = self.load(self.preset)
         drive = with_zeros(drive) if self.assume_phases else drive
         measured = read_teeth(files, drive)
-        torques, rotations, weights = drive.operation.M_g, _rotations(drive, self.step), self.numbers()
-        begun = time.monotonic()
-        states = advice_states(
-            drive, torques, rotations, every_state=self.every_state, draws=self.draws, measured=measured
-        )
+        torques, rotations, begun = drive.operation.M_g, _rotations(drive, self.step), time.monotonic()
+        states = advice_states(drive, len(torques), len(rotations), draws=self.draws, measured=measured)
         with out.run(drive.name, states, self) as run:
             analysis = partial(
                 advise,
                 torques=torques,
                 rotations_deg=rotations,
                 measured=measured,
-                every_state=self.every_state,
-                weights=weights,
                 draws=self.draws,
-                criterion=self.criterion,
                 needed=self.probability,
                 run=run,
             )
             advice = in_wide_enough_window(drive, analysis)
-        ordered = not advice.curve.interrupted and advice.order != "none"
-        facts = (lambda say: mount_card_facts(advice, say)) if ordered else None
+        facts = None if advice.order == "none" else lambda say: mount_card_facts(advice, say)
         report = mount_report(advice, self.seed, carded=card is not None)
         if self.verbose:
             note_time(report, begun)

@@ -14,9 +14,7 @@ from hdassist.terminal import options as o
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialsCommand(
-    o.FigureOptions, o.CardOptions, o.TraceOptions, o.ChoiceOptions, o.LoadedDriveOptions, o.TrialOptions
-):
+class TrialsCommand(o.FigureOptions, o.CardOptions, o.TraceOptions, o.LoadedDriveOptions, o.TrialOptions):
     """Where to mount the fixed wheel when the direction of the cam offset is not known: trials tell.
 
     \b
@@ -67,7 +65,7 @@ class TrialsCommand(
 
         out = self.open()
         card = CardFile.asked(self, self, out)
-        drive, weights = self.load(self.preset), self.numbers()
+        drive = self.load(self.preset)
         reading = self.reading()
         if self.verify is not None and card:
             raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
@@ -82,8 +80,6 @@ class TrialsCommand(
             outcome=None
             if self.verify is None
             else read_trial_or_record(self.verify, drive, reading, self.seed, drive.mounting.allowed),
-            criterion=self.criterion,
-            weights=weights,
             needed=self.sure,
             effort=effort,
         )

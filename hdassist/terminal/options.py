@@ -8,7 +8,7 @@ them in the module of each command.
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
-from math import isfinite, isnan
+from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
@@ -309,27 +309,6 @@ class TraceOptions(OptionGroup):
 
         given = {each.name: getattr(self, each.name) for each in fields(Reading)}
         return Reading(**{**given, "budget": tuple(self.budget)})
-
-
-@dataclass(frozen=True, kw_only=True)
-class ChoiceOptions(OptionGroup):
-    """How positions are chosen."""
-
-    weights: Annotated[str | None, typer.Option(metavar="W,W", help="Weights of the torques, in their order.")] = None
-    criterion: Annotated[str, typer.Option(metavar="NAME", help="Choose by expected, worst, or quantile=0.9.")] = (
-        "expected"
-    )
-
-    def numbers(self) -> list[float] | None:
-        """The weights as numbers. Raises UsageError for anything else."""
-        if self.weights is None:
-            return None
-        weights = [number_of(word) for word in self.weights.split(",")]
-        if any(map(isnan, weights)):
-            raise UsageError(
-                f"--weights must be numbers with commas between, not {self.weights!r}", "like --weights 2,1"
-            )
-        return weights
 
 
 @dataclass(frozen=True, kw_only=True)
