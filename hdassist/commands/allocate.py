@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
-
-import typer
 
 from hdassist.commands.draw_options import DrawOptions, ProductionRun, require_limits
 from hdassist.terminal import options as o
@@ -32,18 +29,10 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
     """
 
     preset: o.Preset
-    wanted: Annotated[
-        float, typer.Option("--yield", metavar="SHARE", min=0.01, max=0.999, help="Share of drives that is to pass.")
-    ] = 0.95
-    count: Annotated[
-        int, typer.Option("-n", metavar="N", min=20, max=100_000, help="Random drives that prove the tolerances.")
-    ] = 250
-    sure: Annotated[
-        float, typer.Option(metavar="P", min=0.5, max=0.999, help="Probability of the yield that is needed.")
-    ] = 0.95
-    mounting: Annotated[
-        bool, typer.Option("--mounting/--as-built", help="Also with each wheel turned to its best hole.")
-    ] = True
+    wanted: float = 0.95
+    count: int = 250
+    sure: float = 0.95
+    mounting: bool = True
 
     def run(self) -> int:
         """Choose the tolerances; returns the exit code."""

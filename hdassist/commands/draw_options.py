@@ -1,7 +1,7 @@
 """Options of commands that draw random drives, and the work that these commands share."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
@@ -18,16 +18,8 @@ if TYPE_CHECKING:
 class DrawOptions(o.LimitedDriveOptions):
     """How random drives are drawn."""
 
-    distribution: Annotated[
-        Literal["rayleigh", "uniform", "fixed"],
-        o.drive_option(metavar="NAME", help="Scatter of given sizes: rayleigh, uniform or fixed."),
-    ] = "rayleigh"
-    known: Annotated[
-        list[str],
-        o.drive_option(
-            metavar="FIELD", default_factory=list, show_default=False, help="A direction that is as the preset has it."
-        ),
-    ]
+    distribution: Literal["rayleigh", "uniform", "fixed"] = "rayleigh"
+    known: list[str]
     seed: o.SeedOption = 0
     jobs: o.Jobs = 0
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.commands.card import CardFile, give_with_card
 from hdassist.terminal import options as o
@@ -45,15 +43,9 @@ class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOpt
     """
 
     preset: o.Preset
-    step: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Step of the curve, a divisor of 360.", show_default="holes")
-    ] = None
-    probability: Annotated[
-        float, typer.Option(metavar="P", min=0, max=1, help="Probability of a gain for which a turn is ordered.")
-    ] = 0.95
-    assume_phases: Annotated[
-        bool, typer.Option("--assume-phases", help="Take unknown deviations as 0; the card says so.")
-    ] = False
+    step: float | None = None
+    probability: float = 0.95
+    assume_phases: bool = False
     plot: o.Plot = True
     details: o.Details = False
     cross_check: o.CrossCheckOption = "highs"

@@ -5,9 +5,6 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated
-
-import typer
 
 from hdassist.commands.card import CardFile, give_with_card
 from hdassist.terminal import options as o
@@ -39,18 +36,11 @@ class TrialsCommand(o.FigureOptions, o.CardOptions, o.TraceOptions, o.LoadedDriv
     """
 
     preset: o.Preset
-    trials: Annotated[
-        list[str], typer.Argument(metavar="HOLE=F_IOR", help="F'_ior: h4=17.3 (hole), 120=17.3 (deg), h4=run.csv.")
-    ]
-    verify: Annotated[
-        str | None, o.trials_option(metavar="HOLE=F_IOR", help="Outcome to compare with what the trials predict.")
-    ] = None
+    trials: list[str]
+    verify: str | None = None
     plot: o.Plot = True
     details: o.Details = False
-    draws: Annotated[
-        int,
-        o.advanced_option(metavar="N", min=8, max=1024, help="Effective samples of stiffnesses and clearances."),
-    ] = 32
+    draws: int = 32
     seed: o.SeedOption = 0
     jobs: o.Jobs = 0
 
