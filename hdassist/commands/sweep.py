@@ -77,7 +77,7 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
             with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
                 swept = collect(sweep, drive, _printed(rows, sweep) if streamed else rows)
             if out.csv not in (None, "-"):
-                out.figures(csv_text(list(page.columns(sweep)), map(page.cells, results.records())))
+                out.figures(csv_text(page.columns(sweep), map(page.cells, results.records())))
             if file is not None:
                 results.require_there()
                 note(f"wrote {file}")
@@ -141,7 +141,7 @@ def _printed(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
     from hdassist.terminal.answers import csv_text
     from hdassist.terminal.files import write_text
 
-    write_text("-", csv_text(list(columns(sweep)), []), force=False)
+    write_text("-", csv_text(columns(sweep), []), force=False)
     for record in rows:
         write_text("-", csv_text(cells(record), []), force=False)
         yield record
