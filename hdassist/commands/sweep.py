@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.terminal import options as o
 
@@ -39,15 +37,10 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
     """
 
     preset: o.Preset
-    vary: Annotated[
-        list[str],
-        typer.Option(metavar="KEY=VALUES", show_default=False, help="Vary a field: START:STOP:STEPS, or A,B,C."),
-    ]
+    vary: list[str]
     plot: o.Plot = True
     details: o.Details = False
-    output: Annotated[
-        str, o.answer_option("--output", "-o", metavar="FILE", help="Keep rows as JSON Lines, to go on from.")
-    ] = "-"
+    output: str = "-"
     jobs: o.Jobs = 0
 
     def run(self) -> int:
