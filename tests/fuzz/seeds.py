@@ -261,7 +261,7 @@ MEANT: dict[str, Args] = {
     "--csv": ("-", "new.csv", "mine.txt"), "--output": ("new.txt", "mine.txt"), "-o": ("new.txt", "-"),
     "--card": ("card.html", "card.txt", "-"), "--pitch-b": ("pitch.csv",), "--pitch-g": ("pitch.csv",),
     "--step": ("5", "30"), "--vary": ("cam.W_0=1:1.1:3", "operation.M_g=1,2"), "--results": ("new.jsonl", "mine.txt"),
-    "--scatter": ("tolerances.e_hb=uniform", "tolerances.F_i2=lot.csv"), "--known": ("phases.xi_b",),
+    "--known": ("phases.xi_b",),
     "-n": ("3", "20"), "--yield": ("0.9",),
     "--verify": ("h5=16.2", "h0=run.csv"), "--jsonl": ("new.jsonl", "mine.txt"), "--junit": ("new.xml",),
     "--lang": ("ru",),
