@@ -42,8 +42,11 @@ class TrialsCommand(
 
     preset: o.Preset
     trials: Annotated[
-        list[str], typer.Argument(metavar="HOLE=F_IOR", help="F'_ior: h4=17.3 (hole), 120=17.3 (deg), h4=run.csv.")
-    ]
+        list[str] | None,
+        typer.Argument(
+            metavar="HOLE=F_IOR", help="F'_ior: h4=17.3 (hole), 120=17.3 (deg), h4=run.csv; beside those of the preset."
+        ),
+    ] = None
     verify: Annotated[
         str | None, o.trials_option(metavar="HOLE=F_IOR", help="Outcome to compare with what the trials predict.")
     ] = None
@@ -77,7 +80,7 @@ class TrialsCommand(
         analysis = partial(
             advise_from_trials,
             drive,
-            [read_trial_or_record(text, drive, reading, self.seed) for text in self.trials],
+            [read_trial_or_record(text, drive, reading, self.seed) for text in self.trials or ()],
             rig,
             outcome=None
             if self.verify is None
