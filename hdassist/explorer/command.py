@@ -5,9 +5,6 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated
-
-import typer
 
 from hdassist.terminal import options as o
 
@@ -32,12 +29,9 @@ class ExploreCommand(o.LoadedDriveOptions):
     """
 
     preset: o.Preset
-    measured: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="HOLE=F_IOR", help="F'_ior measured at the lightest torque, or at another: h4@80=31."),
-    ] = None
-    pin: Annotated[str | None, typer.Option(metavar="PRESET", help="A second drive to compare with.")] = None
-    light: Annotated[bool, typer.Option("--light", help="Dark letters on a light ground.")] = False
+    measured: list[str] | None = None
+    pin: str | None = None
+    light: bool = False
     ascii: o.Ascii = False
     jobs: o.Jobs = 0
     debug: o.Debug = False
