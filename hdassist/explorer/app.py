@@ -71,7 +71,8 @@ class Explorer(Exporting):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("left", "turn(-1)", "turn", key_display="←→"),
         Binding("right", "turn(1)", "", show=False),
-        ("b", "look", "best"),
+        ("b", "look('B')", "best"),
+        ("0", "look('N')", "now"),
         *(Binding(f"{k}", f"view('{name}')", name, show=False) for k, name in enumerate(VIEWS, 1)),
         Binding("slash", "filter", "filter", key_display="/"),
         ("m", "torque", "torque"),
@@ -308,10 +309,10 @@ class Explorer(Exporting):
         """Look at the wheel so many positions further."""
         self.show(state.turned_state(self.session, by))
 
-    def action_look(self) -> None:
-        """Look at the best position by now."""
-        best = next((at for at, signs in self._letters().items() if "B" in signs), self.session.turn_deg)
-        self.show(replace(self.session, turn_deg=best))
+    def action_look(self, letter: str) -> None:
+        """Look at the position that has a letter by now."""
+        place = next((at for at, letters in self._letters().items() if letter in letters), self.session.turn_deg)
+        self.show(replace(self.session, turn_deg=place))
 
     def action_change(self, name: str) -> None:
         """Change the session by a function of `state`."""

@@ -39,7 +39,7 @@ k has x_b change with W_0, so that the teeth keep their clearance.
 
 KEYS
 1 holes   2 seat   3 levers   4 cam turn   5 full cycle   6 why   7 advice   Tab next pane   / filter levers
-← → ↑ ↓ turn the wheel   b best hole   Home where it stands   m next torque, marked ▸ at the top
+← → ↑ ↓ turn the wheel   b best hole   0 where it stands   m next torque, marked ▸ at the top
 e what is known of the drive: stiffness, F'_ior in a hole, a trace, a limit
   F'_ior in several holes at the lightest torque: the best hole and the order are those of trials
 Enter edit a field   + - a step   o levers by group or by change

@@ -60,7 +60,7 @@ def test_arrows_turn_the_wheel_and_the_values_are_those_of_the_position() -> Non
         await pilot.press("b")
         positions = [60.0 * k for k in range(6)]
         assert app.session.turn_deg == min(positions, key=lambda at: F_ior(app, at)) != 0
-        await pilot.press("home")
+        await pilot.press("0")
         assert app.session.turn_deg == 0
         await pilot.press("down", "down")
         assert app.session.turn_deg == 120

@@ -17,7 +17,7 @@ from tests.explorer.rig import FEW, explored, said, screen, settled
 from tests.process import TINY
 
 LENGTH = 12  # keys of a session
-MOVES = ("left", "right", "up", "down", "home", "end", "pageup", "pagedown", "tab", "shift+tab", "b")
+MOVES = ("left", "right", "up", "down", "home", "end", "pageup", "pagedown", "tab", "shift+tab", "b", "0")
 VIEWS = ("1", "2", "3", "4", "5", "6", "7", "m", "o", "k", "p", "question_mark", "slash")
 CHANGES = ("plus", "minus", "e", "e", "u", "r", "ctrl+z", "ctrl+y", "enter", "enter", "backspace")
 ANSWERS = ("escape", "escape", "y", "n", "q", "c", "s", "w")
