@@ -170,7 +170,7 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
     """
     document = yamltext.read_yaml(text, file)
     reader = _TargetsReader(document, drive, Folder(file).parent)
-    result = reader.read(document.data) if document.complete else None
+    result = None if isinstance(document.data, InvalidValue) else reader.read(document.data)
     if document.findings or result is None:
         raise PresetError(ordered_findings(document.findings))
     name, unknowns, targets = result

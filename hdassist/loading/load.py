@@ -50,8 +50,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
     """
     parsed = [sets.parse(override, index) for index, override in enumerate(overrides, 1)]
     document = yamltext.read_yaml(text, file)
-    if document.complete:
-        sets.apply(document, parsed)
+    sets.apply(document, parsed)
     drive = _drive(document)
     if document.findings or drive is None:
         findings = ordered_findings(document.findings)
@@ -73,7 +72,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
 
 def _drive(document: Document) -> Drive | None:
     """The drive of a document, None where there is none; faults are added to its findings."""
-    if not document.complete or isinstance(document.data, InvalidValue):
+    if isinstance(document.data, InvalidValue):
         return None
     if not isinstance(document.data, dict):
         message = "the preset is empty" if document.data is None else "a preset must be a table of keys"

@@ -123,7 +123,9 @@ class Source(Section):
 
     kind: Literal["given", "assumed", "identified"] = field("how sure the value is")
     ref: str = field("page, figure, standard or reason", default="")
-    range: tuple[float, float] | None = field("plausible range of the value, in the field's unit", default=None)
+    range: Annotated[tuple[float, float] | None, "numbers"] = field(
+        "plausible range of the value, in the field's unit", default=None
+    )
 
 
 class CostLaw(Section):
