@@ -88,7 +88,7 @@ class UncertainReading(NamedTuple):
 LARGEST_READING = 1e6
 PerPosition = Annotated[dict[str, UncertainReading], "readings"]
 # of a table of values: pattern of its keys, what they must be, an example of a key, and of a table
-TABLES = {
+KEYED_TABLES = {
     "limits": (NUMBER, "a torque in N*m, or all", "", ""),
     "orders": (rf"{UNSIGNED}(@{NUMBER})?", "an order per cam turn, or ORDER@TORQUE in N*m", "", "like {2: 10}"),
     "readings": (
@@ -118,7 +118,7 @@ def read_value(info: FieldInfo, value: Any) -> Any:
         return read_number(value, unit, spread=True)
     if kind == "count":
         return read_count(value)
-    if kind in TABLES:
+    if kind in KEYED_TABLES:
         return _read_table(value, unit, kind)
     items = value if isinstance(value, list | tuple) else [value]
     if kind == "numbers":
@@ -130,7 +130,7 @@ def read_value(info: FieldInfo, value: Any) -> Any:
 
 def _read_table(value: Any, unit: str, kind: FieldKind) -> Any:
     """A table of values by torque, order or position; a single limit is that of all torques."""
-    pattern, expected, like_key, like_table = TABLES[kind]
+    pattern, expected, like_key, like_table = KEYED_TABLES[kind]
     if not isinstance(value, dict):
         limit = InvalidValue("must be a table of keys", like_table) if like_table else read_number(value, unit)
         return limit if isinstance(limit, InvalidValue) else {"all": limit}
