@@ -231,26 +231,6 @@ class PresetsNewCommand(TextOptions, WishOptions):
         return 0
 
 
-@presets_app.command("schema", cls=Command)
-@dataclass(frozen=True, kw_only=True)
-class PresetsSchemaCommand(TextOptions):
-    """JSON Schema of presets, for editors that complete and check YAML.
-
-    \b
-    Examples:
-      hdassist presets schema -o preset.schema.json
-    """
-
-    def run(self) -> int:
-        """Write the schema; returns the exit code."""
-        from hdassist.preset.schema import preset_schema
-        from hdassist.terminal.answers import json_text
-        from hdassist.terminal.files import write_text
-
-        write_text(self.output, json_text(preset_schema()), self.force)
-        return 0
-
-
 def _reference(row: ResolvedField) -> str:
     """Where a value comes from, its plausible range first."""
     from hdassist.preset.schema import value_text

@@ -195,7 +195,6 @@ def test_a_bad_override_is_exit_code_2() -> None:
         (["show", "-", "--resolved"], PresetError),
         (["new", ""], UsageError),
         (["new", "x", "-o", "gone/x.yaml"], DataError),
-        (["schema", "-o", ""], DataError),
     ],
 )
 def test_errors_are_those_that_know_their_exit_code(arguments: list[str], error: type[HdassistError]) -> None:
@@ -219,12 +218,6 @@ def test_new_writes_a_file_once(tmp_path: Path) -> None:
     assert "name: mine\n" in file.read_text()
     assert run("new", "other", "-o", str(file), "--force").exit_code == 0
     assert "name: other\n" in file.read_text()
-
-
-def test_schema_is_json() -> None:
-    printed = run("schema").stdout
-    assert printed.isascii()  # without an option --ascii
-    assert json.loads(printed)["$schema"] == "https://json-schema.org/draft/2020-12/schema"
 
 
 @pytest.mark.parametrize(
