@@ -248,6 +248,8 @@ def open_kept(
     Raises UsageError: the file holds anything else than the work of this owner, or another run writes it; DataError: it
     cannot be written, has a record that does not hold, or is removed or cut while it is written.
     """
+    import fcntl
+
     kept = Kept(path, _locked(path, patience), owner, kind)
     try:
         if force:
@@ -257,7 +259,8 @@ def open_kept(
         yield kept
         kept.require_there()
     finally:
-        os.close(kept._descriptor)  # and with it the lock
+        fcntl.flock(kept._descriptor, fcntl.LOCK_UN)  # whoever still reads has a descriptor too
+        os.close(kept._descriptor)
 
 
 def read_kept(data: bytes, name: str, kind: RecordKind[RecordT]) -> list[RecordT] | None:
@@ -332,11 +335,12 @@ def _sealed(fields: Mapping[str, Any], above: bytes) -> bytes:
 
 def _unsealed(line: bytes, above: bytes) -> tuple[dict[str, Any], bytes]:
     """Fields and checksum of a line. Raises ValueError: it is not as `_sealed` writes it."""
-    fields: dict[str, Any] = json.loads(line)
-    checksum = fields.pop("checksum", "") if isinstance(fields, dict) else ""
-    if not checksum or _sealed(fields, above) != line:
-        raise ValueError("expected the checksum of this line and of that above it")
-    return fields, _checksum_of(line)
+    with suppress(ValueError, LookupError, TypeError, AttributeError):
+        fields: dict[str, Any] = json.loads(line)
+        del fields["checksum"]
+        if _sealed(fields, above) == line:
+            return fields, _checksum_of(line)
+    raise ValueError("expected the checksum of this line and of that above it")
 
 
 def _checksum_of(line: bytes) -> bytes:
