@@ -83,6 +83,12 @@ class OptionGroup:
         """The options of one of the groups that a command is made of."""
         return group(**{each.name: getattr(self, each.name) for each in fields(group)})
 
+    def words(self) -> list[str]:
+        """The options as a shell takes them, where they are not the usual ones."""
+        values = ((f"--{one.name.replace('_', '-')}", getattr(self, one.name), one.default) for one in fields(self))
+        given = [(name, f"{value}".removesuffix(".0")) for name, value, usual in values if value != usual]
+        return [word for pair in given for word in pair]
+
 
 @dataclass(frozen=True, kw_only=True)
 class PageOptions(OptionGroup):
@@ -296,11 +302,6 @@ class TrialOptions(OptionGroup):
     def torque_of(self, torques: Sequence[float]) -> float:
         """Torque of the trials [N*m], of a drive with such torques."""
         return min(torques, key=abs) if self.trial_torque is None else self.trial_torque
-
-    def words(self) -> list[str]:
-        """The options as a shell takes them, where they are not the usual ones."""
-        values = ((f"--{one.name.replace('_', '-')}", getattr(self, one.name), one.default) for one in fields(self))
-        return [word for name, value, usual in values if value != usual for word in (name, f"{value:g}")]
 
 
 def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, ...]:

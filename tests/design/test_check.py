@@ -410,3 +410,9 @@ def test_turns_carry_what_rounding_makes_a_whole_one() -> None:
     assert [turns_text(deg) for deg in (0.0, 359.94, 359.97, 719.96, 725.5)] == [
         "0 + 0.0", "0 + 359.9", "1 + 0.0", "2 + 0.0", "2 + 5.5"
     ]  # fmt: skip
+
+
+def test_the_next_command_keeps_what_was_asked_for():
+    asked = ["--set", "phases.phi_hb=unknown", "--torque=4", "--draws", "2", "--seed", "3"]
+    page = run("check", TINY, *asked, "--jobs", "1", "--no-plot").stdout
+    assert f"next hdassist mount {TINY} {' '.join(asked)} --jobs 1 proof" in " ".join(page.split())
