@@ -200,13 +200,14 @@ def fitted_words(prior: DrivePrior) -> str:
 
 def error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
     """The error over the full cycle at a torque."""
-    taken = ", unknown as 0" if check.unknown else ""
+    taken = ", unknown as 0" if check.unknown else ", as given" if check.samples else ""
+    beside = f": F'_ior {point.error.F_ior_arcsec:.1f}″, not the median" if check.samples else ""
     return Curve(
         np.asarray(point.error.states.phi_h / (2 * np.pi)),
         point.error.error_arcsec,
         x_label="cam angle phi_h, turns",
         y_label=f"error at {point.M_g:g} N·m{taken}, ″: least and greatest around each cam turn",
-        caption=f"Error over the full cycle at {point.M_g:g} N·m{taken}",
+        caption=f"Error over the full cycle at {point.M_g:g} N·m{beside}{taken}",
         over=1.0,
         rows=8,
     )

@@ -11,6 +11,7 @@ from hdassist.error.trace import Trace
 from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.preset.fields import Drive
+from hdassist.preset.measured import Measured
 from hdassist.report.blocks import Curve, Facts, Paragraph, Series, Table
 from hdassist.report.quantities import Quantity, csv_columns
 from hdassist.report.report import CsvTable, Report
@@ -34,7 +35,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     """The error of a drive over cam turns; seed, of its sample that was solved again."""
     error = trace.error
     cycle = error.kinematics.cycle_cam_revolutions
-    is_part = trace.revolutions < cycle
+    is_part, nominal = trace.revolutions < cycle, drive.measured != Measured()
     turns = f"{trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     title = "orders: amplitude·cos(order·phi_h + phase)"
@@ -45,9 +46,13 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     return Report(
         command="trace",
         drive=drive,
-        head=f"{drive.name}, {error.M_g:g} N·m, {turns} from {moving} = {trace.start_deg:g}°{heading(trace.measured)}",
+        head=f"{drive.name}{', nominal' * nominal}, {error.M_g:g} N·m, {turns} from {moving} = {trace.start_deg:g}°{heading(trace.measured)}",
         verdict=f"range {error.range_arcsec:.2f}″",
-        why=(f"{trace.revolutions} of the {cycle} cam turns of the full cycle: F'_ior is at least as large",) * is_part,
+        why=(
+            *("values of the preset: what was measured on the drive is not weighed here",) * nominal,
+            *(f"{trace.revolutions} of the {cycle} cam turns of the full cycle: F'_ior is at least as large",)
+            * is_part,
+        ),
         blocks=(
             Table.by_row("", [order, _ON_PAGE, cause], orders[:_NAMED_ORDERS], words=(2,)),
             Facts.of(_facts(drive, trace)),
