@@ -96,7 +96,7 @@ class OperatingPoint:
     def probability(self) -> Probability | None:
         """Probability that F'_ior with the self error on top keeps the limit; None without a limit or samples."""
         left = self.left_arcsec
-        return None if left is None or self.belief is None else self.belief.probability_within(left)
+        return None if left is None or self.belief is None else self.belief.probability_within(left, self.sure)
 
     @property
     def verdict(self) -> Verdict:

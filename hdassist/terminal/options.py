@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, fields
 from functools import partial
 from importlib.resources import files
 from inspect import get_annotations
-from math import isfinite, isnan
+from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_origin
 
 import typer
@@ -261,25 +261,6 @@ class TraceOptions(OptionGroup):
 
         given = {each.name: getattr(self, each.name) for each in fields(Reading)}
         return Reading(**{**given, "budget": tuple(self.budget)})
-
-
-@dataclass(frozen=True, kw_only=True)
-class ChoiceOptions(OptionGroup):
-    """How positions are chosen."""
-
-    weights: str | None = None
-    criterion: str = "expected"
-
-    def numbers(self) -> list[float] | None:
-        """The weights as numbers. Raises UsageError for anything else."""
-        if self.weights is None:
-            return None
-        weights = [number_of(word) for word in self.weights.split(",")]
-        if any(map(isnan, weights)):
-            raise UsageError(
-                f"--weights must be numbers with commas between, not {self.weights!r}", "like --weights 2,1"
-            )
-        return weights
 
 
 @dataclass(frozen=True, kw_only=True)
