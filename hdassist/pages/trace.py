@@ -36,7 +36,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     error = trace.error
     cycle = error.kinematics.cycle_cam_revolutions
     is_part, nominal = trace.revolutions < cycle, drive.measured != Measured()
-    turns = f"{trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
+    turns = f"{error.M_g:g} N·m, {trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     title = "orders: amplitude·cos(order·phi_h + phase)"
     order, _, _, cause = ORDER_QUANTITIES
@@ -46,7 +46,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     return Report(
         command="trace",
         drive=drive,
-        head=f"{drive.name}{', nominal' * nominal}, {error.M_g:g} N·m, {turns} from {moving} = {trace.start_deg:g}°{heading(trace.measured)}",
+        head=f"{drive.name}{', nominal' * nominal}, {turns} from {moving} = {trace.start_deg:g}°{heading(trace.measured)}",
         verdict=f"range {error.range_arcsec:.2f}″",
         why=(
             *("values of the preset: what was measured on the drive is not weighed here",) * nominal,
