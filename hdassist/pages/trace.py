@@ -38,6 +38,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     is_part, nominal = trace.revolutions < cycle, drive.measured != Measured()
     turns = f"{error.M_g:g} N·m, {trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
+    start = f"{turns} from {moving} = {trace.start_deg:g}°"
     title = "orders: amplitude·cos(order·phi_h + phase)"
     order, _, _, cause = ORDER_QUANTITIES
     orders = sorted(trace.orders, key=lambda o: -o.amplitude_arcsec)
@@ -46,7 +47,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     return Report(
         command="trace",
         drive=drive,
-        head=f"{drive.name}{', nominal' * nominal}, {turns} from {moving} = {trace.start_deg:g}°{heading(trace.measured)}",
+        head=f"{drive.name}{', nominal' * nominal}, {start}{heading(trace.measured)}",
         verdict=f"range {error.range_arcsec:.2f}″",
         why=(
             *("values of the preset: what was measured on the drive is not weighed here",) * nominal,
