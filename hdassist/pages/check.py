@@ -152,9 +152,9 @@ def verdict_reason(point: OperatingPoint) -> str:
     found = point.probability
     if found is None:
         return ""
-    kept = f"F'_ior + self error keep {point.limit_arcsec:g}″"
     needed = point.sure if point.verdict is Verdict.INCONCLUSIVE else None
-    return f"{point.M_g:g} N·m: {kept}, probability {probability_words(found, needed)}"
+    words = probability_words(found, needed)
+    return f"{point.M_g:g} N·m: F'_ior + self error ≤ {point.limit_arcsec:g}″: {words}"
 
 
 def _facts(check: DesignCheck, sampling: Sequence[str]) -> Iterator[tuple[str, str]]:
@@ -209,7 +209,6 @@ def error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
         y_label=f"error at {point.M_g:g} N·m{taken}, ″: least and greatest around each cam turn",
         caption=f"Error over the full cycle at {point.M_g:g} N·m{beside}{taken}",
         over=1.0,
-        rows=8,
     )
 
 
@@ -223,7 +222,6 @@ def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
         y_label=f"F'_ior at {point.M_g:g} N·m, ″, of the drives that it may be{held}",
         caption=f"F'_ior at {point.M_g:g} N·m over all that is not known exactly{held}",
         limit=point.left_arcsec,
-        rows=8,
     )
 
 

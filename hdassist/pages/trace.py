@@ -19,7 +19,6 @@ from hdassist.terminal.brief import again, not_known, on_what
 from hdassist.terminal.wheels_page import heading
 
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
-_PLOTTED_ROWS = 6
 MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
 ORDER_QUANTITIES: tuple[Quantity[Order], ...] = (
@@ -86,7 +85,7 @@ def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
     """The error over cam turns; words: of the error, with its unit."""
     over = float(np.ptp(turns) > MANY_TURNS)
     around = ": least and greatest around each cam turn" if over else ""
-    return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over, rows=_PLOTTED_ROWS)
+    return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over)
 
 
 def _facts(drive: Drive, trace: Trace) -> Iterator[tuple[str, str]]:

@@ -112,7 +112,7 @@ def test_the_short_page_fits_a_screen_and_ends_in_a_command():
     asked = ("--no-plot", "--torque", "4", "--set", "phases.phi_hb=unknown", "--set", ASSUMED)
     lines = run("check", TINY, *asked, "--set", "acceptance.F_ior=2050").stdout.splitlines()
     assert lines[0] == "tiny, 20/22 teeth, rigid wheel fixed: INCONCLUSIVE"
-    words = r"4 N·m: F'_ior \+ self error keep 2050″, probability \d+ % \(\d+ to \d+\)"
+    words = r"4 N·m: F'_ior \+ self error ≤ 2050″: \d+ % \(\d+ to \d+\)"
     assert re.match(words, lines[1])
     assert len(lines) <= 24
     assert lines[-1].endswith("(more: --details)")
