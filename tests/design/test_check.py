@@ -104,6 +104,7 @@ def test_people_read_it_in_80_columns(human):
     assert human.stderr == ""
     assert "\x1b" not in human.stdout
     assert max(map(len, human.stdout.splitlines())) <= 80
+    assert len(run("check", TINY, "--set", "acceptance.F_ior=2050").stdout.splitlines()) <= 24
     for words in ("F'_ior", "self error", "no limit set", "proof", "HIGHS", "cam angle phi_h"):
         assert words in human.stdout
 

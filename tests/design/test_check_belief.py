@@ -62,9 +62,8 @@ def test_an_uncertainty_alone_is_judged_by_its_range_too():
 
 def test_one_torque_may_be_settled_and_another_open():
     limits = "acceptance.F_ior={1: 3000, 4: 2050}"
-    page = run("check", TINY, "--jobs", "1", "--set", "phases.phi_hb=unknown", "--set", limits)
+    page = run("check", TINY, "--jobs", "1", "--no-plot", "--set", "phases.phi_hb=unknown", "--set", limits)
     assert page.returncode == 6
-    assert len(page.stdout.splitlines()) <= 24  # a screen, with its plot
     kept = "F'_ior + self error ≤ {}″:"
     assert f"\n1 N·m: {kept.format(3000)} 100 % (97 to 100)\n4 N·m: {kept.format(2050)} " in page.stdout
 
