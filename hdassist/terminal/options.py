@@ -32,10 +32,7 @@ GroupT = TypeVar("GroupT", bound="OptionGroup")
 DECLARED = tomllib.loads(files("hdassist.terminal").joinpath("options.toml").read_text("utf-8"))
 
 # options by the section of the help in which they stand (cli/help.py orders the sections)
-advanced_option = partial(typer.Option, rich_help_panel="Advanced")
-drive_option = partial(typer.Option, rich_help_panel="Drive")
 trace_option = partial(typer.Option, rich_help_panel="Measured trace")
-trials_option = partial(typer.Option, rich_help_panel="Trials")
 
 # types of fields that options.toml declares for any class
 Preset = str
@@ -61,7 +58,7 @@ def declared_parameter(
 ) -> Any:  # fmt: skip
     """The type of a field together with its option, or argument, as options.toml declares that."""
     if get_origin(kind) is list and not is_required:
-        words |= {"default_factory": list, "show_default": False}
+        words = {"default_factory": list, "show_default": False} | words
     if is_argument:
         return Annotated[kind, typer.Argument(**words)]
     names = names or (f"--{field.replace('_', '-')}",)
