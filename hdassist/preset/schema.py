@@ -5,13 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-<<<<<<< HEAD
-from hdassist.numerals import NUMBER
-from hdassist.preset.fields import PRESET_SCHEMA, Drive, deviation_sizes, field_table, fields, measures
-=======
-from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import Drive, fields
->>>>>>> preset
 from hdassist.preset.kinds import UNKNOWN, UncertainReading, may_be_unknown, unit_of
 from hdassist.preset.overrides import is_overridden
 
