@@ -62,6 +62,6 @@ class CheckCommand(o.FigureOptions, o.SamplingOptions, o.PitchOptions, o.Limited
                         check, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run
                     )
                     result = in_wide_enough_window(drive, analysis)
-            return check_report(result, self.seed)
+            return check_report(result, self.seed, self.only(o.SamplingOptions).words())
 
         return give("check", run_each("check", self.presets, one, self), self, out)

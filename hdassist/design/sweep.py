@@ -138,14 +138,6 @@ class Swept:
     exit_codes: frozenset[int]
     widened: int
 
-    def effect(self, axis: int) -> float | None:
-        """How far F'_ior moves [arcsec] along an axis, all else unchanged, where it moves most; None if unknown."""
-        there = np.isfinite(self.F_ior_arcsec)
-        high = np.where(there, self.F_ior_arcsec, -np.inf).max(axis=axis)
-        low = np.where(there, self.F_ior_arcsec, np.inf).min(axis=axis)
-        moves = (high - low)[there.sum(axis=axis) > 1]
-        return float(moves.max()) if moves.size else None
-
     def end(self, greatest: bool) -> tuple[int, float] | None:
         """The row with the least or the greatest F'_ior, and that [arcsec]; None where no row has an answer."""
         if self.failed == self.sweep.rows:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -111,8 +111,8 @@ _ON_PAGE: tuple[Quantity[OperatingPoint], ...] = (
 )
 
 
-def check_report(check: DesignCheck, seed: int) -> Report:
-    """A design check; seed, of its sample that was solved again."""
+def check_report(check: DesignCheck, seed: int, sampling: Sequence[str] = ()) -> Report:
+    """A design check; seed, of its sample that was solved again; sampling, options that the next command keeps."""
     least_sure = check.points[check.least_sure]
     first = spread_curve(check, check.samples) if check.unknown and check.samples else error_curve(check, least_sure)
     others = [point for point in check.points if check.unknown or point is not least_sure]
@@ -123,7 +123,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         head=f"{check.drive.name}, {k.z_g}/{k.z_b} teeth, {fixed} fixed{heading(check.measured)}",
         verdict=str(check.verdict),
         why=tuple(filter(None, map(verdict_reason, check.points))),
-        blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
+        blocks=(F_ior_table(check), Facts.of(_facts(check, sampling)), first),
         details=(*error_tables(check), Facts.of(_more_facts(check)), *(error_curve(check, each) for each in others)),
         certificate=check.certificate,
         cross_checks=check.cross_checks,
@@ -152,12 +152,12 @@ def verdict_reason(point: OperatingPoint) -> str:
     found = point.probability
     if found is None:
         return ""
-    kept = f"F'_ior + self error keep {point.limit_arcsec:g}″"
     needed = point.sure if point.verdict is Verdict.INCONCLUSIVE else None
-    return f"{point.M_g:g} N·m: {kept}, probability {probability_words(found, needed)}"
+    words = probability_words(found, needed)
+    return f"{point.M_g:g} N·m: F'_ior + self error ≤ {point.limit_arcsec:g}″: {words}"
 
 
-def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
+def _facts(check: DesignCheck, sampling: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Largest influences, the next measurement and the next command, a label and a text each."""
     least_sure = check.points[check.least_sure]
     at = f" at {least_sure.M_g:g} N·m"
@@ -166,8 +166,8 @@ def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
     if check.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE) and not check.unknown:
         yield "coupling", _coupling(check)
-    step = "tolerance" if check.verdict is Verdict.PASS else "mount"
-    yield "next", again(step, check.drive, pitch=check.measured)
+    step = ("tolerance",) if check.verdict is Verdict.PASS else ("mount", *sampling)
+    yield "next", again(step[0], check.drive, *step[1:], pitch=check.measured)
 
 
 def _more_facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
@@ -200,15 +200,15 @@ def fitted_words(prior: DrivePrior) -> str:
 
 def error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
     """The error over the full cycle at a torque."""
-    taken = ", unknown as 0" if check.unknown else ""
+    taken = ", unknown as 0" if check.unknown else ", as given" if check.samples else ""
+    beside = f": F'_ior {point.error.F_ior_arcsec:.1f}″, not the median" if check.samples else ""
     return Curve(
         np.asarray(point.error.states.phi_h / (2 * np.pi)),
         point.error.error_arcsec,
         x_label="cam angle phi_h, turns",
         y_label=f"error at {point.M_g:g} N·m{taken}, ″: least and greatest around each cam turn",
-        caption=f"Error over the full cycle at {point.M_g:g} N·m{taken}",
+        caption=f"Error over the full cycle at {point.M_g:g} N·m{beside}{taken}",
         over=1.0,
-        rows=8,
     )
 
 
@@ -222,7 +222,6 @@ def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
         y_label=f"F'_ior at {point.M_g:g} N·m, ″, of the drives that it may be{held}",
         caption=f"F'_ior at {point.M_g:g} N·m over all that is not known exactly{held}",
         limit=point.left_arcsec,
-        rows=8,
     )
 
 

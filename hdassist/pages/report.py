@@ -96,7 +96,8 @@ def _tiles(sheet: DriveSheet) -> Iterator[tuple[str, str, str]]:
         below = f"{advice.gain:.0%} less error" if advice.order == "turn" else "leave it as it is"
         yield ("position of the wheel", hole_place(advice.choice.target), below.replace("%", " %"))
     if sheet.stiffness.positive:
-        yield ("K1", f"{sheet.stiffness.positive[0].stiffness * ARCMIN:.3g}", "N·m/arcmin near zero")
+        first = sheet.stiffness.positive[0]
+        yield ("torsional stiffness K1", f"{first.stiffness * ARCMIN:.3g}", f"N·m/arcmin, up to {first.end:.4g} N·m")
     values = origin_counts(sheet.drive)
     yield ("values assumed", str(values["assumed"]), f"{values['given']} given, {values['identified']} identified")
 

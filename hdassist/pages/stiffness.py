@@ -93,7 +93,7 @@ def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
 def twist_curve(found: Stiffness) -> Curve:
     """Twist over torque."""
     caption = "Twist of the drive without deviations, the cam held"
-    return Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, ″", caption, rows=8)
+    return Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, ″", caption)
 
 
 def _facts(drive: Drive, found: Stiffness) -> Iterator[tuple[str, str]]:

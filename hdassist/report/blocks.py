@@ -105,7 +105,7 @@ class Curve:
     marks: tuple[CurveMark, ...] = ()
     points: bool = False
     from_zero: bool = False
-    rows: int = 10
+    rows: int = 6
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,16 @@ if TYPE_CHECKING:
     from hdassist.belief.statistics import Probability
     from hdassist.report.report import ReportProof
 
-LIMITED = ("check", "report", "tolerance", "sensitivity", "allocate", "accept")  # commands that take --limit
+LIMITED = (
+    "check",
+    "mount",
+    "report",
+    "plan",
+    "tolerance",
+    "sensitivity",
+    "allocate",
+    "accept",
+)  # commands that take --limit
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
 
 

@@ -36,7 +36,7 @@ def test_axes_are_numbered_and_carry_units():
 
 @pytest.mark.parametrize("style", [BRAILLE, ASCII])
 def test_a_rising_line_rises(style):
-    drawn = rows(curve(style, Curve(np.linspace(0, 1, 200), np.linspace(0, 1, 200), "x", "y")))
+    drawn = rows(curve(style, Curve(np.linspace(0, 1, 200), np.linspace(0, 1, 200), "x", "y", rows=10)))
     first = [min((k for k, c in enumerate(row) if c.strip()), default=None) for row in drawn]
     seen = [k for k in first if k is not None]
     assert len(seen) == len(drawn)
