@@ -21,7 +21,6 @@ from hdassist.errors import Fault, HdassistError, UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import plain
-from hdassist.solve.window import in_wide_enough_window
 
 DISTANT = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
 DIFFERENCE_STEP = 0.02  # of the range: step of difference quotients, above the roughness of a coarse scan
@@ -226,19 +225,15 @@ def _jacobian(point: Array, residuals: _Residuals) -> Array:
 
 def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit | None:
     """A set of values computed closely; None where it cannot be."""
-
-    def fit(windowed: Drive) -> Fit:
-        fine = TargetQuantities(windowed, REPORTING)
+    try:
+        fine = TargetQuantities(drive.with_values(targets.by_path(values)), REPORTING)
         predicted = [fine.predict(target) for target in targets.targets]
         rows = [target.residuals(each) for target, each in zip(targets.targets, predicted, strict=True)]
-        deviations = tuple(float(row[0] if len(row) == 1 else np.linalg.norm(row)) for row in rows)
-        sizes = tuple(float(p[0] if len(p) == 1 else np.sqrt(np.mean(p**2))) for p in predicted)
-        return Fit(values, deviations, sizes, tuple(map(CalibrationTarget.is_met, targets.targets, deviations)))
-
-    try:
-        return in_wide_enough_window(drive.with_values(targets.by_path(values)), fit)
     except HdassistError:
         return None
+    deviations = tuple(float(row[0] if len(row) == 1 else np.linalg.norm(row)) for row in rows)
+    sizes = tuple(float(p[0] if len(p) == 1 else np.sqrt(np.mean(p**2))) for p in predicted)
+    return Fit(values, deviations, sizes, tuple(map(CalibrationTarget.is_met, targets.targets, deviations)))
 
 
 def _best_phases(drive: Drive) -> tuple[float | None, ...]:
@@ -246,9 +241,7 @@ def _best_phases(drive: Drive) -> tuple[float | None, ...]:
 
     def best(M_g: float) -> float | None:
         try:
-            return in_wide_enough_window(
-                drive, lambda windowed: TargetQuantities(windowed, SEARCHING).scan(M_g).best_deg
-            )
+            return TargetQuantities(drive, SEARCHING).scan(M_g).best_deg
         except HdassistError:
             return None
 

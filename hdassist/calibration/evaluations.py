@@ -20,7 +20,6 @@ from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
 from hdassist.run.kept import ClosedRecord, Kept, KeptOwner, Number, RecordKind
 from hdassist.run.run import Run
-from hdassist.solve.window import in_wide_enough_window
 
 IMPOSSIBLE = 1e6  # tolerances, each residual of a drive that cannot be computed
 
@@ -91,14 +90,10 @@ class Evaluations:
 
 def residuals_or_fault(targets: Sequence[CalibrationTarget], drive: Drive) -> tuple[Values, str]:
     """Residuals [tolerances] of a drive, and why it cannot be computed: empty where it can."""
-
-    def residuals(windowed: Drive) -> Values:
-        quantities = TargetQuantities(windowed, SEARCHING)
-        return tuple(float(x) for target in targets for x in quantities.residuals(target))
-
     try:
         if (conflict := first_conflict(drive)) is not None:
             raise DataError(f"{conflict.path}: {conflict.message}", conflict.hint)
-        return in_wide_enough_window(drive, residuals), ""
+        quantities = TargetQuantities(drive, SEARCHING)
+        return tuple(float(x) for target in targets for x in quantities.residuals(target)), ""
     except HdassistError as error:
         return (IMPOSSIBLE,) * sum(target.residual_count for target in targets), error.message

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -70,7 +69,6 @@ class MountCommand(
         from hdassist.model.unknown import with_zeros
         from hdassist.mounting.advice import advice_states, advise
         from hdassist.pages.mount import mount_card_facts, mount_report
-        from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.runs import note_time
         from hdassist.terminal.wheels import pitch_files, read_teeth
 
@@ -86,8 +84,8 @@ class MountCommand(
             drive, torques, rotations, every_state=self.every_state, draws=self.draws, measured=measured
         )
         with out.run(drive.name, states, self) as run:
-            analysis = partial(
-                advise,
+            advice = advise(
+                drive,
                 torques=torques,
                 rotations_deg=rotations,
                 measured=measured,
@@ -98,7 +96,6 @@ class MountCommand(
                 needed=self.probability,
                 run=run,
             )
-            advice = in_wide_enough_window(drive, analysis)
         ordered = not advice.curve.interrupted and advice.order != "none"
         facts = (lambda say: mount_card_facts(advice, say)) if ordered else None
         report = mount_report(advice, self.seed, carded=card is not None)

@@ -10,7 +10,6 @@ import typer
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
-    from hdassist.preset.fields import Drive
     from hdassist.report.report import Report
 
 
@@ -48,15 +47,12 @@ class StiffnessCommand(o.FigureOptions, o.DriveOptions):
         """Compute the twist over torque; returns the exit code."""
         from hdassist.error.stiffness import curve_end, stiffness, stiffness_states
         from hdassist.pages.stiffness import stiffness_report
-        from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.runs import give, run_each
 
         out = self.open()
 
         def one(name: str) -> Report:
-            return in_wide_enough_window(self.load(name), of)
-
-        def of(drive: Drive) -> Report:
+            drive = self.load(name)
             end = curve_end(drive, self.t2, self.to)
             torques = self.at or [M_g for M_g in drive.operation.M_g if abs(M_g) <= end]
             with out.run(drive.name, stiffness_states(), self) as run:

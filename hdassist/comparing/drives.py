@@ -21,7 +21,6 @@ from hdassist.preset.kinds import UNKNOWN
 from hdassist.preset.schema import ResolvedField, resolved_fields
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.window import in_wide_enough_window
 
 DRAWN_PAIRS = 16  # pairs of drives drawn from the unknown fields
 SCREENED_PAIRS = 2  # of them on which every field is tried, before the largest are searched on all
@@ -226,7 +225,7 @@ def _is_drive(moved: Drive, before: Drive) -> bool:
 def _searched(task: tuple[Drive, float, bool]) -> tuple[float, Certificate]:
     drive, M_g, required = task
     try:
-        (extremes,) = in_wide_enough_window(drive, lambda wider: extremes_of(wider, [M_g]))
+        (extremes,) = extremes_of(drive, [M_g])
     except HdassistError:
         if required:
             raise

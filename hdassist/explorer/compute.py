@@ -36,7 +36,6 @@ from hdassist.preset.kinds import kind_of
 from hdassist.report.blocks import Curve, Lines
 from hdassist.run.processes import workers
 from hdassist.run.run import UNCHECKED, Run
-from hdassist.solve.window import in_wide_enough_window
 from hdassist.trials.advice import advise_from_trials
 from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort
 
@@ -132,19 +131,15 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     there is no answer.
     """
     if searchable(drive) and (typical or not unknowns(drive)):
-        tell(
-            FirstErrors(in_wide_enough_window(with_typical(drive, typical), partial(_searched, (0.0,)))[:, 0].tolist())
-        )
+        tell(FirstErrors(_searched((0.0,), with_typical(drive, typical))[:, 0].tolist()))
     if searchable(drive) and not unknowns(drive):
         rotations = tuple(seat_positions(drive))
-        F_ior = in_wide_enough_window(drive, partial(_searched, rotations))
+        F_ior = _searched(rotations, drive)
         tell(SeatCurve(rotations, np.stack([F_ior] * 3), (SURE_REFINED,) * len(rotations)))
     with workers(effort.jobs) as executor:
         run = Run(executor, seed=SEED)
-        in_wide_enough_window(drive, partial(_checked, effort=effort, run=run, tell=tell))
-        torques, rotations_deg = drive.operation.M_g, seat_positions(drive)
-        mounting = partial(advise, torques=torques, rotations_deg=rotations_deg, draws=effort.draws, run=run)
-        advice = in_wide_enough_window(drive, mounting)
+        _checked(drive, effort, run, tell)
+        advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=effort.draws, run=run)
     if advice.positions or not advice.any_hole:
         tell(_mount_curve(advice))
     tell(mount_report(advice, SEED))
@@ -188,18 +183,15 @@ def cam_turn(drive: Drive, typical: Mapping[str, float], rotation_deg: float, M_
 
     Raises HdassistError where there is no answer.
     """
-
-    def both(there: Drive) -> TurnErrors:
-        of_turn, cycle = trace(there, M_g=M_g, run=UNCHECKED), kinematic_error(there, M_g, run=UNCHECKED)
-        turn, full = (
-            curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, f"error at {M_g:g} N·m, ″")
-            for error in (of_turn.error, cycle)
-        )
-        orders = sorted(of_turn.orders, key=lambda order: -order.amplitude_arcsec)[:ORDERS]
-        lines = (f"{o.per_cam_rev:5.2f} {o.amplitude_arcsec:7.2f}  {o.cause.split(';')[0]}" for o in orders)
-        return TurnErrors(turn, full, Lines("orders of the cam turn, ″", tuple(lines)))
-
-    tell(in_wide_enough_window(rotated(drive.with_values(dict(typical)), rotation_deg), both))
+    there = rotated(drive.with_values(dict(typical)), rotation_deg)
+    of_turn, cycle = trace(there, M_g=M_g, run=UNCHECKED), kinematic_error(there, M_g, run=UNCHECKED)
+    turn, full = (
+        curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, f"error at {M_g:g} N·m, ″")
+        for error in (of_turn.error, cycle)
+    )
+    orders = sorted(of_turn.orders, key=lambda order: -order.amplitude_arcsec)[:ORDERS]
+    lines = (f"{o.per_cam_rev:5.2f} {o.amplitude_arcsec:7.2f}  {o.cause.split(';')[0]}" for o in orders)
+    tell(TurnErrors(turn, full, Lines("orders of the cam turn, ″", tuple(lines))))
 
 
 def lever_effects(drive: Drive, pinned: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:

@@ -195,7 +195,7 @@ class ContactSystems:
         """
         drive, geometry, bore = self._drive, self._geometry, self._bore
         if tau not in self._flexspline:
-            pairs = flank_candidates(geometry, float(np.radians(drive.numerics.window)), tau)
+            pairs = flank_candidates(geometry, tau)
             flanks = pairs.repeated(len(self._face.fall))
             compliance = _flexspline_compliance(drive, geometry, pairs, bore)
             self._flexspline[tau] = flanks, compliance, _flank_part(geometry, flanks, self._face)

@@ -135,7 +135,7 @@ def _least_gap(geometry: Geometry) -> tuple[float, float]:
     """Least nominal gap of all flanks [mm], without the clearance, and how far from the major axis it is [rad]."""
     zones = (0,) if geometry.flexspline.z % 2 == 0 else (0, 1)  # of an even number of teeth both are the same
     try:
-        flanks = flank_candidates(geometry, np.pi / 2, zones=zones)
+        flanks = flank_candidates(geometry, zones=zones)
     except UntrustedError:  # the tips just reach each other, the flanks do not
         return np.inf, 0.0
     least = int(np.argmin(flanks.gap))

@@ -97,7 +97,6 @@ class Numerics(Section):
 
     n_max: int = field("highest bending mode of the rings", default=40, ge=4, le=200)
     n_2: int = field("nodes between bore and outer ring", default=100, ge=12, le=720)
-    window: float = field("flank window on each side of the major axis", "deg", 60.0, ge=5, le=85)
     nominal_curve: Literal["linear", "inextensible"] = field(
         "shape of the rim on the cam: the ring's bending mode, or a closed curve of unchanged length",
         default="inextensible",
@@ -111,7 +110,10 @@ class Numerics(Section):
 
 
 # fields that presets had once, with a hint
-REMOVED = {"acceptance.margin": "no margin any more: predictions are held by their probability, hdassist accept --sure"}
+REMOVED = {
+    "acceptance.margin": "no margin any more: predictions are held by their probability, hdassist accept --sure",
+    "numerics.window": "no flank window any more: every tooth that may touch is looked at",
+}
 
 # fields of numerics that identified values depend on, and the value of each before it was a field
 IDENTIFIED_WITH: dict[str, str | int] = {"nominal_curve": "linear", "stations": 1}

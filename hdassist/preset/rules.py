@@ -162,13 +162,6 @@ def nodes_resolve_modes(n_2: int, n_max: int) -> Iterator[Conflict]:
                        f"at least 2 n_max = {2 * n_max}")  # fmt: skip
 
 
-def window_holds_teeth(window: float, z_g: int) -> Iterator[Conflict]:
-    """The flank window holds more than a tooth."""
-    pitch = 360 / z_g
-    if window < pitch:
-        yield Conflict("numerics.window", "holds no full tooth pitch", f"{window:g} deg", f"at least {pitch:.3g} deg")
-
-
 PRESET_RULES: tuple[Callable[..., Iterator[Conflict]], ...] = (
     teeth_difference,
     shell_behind_teeth,
@@ -181,5 +174,4 @@ PRESET_RULES: tuple[Callable[..., Iterator[Conflict]], ...] = (
     segments_end_in_order,
     holes_exist,
     nodes_resolve_modes,
-    window_holds_teeth,
 )

@@ -13,10 +13,8 @@ from hdassist.model.geometry import Array
 from hdassist.run.run import Progress
 from hdassist.solve.certificate import TOLERANCE, Residuals
 from hdassist.solve.sums import StateSums
-from hdassist.solve.window import EdgeOfWindowError
 
 STATES_AT_A_TIME = 1024  # states between two reports of progress
-EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
 ARCSEC = float(np.degrees(3600))  # arcsec in a radian
 N_MM = 1e3  # N*mm in a N*m
 
@@ -87,7 +85,7 @@ def proven_answers(
 ) -> Answers:
     """Answers of states that were solved chunk by chunk, each of which is proven before the next one is asked for.
 
-    Arguments: torque [N*mm], of all states, or of each where there is one chunk; place, words for where state k is, for
+    Arguments: torque [N*mm], of all states or of each; place, words for where state k is, for
     errors; progress, told how many states each chunk has; pull, whether forces along the deviation scalars are kept.
     Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
     outside the limits of the linear model.
@@ -96,7 +94,7 @@ def proven_answers(
     certificate, first = EMPTY, 0
     for sums in chunks:
         _require_proof(sums.residuals, place, first)
-        _require_linear(system, torque, sums, place, first)
+        _require_linear(system, sums.rotation, place, first)
         worst = {f.name: float(getattr(sums.residuals, f.name).max()) for f in fields(Residuals)}
         certificate += Certificate(len(sums.rotation), fallbacks=sums.given_up, **worst)
         parts.append(sums)
@@ -129,24 +127,13 @@ def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) ->
         )
 
 
-def _require_linear(
-    system: ContactSystem, torque: float | Array, sums: StateSums, place: Callable[[int], str], first: int
-) -> None:
+def _require_linear(system: ContactSystem, rotation: Array, place: Callable[[int], str], first: int) -> None:
     quarter_pitch = np.pi / 2 / system.geometry.flexspline.z
-    k = int(np.argmax(np.abs(sums.rotation)))
-    if abs(sums.rotation[k]) > quarter_pitch:
+    k = int(np.argmax(np.abs(rotation)))
+    if abs(rotation[k]) > quarter_pitch:
         raise UntrustedError(
             f"outside the limits of the linear model at {place(first + k)}: wind-up of "
-            f"{abs(sums.rotation[k]) * ARCSEC:.0f}″, above a quarter of a tooth pitch "
-            f"({quarter_pitch * ARCSEC:.0f}″)",
+            f"{abs(rotation[k]) * ARCSEC:.0f}″, above a quarter of a tooth pitch ({quarter_pitch * ARCSEC:.0f}″)",
             "the torque is too great for this drive",
             Fault.BEYOND_MODEL,
-        )
-    share = sums.edge_force / np.abs(torque)
-    k = int(np.argmax(share))
-    if share[k] > EDGE_SHARE / system.geometry.r_m:
-        raise EdgeOfWindowError(
-            f"outside the limits of the linear model at {place(first + k)}: {sums.edge_force[k]:.3g} N on the "
-            "outermost tooth of the flank window",
-            "widen numerics.window, like --set numerics.window=60, or lower the torque",
         )

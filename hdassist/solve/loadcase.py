@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
-from hdassist.model.contacts import ContactSystem, StateGaps, contact_system
+from hdassist.model.contacts import WITHOUT_DEVIATIONS, ContactSystem, StateGaps, contact_system
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Progress
@@ -22,7 +21,6 @@ from hdassist.solve.reference import Reference
 from hdassist.solve.sums import StateSums
 from hdassist.solve.walk import Walk, walk_library
 
-LOOKED_AT_FIRST = 64  # states of a load case: in too narrow a window of flanks it is they that mostly say so
 POOR_PROOF = 1e-9  # residual of a state of the walk from which on it is solved once more, alone
 MANY_STATES = 64  # states from which on a reference pays
 CARRIES = 1e-9  # of the greatest force: more is contact
@@ -58,7 +56,6 @@ class LoadCase:
         self._one_by_one: OneByOne = OneByOne(formulation, contact, compiled=self._compiled, solver=solver)
         self._walk: Walk | Pivoting | None = None
         self._pays = np.inf if solver else 0 if many else MANY_STATES
-        self._first = LOOKED_AT_FIRST
         self.load(M_g)
 
     @classmethod
@@ -86,9 +83,7 @@ class LoadCase:
         between two reports of progress. Raises UntrustedError where a state is not solved, or its answer is outside
         the limits of the linear model.
         """
-        first, self._first = min(self._first, chunk), chunk
-        ends = pairwise(dict.fromkeys([0, *range(first, len(gaps), chunk), len(gaps)]))
-        chunks = (self.sums(gaps[begin:end], pull=pull) for begin, end in ends)
+        chunks = (self.sums(gaps[first : first + chunk], pull=pull) for first in range(0, len(gaps), chunk))
         return proven_answers(self.system, self._torque, chunks, place, progress, pull=pull)
 
     def over(self, torques: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
@@ -96,15 +91,12 @@ class LoadCase:
 
         Arguments and errors as those of solve.
         """
-        found, delta_p = [], self.system.delta_p[None]
-        for M_g in torques.tolist():
+
+        def at(M_g: float) -> StateSums:
             self.load(M_g)
-            found.append(self.forces(delta_p))
-        forces, free, given_up = zip(*found, strict=True)
-        solved = np.repeat(delta_p, len(torques), axis=0), torques * N_MM, np.concatenate(forces), np.concatenate(free)
-        return proven_answers(
-            self.system, solved[1], [StateSums.of(self.system, *solved, sum(given_up))], place, progress
-        )
+            return self._alone(WITHOUT_DEVIATIONS, pull=False)
+
+        return proven_answers(self.system, torques * N_MM, map(at, torques.tolist()), place, progress)
 
     def sums(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
         """Sums of states without their proof, and forces along the deviation scalars where asked for.

@@ -41,7 +41,6 @@ class OneByOne:
         solver: str | None = None,
     ) -> None:
         self._formulation, self._solver = formulation, solver
-        self._ways = [self._through_cvxpy] if solver else [self._near, self._by_daqp, self._last_resort]
         self._solve_near = walk_near_state if compiled and walk_library()[0] else solve_near
         self.contact = np.ones(len(formulation.local), dtype=bool) if contact is None else contact
 
@@ -55,9 +54,10 @@ class OneByOne:
         """
         system = self._formulation.system
         forces, free = np.full(delta_p.shape, np.nan), np.full((len(delta_p), len(self._formulation.A)), np.nan)
+        ways = [self._through_cvxpy] if self._solver else [self._near, self._by_daqp, self._last_resort]
         given_up = tried = 0
         for k, at_state in enumerate(delta_p):
-            for tried, way in enumerate(self._ways):
+            for tried, way in enumerate(ways):
                 given_up += tried == 1  # by the first way
                 if answer := way(at_state, torque):
                     forces[k], free[k] = answer

@@ -23,7 +23,6 @@ def two_teeth(reference, gaps: tuple[float, float]):
         gap=np.array(gaps),
         alpha=np.full(2, ALPHA),
         h_c=np.full(2, LEVER - Geometry.of(reference).r_m),
-        edge=np.zeros(2, dtype=bool),
     )
     normal = np.array([np.sin(ALPHA), np.cos(ALPHA)])  # outward at theta = 0: radial x, tangential y
     G = np.zeros((2, len(FREEDOMS)))

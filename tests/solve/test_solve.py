@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset, preset_names
-from hdassist.error.self_error import self_error
 from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, contact_system
 from hdassist.model.deviations import state_gaps
@@ -23,6 +22,7 @@ from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.onebyone import OneByOne
 from hdassist.solve.sums import StateSums
 from hdassist.solve.throughcvxpy import solve_again, solve_through_cvxpy
+from tests.process import SMALL
 from tests.support import changed, load_case
 
 
@@ -194,7 +194,7 @@ def test_an_unsolved_state_is_named_and_no_number_comes_out(system, formulation)
     forces, free, _ = load_case(formulation, 80e3).forces(delta_p)
     forces[3] *= 1.001
     sums = StateSums.of(system, delta_p, 80e3, forces, free)
-    with pytest.raises(UntrustedError, match=r"state not solved at number 3: residual 1.0e-03") as error:
+    with pytest.raises(UntrustedError, match=r"state not solved at number 3: residual 9.9e-04") as error:
         proven_answers(system, 80e3, [sums], lambda k: f"number {k}")
     assert error.value.exit_code == 5
     assert error.value.fault is Fault.UNTRUSTED_STATE
@@ -309,14 +309,6 @@ def test_too_great_a_torque_is_outside_the_model(reference):
         assert error.value.fault is Fault.BEYOND_MODEL
         assert error.value.hint == "the torque is too great for this drive"
         assert int(re.search(r"wind-up of (\d+)", str(error.value))[1]) > 1620
-    with pytest.raises(UntrustedError, match="outermost tooth"):
-        kinematic_error(reference, 5000, states=states)
-
-
-def test_a_window_too_narrow_is_outside_the_model(reference):
-    with pytest.raises(UntrustedError, match=r"numerics\.window|outermost tooth") as error:
-        self_error(changed(reference, numerics__window=12.0, numerics__n_phase=2), [800.0])
-    assert "window" in error.value.hint
 
 
 def test_progress_counts_every_state(reference, system, formulation):
@@ -351,3 +343,16 @@ def test_a_torque_that_no_contact_can_hold_has_no_answer(system):
     with pytest.raises(UntrustedError, match="CLARABEL could not solve a state: infeasible") as error:
         solve_through_cvxpy(one_way, system.delta_p, -80e3, "CLARABEL")
     assert (error.value.hint, error.value.fault) == ("", Fault.UNTRUSTED_STATE)
+
+
+def test_teeth_far_from_the_major_axis_carry_their_load():
+    """Wherever teeth overlap radially they are candidates: here 66 deg away, where W_0 is small and teeth are high."""
+    drive = load_preset(SMALL, ["gears.h_a=0.95", "gears.h_f=1.7", "cam.W_0=0.45"])
+    system = contact_system(drive)
+    away = np.degrees(np.abs(system.flanks.theta - system.flanks.zone * np.pi))
+    forces, _, _ = load_case(formulate(system), 4e3).forces(system.delta_p[None])
+    assert away.max() == pytest.approx(66)
+    assert forces[0, : system.n_flanks][away > 60].max() > 100  # N
+    found = kinematic_error(drive, 4.0)
+    assert found.F_ior_arcsec == pytest.approx(22.788205, abs=1e-5)
+    assert found.certificate.max_residual < 1e-10
