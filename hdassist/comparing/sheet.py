@@ -41,18 +41,15 @@ class DriveSheet:
 
 def sheet_states(drive: Drive, draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a sheet solves, about, for a progress bar."""
-    mounting = advice_states(drive, drive.operation.M_g, seat_positions(drive), every_state=False, draws=draws)
+    mounting = advice_states(drive, len(drive.operation.M_g), len(seat_positions(drive)), draws=draws)
     return check_states(drive, draws=draws) + mounting + stiffness_states()
 
 
 def sheet_of(drive: Drive, *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()) -> DriveSheet:
     """Check a drive, look for its best position and compute its stiffness, each as the command of that name does.
 
-    Argument: draws, from the unknown fields. Raises UntrustedError where an answer cannot be trusted;
-    KeyboardInterrupt, as half an advice is none here.
+    Argument: draws, from the unknown fields. Raises UntrustedError where an answer cannot be trusted.
     """
     advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=draws, run=run)
-    if advice.curve.interrupted:
-        raise KeyboardInterrupt
     checked = check(drive, draws=draws, samples=advice.samples, run=run)
     return DriveSheet(checked, advice, stiffness(drive, run=run))

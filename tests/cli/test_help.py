@@ -6,6 +6,7 @@ import sys
 import pytest
 
 from hdassist.cli.commands import COMMANDS
+from hdassist.terminal.options import DECLARED, OptionGroup
 from tests.process import run
 
 NAMES = sorted({*COMMANDS} - {"presets"})
@@ -97,3 +98,15 @@ assert not loaded & {entry.module for entry in COMMANDS.values()}, loaded
 assert not {"numpy", "pydantic"} & {*sys.modules}
 """
     subprocess.run([sys.executable, "-c", "from hdassist.cli.commands import COMMANDS" + code], check=True)
+
+
+def test_every_option_that_is_declared_has_its_field():
+    for name, entry in COMMANDS.items():
+        entry.load(name)
+    for group, declared in DECLARED.items():
+        pending, found = [OptionGroup], set()
+        while pending:
+            cls = pending.pop()
+            pending += cls.__subclasses__()
+            found |= vars(cls).get("__annotations__", {}).keys() if group in ("any", cls.__name__) else set()
+        assert set(declared) <= found, group
