@@ -31,9 +31,8 @@ class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOpt
     worst gains most, among the holes that mounting.allowed leaves; mounting.holes: 0 means a free angle. All that the
     preset does not know exactly is drawn jointly, as check draws it (docs/unknown.md): what is assumed with a range,
     has an uncertainty (k = 2), or is not given. A turn is ordered where it gains more than 1 % with the --probability;
-    else there is no order, no card, and exit code 6, and the page says what to measure. --assume-phases takes
-    deviations that are not known as 0, on your word. -q prints the hole (or the angle) alone, 0 for "leave it", unknown
-    where nothing can be ordered.
+    else there is no order, no card, and exit code 6, and the page says what to measure. -q prints the hole (or the
+    angle) alone, 0 for "leave it", unknown where nothing can be ordered.
 
     Where the direction of the cam offset is not known, hdassist trials finds it from measurements in a few positions.
 
@@ -44,14 +43,12 @@ class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOpt
     preset: o.Preset
     step: float | None = None
     probability: float = 0.95
-    assume_phases: bool = False
     plot: o.Plot = True
     details: o.Details = False
     cross_check: o.CrossCheckOption = "highs"
 
     def run(self) -> int:
         """Find the position; returns the exit code."""
-        from hdassist.model.unknown import with_zeros
         from hdassist.mounting.advice import advice_states, advise
         from hdassist.pages.mount import mount_card_facts, mount_report
         from hdassist.terminal.runs import note_time
@@ -61,7 +58,6 @@ class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOpt
         card = CardFile.asked(self, self, out)
         files = pitch_files([self.preset], self)
         drive = self.load(self.preset)
-        drive = with_zeros(drive) if self.assume_phases else drive
         measured = read_teeth(files, drive)
         torques, rotations, begun = drive.operation.M_g, _rotations(drive, self.step), time.monotonic()
         states = advice_states(drive, len(torques), len(rotations), draws=self.draws, measured=measured)

@@ -15,7 +15,7 @@ from hdassist.error.error_map import SEARCHED, extremes_of, searchable
 from hdassist.errors import HdassistError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
-from hdassist.model.unknown import listed, unknowns
+from hdassist.model.unknown import unknowns
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import UNKNOWN
 from hdassist.preset.schema import ResolvedField, resolved_fields
@@ -214,7 +214,10 @@ def paired_draws(drives: Sequence[Drive], count: int, seed: int = 0) -> list[lis
         return [[drive] for drive in drives]
     shares = dict(zip(paths, np.random.default_rng(seed).random((count, len(paths))).T, strict=True))
     columns = [{path: u.low + (u.high - u.low) * shares[path] for path, u in own.items()} for own in open_]
-    return [listed(drive, own, count) for drive, own in zip(drives, columns, strict=True)]
+    return [
+        [drive.with_values({path: float(values[k]) for path, values in own.items()}) for k in range(count)]
+        for drive, own in zip(drives, columns, strict=True)
+    ]
 
 
 def _is_drive(moved: Drive, before: Drive) -> bool:

@@ -42,18 +42,14 @@ class Wheel:
         """Radius of the base circle [mm]."""
         return self.m * self.z * float(np.cos(self.alpha)) / 2
 
-    @cached_property
-    def _half_angle_at_base(self) -> float:
-        shift = (np.pi / 2 + 2 * self.x * np.tan(self.alpha)) / self.z
-        return float(shift + involute(self.alpha))
-
     def pressure_angle(self, radius: Array) -> Array:
         """Pressure angle [rad] of the flank at radii [mm] outside the base circle."""
         return np.asarray(np.arccos(self.base_radius / radius))
 
     def half_angle(self, radius: Array) -> Array:
         """Half angle psi [rad] of an external tooth, and of an internal wheel's space, at radii [mm]."""
-        return self._half_angle_at_base - involute(self.pressure_angle(radius))
+        at_base = (np.pi / 2 + 2 * self.x * np.tan(self.alpha)) / self.z + involute(self.alpha)
+        return np.asarray(at_base - involute(self.pressure_angle(radius)))
 
 
 @dataclass(frozen=True)

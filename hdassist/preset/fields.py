@@ -140,13 +140,12 @@ BY_PATH: dict[str, type[Section]] = {"source": Source, "cost": CostLaw}  # table
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top; zeros: taken as 0."""
+    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top."""
 
     file: str = ""
     sha256: str = ""
     overrides: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    zeros: tuple[str, ...] = ()
 
 
 class Drive(BaseModel):

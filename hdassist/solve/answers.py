@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 
 import numpy as np
 
@@ -34,24 +34,13 @@ class Certificate:
     fallbacks: int
 
     @property
-    def residuals(self) -> tuple[float, float, float, float]:
-        """The four residuals, in the order of the fields."""
-        return self.negative_force, self.negative_gap, self.complementarity, self.equilibrium
-
-    @property
     def max_residual(self) -> float:
         """Greatest of the four residuals."""
-        return max(self.residuals)
-
-    def __str__(self) -> str:
-        names = (f.name.replace("_", " ") for f in fields(Residuals))
-        residuals = ", ".join(f"{name} {value:.1e}" for name, value in zip(names, self.residuals, strict=True))
-        return f"{self.states} states, worst residuals: {residuals}; {self.fallbacks} fallbacks"
+        return float(max(astuple(self)[1:-1]))
 
     def __add__(self, other: Certificate) -> Certificate:
-        force, gap, complementarity, equilibrium = map(max, self.residuals, other.residuals)
-        states, fallbacks = self.states + other.states, self.fallbacks + other.fallbacks
-        return Certificate(states, force, gap, complementarity, equilibrium, fallbacks)
+        worst = {f.name: max(getattr(self, f.name), getattr(other, f.name)) for f in fields(Residuals)}
+        return Certificate(self.states + other.states, fallbacks=self.fallbacks + other.fallbacks, **worst)
 
 
 EMPTY = Certificate(0, 0.0, 0.0, 0.0, 0.0, 0)
@@ -80,32 +69,30 @@ def proven_answers(
     chunks: Iterable[StateSums],
     place: Callable[[int], str],
     progress: Progress | None = None,
-    *,
-    pull: bool = False,
 ) -> Answers:
     """Answers of states that were solved chunk by chunk, each of which is proven before the next one is asked for.
 
     Arguments: torque [N*mm], of all states or of each; place, words for where state k is, for
-    errors; progress, told how many states each chunk has; pull, whether forces along the deviation scalars are kept.
+    errors; progress, told how many states each chunk has.
     Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
     outside the limits of the linear model.
     """
     parts: list[StateSums] = []
-    certificate, first = EMPTY, 0
+    certificate = EMPTY
     for sums in chunks:
-        _require_proof(sums.residuals, place, first)
-        _require_linear(system, sums.rotation, place, first)
-        worst = {f.name: float(getattr(sums.residuals, f.name).max()) for f in fields(Residuals)}
+        _require_proof(sums.residuals, place, certificate.states)
+        _require_linear(system, sums.rotation, place, certificate.states)
+        worst = {name: float(each.max()) for name, each in vars(sums.residuals).items()}
         certificate += Certificate(len(sums.rotation), fallbacks=sums.given_up, **worst)
         parts.append(sums)
-        first += len(sums.rotation)
         if progress:
             progress(len(sums.rotation))
+    pulls = [part.pull for part in parts if part.pull is not None]
     return Answers(
         rotation_arcsec=_joined(part.rotation for part in parts) * ARCSEC,
         zone_share=_joined(part.moment for part in parts).reshape(-1, 2) / np.reshape(torque, (-1, 1)),
         tooth_force_N=_joined(part.tooth_force for part in parts),
-        pull_N=_joined(part.pull for part in parts if part.pull is not None) if pull else None,
+        pull_N=_joined(pulls) if pulls else None,
         certificate=certificate,
     )
 

@@ -69,8 +69,3 @@ def residuals(system: ContactSystem, delta_p: Array, torque: float, forces: Arra
         complementarity=np.abs(gaps * forces).max(axis=1) / (force_scale * gap_scale),
         equilibrium=unbalanced.max(axis=1),
     )
-
-
-def proven(system: ContactSystem, delta_p: Array, torque: float, forces: Array, free: Array) -> bool:
-    """Whether the answer to one state, arguments of `residuals` without their first axis, earns its certificate."""
-    return bool(residuals(system, delta_p[None], torque, forces[None], free[None]).worst[0] <= TOLERANCE)

@@ -8,13 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdassist.model.contacts import WITHOUT_DEVIATIONS, ContactSystem, StateGaps, contact_system
+from hdassist.model.contacts import WITHOUT_DEVIATIONS, StateGaps
 from hdassist.model.geometry import Array
-from hdassist.preset.fields import Drive
 from hdassist.run.run import Progress
 from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, proven_answers
 from hdassist.solve.compiled import require_compiled_as_stated
-from hdassist.solve.formulation import Formulation, formulate
+from hdassist.solve.formulation import Formulation
 from hdassist.solve.onebyone import OneByOne
 from hdassist.solve.pivoting import Pivoting
 from hdassist.solve.reference import Reference
@@ -48,20 +47,16 @@ class LoadCase:
     ) -> None:
         if not solver:
             require_compiled_as_stated(formulation)
-        near = like and len(like.system.local) == len(formulation.local)
-        contact = like._one_by_one.contact if like and near else None
+        contact = None
+        if like and len(like.formulation.local) == len(formulation.local):
+            contact = like._one_by_one.contact
         self.formulation: Formulation = formulation
-        self.system: ContactSystem = formulation.system
+        self.system = formulation.system
         self._compiled = compiled and walk_library()[0] is not None
         self._one_by_one: OneByOne = OneByOne(formulation, contact, compiled=self._compiled, solver=solver)
         self._walk: Walk | Pivoting | None = None
         self._pays = np.inf if solver else 0 if many else MANY_STATES
         self.load(M_g)
-
-    @classmethod
-    def of(cls, drive: Drive, M_g: float) -> LoadCase:
-        """Load case of a drive at a torque M_g [N*m], at tooth phase 0 and the preset's ball phase."""
-        return cls(formulate(contact_system(drive)), M_g)
 
     def load(self, M_g: float) -> None:
         """Go on with another torque [N*m]; what was factored stays."""
@@ -74,17 +69,16 @@ class LoadCase:
         progress: Progress | None = None,
         *,
         pull: bool = False,
-        chunk: int = STATES_AT_A_TIME,
     ) -> Answers:
         """Solve states and prove each answer.
 
         Arguments: gaps of the states; place, words for where state k is, for errors; progress, told how many states
-        were solved since the last call; pull, whether forces along the deviation scalars are asked for; chunk, states
-        between two reports of progress. Raises UntrustedError where a state is not solved, or its answer is outside
-        the limits of the linear model.
+        were solved since the last call; pull, whether forces along the deviation scalars are asked for. Raises
+        UntrustedError where a state is not solved, or its answer is outside the limits of the linear model.
         """
-        chunks = (self.sums(gaps[first : first + chunk], pull=pull) for first in range(0, len(gaps), chunk))
-        return proven_answers(self.system, self._torque, chunks, place, progress, pull=pull)
+        firsts = range(0, len(gaps), STATES_AT_A_TIME)
+        chunks = (self.sums(gaps[first : first + STATES_AT_A_TIME], pull=pull) for first in firsts)
+        return proven_answers(self.system, self._torque, chunks, place, progress)
 
     def over(self, torques: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
         """Solve the state without deviations at torques M_g [N*m], each from the contacts of the one before.

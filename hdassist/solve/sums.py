@@ -57,9 +57,7 @@ class StateSums:
 
     def put(self, rows: NDArray[np.int64], there: StateSums) -> None:
         """Put the sums of other states into some rows."""
-        for name in ("rotation", "moment", "tooth_force"):
-            getattr(self, name)[rows] = getattr(there, name)
-        for mine, theirs in zip(vars(self.residuals).values(), vars(there.residuals).values(), strict=True):
-            mine[rows] = theirs
-        if self.pull is not None and there.pull is not None:
-            self.pull[rows] = there.pull
+        mine, theirs = (vars(sums) | vars(sums.residuals) for sums in (self, there))
+        for name, values in mine.items():
+            if isinstance(values, np.ndarray):
+                values[rows] = theirs[name]

@@ -119,7 +119,7 @@ typedef struct {
     double *panels;      /* compliance in panels of WIDTH columns */
     double *force, *at_place, *moved, *gap, *free, *blocks; /* of a batch */
     int *loaded;
-    long states, pivots, since_made;
+    long states, since_made;
     int lost;
 } walk;
 
@@ -245,7 +245,6 @@ static int find_pivot(walk *w, int r, double *values) {
     }
     w->changed[r] ^= 1;
     w->last[r] = w->states;
-    w->pivots++;
     w->since_made++;
     w->at[w->found++] = r;
     return 1;
@@ -852,8 +851,6 @@ int walk_level(void) {
 #endif
     return 1;
 }
-
-long walk_pivots(const walk *w) { return w->pivots; }
 
 /* SHA-256 of the source that this was compiled from, so that an old one is not taken for it. */
 const char *walk_source(void) { return WALK_SOURCE; }

@@ -47,8 +47,7 @@ def _load(path: Path) -> Any:
     loaded.walk_new.argtypes, loaded.walk_new.restype = [pointer] * 2, pointer
     loaded.walk_free.argtypes, loaded.walk_free.restype = [pointer], None
     loaded.walk_solve.argtypes = [pointer, ctypes.c_long, ctypes.c_double, integer] + [pointer] * 8
-    loaded.walk_solve.restype = loaded.walk_pivots.restype = ctypes.c_long
-    loaded.walk_pivots.argtypes = [pointer]
+    loaded.walk_solve.restype = ctypes.c_long
     loaded.walk_near.argtypes = [integer] * 3 + [pointer] * 6 + [ctypes.c_double, integer] + [pointer] * 3
     loaded.walk_near.restype = integer
     return loaded

@@ -12,7 +12,7 @@ from hdassist.solve.certificate import residuals
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.sums import StateSums
-from tests.support import load_case
+from tests.support import compliance, load_case
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def test_residuals_are_those_of_the_system_written_out(system):
     a, at = np.zeros(9), list(free)
     for k, stiffness in enumerate(system.C):
         a[k] = system.G[:, k] @ forces / stiffness if stiffness else at.pop(0)
-    gap = system.delta_p + system.D @ forces + system.G @ a
+    gap = system.delta_p + compliance(system) @ forces + system.G @ a
     most, widest = np.abs(forces).max(), np.abs(system.delta_p).max()
     assert found.negative_force[0] == pytest.approx(-forces.min() / most)
     assert found.negative_gap[0] == pytest.approx(-gap.min() / widest)
@@ -78,10 +78,6 @@ def test_certificates_add_up_to_the_worst_of_both():
     both = one + other
     assert both == Certificate(8, 2e-12, 2e-12, 4e-12, 4e-12, 3)
     assert [replace(both, **{name: 1e-9}).max_residual for name in ("negative_force", "equilibrium")] == [1e-9] * 2
-    assert str(both) == (
-        "8 states, worst residuals: negative force 2.0e-12, negative gap 2.0e-12, complementarity 4.0e-12, "
-        "equilibrium 4.0e-12; 3 fallbacks"
-    )
 
 
 def test_the_state_that_winds_up_most_is_the_one_that_is_looked_at(system, formulation):
