@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
@@ -18,7 +18,6 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
     """How answers are worked out and given; jsonl and junit also have the drives without an answer."""
 
     details: o.Details = False
-    fail_on: Literal["warn", "fail", "never"] = "fail"
     jsonl: str | None = None
     resume: bool = False
     junit: str | None = None
@@ -148,5 +147,4 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             wheels=self.wheels(),
             draws=self.draws,
             sure=self.sure,
-            fail_on=self.fail_on,
         )

@@ -12,7 +12,7 @@ from hdassist.loading.load import load_text
 from hdassist.model.geometry import Geometry, flank_candidates
 from hdassist.model.rules import BEARING_FIELDS, MAX_OVERLAP, MODEL_RULES, conflicts
 from hdassist.preset.fields import Drive, fields
-from hdassist.preset.rules import PRESET_RULES as FIELD_RULES
+from hdassist.preset.rules import FIELD_RULES
 
 REFERENCE = (Path(__file__).parents[1] / "validation/vzp160_reference.yaml").read_bytes()
 
@@ -61,7 +61,8 @@ def values() -> dict[str, object]:
         (["operation.M_g=[80, 8e1]"], "operation.M_g", "the same torque twice (got 80)"),
         (["catalogue.T_1=200", "catalogue.T_2=200"], "catalogue.T_1", "must end below the second (got T_1 200"),
         (["catalogue.T_2=1e-9"], "catalogue.T_2", "too small to end a segment (got 1e-09 N*m; above 0.08 N*m)"),
-        (["mounting.allowed=[0, 12, -1]"], "mounting.allowed", "the seat has the holes 0 to 11 (got -1, 12)"),
+        (["mounting.allowed=[0, 12, -1]"], "mounting.allowed",
+         "not a hole of the seat (got -1, 12; its holes are 0 to 11)"),
         (["mounting.allowed=[3, 3]"], "mounting.allowed", "the same hole twice"),
         (["mounting.allowed=[]"], "mounting.allowed", "no hole is left"),
         (["mounting.allowed=3", "mounting.holes=0"], "mounting.allowed", "has no holes to choose from"),
@@ -109,7 +110,7 @@ def test_every_check_needs_fields_that_exist() -> None:
     given = values()
     names = {path.split(".")[1] for path in given}
     for rule in FIELD_RULES:
-        assert set(rule.__annotations__) - {"return"} <= names, rule
+        assert {*rule.names, rule.path.split(".")[1]} <= names, rule
     assert {path for paths in (*MODEL_RULES.values(), BEARING_FIELDS) for path in paths} <= given.keys()
 
 
