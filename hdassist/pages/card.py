@@ -195,17 +195,11 @@ def _checks(facts: CardFacts, say: Texts) -> list[str]:
 
 
 def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:
-    """Warnings of a preset, as they are; in another language than theirs what was taken as 0, and how many more."""
+    """Warnings of a preset, as they are; in another language than theirs how many there are."""
     origin = drive.origin
     if say.language == HOME:
         return origin.warnings
-    told, more = [], len(origin.warnings)
-    if origin.zeros:
-        told.append(say("warning.zeros", count=len(origin.zeros)))
-        more -= 1
-    if more:
-        told.append(say("warning.preset", count=more))
-    return tuple(told)
+    return (say("warning.preset", count=len(origin.warnings)),) if origin.warnings else ()
 
 
 def _warnings(found: tuple[str, ...], say: Texts) -> Iterator[str]:

@@ -87,14 +87,6 @@ def test_the_ends_are_those_of_the_rows(few):
     assert swept.end(True) == (int(np.argmax(values)), max(values))
 
 
-def test_a_window_that_was_too_narrow_is_widened_and_said():
-    sweep, drive = sweep_of("numerics.window=8,40", overrides=("operation.M_g=[4]",))
-    swept = collect(sweep, drive, records := sweep(0, 2))
-    assert records[0].window_deg > 8
-    assert records[1].window_deg == 40
-    assert any("1 rows were computed in a wider flank window" in text for text in swept.warnings)
-
-
 def test_in_a_pipe_rows_are_csv_and_what_is_taken_as_0_is_said():
     done = run("sweep", SMALL, "--vary", "harmonics.a_b2=0,3", "--torque", "4", "--set", "gears.x_b=1.8", "--jobs", "1")
     assert done.returncode == 0
