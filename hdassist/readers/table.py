@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 
@@ -31,7 +31,7 @@ from hdassist.readers.cells import (
     separator_of,
 )
 from hdassist.readers.foreign import program_of, readable_parts
-from hdassist.readers.words import unit_in
+from hdassist.readers.words import ANGLES, TIMES, TORQUES, unit_in
 from hdassist.textfile import MAX_LINE, Readable, TextFile
 
 MOST_TABLE_BYTES = 5_000_000
@@ -70,8 +70,12 @@ class NumberTable:
         """Name of a column (from 0), for messages."""
         return self.names[column] if column < len(self.names) else f"column {column + 1}"
 
-    def in_unit(self, column: int, words: str, sizes: Mapping[str, float], default: str) -> Cells:
-        """Values of a column in the unit whose size is 1, by the unit in its name; how they were read is noted."""
+    def in_unit(self, column: int, words: str, default: str) -> Cells:
+        """Values of a column in the unit whose size is 1, by the unit in its name; how they were read is noted.
+
+        words: of the contents of the column; default: unit where the name has none, which says of what the units are.
+        """
+        sizes = next(sizes for sizes in (ANGLES, TIMES, TORQUES) if default in sizes)
         name = self.name(column)
         unit = unit_in(name, sizes)
         self.notes.append(f'"{name}": {words}, {unit or f"no unit given, {default} assumed"}')
