@@ -17,9 +17,11 @@ from math import factorial
 import numpy as np
 from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.bins import Bins
+from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.geometry import Array
 
 OrderIndices = NDArray[np.int64]
@@ -32,6 +34,8 @@ FLOOR_SHORTEST = 2.0  # cam turns: below, there is no room for noise between the
 FLOOR_APART = 0.75  # of the resolution: how far from fitted orders the noise is read
 FLOOR_AROUND = 0.5  # orders to either side
 FLOOR_FEWEST = 8  # places, nearest to the order
+FLOOR_WAVES = 32  # of such places, by which the share of the noise is known that a fit has taken there
+STUDENT_SHARE = 0.97725  # of a normal distribution, below two standard deviations
 RESOLVED_GAP = 0.75  # of the resolution: least distance at which a line and an order are resolved
 MOMENTS = 3  # of where readings lie in their places
 SLOWEST_ORDER = 0.5  # per cam turn: lower ones are of the output, or drift
@@ -241,7 +245,8 @@ class TraceFit:
     @property
     def clear_of_noise(self) -> bool:
         """Whether the orders together have more power than noise alone would leave in them, but once in thousands."""
-        power = float((2 * self.amplitude**2 / np.maximum(self.noise_power, 1e-300)).sum())
+        covariance = self.factor @ self.factor.T
+        power = float(self.coefficients @ np.linalg.solve(covariance, self.coefficients))
         freedom = 2 * len(self.orders)
         return power > freedom + POWER_CLEAR * float(np.sqrt(2 * freedom))
 
@@ -348,20 +353,26 @@ def noise_floor(design: TraceDesign, residual: Array, variance: float) -> Array 
 
     Residuals of a real trace are not white: slow ones weigh on low orders more than on high ones. Their power halfway
     between fitted orders, and on both sides of a group of them, stands for the power of the noise at the orders.
+    The fit has taken a share of the noise there too: where rows are lost, all of its columns take some everywhere. A
+    power of few places is uncertain itself: for an interval of k = 2 its Student factor is in it.
     Arguments: residual, shape (bins,) [arcsec]; variance, of the residuals at weight 1. None: the record is too short.
     """
     bins, orders = design.bins, design.orders
     if bins.span < FLOOR_SHORTEST or not variance:
         return None
     probes, power = residual_power(bins, residual, variance)
+    resolved = probes[0] * bins.span  # places for each probe
     free = probes >= design.slow.periods / bins.span
     free &= (distance(probes, orders) >= FLOOR_APART / bins.span) & (probes <= orders[-1] + 1)
     probes, power = probes[free], power[free]
     if len(probes) < FLOOR_FEWEST:
         return None
+    waves = order_columns(bins.turns, probes[:: max(1, len(probes) // FLOOR_WAVES)])
+    power /= (bins.weight @ design.residual(waves) ** 2).mean() / (bins.weight @ waves**2).mean()
     total = np.concatenate([[0.0], np.cumsum(power)])
     first, last = np.searchsorted(probes, orders - FLOOR_AROUND), np.searchsorted(probes, orders + FLOOR_AROUND)
     few = last - first < FLOOR_FEWEST
     middle = np.clip(np.searchsorted(probes, orders) - FLOOR_FEWEST // 2, 0, len(probes) - FLOOR_FEWEST)
     first, last = np.where(few, middle, first), np.where(few, middle + FLOOR_FEWEST, last)
-    return np.asarray((total[last] - total[first]) / (last - first))
+    student = stdtrit(np.maximum(1.0, 2 * resolved * (last - first)), STUDENT_SHARE) / COVERAGE_FACTOR
+    return np.asarray((total[last] - total[first]) / (last - first) * student**2)
