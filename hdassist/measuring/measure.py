@@ -19,8 +19,7 @@ from hdassist.measuring.orders import (
     WHOLE_TURN,
     MeasuredOrder,
     order_grid,
-    order_table,
-    orders_of_cam,
+    order_tables,
     slow_terms,
 )
 from hdassist.measuring.range import Range, ranges_of, visited_angles
@@ -363,10 +362,9 @@ def _sweep_result(
         )
     )
     visits = coverage(grid, trace.cam_deg[rows] / 360, gearing) if gearing else None
-    table, ratio = order_table(fit, declared, drive, gearing), gearing.ratio if gearing else None
     return SweepResult(
-        sign, fit, grid, extent, revolution, cam, float(np.ptp(slow)), _cost_of_slow(fit), raw, table,
-        orders_of_cam(fit, declared, ratio, table), visits, sources,
+        sign, fit, grid, extent, revolution, cam, float(np.ptp(slow)), _cost_of_slow(fit), raw,
+        *order_tables(fit, declared, drive, gearing), visits, sources,
     )  # fmt: skip
 
 
