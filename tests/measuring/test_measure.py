@@ -121,7 +121,7 @@ def test_the_noise_of_orders_is_not_lost_with_rows():
     floors = []
     for seed in range(6):
         rng = np.random.default_rng(seed)
-        turns = np.arange(30 * 40) / 40
+        turns = np.arange(30 * 50) / 50
         kept = rng.random(len(turns)) > 0.5
         error = 10 * np.cos(4 * np.pi * turns) + rng.standard_normal(len(turns))
         (found,) = measure(recorded(turns[kept], error[kept]), ratio=RATIO, orders=range(1, 7)).directions
