@@ -72,6 +72,7 @@ ASSUMED = {  # by key: value without a statement, and the note on it
     "sense": ("ccw", "no sense given: numbered counter-clockwise, seen from the cam side"),
     "sign": ("along", ""),
 }
+COLUMNS_HINT = "name them in a line above the rows, like left [um], and ask for one flank or form; or keep one of them"
 FORM_HINT = 'write a comment line above the rows, like "# form: cumulative" or "# form: single"'
 
 
@@ -206,14 +207,10 @@ class _Statements:
         return first, others[0]
 
     def _refuse_columns(self, columns: list[int]) -> None:
-        table, names = self.table, [self.table.name(column) for column in columns]
-        hint = "name the columns in a line above the rows (left, right), or keep one of them"
-        for key, meaning in (("form", form_in), ("flank", flank_in)):
-            if table.names and len(set(map(meaning, names))) > 1:
-                hint = f"ask for one {key}: {key} {CHOICES[key][1].replace(' or ', f' or {key} ')}"
-        got = " and ".join(f'"{name}"' for name in names)
+        table = self.table
+        got = " and ".join(f'"{table.name(column)}"' for column in columns)
         line = table.names_line if table.names else int(table.lines[0])
-        table.add(line, 1, "", f"{len(columns)} columns of deviations", got, hint)
+        table.add(line, 1, "", f"{len(columns)} columns of deviations", got, COLUMNS_HINT)
 
     def _name_says(self, name: str) -> None:
         line = self.table.names_line

@@ -21,24 +21,11 @@ _ROLES: dict[str, str] = _TABLE["roles"]
 FEWEST_COUNTS, MOST_BITS = 8, 48  # of an encoder, in a turn
 TURN_ARCSEC = ANGLES["turn"]
 COUNTS = "counts"  # whose size a name does not give
-LENGTHS = ("um", "mm", "nm", "cm")
-INCHES = ("in", "inch", "inches", "uin", "uinch", "mil", "mils", "thou")
+_LENGTHS: dict[str, list[str]] = _TABLE["lengths"]
+_FLANKS: dict[str, str] = _TABLE["flanks"]
 _MICRO = str.maketrans("µμ", "uu", "·⋅*")
 _WORD = r"(?<![^\W_\d])(?:{})(?![^\W_\d])"  # between letters it is none
 AMBIGUOUS = "ambiguous"
-_FORMS = (  # the first that is found; capitals count in symbols: F_p is cumulative, f_p single
-    ("cumulative", re.compile(r"(?i:c?cumul|kumul|summe|gesamt|total|накопл)")),
-    ("single", re.compile(r"(?i:single|einzel|individual|tooth[ -]to[ -]tooth|adjacent|шаг)")),
-    ("cumulative", re.compile(r"(?<![^\W_])F_?pi?(?![^\W_])")),
-    ("single", re.compile(r"(?<![^\W_])f_?p[ti]?(?![^\W_])")),
-    # ANSI/AGMA calls the cumulative deviation of a tooth its index deviation
-    (AMBIGUOUS, re.compile(r"(?<![^\W_])(?:F_?P[TI]?|F_?p[tk]|(?i:index))(?![^\W_])")),
-)
-_LEFT = re.compile(r"(?<![^\W_])(?:left|links?|linke[rn]?|lf|l)(?![^\W_])|(?<![^\W_])лев")
-_RIGHT = re.compile(r"(?<![^\W_])(?:right|rechts?|rechte[rn]?|rf|r)(?![^\W_])|(?<![^\W_])прав")
-_TOOTH = re.compile(
-    r"(?:tooth|teeth|zahn|zähne|lücke|space|gap|number|nummer|номер|зуб|впадина)|(?:no|nr|k|i|n|z|№)\.?(?![^\W_])|#$"
-)
 
 
 def role_in(name: str) -> str:
@@ -49,19 +36,18 @@ def role_in(name: str) -> str:
 
 def form_in(text: str) -> str:
     """Form of pitch deviations by a name: cumulative, single, ambiguous, or empty without one."""
-    return next((form for form, words in _FORMS if words.search(text)), "")
+    return next((each["form"] for each in _TABLE["forms"] if re.search(each["words"], text)), "")
 
 
 def flank_in(text: str) -> str:
     """Flank by a name: left, right, or empty for none or both."""
-    low = text.lower()
-    left, right = bool(_LEFT.search(low)), bool(_RIGHT.search(low))
-    return "" if left == right else "left" if left else "right"
+    found = [flank for flank, words in _FLANKS.items() if re.search(words, text.lower())]
+    return found[0] if len(found) == 1 else ""
 
 
 def names_teeth(text: str) -> bool:
     """Whether a name is that of a column of tooth numbers."""
-    return bool(_TOOTH.match(text.strip().lower()))
+    return bool(re.match(_TABLE["tooth"]["number"], text.strip().lower()))
 
 
 def unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
@@ -79,7 +65,7 @@ def length_in(name: str) -> str:
     for text in re.findall(r"\[([^\]]*)\]", name):
         if not form_in(text) and not flank_in(text):
             return plain_unit(text)
-    return unit_in(name, {*LENGTHS, *INCHES, *ANGLES})
+    return unit_in(name, (*_LENGTHS["metric"], *_LENGTHS["inches"], *ANGLES))
 
 
 def plain_unit(unit: str) -> str:
@@ -107,7 +93,7 @@ def angle_size(unit: str) -> float:
 def micrometres(unit: str) -> float:
     """Size of a unit in micrometres. Raises UnitError: no unit of length, or one that is not metric."""
     plain = plain_unit(unit)
-    if plain in INCHES:
+    if plain in _LENGTHS["inches"]:
         raise UnitError("not a metric unit", "convert to um or mm; 1 µin is 0.0254 um")
     if plain in ANGLES:
         raise UnitError("an angle, not a length", "multiply by the pitch radius: 1 arcsec at 100 mm is 0.485 um")

@@ -218,11 +218,11 @@ def test_a_flank_is_chosen_among_columns() -> None:
          "their curve spans 3 um "
          "(cumulative deviations, values rounded too far, or teeth measured in several passes?)"),
         (FLANKS, '1:1: 2 columns of deviations (got "left [um]" and "right [um]"; '
-         "ask for one flank: flank left or flank right)"),
+         "name them in a line above the rows, like left [um], and ask for one flank or form; or keep one of them)"),
         ("tooth;fp;Fp\n1;2;3\n2;4;5\n3;1;1\n4;0;0\n", '1:1: 2 columns of deviations (got "fp" and "Fp"; '
-         "ask for one form: form cumulative or form single)"),
+         "name them in a line above the rows, like left [um], and ask for one flank or form; or keep one of them)"),
         ("1;2.0;3\n2;4;5\n3;1;1\n4;0;0\n", '1:1: 2 columns of deviations (got "column 2" and "column 3"; '
-         "name the columns in a line above the rows (left, right), or keep one of them)"),
+         "name them in a line above the rows, like left [um], and ask for one flank or form; or keep one of them)"),
     ],
 )  # fmt: skip
 def test_each_fault_is_said_with_its_place(text: str, expected: str) -> None:
