@@ -150,7 +150,8 @@ class TraceFit:
     """Coefficients of a trace.
 
     design: of the least squares; coefficients: of the cosines, then of the sines [arcsec], shape (2 orders,); factor:
-    shape (2 orders, columns), whose product with unit noise is an error of the coefficients; lines: those of the orders
+    shape (2 orders, columns), whose product with unit noise is an error of the coefficients; student: factor of an
+    interval of each order, shape (orders,); lines: those of the orders
     that were found in the residuals, rising; level: shape (sweeps,);
     drift: coefficients, shape (degree,); slopes: over columns of the bins by name, each with its standard uncertainty:
     over speed [arcsec s/turn], over the load; residual: shape (bins,). correlated: bins that err
@@ -160,6 +161,7 @@ class TraceFit:
     design: TraceDesign
     coefficients: Array
     factor: Array
+    student: Array
     lines: Array
     level: Array
     drift: Array
@@ -221,7 +223,12 @@ class TraceFit:
             order = float(np.sqrt(slope @ square @ slope / max(coefficients @ square @ coefficients, 1e-300)))
         amplitude = float(np.sqrt(coefficients @ square @ coefficients))
         along = square @ coefficients / max(amplitude, 1e-300) @ self.factor[pair]
-        return order, amplitude, float(np.linalg.norm(along)), float(np.degrees(np.angle((a - 1j * b).sum())))
+        return (
+            order,
+            amplitude,
+            float(np.linalg.norm(along) * self.student[own].max()),
+            float(np.degrees(np.angle((a - 1j * b).sum()))),
+        )
 
     def joint_wave(self, own: OrderIndices) -> tuple[float, float, float, float]:
         """The wave of an order and its beats without the part that noise adds to its mean square.
@@ -273,14 +280,16 @@ def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: 
     correlated, unmodelled = _memory(residual, variance, columns, bins)
     coefficients, level, drift = design.split(solution)
     floor = noise_floor(design, residual, variance)
-    wide = np.full(len(coefficients), correlated) if floor is None else np.tile(floor, 2)
-    factor = design.root[: len(coefficients)] * np.sqrt(variance * wide)[:, None]
+    power, student = floor or (np.full(len(orders), correlated), np.ones(len(orders)))
+    factor = design.root[: len(coefficients)] * np.sqrt(variance * np.tile(power, 2))[:, None]
     unsure = np.linalg.norm(design.root, axis=1) * np.sqrt(variance * max(correlated, 1.0))
     last = [(float(value), float(spread)) for value, spread in zip(solution, unsure, strict=True)][
         columns - len(slow.over) :
     ]
     slopes = dict(zip(slow.over, last, strict=True))
-    return TraceFit(design, coefficients, factor, lines, level, drift, slopes, residual, correlated, unmodelled)
+    return TraceFit(
+        design, coefficients, factor, student, lines, level, drift, slopes, residual, correlated, unmodelled
+    )
 
 
 def linear_drift(design: TraceDesign, residual: Array) -> tuple[float, float]:
@@ -348,13 +357,14 @@ def distance(probes: Array, orders: Array) -> Array:
     return np.minimum(np.abs(probes - orders[after - 1]), np.abs(probes - orders[np.minimum(after, len(orders) - 1)]))
 
 
-def noise_floor(design: TraceDesign, residual: Array, variance: float) -> Array | None:
+def noise_floor(design: TraceDesign, residual: Array, variance: float) -> tuple[Array, Array] | None:
     """Power of the noise at each order, over that of independent residuals of the same variance, shape (orders,).
+
+    And the Student factor of an interval of k = 2 where that power is of few places.
 
     Residuals of a real trace are not white: slow ones weigh on low orders more than on high ones. Their power halfway
     between fitted orders, and on both sides of a group of them, stands for the power of the noise at the orders.
-    The fit has taken a share of the noise there too: where rows are lost, all of its columns take some everywhere. A
-    power of few places is uncertain itself: for an interval of k = 2 its Student factor is in it.
+    The fit has taken a share of the noise there too: where rows are lost, all of its columns take some everywhere.
     Arguments: residual, shape (bins,) [arcsec]; variance, of the residuals at weight 1. None: the record is too short.
     """
     bins, orders = design.bins, design.orders
@@ -375,4 +385,4 @@ def noise_floor(design: TraceDesign, residual: Array, variance: float) -> Array 
     middle = np.clip(np.searchsorted(probes, orders) - FLOOR_FEWEST // 2, 0, len(probes) - FLOOR_FEWEST)
     first, last = np.where(few, middle, first), np.where(few, middle + FLOOR_FEWEST, last)
     student = stdtrit(np.maximum(1.0, 2 * resolved * (last - first)), STUDENT_SHARE) / COVERAGE_FACTOR
-    return np.asarray((total[last] - total[first]) / (last - first) * student**2)
+    return (total[last] - total[first]) / (last - first), np.asarray(student)

@@ -140,7 +140,7 @@ class Reversal:
     """Error in growing minus error in falling direction at the same angles [arcsec]: mean, and greatest departure."""
 
     mean_arcsec: float
-    greatest_arcsec: float
+    greatest_departure_arcsec: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -334,8 +334,9 @@ def _sweep_result(
     if gearing:
         cycle = gearing.cycle * per_turn
         visited = np.unique(np.mod(places, cycle))
+        steps = int(np.isin(np.mod(visited + 1, cycle), visited).sum())  # from one visited place to the next
         step = float(np.median(np.abs(np.diff(trace.cam_deg[rows]))))
-        visits = Coverage(len(visited) / per_turn, len(visited) / cycle, step)
+        visits = Coverage(steps / per_turn, steps / cycle, step)
         if bins.span >= WHOLE_TURN * gearing.ratio and not len(fit.lines):
             places = visited
     grid = places / per_turn

@@ -127,7 +127,7 @@ def test_the_noise_of_orders_is_not_lost_with_rows():
         (found,) = measure(recorded(turns[kept], error[kept]), ratio=RATIO, orders=range(1, 7)).directions
         bare = np.linalg.norm(found.fit.design.root[: len(found.fit.coefficients)], axis=1)
         floors.append((np.linalg.norm(found.fit.factor, axis=1) / bare).mean())
-    assert 0.97 < np.mean(floors) < 1.1
+    assert 0.94 < np.mean(floors) < 1.1
 
 
 def test_an_order_alone_has_room_for_the_beats_that_a_part_leaves_open():
@@ -156,7 +156,7 @@ def test_directions_are_kept_apart():
     assert {d.direction for d in result.directions} == {1, -1}
     assert result.reversal is not None
     assert result.reversal.mean_arcsec == pytest.approx(-5, abs=0.1)
-    assert result.reversal.greatest_arcsec < 1
+    assert result.reversal.greatest_departure_arcsec < 1
     for found in result.directions:  # the step between the directions is no part of F'_ior
         assert found.range.value == pytest.approx(24.2, abs=0.4)
 
