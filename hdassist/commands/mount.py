@@ -5,9 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.commands.card import CardFile, give_with_card
 from hdassist.terminal import options as o
@@ -17,9 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MountCommand(
-    o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOptions, o.ChoiceOptions, o.LoadedDriveOptions
-):
+class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDriveOptions):
     """Where to mount the fixed wheel: the hole of its seat with the least error F'_ior.
 
     \b
@@ -44,23 +40,12 @@ class MountCommand(
 
     --pitch-b and --pitch-g put measured teeth in place of the first harmonics, tooth by tooth from the mark. Every
     state is solved then, and nothing is drawn.
-
-    Ctrl-C ends the work early and prints what is done (exit code 130).
     """
 
     preset: o.Preset
-    step: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Step of the curve, a divisor of 360.", show_default="holes")
-    ] = None
-    probability: Annotated[
-        float, typer.Option(metavar="P", min=0, max=1, help="Probability of a gain for which a turn is ordered.")
-    ] = 0.95
-    assume_phases: Annotated[
-        bool, typer.Option("--assume-phases", help="Take unknown deviations as 0; the card says so.")
-    ] = False
-    every_state: Annotated[
-        bool, o.advanced_option("--every-state", help="Solve every state of every position, search none.")
-    ] = False
+    step: float | None = None
+    probability: float = 0.95
+    assume_phases: bool = False
     plot: o.Plot = True
     details: o.Details = False
     cross_check: o.CrossCheckOption = "highs"
@@ -80,27 +65,20 @@ class MountCommand(
         drive = self.load(self.preset)
         drive = with_zeros(drive) if self.assume_phases else drive
         measured = read_teeth(files, drive)
-        torques, rotations, weights = drive.operation.M_g, _rotations(drive, self.step), self.numbers()
-        begun = time.monotonic()
-        states = advice_states(
-            drive, torques, rotations, every_state=self.every_state, draws=self.draws, measured=measured
-        )
+        torques, rotations, begun = drive.operation.M_g, _rotations(drive, self.step), time.monotonic()
+        states = advice_states(drive, len(torques), len(rotations), draws=self.draws, measured=measured)
         with out.run(drive.name, states, self) as run:
             analysis = partial(
                 advise,
                 torques=torques,
                 rotations_deg=rotations,
                 measured=measured,
-                every_state=self.every_state,
-                weights=weights,
                 draws=self.draws,
-                criterion=self.criterion,
                 needed=self.probability,
                 run=run,
             )
             advice = in_wide_enough_window(drive, analysis)
-        ordered = not advice.curve.interrupted and advice.order != "none"
-        facts = (lambda say: mount_card_facts(advice, say)) if ordered else None
+        facts = None if advice.order == "none" else lambda say: mount_card_facts(advice, say)
         report = mount_report(advice, self.seed, carded=card is not None)
         if self.verbose:
             note_time(report, begun)

@@ -79,15 +79,15 @@ def test_an_oval_seat_makes_one_hole_better_on_any_cam(overrides):
 
 
 def test_its_samples_are_drives_that_are_oval_in_any_direction(oval):
-    shares = oval.positions.probability_best
-    assert shares.max() < 0.95  # such an ovality decides as much as all the rest
+    best = oval.positions.losses.argmin(axis=1)
+    assert len(set(best.tolist())) > 1  # such an ovality decides as much as all the rest
 
 
 def test_every_number_of_a_hole_is_the_median_over_the_samples(oval):
     told, card = report_object(mount_report(oval, 0)), mount_card_facts(oval, texts())
     sampled = told["belief"]
     medians = {place["rotation_deg"]: place["F_ior_arcsec"]["expected"] for place in sampled["positions"]}
-    for name in ("current", "best_bet", "second", "worst"):
+    for name in ("current", "best_bet", "worst"):
         assert told[name]["F_ior_arcsec"] == pytest.approx(medians[told[name]["rotation_deg"]])
     unsure = report_object(mount_report(replace(oval, needed=1.1), 0))
     assert [place["hole"] for place in unsure["measure"]] == [0, 2, 4]
