@@ -255,7 +255,7 @@ def _rows_by_tooth(table: NumberTable, column: int, teeth: int) -> tuple[int, li
     beyond, missing = sorted(row_of.keys() - set(wanted)), sorted(set(wanted) - row_of.keys())
     for words, numbers in (("a row for tooth", beyond), ("no row for tooth", missing)):
         if numbers:
-            message = f"the wheel has the teeth {first} to {wanted[-1]}, the file {len(row_of)} teeth"
+            message = f"the wheel has {teeth} teeth, the file {len(row_of)}"
             hint = "count from 0 or from 1 on, each tooth once" if beyond else f"{teeth} rows are needed"
             row = row_of.get(numbers[0], 0)
             table.add_at(row, column, message, f"{words} {shortened(numbers)}", hint)

@@ -169,13 +169,13 @@ def test_a_flank_is_chosen_among_columns() -> None:
         (FOUR.replace("-2", "nan"), "3:4: column 2: must be a finite number "
          "(got nan; a gap in the measurement cannot be filled here)"),
         # tooth numbers
-        (FOUR.replace("3; -2\n", ""), "1:1: column 1: the wheel has the teeth 1 to 4, the file 3 teeth "
+        (FOUR.replace("3; -2\n", ""), "1:1: column 1: the wheel has 4 teeth, the file 3 "
          "(got no row for tooth 3; 4 rows are needed)"),
-        (FOUR.replace("4; 1\n", ""), "1:1: column 1: the wheel has the teeth 1 to 4, the file 3 teeth "
+        (FOUR.replace("4; 1\n", ""), "1:1: column 1: the wheel has 4 teeth, the file 3 "
          "(got no row for tooth 4; 4 rows are needed)"),
-        (FOUR + "5; 0\n", "5:1: column 1: the wheel has the teeth 1 to 4, the file 5 teeth "
+        (FOUR + "5; 0\n", "5:1: column 1: the wheel has 4 teeth, the file 5 "
          "(got a row for tooth 5; count from 0 or from 1 on, each tooth once)"),
-        (FOUR + "5; 0\n6; 1\n", "5:1: column 1: the wheel has the teeth 1 to 4, the file 6 teeth "
+        (FOUR + "5; 0\n6; 1\n", "5:1: column 1: the wheel has 4 teeth, the file 6 "
          "(got a row for tooth 5, 6; count from 0 or from 1 on, each tooth once)"),
         (FOUR + "1; 0\n", "5:1: column 1: a tooth for the second time (got 1; first in line 1; keep one row)"),
         ("tooth;um\n" + FOUR.replace("3;", "3.5;") + "3; 1\n", "4:1: tooth: must be the whole number of a tooth "
@@ -239,7 +239,7 @@ def test_all_faults_are_found_at_once() -> None:
 def test_long_lists_of_teeth_are_shortened() -> None:
     (fault,) = faults("1;2\n202;3\n", 202)
     assert fault == (
-        "1:1: column 1: the wheel has the teeth 1 to 202, the file 2 teeth "
+        "1:1: column 1: the wheel has 202 teeth, the file 2 "
         "(got no row for tooth 2, 3, 4, 5, 6 ... (200 in all); 202 rows are needed)"
     )
 
