@@ -72,7 +72,9 @@ ASSUMED = {  # by key: value without a statement, and the note on it
     "sense": ("ccw", "no sense given: numbered counter-clockwise, seen from the cam side"),
     "sign": ("along", ""),
 }
-COLUMNS_HINT = "name them in a line above the rows, like left [um], and ask for one flank or form; or keep one of them"
+COLUMNS_HINT = (
+    "left [um]; right [um] above the rows, and one flank or form asked for; decimal commas need ; between columns"
+)
 FORM_HINT = 'write a comment line above the rows, like "# form: cumulative" or "# form: single"'
 
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from hdassist.errors import Finding, PresetError, UsageError
-from hdassist.readers.pitch import PitchFile, read_pitch
+from hdassist.readers.pitch import COLUMNS_HINT, PitchFile, read_pitch
 from hdassist.readers.words import flank_in, form_in, length_in, micrometres, names_teeth
 
 FOUR = "1; 0\n2; 3\n3; -2\n4; 1\n"
@@ -218,11 +218,11 @@ def test_a_flank_is_chosen_among_columns() -> None:
          "their curve spans 3 um "
          "(cumulative deviations, values rounded too far, or teeth measured in several passes?)"),
         (FLANKS, '1:1: 2 columns of deviations (got "left [um]" and "right [um]"; '
-         "name them in a line above the rows, like left [um], and ask for one flank or form; or keep one of them)"),
+         f"{COLUMNS_HINT})"),
         ("tooth;fp;Fp\n1;2;3\n2;4;5\n3;1;1\n4;0;0\n", '1:1: 2 columns of deviations (got "fp" and "Fp"; '
-         "name them in a line above the rows, like left [um], and ask for one flank or form; or keep one of them)"),
+         f"{COLUMNS_HINT})"),
         ("1;2.0;3\n2;4;5\n3;1;1\n4;0;0\n", '1:1: 2 columns of deviations (got "column 2" and "column 3"; '
-         "name them in a line above the rows, like left [um], and ask for one flank or form; or keep one of them)"),
+         f"{COLUMNS_HINT})"),
     ],
 )  # fmt: skip
 def test_each_fault_is_said_with_its_place(text: str, expected: str) -> None:
