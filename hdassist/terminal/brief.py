@@ -31,12 +31,17 @@ LIMITED = (
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
 
 
-def again(command: str, drive: Drive, *more: str, pitch: object = None) -> str:
-    """A command about the same drive, as a shell takes it; pitch: wheels that are measured, whose files go with it."""
-    origin = drive.origin
-    preset = "-" if origin.file == STDIN else origin.file or drive.name
-    words = shlex.join(["hdassist", command, preset, *_options(command, origin.overrides), *more])
-    return words + " with the same pitch files" * bool(pitch)
+def again(command: str, drive: Drive | None, *more: str, pitch: object = None) -> str:
+    """A command about the same drive, as a shell takes it; pitch: wheels that are measured, whose files go with it.
+
+    PRESET stands for a drive that is not known.
+    """
+    words = ["PRESET"]
+    if drive:
+        origin = drive.origin
+        words = ["-" if origin.file == STDIN else origin.file or drive.name, *_options(command, origin.overrides)]
+    text = shlex.join(["hdassist", command, *words, *more])
+    return text + " with the same pitch files" * bool(pitch)
 
 
 def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:

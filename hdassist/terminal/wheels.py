@@ -31,7 +31,7 @@ def pitch_files(presets: Sequence[str], options: PitchOptions) -> WheelFiles:
 def read_teeth(files: WheelFiles, drive: Drive) -> MeasuredTeeth | None:
     """The measured wheels of a drive, None without a file; says on stderr what was assumed.
 
-    Raises PresetError with the faults of both files, DataError for a file that cannot be read.
+    Raises PresetError with the faults of a file, DataError for a file that cannot be read.
     """
     found = files.read(drive)
     say_notes(found)
