@@ -97,7 +97,7 @@ MONTE_CARLO: tuple[Quantity[OperatingPoint], ...] = (
         for end in ("low", "high")
     ),
 )  # fmt: skip
-OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of what is not known exactly too
+OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of the unknown inputs too
 HELD: Quantity[OperatingPoint] = Quantity("held_arcsec", "F'_ior + self error, 5 to 95 %", "″", "")
 
 

@@ -165,7 +165,7 @@ class Seat:
 
 @dataclass(frozen=True)
 class Tiles:
-    """Numbers to be seen at once: words, the number, and what stands below each."""
+    """Numbers to be seen at once: words, the number, and the words below each."""
 
     rows: tuple[tuple[str, str, str], ...]
 
