@@ -165,11 +165,9 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
     bounds = plausible | _numbers(document, path, {} if value is None else value, units, units.keys() - plausible)
     if bounds.keys() != units.keys():
         return
-    low, high, own = bounds["low"], bounds["high"], drive.value(key)
+    low, high = bounds["low"], bounds["high"]
     if not low < high or not (drive.allows(key, low) and drive.allows(key, high)):
         document.add(path, f"low must be below high, both within {range_of(measures()[key])}", got=f"{low:g}, {high:g}")
-    elif own is not None and not low <= own <= high:
-        document.add(path, "the preset's value lies outside the bounds", got=f"{own:g}, not in {low:g} to {high:g}")
     scale: Literal["logarithmic", "even"] = "logarithmic" if low > 0 and high / low > LOGARITHMIC else "even"
     yield FieldPrior(key, scale, low, high, owner_of(drive, key), key, "bounds of the calibration")
 

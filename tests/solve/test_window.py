@@ -116,9 +116,9 @@ def test_the_answer_is_that_of_the_wider_window(words, trace):
 
 def test_rows_of_a_lot_that_share_predictions_share_their_window(tmp_path):
     (tmp_path / "lot.csv").write_text(f"serial;numerics.window\n1;{NARROW}\n2;{NARROW}\n3;{WIDE}\n")
-    done = run("accept", "lot.csv", "--preset", SMALL, "--limit", "K_1=10", "--jobs", "1", "--jsonl", "-", cwd=tmp_path)
+    done = run("accept", "lot.csv", "--preset", SMALL, "--limit", "K_1=10", "--jobs", "1", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    one, two, three = map(json.loads, done.stdout.splitlines())
+    one, two, three = json.loads(done.stdout)["results"]
     assert one["checks"] == two["checks"] == three["checks"]
     assert one["preset"]["overrides"][-1] == two["preset"]["overrides"][-1] == f"numerics.window={WIDE}"
     assert one["warnings"] == two["warnings"]
