@@ -66,7 +66,7 @@ class Sweep:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Values of each axis, and torques: the shape of what the rows tell."""
+        """Values of each axis, and torques: the shape of the results of the rows."""
         return (*(len(axis.values) for axis in self.axes), max(1, len(self.torques)))
 
     def values(self, row: int) -> dict[str, float]:
@@ -84,7 +84,7 @@ class Sweep:
         return RecordKind(TypeAdapter(SweepRow))
 
     def __call__(self, first: int, last: int) -> list[SweepRow]:
-        """Records of the rows first ... last - 1; a row depends on nothing but itself."""
+        """Records of the rows first ... last - 1; a row depends on its own number alone."""
         return [self._record(row) for row in range(first, last)]
 
     def _record(self, row: int) -> SweepRow:

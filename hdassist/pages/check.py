@@ -97,7 +97,7 @@ MONTE_CARLO: tuple[Quantity[OperatingPoint], ...] = (
         for end in ("low", "high")
     ),
 )  # fmt: skip
-OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of what is not known exactly too
+OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of the unknown inputs too
 HELD: Quantity[OperatingPoint] = Quantity("held_arcsec", "F'_ior + self error, 5 to 95 %", "″", "")
 
 
@@ -107,7 +107,7 @@ _ON_PAGE: tuple[Quantity[OperatingPoint], ...] = (
     Quantity("belief", "5 to 95 %", "", lambda belief: f"{belief.p5:.1f} to {belief.p95:.1f}"),
     Quantity("self_error", "self error", "", ".2f", "self_error.range_arcsec"),
     Quantity("limit_arcsec", "limit", "", "g"),
-    POINT_QUANTITIES[5],
+    Quantity("verdict", "verdict", "", "", lambda p: p.verdict if p.limit_arcsec is not None else None),
 )
 
 
@@ -137,14 +137,11 @@ def check_report(check: DesignCheck, seed: int, sampling: Sequence[str] = ()) ->
 
 def F_ior_table(check: DesignCheck) -> Table:
     """F'_ior by torque, with its range over all that is not known exactly and its limit where there are such."""
-    empty = {"belief"} if not check.samples else set()
-    if all(point.limit_arcsec is None for point in check.points):
-        empty |= {"limit_arcsec", "verdict"}
     title = "kinematic error F'_ior over the full cycle, ″" + ", unknown as 0" * bool(check.unknown)
     if check.samples and check.prior:
         fitted = f" ({len(check.prior.fitted)} others as fitted)" if check.prior.fitted else ""
         title = f"F'_ior, ″: median and range over {len(check.prior.fields)} uncertain inputs{fitted}"
-    return Table.by_row(title, [q for q in _ON_PAGE if q.key not in empty], check.points, words=())
+    return Table.by_row(title, _ON_PAGE, check.points, words=())
 
 
 def verdict_reason(point: OperatingPoint) -> str:

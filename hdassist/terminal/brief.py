@@ -82,6 +82,6 @@ def on_what(drive: Drive) -> str:
 
 
 def not_known(drive: Drive) -> str:
-    """What is not known of a drive and was computed as 0."""
+    """Deviations of a drive that are not known, and were computed as 0."""
     open_ = unknowns(drive)
     return f"taken as 0: {unknown_names(open_)}" if open_ else ""
