@@ -140,8 +140,9 @@ def _numbers(
     if not isinstance(table, dict):
         document.add(path, "must be a table of keys", f"known keys: {', '.join(units)}")
         return {}
-    for key in {*needs} - {*table}:
-        document.add((*path, key), "missing key", got="")
+    for key in needs:
+        if key not in table:
+            document.add((*path, key), "missing key", got="")
     values: dict[str, Any] = {}
     for key, value in table.items():
         at, unit = (*path, key), units.get(key)
@@ -162,7 +163,9 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
         return
     plausible = dict(zip(("low", "high"), source.range, strict=True)) if source and source.range else {}
     units = dict.fromkeys(("low", "high"), unit_of(measures()[key]))
-    bounds = plausible | _numbers(document, path, {} if value is None else value, units, units.keys() - plausible)
+    bounds = plausible | _numbers(
+        document, path, {} if value is None else value, units, [end for end in units if end not in plausible]
+    )
     if bounds.keys() != units.keys():
         return
     low, high = bounds["low"], bounds["high"]
@@ -183,6 +186,9 @@ def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationT
     units = {"quantity": TEXT, **{key: KEY_UNITS[key] for key in (*needs, *takes)}, "tolerance": None}
     faults = len(document.findings)
     given = _numbers(document, path, item, units | dict.fromkeys(("value", "low", "high"), unit), needs)
+    for key in ("M_g", "T_1", "T_2"):
+        if given.get(key) == 0:
+            document.add((*path, key), "a torque of 0 leaves the rotation undetermined")
     if len(document.findings) > faults:
         return
     value, low, high = given.get("value"), given.get("low", -inf), given.get("high", inf)

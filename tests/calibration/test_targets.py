@@ -53,6 +53,7 @@ def test_what_is_written_is_what_is_meant():
         ("low: 1e-5, ", "", "5:3", "missing key"),
         ("F_ior_max", "F_ior_most", "7:16", "did you mean F_ior"),
         ("M_g: 80, ", "", "7:5", "missing key"),
+        ("M_g: 80", "M_g: 0", "7:32", "undetermined"),
         ("7 %", "-7 %", "7:58", "above 0"),
         (", tolerance: 7 %", "", "7:5", "must be above 0"),
         ("low: 0.25, high: 2.0", "low: 3, high: 2.0", "8:5", "low below high"),
