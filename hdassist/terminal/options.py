@@ -36,20 +36,13 @@ trace_option = partial(typer.Option, rich_help_panel="Measured trace")
 
 # types of fields that options.toml declares for any class
 Preset = str
-Target = str
 CrossCheckOption = str
-Presets = list[str]
-Limits = list[str]
-OneTorque = str | None
-Solver = str | None
 Plot = bool
 Details = bool
-Force = bool
 Ascii = bool
 Debug = bool
 SeedOption = int
 Jobs = int
-VerdictProbability = float
 
 
 def declared_parameter(
