@@ -55,7 +55,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
             words = f"the self error alone is {own[worst]:.1f}″ at {torques[worst]:g} N*m"
             hint = "no tolerance changes that: a limit above it, or another wave or clearance"
             raise UsageError(f"{words}, the limit {limits[worst]:g}", hint)
-        production = Production.of(
+        production = Production(
             law, torques, mounting=self.mounting, limits=room, seed=self.seed, per_design=DRIVES_PER_DESIGN, steps=True
         )
         if not law.tolerances:

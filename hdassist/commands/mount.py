@@ -66,7 +66,7 @@ class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOpt
         drive = with_zeros(drive) if self.assume_phases else drive
         measured = read_teeth(files, drive)
         torques, rotations, begun = drive.operation.M_g, _rotations(drive, self.step), time.monotonic()
-        states = advice_states(drive, len(torques), len(rotations), draws=self.draws, measured=measured)
+        states = advice_states(drive, len(rotations), draws=self.draws, measured=measured)
         with out.run(drive.name, states, self) as run:
             analysis = partial(
                 advise,

@@ -42,7 +42,7 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
         drive = self.load(self.preset)
         law = self.law(drive)
         each_its_own = replace(law, shared=law.shared + law.own, own=())
-        production = Production.of(
+        production = Production(
             each_its_own, drive.operation.M_g, mounting=False, seed=self.seed, per_design=1, steps=True
         )
         drives = ProductionRun(drive.name, self.jobs, out)

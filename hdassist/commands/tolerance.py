@@ -61,7 +61,7 @@ class ToleranceCommand(o.FigureOptions, DrawOptions):
             require_limits(drive)
         limits = [drive.limit(M_g) for M_g in torques]
         own = [found.range_arcsec for found in self_error(drive, torques)]
-        production = Production.of(
+        production = Production(
             law,
             torques,
             mounting=self.mounting,

@@ -130,7 +130,7 @@ class DesignCheck:
 
     def with_samples(self, samples: Samples) -> DesignCheck:
         """The check with samples of all that is not known exactly."""
-        points = (replace(point, belief=ErrorBelief(samples, k)) for k, point in enumerate(self.points))
+        points = (replace(point, belief=ErrorBelief.of(samples, k)) for k, point in enumerate(self.points))
         return replace(self, points=tuple(points), samples=samples)
 
     @property

@@ -137,26 +137,12 @@ def test_what_is_assumed_widens_the_gain_and_can_take_an_order_back():
     assert {each.group for each in loose.influences} <= {each.group for each in prior_of(drive_of(stiff)).fields}
 
 
-def test_an_open_gain_has_more_draws_and_its_ranges_are_of_the_first():
-    drive = drive_of("phases.xi_b=200±90")
-    turns = seat_positions(drive)
-    settled = advise(drive, (4.0,), turns, draws=40, run=Run(seed=3))
-    needed = settled.gain_probability.value  # which chance alone leaves open
-    advice = advise(drive, (4.0,), turns, draws=40, needed=needed, run=Run(seed=3))
-    assert advice.samples.draws > settled.samples.draws == advice.samples.of_ranges.draws
-    assert advice.gain_range == settled.gain_range
-
-
-def test_no_further_draws_where_they_could_not_settle_a_gain():
-    drive = drive_of("phases.xi_b=200±90")
-    turns = seat_positions(drive)
-    gain = advise(drive, (4.0,), turns, draws=40, run=Run(seed=3)).gain_probability
-    needed = 1 - gain.low - 1e-3  # open, as a smaller gain might be as improbable as that
-    assert not is_settled(gain.low, gain.high, needed)
-    advice = advise(drive, (4.0,), turns, draws=40, needed=needed, run=Run(seed=3))
-    assert advice.samples.draws == advice.samples.of_ranges.draws
-    assert advice.gain_probability == gain
-    assert advice.order == "none"
+def test_a_gain_that_chance_leaves_open_has_four_times_the_draws_and_its_ranges_are_of_the_first():
+    drive = drive_of("phases.xi_b=280±60")
+    advice = advise(drive, (4.0,), seat_positions(drive), draws=16, run=Run(seed=3))
+    assert not is_settled(advice.gain_probability.low, advice.gain_probability.high)
+    assert (advice.order, advice.samples.draws, advice.samples.of_ranges.draws) == ("none", 64, 16)
+    assert advice.positions.F_ior_arcsec.shape[1] == 16
 
 
 def test_a_catalogue_is_heard_by_mount():

@@ -26,7 +26,7 @@ def found_of(
     drive = load_preset(preset, sets)
     law = production_law(drive, law_of_sizes)
     own = replace(law, shared=law.shared + law.own, own=())
-    production = Production.of(own, drive.operation.M_g, mounting=False, per_design=1, steps=True)
+    production = Production(own, drive.operation.M_g, mounting=False, per_design=1, steps=True)
     production, samples = production.with_designs(count)
     assert samples
     return production, sensitivities(production, samples, proven)
