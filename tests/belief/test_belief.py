@@ -295,7 +295,7 @@ def test_a_probability_is_of_the_first_samples_that_settle_it(by_C_3):
     """Samples that are drawn on for another question have no part in it."""
 
     def first(count: int) -> Samples:
-        return replace(by_C_3, F_ior_arcsec=F_ior[:count], weights=np.ones(count))
+        return replace(by_C_3, F_ior_arcsec=F_ior[:count], weights=np.ones(count), stages=())
 
     F_ior = np.array([[10.0]] * 60 + [[30.0]] * 60)
     stages = tuple(map(first, (30, 60, 120)))
