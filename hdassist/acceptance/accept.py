@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from hdassist.acceptance.answer import AcceptAnswer, Note, PresetRecord, exit_code, now, of_predictions
+from hdassist.acceptance.answer import AcceptAnswer, Note, PresetRecord, now, of_predictions
 from hdassist.acceptance.checks import (
     BUDGET,
     COVERAGE,
@@ -50,7 +50,7 @@ def accept(
     if predictions is None and len(left) == len(limits):
         raise DataError(
             f"{drive.name}: nothing was measured that has a limit",
-            "--measured FILE or --value NAME=VALUE±U, or no --measured-only",
+            " ".join(limit.option for limit in limits) + ", or no --measured-only" * request.measured_only,
         )
     decisions = []
     for limit in limits:
@@ -73,7 +73,7 @@ def accept(
     return AcceptAnswer(
         version=__version__,
         preset=PresetRecord(drive.name, drive.origin.sha256, drive.origin.overrides),
-        exit_code=exit_code(verdict, bool(remarks), request.fail_on),
+        exit_code=verdict.exit_code,
         warnings=drive.origin.warnings,
         serial=request.serial,
         seed=request.seed,

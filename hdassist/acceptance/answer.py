@@ -12,7 +12,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from hdassist.acceptance.decision import Decision
 from hdassist.acceptance.predictions import Predictions
-from hdassist.acceptance.request import FailOn, Request
+from hdassist.acceptance.request import Request
 from hdassist.errors import DataError, Fault
 from hdassist.json_parts import (
     Json,
@@ -118,13 +118,6 @@ def of_predictions(found: Predictions | None, wheels: MeasuredTeeth | None) -> J
         "to_measure": tuple(measure_objects(found.to_measure)),
         "samples": samples_object(found.samples),
     }
-
-
-def exit_code(verdict: Verdict, remarked: bool, fail_on: FailOn) -> int:
-    """Exit code of an acceptance: that of its verdict; with warn remarks count as FAIL, with never nothing does."""
-    if fail_on == "never":
-        return 0
-    return 3 if fail_on == "warn" and remarked else verdict.exit_code
 
 
 def now() -> str:

@@ -17,14 +17,14 @@ from hdassist.acceptance.limits import Limit, torques_of
 from hdassist.belief.evidence import STIFFNESS_FIGURES, evidence_of
 from hdassist.belief.influence import Influence, influences
 from hdassist.belief.measure import MeasurementGain, measurements
-from hdassist.belief.prior import DrivePrior, prior_of
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, SAMPLE_STATES, Samples, SamplingEffort, draw_samples
+from hdassist.belief.prior import DrivePrior
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, draw_samples
 from hdassist.belief.statistics import weighted_quantile
 from hdassist.design.check import beside_measured_teeth
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.error_map import searchable
 from hdassist.error.self_error import SelfError, self_error
-from hdassist.error.stiffness import Stiffness, stiffness, stiffness_states
+from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.table import TABLE_SECTIONS
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
@@ -196,20 +196,6 @@ def quantities(
     found = PredictedQuantities(by_torque, dict(zip(own_at, next(own, []), strict=True)), next(twist, None))
     run.finished(found.certificate.states)
     return found
-
-
-def prediction_states(drive: Drive, limits: Sequence[Limit], draws: int = EFFECTIVE_SAMPLES) -> int:
-    """Number of states that predictions for limits solve, about, for a progress bar."""
-
-    def once(some: Sequence[Limit]) -> int:
-        states = len(torques_of(some, "cycle")) * Kinematics.of(drive).cycle_states
-        states += len(torques_of(some, "self error")) * drive.numerics.n_phase**2
-        return states + stiffness_states(1) * any("stiffness" in limit.check.needs for limit in some)
-
-    if not (searchable(drive) and any(_is_open(prior_of(drive), limit) for limit in limits)):
-        return once(limits)
-    drawn = len(_torques(drive, limits)) * SAMPLE_STATES + once([limit for limit in limits if limit.check is not F_IOR])
-    return once(limits) + draws * drawn
 
 
 def predict(

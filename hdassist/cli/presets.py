@@ -7,7 +7,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -85,9 +85,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
     """
 
     preset: o.Preset
-    resolved: Annotated[
-        bool, typer.Option("--resolved", help="Every value that is really used, and where it comes from.")
-    ] = False
+    resolved: bool = False
 
     def run(self) -> int:
         """Show the preset; returns the exit code."""
@@ -178,29 +176,16 @@ class TextOptions(o.OptionGroup):
 class WishOptions(o.OptionGroup):
     """Known data of a new drive."""
 
-    like: Annotated[str, typer.Option(metavar="PRESET", help="Drive to be like.")] = "vzp160"
-    coupling: Annotated[
-        str | None,
-        typer.Option(metavar="KIND", help="How the cam sits on its shaft: solid, oldham, overhung, unknown."),
-    ] = None
-    shaft: Annotated[str | None, typer.Option(metavar="DxL", help="Diameter and overhang of its shaft, mm: 14x30.")] = (
-        None
-    )
-    pitch_diameter: Annotated[
-        str | None, typer.Option(metavar="MM", help="Pitch diameter of the flexspline; 63, or '63 mm'.")
-    ] = None
-    teeth: Annotated[str | None, typer.Option(metavar="Z_G/Z_B", help="Teeth of both wheels: 160/162.")] = None
-    ratio: Annotated[float | None, typer.Option(metavar="N", help="Ratio, in place of the teeth.")] = None
-    torque: Annotated[str | None, typer.Option(metavar="N*M", help="Rated torque.")] = None
-    stiffness: Annotated[
-        str | None, typer.Option(metavar="K1,K2,K3", help="Torsional stiffnesses of a catalogue, N*m/rad.")
-    ] = None
-    lost_motion: Annotated[
-        str | None, typer.Option(metavar="ARCSEC", help="Lost motion of a catalogue; 60, or '1 arcmin'.")
-    ] = None
-    accuracy: Annotated[
-        str | None, typer.Option(metavar="ARCSEC", help="Transmission accuracy of a catalogue, without load.")
-    ] = None
+    like: str = "vzp160"
+    coupling: str | None = None
+    shaft: str | None = None
+    pitch_diameter: str | None = None
+    teeth: str | None = None
+    ratio: float | None = None
+    torque: str | None = None
+    stiffness: str | None = None
+    lost_motion: str | None = None
+    accuracy: str | None = None
 
 
 @presets_app.command("new", cls=Command)
@@ -225,7 +210,7 @@ class PresetsNewCommand(TextOptions, WishOptions):
     check weighs what is assumed.
     """
 
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the drive.")]
+    name: str
 
     def run(self) -> int:
         """Write the preset; returns the exit code."""

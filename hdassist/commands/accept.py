@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
@@ -20,12 +18,9 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
     """How answers are worked out and given; jsonl and junit also have the drives without an answer."""
 
     details: o.Details = False
-    fail_on: Annotated[
-        Literal["warn", "fail", "never"], typer.Option(metavar="KIND", help="Fails the command: warn, fail or never.")
-    ] = "fail"
-    jsonl: Annotated[str | None, o.lot_option(metavar="FILE", help="Write each answer as a line of JSON.")] = None
-    resume: Annotated[bool, o.lot_option("--resume", help="Go on with the answers in --jsonl FILE.")] = False
-    junit: Annotated[str | None, o.lot_option(metavar="FILE", help="Write JUnit XML (- for stdout).")] = None
+    jsonl: str | None = None
+    resume: bool = False
+    junit: str | None = None
 
     @property
     def lines_file(self) -> str | None:
@@ -91,33 +86,15 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
     worst, in the order 1, 5, 4, 3, 6, 0.
     """
 
-    presets: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="[PRESET...|LOT]", default_factory=list, show_default=False,
-            help="Preset names, paths, or -; or a lot: a table NAME.csv, or - with --preset.",
-        ),
-    ]  # fmt: skip
+    presets: list[str]
     limit: o.Limits
-    measured: Annotated[
-        list[str],
-        typer.Option(metavar="[TORQUE=]FILE", default_factory=list, show_default=False, help="Measured trace."),
-    ]
-    value: Annotated[
-        list[str],
-        typer.Option(
-            metavar="NAME=VALUE±U", default_factory=list, show_default=False, help="Value measured otherwise, k = 2."
-        ),
-    ]
-    measured_only: Annotated[bool, typer.Option("--measured-only", help="Predict nothing.")] = False
+    measured: list[str]
+    value: list[str]
+    measured_only: bool = False
     sure: o.VerdictProbability = 0.95
-    serial: Annotated[str, typer.Option(metavar="TEXT", help="Serial number in the answer.")] = ""
-    preset: Annotated[
-        str, o.lot_option("--preset", metavar="PRESET", show_default=False, help="Preset of rows that name none.")
-    ] = ""
-    replay: Annotated[
-        str | None, o.lot_option(metavar="FILE", help="Repeat the answers of --json or --jsonl, and compare.")
-    ] = None
+    serial: str = ""
+    preset: str = ""
+    replay: str | None = None
     cross_check: o.CrossCheckOption = "highs"
 
     def run(self) -> int:
@@ -170,5 +147,4 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             wheels=self.wheels(),
             draws=self.draws,
             sure=self.sure,
-            fail_on=self.fail_on,
         )

@@ -9,11 +9,11 @@ from dataclasses import replace
 from hdassist.acceptance.accept import accept
 from hdassist.acceptance.answer import ANSWERS, AcceptAnswer, answer_json, read_answers, to_lines
 from hdassist.acceptance.lot import Lot, LotRow, read_lot
-from hdassist.acceptance.predictions import prediction_states
 from hdassist.acceptance.replay import changed_file, still_stands
 from hdassist.acceptance.request import Request
 from hdassist.acceptance.work import LotWork, failure_of
 from hdassist.commands.accept import AcceptOptions
+from hdassist.design.check import check_states
 from hdassist.errors import HdassistError, UsageError
 from hdassist.json_parts import Json
 from hdassist.pages import accept as page
@@ -47,7 +47,7 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
         drive = request.load()
         inputs = request.read(drive)
         say_notes(inputs.wheels)
-        states = 0 if request.measured_only else prediction_states(drive, inputs.unmeasured, request.draws)
+        states = 0 if request.measured_only else check_states(drive, inputs.wheels, request.draws)
         with out.progress(drive.name, states) as progress, workers(options.jobs) as executor:
             predictions = request.predict(drive, inputs.unmeasured, inputs.wheels, Run(executor, progress))
         answer = accept(request, inputs, predictions)

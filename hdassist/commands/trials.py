@@ -36,7 +36,7 @@ class TrialsCommand(o.FigureOptions, o.CardOptions, o.TraceOptions, o.LoadedDriv
     """
 
     preset: o.Preset
-    trials: list[str]
+    trials: list[str] | None = None
     verify: str | None = None
     plot: o.Plot = True
     details: o.Details = False
@@ -65,7 +65,7 @@ class TrialsCommand(o.FigureOptions, o.CardOptions, o.TraceOptions, o.LoadedDriv
         analysis = partial(
             advise_from_trials,
             drive,
-            [read_trial_or_record(text, drive, reading, self.seed) for text in self.trials],
+            [read_trial_or_record(text, drive, reading, self.seed) for text in self.trials or ()],
             rig,
             outcome=None
             if self.verify is None

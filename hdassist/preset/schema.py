@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from hdassist.numerals import NUMBER
-from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import PRESET_SCHEMA, Drive, deviation_sizes, field_table, fields, measures
 from hdassist.preset.kinds import UNKNOWN, UncertainReading, may_be_unknown, unit_of
 from hdassist.preset.overrides import is_overridden
@@ -86,8 +85,8 @@ def resolved_fields(drive: Drive) -> list[ResolvedField]:
 
 
 def origin_counts(drive: Drive) -> dict[str, int]:
-    """Numbers of fields that are given, identified and assumed in a preset, without those of the catalogue."""
-    kinds = [row.kind for row in resolved_fields(drive) if not of_catalogue(row.path)]
+    """Numbers of fields that are given, identified and assumed in a preset."""
+    kinds = [row.kind for row in resolved_fields(drive)]
     return {kind: kinds.count(kind) for kind in ("given", "identified", "assumed")}
 
 

@@ -32,12 +32,9 @@ GroupT = TypeVar("GroupT", bound="OptionGroup")
 DECLARED = tomllib.loads(files("hdassist.terminal").joinpath("options.toml").read_text("utf-8"))
 
 # options by the section of the help in which they stand (cli/help.py orders the sections)
-answer_option = partial(typer.Option, rich_help_panel="Answer")
 advanced_option = partial(typer.Option, rich_help_panel="Advanced")
 drive_option = partial(typer.Option, rich_help_panel="Drive")
 trace_option = partial(typer.Option, rich_help_panel="Measured trace")
-archive_option = partial(typer.Option, rich_help_panel="Archive")
-lot_option = partial(typer.Option, rich_help_panel="Lot")
 trials_option = partial(typer.Option, rich_help_panel="Trials")
 
 # types of fields that options.toml declares for any class
@@ -59,14 +56,14 @@ VerdictProbability = float
 
 
 def declared_parameter(
-    field: str, kind: object, *, is_argument: bool = False, section: str | None = None, names: Sequence[str] = (),
-    **words: Any,
+    field: str, kind: object, *, is_argument: bool = False, is_required: bool = False, names: Sequence[str] = (),
+    section: str | None = None, **words: Any,
 ) -> Any:  # fmt: skip
-    """The type of a field together with its option, or argument, as options.toml declares that; a list may be empty."""
+    """The type of a field together with its option, or argument, as options.toml declares that."""
+    if get_origin(kind) is list and not is_required:
+        words |= {"default_factory": list, "show_default": False}
     if is_argument:
         return Annotated[kind, typer.Argument(**words)]
-    if get_origin(kind) is list:
-        words |= {"default_factory": list, "show_default": False}
     names = names or (f"--{field.replace('_', '-')}",)
     return Annotated[kind, typer.Option(*names, rich_help_panel=section, **words)]
 

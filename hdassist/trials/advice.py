@@ -11,10 +11,10 @@ import numpy as np
 from scipy.stats import chi2, circmean, circstd
 
 from hdassist.belief.evidence import measured_errors
-from hdassist.errors import UntrustedError
+from hdassist.errors import UntrustedError, UsageError
 from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import Choice, hole_words, usable_positions
-from hdassist.mounting.trial import Trial
+from hdassist.mounting.trial import TRIAL_HINT, Trial
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.trials.posterior import (
@@ -200,6 +200,8 @@ def advise_from_trials(
     """
     torques, positions = drive.operation.M_g, usable_positions(drive.mounting.holes, drive.mounting.allowed)
     trials = (*_of_preset(drive, rig, (*trials, outcome)), *trials)
+    if not trials:
+        raise UsageError(f"no trials at {rig.M_g:g} N·m: expected HOLE=VALUE, or measured.F_ior", TRIAL_HINT)
     every = (*trials, outcome) if outcome else tuple(trials)
     if not drive.mounting.holes:
         positions = sorted({*positions, *(trial.rotation_deg for trial in every)})

@@ -123,17 +123,12 @@ def test_json_has_rows_ends_and_effects(tmp_path):
     assert kept[0]["options"] == {"vary": ["gears.x_b=1.8,4"], "set": ["operation.M_g=[4.0]"]}
 
 
-def test_a_table_of_two_fields(tmp_path):
+def test_rows_of_two_fields(tmp_path):
     fields = ("--vary", "tolerances.e_hb=30,60", "--vary", "gears.x_b=1.6,4", "--torque", "4", "--jobs", "1")
     done = run("sweep", SMALL, *fields, "--csv", "rows.csv", cwd=tmp_path)
     assert done.returncode == 0
-    lines = [line.split() for line in done.stdout.splitlines()]
-    head = lines.index(["tolerances.e_hb,", "um", "1.6", "4"])
-    assert " ".join(lines[head - 1]) == "F'_ior at 4 N·m, ″, over gears.x_b"
-    rows = {row[0]: row[1:] for row in lines[head + 2 : head + 4]}
     in_csv = list(csv.DictReader(io.StringIO((tmp_path / "rows.csv").read_text())))
-    solved = [f"{float(row['F_ior_arcsec']):.2f}" for row in in_csv if row["F_ior_arcsec"]]
-    assert rows == {"30": [solved[0], "-"], "60": [solved[1], "-"]}  # there are no such drives
+    assert [bool(row["F_ior_arcsec"]) for row in in_csv] == [True, False] * 2  # there are no such drives
     words = " ".join(done.stdout.split())
     assert words.startswith(
         "small, F'_ior over tolerances.e_hb (30 to 60 um) and gears.x_b (1.6 to 4), 4 rows: 22.10 to "

@@ -148,8 +148,8 @@ def test_an_outcome_says_keep_or_go_back():
         (("h4",), "invalid trial 'h4'"),
         (("h12=17",), "h0 to h11"),
         (("0=17", "--set", "mounting.holes=0", "h1=17"), "has none"),
-        ((), "Missing argument 'HOLE=F_IOR'"),
-        (("--verify", "h4=17"), "Missing argument 'HOLE=F_IOR'"),
+        ((), "no trials at 4 N·m"),
+        (("--verify", "h4=17"), "no trials at 4 N·m"),
         ((*TRIALS, "--noise", "0"), "'--noise': Input should be greater"),
         ((*TRIALS, "--reseat", "1"), "--noise, the spread of repeats with the wheel mounted again"),
         ((*TRIALS, "--trial-torque", "0"), "invalid trials: 0 N*m"),
@@ -213,3 +213,11 @@ def test_a_lower_demand_does_not_settle_what_hinges_on_one_value(answer):
     assert (told["settled"], told["recommended"], told["probability_needed"]) == (False, None, best - 0.01)
     assert min(told["trials"]["probability_good_without"]) < 0.6
     assert "the choice hinges on 73″ at hole 0" in done.stderr
+
+
+def test_values_of_the_preset_are_enough():
+    values = "measured.F_ior={h0@4: 73 ± 2, h4@4: 18.5 ± 2, h8@4: 25 ± 2}"
+    done = run(*LOOSE, "--set", values, "--json")
+    given = run(*LOOSE, "h0=73", "h4=18.5", "h8=25", "--json")
+    assert done.returncode == given.returncode and done.returncode in (0, 6), done.stderr
+    assert json.loads(done.stdout)["positions"] == json.loads(given.stdout)["positions"]

@@ -24,11 +24,7 @@ def F_ior_over_sets() -> Array:
     drive = load_preset("vzp160")
     unknowns = read_targets(TARGETS.read_bytes(), TARGETS.name, drive).unknowns
     shares = qmc.Sobol(len(unknowns), rng=np.random.default_rng(0)).random(32)[:COUNT]
-    sets = [
-        {u.path: float(u.low * (u.high / u.low) ** x if u.log else u.low + (u.high - u.low) * x)
-         for u, x in zip(unknowns, row, strict=True)}
-        for row in shares
-    ]  # fmt: skip
+    sets = [{u.path: float(u.value(x)) for u, x in zip(unknowns, row, strict=True)} for row in shares]
     return np.array([in_wide_enough_window(drive.with_values(values), by_phase) for values in sets])
 
 
