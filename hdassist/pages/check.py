@@ -27,7 +27,7 @@ from hdassist.report.blocks import Curve, Facts, Table
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.brief import again, probability_words, thousands
-from hdassist.terminal.influence_words import influence_words, measure_words, samples_words
+from hdassist.terminal.influence_words import influence_words, measure_words, samples_words, settling_words
 from hdassist.terminal.wheels_page import heading
 from hdassist.verdict import Verdict
 
@@ -162,7 +162,8 @@ def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
     least_sure = check.points[check.least_sure]
     at = f" at {least_sure.M_g:g} N·m"
     yield "influence", influence_words(check.influences) + at if check.influences else ""
-    yield "measure", measure_words(check.to_measure, least_sure.limit_arcsec is not None)
+    measured = measure_words(check.to_measure, least_sure.limit_arcsec is not None)
+    yield "measure", settling_words(measured, least_sure.probability, least_sure.sure, check.samples)
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
     if check.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE) and not check.unknown:
         yield "coupling", _coupling(check)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from hdassist.belief.prior import prior_of
 from hdassist.error.orders import Order, order_legend
 from hdassist.error.trace import Trace
 from hdassist.json_parts import attributes, pitch_object, unknown_objects
@@ -36,8 +37,10 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     cycle = error.kinematics.cycle_cam_revolutions
     is_part = trace.revolutions < cycle
     turns = f"{trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
+    nominal = ", nominal" * bool(prior_of(drive).fields)  # at the preset's values, whatever was measured
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     title = "orders: amplitude·cos(order·phi_h + phase)"
+    start = f"{moving} = {trace.start_deg:g}°{nominal}"
     order, _, _, cause = ORDER_QUANTITIES
     orders = sorted(trace.orders, key=lambda o: -o.amplitude_arcsec)
     listed = sorted(orders[:_LISTED_ORDERS], key=lambda o: o.per_cam_rev)
@@ -45,7 +48,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     return Report(
         command="trace",
         drive=drive,
-        head=f"{drive.name}, {error.M_g:g} N·m, {turns} from {moving} = {trace.start_deg:g}°{heading(trace.measured)}",
+        head=f"{drive.name}, {error.M_g:g} N·m, {turns} from {start}{heading(trace.measured)}",
         verdict=f"range {error.range_arcsec:.2f}″",
         why=(f"{trace.revolutions} of the {cycle} cam turns of the full cycle: F'_ior is at least as large",) * is_part,
         blocks=(

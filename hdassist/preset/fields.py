@@ -138,13 +138,17 @@ BY_PATH: dict[str, type[Section]] = {"source": Source, "cost": CostLaw}  # table
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top; zeros: taken as 0."""
+    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top; zeros: taken as 0.
+
+    asked: other options that the user gave, by name, which a next command on the drive is to have too.
+    """
 
     file: str = ""
     sha256: str = ""
     overrides: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     zeros: tuple[str, ...] = ()
+    asked: tuple[tuple[str, str], ...] = ()
 
 
 class Drive(BaseModel):

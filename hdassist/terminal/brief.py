@@ -18,7 +18,15 @@ if TYPE_CHECKING:
     from hdassist.belief.statistics import Probability
     from hdassist.report.report import ReportProof
 
-LIMITED = ("check", "report", "tolerance", "sensitivity", "allocate", "accept")  # commands that take --limit
+DRAWN = ("tolerance", "sensitivity", "allocate")  # commands of random drives
+SAMPLED = ("check", "report", "mount", "plan", "accept", "compare", "compensate")  # commands that draw samples
+LIMITED = ("check", "report", "mount", "plan", "accept", *DRAWN)  # commands that take --limit
+TAKEN_OVER = {  # options that the next command has too, by their name: the commands that take them
+    "draws": SAMPLED,
+    "seed": (*SAMPLED, *DRAWN),
+    "distribution": DRAWN,
+    "known": DRAWN,
+}
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
 
 
@@ -26,7 +34,8 @@ def again(command: str, drive: Drive, *more: str, pitch: object = None) -> str:
     """A command about the same drive, as a shell takes it; pitch: wheels that are measured, whose files go with it."""
     origin = drive.origin
     preset = "-" if origin.file == STDIN else origin.file or drive.name
-    words = shlex.join(["hdassist", command, preset, *_options(command, origin.overrides), *more])
+    asked = [f"--{name}={value}" for name, value in origin.asked if command in TAKEN_OVER[name]]
+    words = shlex.join(["hdassist", command, preset, *_options(command, origin.overrides), *asked, *more])
     return words + " with the same pitch files" * bool(pitch)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from importlib.resources import files
 from inspect import get_annotations
@@ -158,7 +158,17 @@ class DriveOptions(OptionGroup):
         """The drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
         from hdassist.loading.load import load_preset
 
-        return load_preset(preset, self.changes)
+        return self.noted(load_preset(preset, self.changes))
+
+    def noted(self, drive: Drive) -> Drive:
+        """The drive, with the options in its origin that a next command on it is to have too."""
+        from hdassist.terminal.brief import TAKEN_OVER
+
+        given = [(f, getattr(self, f.name)) for f in fields(self) if f.name in TAKEN_OVER]
+        every = ((f, each) for f, value in given for each in (value if isinstance(value, list) else [value]))
+        asked = [(f.name, str(value)) for f, value in every if value != f.default]
+        drive._origin = replace(drive.origin, asked=tuple(asked))
+        return drive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,7 +206,7 @@ class LimitedDriveOptions(LoadedDriveOptions):
         """
         from hdassist.acceptance.limits import load_limited
 
-        drive = load_limited(preset, super().changes, self.limits)
+        drive = self.noted(load_limited(preset, super().changes, self.limits))
         torques = drive.operation.M_g
         for limit in self.limits:
             if limit.torque is not None and limit.torque not in torques:

@@ -94,3 +94,9 @@ def test_what_is_not_known_is_said_where_it_counts_as_nothing():
     assert [each["field"] for each in told["unknown"]] == ["phases.phi_hb"]
     assert told["warnings"] == ["not known, and computed as 0: phases.phi_hb"]
     assert told["warnings"][0] in done.stderr
+
+
+def test_a_trace_at_the_presets_own_values_says_so():
+    measured = ("--set", "phases.xi_b=90±20", "--set", "measured.F_ior={h0@1: 35 ± 4}")
+    heads = [run("trace", SMALL, "--no-plot", *more).stdout.splitlines()[0] for more in ((), measured)]
+    assert ["nominal" in head for head in heads] == [False, True]
