@@ -153,14 +153,6 @@ class ErrorBelief:
         """F'_ior at one of the torques, by its place."""
         return cls(samples, torque, *(samples.of_ranges.percentile(share, torque) for share in (0.05, 0.5, 0.95)))
 
-    def percentile_error(self, share: float) -> float:
-        """Monte Carlo standard error [arcsec] of a percentile, by its share."""
-        return self.samples.of_ranges.percentile_error(share, self.torque)
-
-    def probability_within(self, limit_arcsec: float, sure: float) -> Probability:
-        """Probability that F'_ior is at most a limit [arcsec]; sure, probability that PASS needs."""
-        return self.samples.probability_within(limit_arcsec, self.torque, sure)
-
 
 def draw_samples(
     prior: DrivePrior,

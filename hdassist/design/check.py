@@ -96,7 +96,9 @@ class OperatingPoint:
     def probability(self) -> Probability | None:
         """Probability that F'_ior with the self error on top keeps the limit; None without a limit or samples."""
         left = self.left_arcsec
-        return None if left is None or self.belief is None else self.belief.probability_within(left, self.sure)
+        if left is None or self.belief is None:
+            return None
+        return self.belief.samples.probability_within(left, self.belief.torque, self.sure)
 
     @property
     def verdict(self) -> Verdict:

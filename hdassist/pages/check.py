@@ -49,7 +49,9 @@ def _angle_deg(end: str, angle: str, point: OperatingPoint) -> float:
 
 def _percentile_error(percent: int, point: OperatingPoint) -> float | None:
     """Monte Carlo standard error of a percentile of F'_ior [arcsec]."""
-    return point.belief.percentile_error(percent / 100) if point.belief else None
+    if not (belief := point.belief):
+        return None
+    return belief.samples.of_ranges.percentile_error(percent / 100, belief.torque)
 
 
 BELIEF_PERCENTILES = {5: "5th percentile", 50: "median", 95: "95th percentile"}

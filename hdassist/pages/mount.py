@@ -60,7 +60,6 @@ def mount_report(
     torque [arcsec], for curves.
     """
     drive, figures = advice.drive, list[Figure](position_curves(advice, limits))
-    figures[:0] = [figures.pop(_decisive(advice))] if figures else []
     if not advice.any_hole:
         figures.append(seat_of(advice.choice, ENGLISH, advice.choice.chosen))
     table = () if advice.any_hole else (positions_table(advice),)
@@ -151,12 +150,6 @@ def _measure(advice: Advice) -> str:
         return ""
     words = measure_words(advice.to_measure, True, advice.curve.holes)
     return settling_words(words, advice.gain_probability, advice.needed, advice.samples)
-
-
-def _decisive(advice: Advice) -> int:
-    """Place of the torque at which the chosen position gains least."""
-    now, then = advice.choice.current.F_ior_arcsec, advice.choice.chosen.F_ior_arcsec
-    return int(np.argmax(np.divide(then, np.maximum(now, 1e-9))))
 
 
 def position_curves(advice: Advice, limits: Sequence[float | None] | None = None) -> Iterator[Curve]:
