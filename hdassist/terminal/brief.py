@@ -18,7 +18,16 @@ if TYPE_CHECKING:
     from hdassist.belief.statistics import Probability
     from hdassist.report.report import ReportProof
 
-LIMITED = ("check", "report", "tolerance", "sensitivity", "allocate", "accept")  # commands that take --limit
+LIMITED = (
+    "check",
+    "mount",
+    "report",
+    "plan",
+    "tolerance",
+    "sensitivity",
+    "allocate",
+    "accept",
+)  # commands that take --limit
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
 
 
@@ -73,6 +82,6 @@ def on_what(drive: Drive) -> str:
 
 
 def not_known(drive: Drive) -> str:
-    """What is not known of a drive and was computed as 0."""
+    """Deviations of a drive that are not known, and were computed as 0."""
     open_ = unknowns(drive)
     return f"taken as 0: {unknown_names(open_)}" if open_ else ""

@@ -361,7 +361,7 @@ def test_a_limit_of_an_order_at_one_torque_wins_over_that_at_each():
     with pytest.raises(PresetError) as caught:
         load_text(preset, "own.yaml")
     assert [(f.path, f.message) for f in caught.value.findings] == [
-        ("acceptance.order_amplitude.2.0@4.0", "the same order twice"),
+        ("acceptance.order_amplitude.2.0@4.0", "given twice"),
         ("acceptance.order_amplitude.0@4", "must be an order per cam turn, or ORDER@TORQUE in N*m"),
         ("acceptance.order_amplitude.x@4", "must be an order per cam turn, or ORDER@TORQUE in N*m"),
     ]
