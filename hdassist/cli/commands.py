@@ -63,6 +63,7 @@ def _loaded(name: str) -> Any:
 
 REMOVED_OPTIONS = {
     "--rule": "--set acceptance.rule=simple",
+    "--assume-phases": "--set phases.phi_hb=0, or what it is",
     "--samples": "--draws N",
     **dict.fromkeys(("--scheduler", "--scheduler-file"), "--jobs N works with N processes of this machine"),
     "--reseat": "--noise, the spread of repeats with the wheel mounted again",

@@ -15,10 +15,10 @@ from pydantic.fields import FieldInfo
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.preset import coupling
-from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import PRESET_SCHEMA, Drive, Source, field_table, sections
 from hdassist.preset.kinds import UNKNOWN, Section, may_be_unknown, text_of, unit_of
 from hdassist.preset.overrides import path_of
+from hdassist.preset.schema import origin_counts
 from hdassist.preset.similarity import Requirements, SimilarValue, similar
 from hdassist.preset.yamltext import scalar_value
 
@@ -57,18 +57,16 @@ def similar_preset(name: str, like: Drive, required: Requirements, description: 
     entries = similar(like, required)
     text = "\n".join(_similar_lines(name, like, entries, description)) + "\n"
     try:
-        load_text(text, name)
+        counts = origin_counts(load_text(text, name))
     except PresetError as error:
         raise UsageError(f"no such drive meshes: {error.findings[0].message}", "other teeth, or another size") from None
-    return text
+    other = like.name if like.name.isprintable() else "another drive"
+    head = f"# Made by hdassist presets new, like {other}: {counts['given']} values given, {counts['assumed']} assumed."
+    return f"{head}\n{text}"
 
 
 def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], description: str) -> Iterator[str]:
     z_g, z_b, m = (entries[f"gears.{field}"].value for field in ("z_g", "z_b", "m"))
-    kinds = [entry.kind for path, entry in entries.items() if not of_catalogue(path)]
-    sure = kinds.count("given")
-    other = like.name if like.name.isprintable() else "another drive"
-    yield f"# Made by hdassist presets new, like {other}: {sure} values given, {len(kinds) - sure} assumed."
     yield "# `source` at the end of the file says how each was chosen, and in which range it may lie. Put in what you"
     yield "# know, with kind: given beside it. What is unknown is not zero: answers are ranges over it."
     yield f"schema: {PRESET_SCHEMA}"

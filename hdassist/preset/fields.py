@@ -98,7 +98,6 @@ class Numerics(Section):
 
     n_max: int = field("highest bending mode of the rings", default=40, ge=4, le=200)
     n_2: int = field("nodes between bore and outer ring", default=100, ge=12, le=720)
-    window: float = field("flank window on each side of the major axis", "deg", 60.0, ge=5, le=85)
     nominal_curve: Literal["linear", "inextensible"] = field(
         "shape of the rim on the cam: the ring's bending mode, or a closed curve of unchanged length",
         default="inextensible",
@@ -112,7 +111,10 @@ class Numerics(Section):
 
 
 # fields that presets had once, with a hint
-REMOVED = {"acceptance.margin": "no margin any more: predictions are held by their probability, hdassist accept --sure"}
+REMOVED = {
+    "acceptance.margin": "no margin any more: predictions are held by their probability, hdassist accept --sure",
+    "numerics.window": "no flank window any more: every tooth that may touch is looked at",
+}
 
 # fields of numerics that identified values depend on, and the value of each before it was a field
 IDENTIFIED_WITH: dict[str, str | int] = {"nominal_curve": "linear", "stations": 1}
@@ -141,13 +143,12 @@ BY_PATH: dict[str, type[Section]] = {"source": Source, "cost": CostLaw}  # table
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top; zeros: taken as 0."""
+    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top."""
 
     file: str = ""
     sha256: str = ""
     overrides: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    zeros: tuple[str, ...] = ()
 
 
 class Drive(BaseModel):

@@ -152,8 +152,4 @@ FIELD_RULES = (
         "numerics.n_2", "too few nodes for the bending modes",
         lambda n_2, n_max: n_2 < 2 * n_max and f"n_2 {n_2}, n_max {n_max}; at least 2 n_max = {2 * n_max}",
     ),
-    FieldRule(
-        "numerics.window", "holds no full tooth pitch",
-        lambda window, z_g: window < 360 / z_g and f"{window:g} deg; at least {360 / z_g:.3g} deg",
-    ),
 )  # fmt: skip

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import Drive, fields
 from hdassist.preset.kinds import UNKNOWN, UncertainReading, may_be_unknown, unit_of
 from hdassist.preset.overrides import is_overridden
@@ -46,8 +45,8 @@ def resolved_fields(drive: Drive) -> list[ResolvedField]:
 
 
 def origin_counts(drive: Drive) -> dict[str, int]:
-    """Numbers of fields that are given, identified and assumed in a preset, without those of the catalogue."""
-    kinds = [row.kind for row in resolved_fields(drive) if not of_catalogue(row.path)]
+    """Numbers of fields that are given, identified and assumed in a preset."""
+    kinds = [row.kind for row in resolved_fields(drive)]
     return {kind: kinds.count(kind) for kind in ("given", "identified", "assumed")}
 
 

@@ -304,7 +304,17 @@ def test_new_keeps_the_stiffnesses() -> None:
     assert (said.K_1, said.K_2, said.K_3, said.T_1, said.accuracy) == (31000, 50000, 57000, None, None)
     assert drive.source["catalogue.K_2"].kind == "given"
     assert drive.source["catalogue.K_2"].ref.startswith("--stiffness 31000,50000,57000")
-    assert origin_counts(drive)["given"] == 0  # of what the model rests on
+    assert origin_counts(drive)["given"] == 3
+
+
+def test_values_are_counted_once(tmp_path: Path) -> None:
+    drive = tmp_path / "own.yaml"
+    run("new", "own", "--ratio", "100", "--torque", "67", "--lost-motion", "60", "-o", str(drive))
+    kinds = [each["kind"] for each in json.loads(run("show", str(drive), "--json").stdout)["fields"]]
+    given, assumed = kinds.count("given"), kinds.count("assumed")
+    head = drive.read_text(encoding="utf-8").splitlines()[0]
+    assert head == f"# Made by hdassist presets new, like vzp160: {given} values given, {assumed} assumed."
+    assert run("validate", str(drive)).stdout.endswith(f"OK, {assumed} values still assumed\n")
 
 
 @pytest.mark.parametrize(

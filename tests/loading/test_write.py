@@ -140,7 +140,7 @@ def test_a_text_that_is_no_preset_is_refused():
 
 @pytest.mark.parametrize(
     "numerics",
-    ["numerics: {n_max: 20, n_2: 40, window: 40, n_phase: 4}", "numerics: {}", "numerics:", "",
+    ["numerics: {n_max: 20, n_2: 40, n_phase: 4}", "numerics: {}", "numerics:", "",
      "numerics:  # few\n    # words\n    n_phase: 4  # fast", "numerics: {nominal_curve: linear}"],
 )  # fmt: skip
 def test_the_model_that_values_were_identified_with_is_said_from_then_on(numerics: str) -> None:

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import spearmanr
 
 from hdassist import Drive, kinematic_error, load_preset
-from hdassist.calibration.quantities import REPORTING, PhaseScan, TargetQuantities
+from hdassist.calibration.quantities import PhaseScan, phase_scan
 from hdassist.error.cycle import KinematicError
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.trace import trace
@@ -41,7 +41,7 @@ def alternative(number: int) -> Drive:
 
 @cache
 def scan(M_g: float, number: int = 0) -> PhaseScan:
-    return TargetQuantities(alternative(number), REPORTING).scan(M_g)
+    return phase_scan(alternative(number), M_g)
 
 
 @cache
