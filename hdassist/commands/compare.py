@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -19,7 +19,7 @@ OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options that say nothi
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.DriveOptions):
+class CompareCommand(o.FigureOptions, o.SamplingOptions, o.SignOptions, o.TraceOptions, o.DriveOptions):
     """A measured trace over the predicted one, and which deviation explains the difference; or presets side by side.
 
     \b
@@ -53,13 +53,6 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
     zero: Annotated[
         str | None, o.trace_option("--cam-zero", metavar="DEG", help="phi_h where the rig's cam angle is 0, or fit.")
     ] = None
-    error_is: Annotated[
-        Literal["cam-output", "output-cam"],
-        o.trace_option(metavar="SIGN", help="Errors are cam-output (cam/ratio - output) or output-cam."),
-    ] = "cam-output"
-    cam_sense: Annotated[
-        Literal["ccw", "cw"], o.trace_option(metavar="SENSE", help="Sense of angles, seen from the cam: ccw or cw.")
-    ] = "ccw"
     plot: o.Plot = True
     details: o.Details = False
 
@@ -77,7 +70,6 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         from functools import partial
 
         from hdassist.comparing.compare import FIT_STATES, compare, torque_of, zero_of
-        from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment
         from hdassist.pages.compare import comparison_report
         from hdassist.run.run import Run
         from hdassist.solve.window import in_wide_enough_window
@@ -87,15 +79,14 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         o.stdin_once(*self.files, self.preset)
         out = self.open()
         start, given_zero = o.degrees_or_fit("--phi-g0", self.start), o.degrees_or_fit("--cam-zero", self.zero or "0")
-        sign = 1.0 if self.error_is == ERROR_SIGNS[1.0] else -1.0
-        sense = 1.0 if self.cam_sense == SENSES[1.0] else -1.0
         drive, reading = self.load(self.preset), self.reading()
         M_g = torque_of(drive)
 
         def one(name: str) -> Report:
             found = reading.measured(name, drive, seed=self.seed, together=True)
             zero = given_zero if self.zero else zero_of(found.trace, drive, start)
-            asked = Alignment(start or 0.0, zero or 0.0, sign, sense, (start is None, zero is None))
+            fitted = (start is None, zero is None)
+            asked = replace(self.alignment(), start_deg=start or 0.0, zero_deg=zero or 0.0, fitted=fitted)
             with out.progress(f"{drive.name}, {found.trace.file}", FIT_STATES) as progress:
                 analysis = partial(compare, found, M_g=M_g, asked=asked, run=Run(progress=progress))
                 result = in_wide_enough_window(drive, analysis)

@@ -22,7 +22,9 @@ FORMS: dict[str, RepeatTurn | None] = {"phasors": None, "output": "output", "cam
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.LoadedDriveOptions):
+class CompensateCommand(
+    ControllerOptions, o.FigureOptions, o.SamplingOptions, o.SignOptions, o.TraceOptions, o.LoadedDriveOptions
+):
     """How much of the error a stored correction can take off, in which form, and the table that does it.
 
     \b
@@ -48,13 +50,6 @@ class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o
     files: Annotated[
         list[str] | None, typer.Argument(metavar="FILE", help="Records, at each torque of the preset in its order.")
     ] = None
-    error_is: Annotated[
-        Literal["cam-output", "output-cam"],
-        o.trace_option(metavar="SIGN", help="Errors are cam-output (cam/ratio - output) or output-cam."),
-    ] = "cam-output"
-    cam_sense: Annotated[
-        Literal["ccw", "cw"], o.trace_option(metavar="SENSE", help="Sense of angles, seen from the cam: ccw or cw.")
-    ] = "ccw"
     kind: Annotated[
         Literal["phasors", "output", "cam", "half-cam"],
         typer.Option("--form", metavar="FORM", help="Form: phasors, or a table over a turn: output, cam, half-cam."),
@@ -77,27 +72,13 @@ class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
         """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
-        from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment
         from hdassist.correction.records import recorded_error
-        from hdassist.measuring.measure import measure
-        from hdassist.measuring.orders import parse_orders
-        from hdassist.measuring.uncertainty import parse_stated
-        from hdassist.model.kinematics import Kinematics
-        from hdassist.readers.trace import read_trace
 
-        files, torques, found = self.files or [], drive.operation.M_g, {}
+        files, torques, reading = self.files or [], drive.operation.M_g, self.reading()
         if len(files) > len(torques):
             raise UsageError(f"{len(files)} records, but {drive.name} has {len(torques)} torques", "--torque for each")
-        orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
-        sign = 1.0 if self.error_is == ERROR_SIGNS[1.0] else -1.0
-        asked = Alignment(sign=sign, sense=1.0 if self.cam_sense == SENSES[1.0] else -1.0)
-        for name, M_g in zip(files, torques, strict=False):
-            trace = read_trace(name, self.form(), abs(Kinematics.of(drive).u))
-            result = measure(
-                trace, drive=drive, orders=orders, drift=self.drift, stated=stated, seed=self.seed, together=True
-            )
-            found[M_g] = recorded_error(trace, result.directions[0], drive, asked)
-        return found
+        found = (reading.measured(name, drive, seed=self.seed, together=True) for name in files)
+        return {M_g: recorded_error(each, drive, self.alignment()) for M_g, each in zip(torques, found, strict=False)}
 
     def run(self) -> int:
         """Compute corrections of the drive; returns the exit code."""

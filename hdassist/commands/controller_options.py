@@ -66,7 +66,5 @@ class ControllerOptions(o.OptionGroup):
         """The controller's file of a correction, and what belongs to it."""
         from hdassist.correction.writers import ControllerAxis, correction_file
 
-        axis = ControllerAxis(
-            self.axis, -1 if self.clockwise else 1, self.zero, self.rows_from, 1, self.steps_per_degree
-        )
+        axis = ControllerAxis(self.axis, -1 if self.clockwise else 1, self.zero, self.rows_from, self.steps_per_degree)
         return correction_file(result, controller, axis)

@@ -14,12 +14,11 @@ from hdassist.comparing.record import Alignment
 from hdassist.correction.table import between_points
 from hdassist.error.waves import HIGHEST
 from hdassist.errors import UntrustedError
-from hdassist.measuring.measure import SweepResult
+from hdassist.measuring.measure import Measurement
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.planning.lines import ErrorLines
 from hdassist.preset.fields import Drive
-from hdassist.readers.trace import MeasuredTrace
 from hdassist.run.run import Run
 
 RECORDED_DRAWS = 64  # drives that agree with a record
@@ -38,12 +37,13 @@ class RecordedError:
     error_arcsec: Array
 
 
-def recorded_error(trace: MeasuredTrace, sweep: SweepResult, drive: Drive, asked: Alignment) -> RecordedError:
+def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> RecordedError:
     """Error of a record of a drive without level and drift, from both of its directions measured as one.
 
     Argument: asked, how the file counts. Raises UntrustedError where it is less than the full cycle: lines that lie
     close together are not resolved.
     """
+    trace, sweep = measurement.trace, measurement.directions[0]
     if sweep.is_bound:
         spans, cycle = sweep.bins.span, Kinematics.of(drive).cycle_cam_revolutions
         raise UntrustedError(

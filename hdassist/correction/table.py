@@ -40,8 +40,7 @@ class CorrectionTable:
     turn: after which it repeats; error_arcsec, shape (..., points): to be taken off, at angles_deg of that turn;
     u: cam turns in a turn of the output, negative where they turn apart; M_g [N*m]: torque that it is for;
     other_direction_arcsec, shape (points,): for the other direction of motion, None where both share the first, and
-    other_M_g, the torque of that; preset: name of the drive; hole: of its fixed wheel, None where it has none;
-    expected: residuals with it.
+    other_M_g, the torque of that; preset: name of the drive; expected: residuals with it.
     """
 
     turn: RepeatTurn
@@ -51,7 +50,6 @@ class CorrectionTable:
     other_direction_arcsec: Array | None = None
     other_M_g: float | None = None
     preset: str = ""
-    hole: int | None = None
     expected: tuple[ExpectedResidual, ...] = ()
 
     @property
@@ -96,8 +94,8 @@ class Phasors:
     """Error as lines: the sum of amplitude cos(2 pi per_cam_turn x + phase), x the turns of the cam from zero.
 
     per_output_turn, per_cam_turn: how often each line comes, shape (lines,); amplitude_arcsec; phase_deg, shape
-    (..., lines) each; uncertainty_arcsec: standard, of the amplitude, where it was measured; M_g, preset, hole and
-    expected as of a table.
+    (..., lines) each; uncertainty_arcsec: standard, of the amplitude, where it was measured; M_g, preset and expected
+    as of a table.
     """
 
     per_output_turn: Array
@@ -107,7 +105,6 @@ class Phasors:
     M_g: float
     uncertainty_arcsec: Array | None = None
     preset: str = ""
-    hole: int | None = None
     expected: tuple[ExpectedResidual, ...] = ()
 
     def error_at(self, cam_turns: Array) -> Array:

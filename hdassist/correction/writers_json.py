@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -37,20 +37,16 @@ def read_correction(source: Readable) -> CorrectionTable | Phasors:
         answer = json.loads("\n".join(text for _, text in file.parts()))
         if answer["schema"] != COMPENSATE_SCHEMA:
             raise ValueError(f"expected schema {COMPENSATE_SCHEMA}")
-        if answer["correction"] is None:
+        fields = answer["correction"]
+        if fields is None:
             raise ValueError("it was refused, as it may make the drive worse")
-        fields = {**answer["correction"], "expected": ()}
-        arrays = {name: np.array(value, dtype=float) for name, value in fields.items() if isinstance(value, list)}
-        sizes = {each.shape for each in arrays.values()}
-        if len(sizes) != 1 or len(min(sizes)) != 1 or not all(len(a) and np.isfinite(a).all() for a in arrays.values()):
+        arrays: dict[str, Any] = {name: np.array(each) for name, each in fields.items() if isinstance(each, list)}
+        arrays["expected"] = tuple(ExpectedResidual(**each) for each in fields["expected"])
+        correction: CorrectionTable | Phasors = (CorrectionTable if "turn" in fields else Phasors)(**fields | arrays)
+        figures = np.array([*correction_columns(correction).values()], dtype=float)
+        if not (np.isfinite(figures).all() and np.isfinite(correction.error_at(np.ones(1))).all()):
             raise ValueError("expected lists of finite numbers, of the same length")
-        expected = tuple(ExpectedResidual(**each) for each in answer["correction"]["expected"])
-        kind = CorrectionTable if "turn" in fields else Phasors
-        correction: CorrectionTable | Phasors = kind(**fields | arrays | {"expected": expected})
-        if isinstance(correction, CorrectionTable) and not (isfinite(correction.u) and correction.u):
-            raise ValueError("expected a ratio u that is not 0")
-        correction.error_at(np.zeros(1))
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, ArithmeticError, KeyError, TypeError, AttributeError, RecursionError) as error:
         hint = "expected the answer of `hdassist compensate --json`"
         raise DataError(f"{file.name}: invalid correction: {type(error).__name__}: {error}", hint) from None
     return correction

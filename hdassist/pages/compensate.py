@@ -20,7 +20,7 @@ from hdassist.report.report import Report
 from hdassist.terminal.brief import again
 
 UNPROVEN = "no real drive has been corrected with this yet: record the first one corrected"
-_NAMED_LINES = 4
+_NAMED_LINES = 3
 _SHORT_PAGE = ("phasors", "output turn, 256 points", "cam turn, 256 points")
 
 
@@ -75,10 +75,10 @@ def _verdict(result: Correction) -> str:
 def _why(result: Correction) -> Iterator[str]:
     cam = next(each for each in result.measured if each.form.turn == "cam")
     if cam.left[1] <= HALVED:
-        yield f"repeats with the cam, as of an oval wheel: a cam-turn table leaves {_percent(cam)} %"
+        yield f"the error repeats with the cam, as of an oval wheel: a cam-turn table leaves {_percent(cam)} %"
     else:
         often = ", ".join(f"{each:g}" for each in result.strong_lines[:_NAMED_LINES])
-        yield f"comes {often} times an output turn: a cam-turn table leaves {_percent(cam)} %"
+        yield f"the error comes {often} times an output turn: a cam-turn table leaves {_percent(cam)} %"
     yield UNPROVEN
 
 

@@ -18,6 +18,7 @@ from hdassist.numerals import number_of
 
 if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
+    from hdassist.comparing.record import Alignment
     from hdassist.measuring.reading import Reading
     from hdassist.preset.fields import Drive
     from hdassist.readers.trace import TraceForm
@@ -309,6 +310,26 @@ class TraceOptions(OptionGroup):
 
         given = {each.name: getattr(self, each.name) for each in fields(Reading)}
         return Reading(**{**given, "budget": tuple(self.budget)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignOptions(OptionGroup):
+    """How the error and the cam's angle of a record count."""
+
+    error_is: Annotated[
+        Literal["cam-output", "output-cam"],
+        trace_option(metavar="SIGN", help="Errors are cam-output (cam/ratio - output) or output-cam."),
+    ] = "cam-output"
+    cam_sense: Annotated[
+        Literal["ccw", "cw"], trace_option(metavar="SENSE", help="Sense of angles, seen from the cam: ccw or cw.")
+    ] = "ccw"
+
+    def alignment(self) -> "Alignment":
+        """The signs, with both angles given as 0."""
+        from hdassist.comparing.record import Alignment
+
+        sign = 1.0 if self.error_is == "cam-output" else -1.0
+        return Alignment(sign=sign, sense=1.0 if self.cam_sense == "ccw" else -1.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ def test_a_screen_says_first_how_much_can_be_taken_off():
     lines = page.stdout.splitlines()
     assert page.returncode == 0
     assert lines[0] == "tiny, correction at 1 N·m: phasors leave 5.0 of 35.4″ (14 %)"
-    assert lines[1].startswith("comes 10, 22, 21, 11 times an output turn: a cam-turn table leaves ")
+    assert lines[1].startswith("the error comes 10, 22, 21 times an output turn: a cam-turn table leaves ")
     assert lines[2] == UNPROVEN
     assert "--csv correction.csv" in " ".join(page.stdout.split())
     assert any("before, o after" in line for line in lines)

@@ -38,8 +38,8 @@ def recording(M_g: float, turns: float = 10.5, begin: int = 0):
 def record(M_g: float, error_is: str = "cam-output", sign: float = 1.0, **how: float):
     drive, (turns, error) = load_preset(TINY), recording(M_g, **how)
     trace = recorded(turns, sign * error)
-    sweep = measure(trace, drive=drive, together=True).directions[0]
-    return recorded_error(trace, sweep, drive, Alignment(sign=-1.0 if error_is == "output-cam" else 1.0))
+    measurement = measure(trace, drive=drive, together=True)
+    return recorded_error(measurement, drive, Alignment(sign=-1.0 if error_is == "output-cam" else 1.0))
 
 
 @pytest.fixture(scope="module")

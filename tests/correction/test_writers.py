@@ -37,7 +37,7 @@ def table_of(turn, points, u, *, by_direction=False):
         turns = angles * period + np.arange(round(abs(u) / period))[:, None] * period
     values = [error_at(turns, u, way).mean(axis=0) for way in (1, -0.6)]
     both = {"other_direction_arcsec": values[1], "other_M_g": -80.0} if by_direction else {}
-    return CorrectionTable(turn, values[0], u, 80.0, preset="drive", hole=3, **both)
+    return CorrectionTable(turn, values[0], u, 80.0, preset="drive", **both)
 
 
 def of_axis(axis, u, way=1):
@@ -57,13 +57,11 @@ def text_of(table, kind, axis):
 
 
 LOOKUPS = {
-    "linuxcnc-0": partial(controllers.linuxcnc, kind=0),
     "linuxcnc-1": partial(controllers.linuxcnc, kind=1),
     "twincat-cnc": controllers.twincat_cnc,
     "siemens-840d": controllers.siemens,
-    "siemens-808d": controllers.siemens,
 }
-POINTS = {"linuxcnc-0": 254, "linuxcnc-1": 254, "twincat-cnc": 1497, "siemens-840d": 1500, "siemens-808d": 199}
+POINTS = {"linuxcnc-1": 254, "twincat-cnc": 1497, "siemens-840d": 1500}
 
 
 @pytest.mark.parametrize("u", [10, -9])
@@ -80,13 +78,12 @@ def test_a_file_of_positions_leaves_what_its_table_says(kind, sense, zero_deg, u
 
 
 @pytest.mark.parametrize("sense", [1, -1])
-@pytest.mark.parametrize("first", [1, -1])
-@pytest.mark.parametrize("kind", ["linuxcnc-0", "linuxcnc-1", "twincat-cnc"])
-def test_each_direction_has_the_column_of_its_own(kind, first, sense):
-    axis = ControllerAxis("A", sense, 12.5, first_direction=first)
+@pytest.mark.parametrize("kind", ["linuxcnc-1", "twincat-cnc"])
+def test_each_direction_has_the_column_of_its_own(kind, sense):
+    axis = ControllerAxis("A", sense, 12.5)
     table = table_of("output", 254, 10, by_direction=True)
     for direction in (1, -1):
-        way = 1 if direction == first else -0.6
+        way = 1 if direction == 1 else -0.6
         error = of_axis(axis, 10, way)
         left = LOOKUPS[kind](text_of(table, kind, axis), error=error, positions=POSITIONS, direction=direction)
         said = promised(table, kind, axis, way)
@@ -169,10 +166,9 @@ def test_a_row_that_eqmod_leaves_out_costs_little_where_the_turn_is_no_whole_num
     [
         ("linuxcnc-1", {"points": 255}, "number of points 255 for LinuxCNC, type 1: expected at most 254"),
         ("twincat-cnc", {"points": 1500}, "expected at most 1497"),
-        ("siemens-808d", {"points": 200}, "expected at most 199"),
         ("siemens-840d", {"by_direction": True}, "expected one for both directions"),
         ("moteus", {}, "table over the output turn for moteus: expected a table over the cam turn or half cam turn"),
-        ("linuxcnc-0", {"turn": "cam"}, "expected a table over the output turn"),
+        ("linuxcnc-1", {"turn": "cam"}, "expected a table over the output turn"),
         ("onstepx", {"turn": "cam"}, "864 sidereal seconds for OnStepX: expected 61 to 720 s"),
     ],
 )  # fmt: skip
@@ -202,7 +198,7 @@ def test_a_file_says_what_it_is_for(kind):
     text, about = controller_file(table, CONTROLLER_FORMATS[kind], axis, "5ha")
     assert (text + about).isascii()
     for words in (
-        "axis A1", "preset d\\nr\\u0436, sha256 5ha, fixed wheel in hole 3", "for 80 N*m",
+        "axis A1", "preset d\\nr\\u0436, sha256 5ha", "for 80 N*m",
         f"{turn_words(turn)}, 100 points",
         "the axis reads 12.5 deg where cam and output stand at zero", "counts up clockwise seen from the cam side",
         "error = actual less ideal", "smallest step of a value: ",
@@ -275,7 +271,7 @@ def test_a_controllers_file_is_written_with_what_it_leaves(tmp_path):
         ("moteus", ("--form", "cam"), "expected CONTROLLER=FILE"),
         ("moteus=-", ("--form", "cam"), "expected CONTROLLER=FILE"),
         ("moteus=FILE", (), "invalid form phasors for moteus"),
-        ("linuxcnc-0=FILE", ("--form", "output", "--points", "255"), "expected at most 254"),
+        ("linuxcnc-1=FILE", ("--form", "output", "--points", "255"), "expected at most 254"),
         ("moteus=FILE", ("--form", "cam", "--zero", "nan"), "expected a finite one"),
         ("siemens-840d=FILE", ("--form", "output", "--axis", "A]=0"), "expected letters and digits"),
     ],
