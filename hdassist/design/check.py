@@ -26,7 +26,6 @@ from hdassist.belief.statistics import Probability
 from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
 from hdassist.error.error_map import Extremes, extremes_of, searchable
 from hdassist.error.self_error import SelfError, self_error
-from hdassist.error.sensitivity import Sensitivity, sensitivity
 from hdassist.errors import HdassistError
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.kinematics import Kinematics
@@ -53,7 +52,6 @@ class OperatingPoint:
     error: KinematicError
     self_error: SelfError
     limit_arcsec: float | None
-    sensitivity: Sensitivity | None = None
     open_: bool = False
     belief: ErrorBelief | None = None
     sure: float = SURE
@@ -91,7 +89,7 @@ class OperatingPoint:
     @property
     def certificates(self) -> tuple[Certificate, ...]:
         """Certificates of the states behind the point, those of samples left out."""
-        parts = (self.error, self.self_error, self.sensitivity, self.floating)
+        parts = (self.error, self.self_error, self.floating)
         return tuple(part.certificate for part in parts if part is not None)
 
     @property
@@ -216,7 +214,7 @@ def check(
 ) -> DesignCheck:
     """Check a drive at the torques of its preset.
 
-    Arguments: measured, wheels in place of first harmonics, for which there are no sensitivities and no samples;
+    Arguments: measured, wheels in place of first harmonics, for which there are no samples;
     solver, a name that cvxpy knows, to send each state through cvxpy instead of the engine; draws, effective samples of
     what is not known at least, 0 for none; samples of the same drive, where they were drawn before; sure, probability
     of keeping a limit that PASS needs, and FAIL of not keeping it.
@@ -239,20 +237,15 @@ def check(
     errors = [replace(error, cross_check=check) for error, check in zip(solved, checks, strict=True)]
     run.finished(sum(part.certificate.states for part in own))
     known, prior = beside_measured_teeth(drive, measured)
-    slopes: Sequence[Sensitivity | None] = [None] * len(torques)
     floating: Sequence[Extremes | None] = [None] * len(torques)
     rows = zip(torques, errors, own, [drive.limit(M_g) for M_g in torques], strict=True)
     points = [OperatingPoint(*row, open_=bool(prior.fields), sure=sure) for row in rows]
     if searchable(drive) and not measured:
         floating = _floating(drive) or floating
-        slopes = sensitivity(drive, errors)
         if prior.fields and draws and not samples:
             left = [point.left_arcsec for point in points]
             samples = drive_samples(prior, left, draws=draws, sure=sure, run=run)
-    found = tuple(
-        replace(point, sensitivity=slope, floating=floats)
-        for point, slope, floats in zip(points, slopes, floating, strict=True)
-    )
+    found = tuple(replace(point, floating=floats) for point, floats in zip(points, floating, strict=True))
     checked = DesignCheck(drive, found, measured, unknowns(known), prior)
     return checked.with_samples(samples) if samples else checked
 

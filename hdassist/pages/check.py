@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from hdassist.belief.prior import DrivePrior
-from hdassist.belief.samples import ErrorBelief, Samples
+from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
 from hdassist.design.beside_catalogue import accuracy_words
 from hdassist.design.check import DesignCheck, OperatingPoint
@@ -21,18 +21,17 @@ from hdassist.json_parts import (
     samples_object,
     unknown_objects,
 )
-from hdassist.model.geometry import Geometry
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.seat import wheel
 from hdassist.report.blocks import Curve, Facts, Table
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import CsvTable, Report
-from hdassist.terminal.brief import again, probability_words
+from hdassist.terminal.brief import again, probability_words, thousands
 from hdassist.terminal.influence_words import influence_words, measure_words, samples_words
 from hdassist.terminal.wheels_page import heading
 from hdassist.verdict import Verdict
 
-UNKNOWN_AT_ZERO = "F_ior_nominal_arcsec, at_max, at_min and sensitivity take what is not known as 0"
+UNKNOWN_AT_ZERO = "F_ior_nominal_arcsec, at_max and at_min take what is not known as 0"
 LEAST_ERROR = 1e-3  # arcsec: an F'_ior below it counts as that
 LEAST_SHARE = 0.1  # of F'_ior, that another coupling takes off where it is named
 
@@ -98,27 +97,17 @@ MONTE_CARLO: tuple[Quantity[OperatingPoint], ...] = (
         for end in ("low", "high")
     ),
 )  # fmt: skip
-SLOPES: tuple[Quantity[OperatingPoint], ...] = tuple(
-    Quantity(f"sensitivity.{name}_arcsec_per_um", f"{words} {name}", "arcsec/um", "+.2f", f"sensitivity.{name}")
-    for name, words in (("j_n", "flank clearance"), ("W_0", "wave"), ("g_b", "bearing clearance"))
-)
-
-
 OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of what is not known exactly too
 HELD: Quantity[OperatingPoint] = Quantity("held_arcsec", "F'_ior + self error, 5 to 95 %", "″", "")
-
-
-def _range_text(belief: ErrorBelief) -> str:
-    return f"{belief.p5:.1f} to {belief.p95:.1f}"
 
 
 _ON_PAGE: tuple[Quantity[OperatingPoint], ...] = (
     Quantity("M_g", "torque, N·m", "", "g"),
     Quantity("F_ior", "F'_ior", "", ".2f", lambda p: p.belief.p50 if p.belief else p.error.F_ior_arcsec),
-    Quantity("belief", "5 to 95 %", "", _range_text),
+    Quantity("belief", "5 to 95 %", "", lambda belief: f"{belief.p5:.1f} to {belief.p95:.1f}"),
     Quantity("self_error", "self error", "", ".2f", "self_error.range_arcsec"),
     Quantity("limit_arcsec", "limit", "", "g"),
-    Quantity("verdict", "verdict", "", ""),
+    POINT_QUANTITIES[5],
 )
 
 
@@ -183,6 +172,8 @@ def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
 
 def _more_facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
     """More to be known beside the numbers, a label and a text each."""
+    k = check.kinematics
+    yield "cycle", f"ratio {k.u:g}, {k.cycle_cam_revolutions} cam turns, {thousands(k.cycle_states)} states"
     yield "catalogue", accuracy_words(check.drive.catalogue.accuracy, check.points)
     yield "unknown", unknown_names(check.unknown) if check.unknown and check.samples else ""
     yield "samples", samples_words(check.samples) if check.samples else ""
@@ -240,25 +231,10 @@ def error_tables(check: DesignCheck) -> Iterator[Table]:
     torque, *others = (q for q in POINT_QUANTITIES if q.key not in OVER_BELIEF)
     still = "phi_b" if check.kinematics.fixed == "rigid" else "phi_g"
     shown = [q for q in others if still not in q.key]
-    yield geometry_table(check)
     yield Table.by_column(
         f"over the full cycle{', unknown as 0' * bool(check.unknown)}", (torque, *shown), check.points
     )
     yield Table.by_column("F'_ior over all that is not known exactly", (torque, *BELIEF, *MONTE_CARLO), check.points)
-    yield Table.by_column("change of F'_ior by a micrometre more", (torque, *SLOPES), check.points)
-
-
-def geometry_table(check: DesignCheck) -> Table:
-    """Ratio, rim and cycle of the drive."""
-    k, g = check.kinematics, Geometry.of(check.drive)
-    rows = {
-        "ratio " + ("u_hg" if k.fixed == "rigid" else "u_hb"): f"{k.u:g}",
-        "rim mid-line r_m, mm": f"{g.r_m:.3f}",
-        "tip circles g/b, mm": f"{g.r_ag:.3f}/{g.r_ab:.3f}",
-        "states in the cycle": f"{k.cycle_states}",
-        "cam turns in the cycle": f"{k.cycle_cam_revolutions}",
-    }
-    return Table("geometry and kinematics", ("", ""), tuple(rows.items()), header=False)
 
 
 def _values(check: DesignCheck, seed: int) -> Json:
@@ -271,7 +247,7 @@ def _values(check: DesignCheck, seed: int) -> Json:
         },
         "pitch": pitch_object(check.measured),
         "operating_points": [
-            as_object((*POINT_QUANTITIES, *BELIEF, *MONTE_CARLO, *SLOPES, HELD), point) for point in check.points
+            as_object((*POINT_QUANTITIES, *BELIEF, *MONTE_CARLO, HELD), point) for point in check.points
         ],
         "unknown": unknown_objects(check.unknown),
         "identified_as_exact": check.prior.fitted if check.prior else [],
@@ -286,7 +262,7 @@ def _values(check: DesignCheck, seed: int) -> Json:
 
 def check_csv(check: DesignCheck) -> CsvTable:
     """One row per torque."""
-    return csv_table(check.drive.name, (*POINT_QUANTITIES, *BELIEF, *SLOPES), check.points)
+    return csv_table(check.drive.name, (*POINT_QUANTITIES, *BELIEF), check.points)
 
 
 def _line(check: DesignCheck) -> str:

@@ -10,11 +10,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TextIO, TypeVar
 
-from rich import box
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
-from rich.table import Table
-from rich.text import Text
 
 from hdassist.visible import visible
 
@@ -147,16 +144,3 @@ def console(stream: TextIO, style: Style) -> Console:
     )
     found.seven_bits = style.ascii
     return found
-
-
-def table(style: Style, title: str = "", *, header: bool = True) -> Table:
-    """An empty table in the house's style."""
-    return Table(
-        title=Text(style.text(title)) if title else None,
-        title_justify="left",
-        title_style="bold",
-        box=box.ASCII2 if style.ascii else box.SIMPLE_HEAD,
-        show_header=header,
-        pad_edge=False,
-        show_edge=style.ascii,
-    )

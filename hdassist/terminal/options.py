@@ -1,15 +1,19 @@
-"""Options of commands, declared once, in frozen groups that a command is made of.
+"""Groups of options that commands are made of.
 
 A command is a frozen dataclass: it inherits the groups that it takes, has its own options as fields, its docstring is
-its help, and `run` carries it out. Annotations stay objects here (no `from __future__ import annotations`): typer reads
-them in the module of each command.
+its help, and `run` carries it out. A field has type and default; options.toml has its words, by class and field.
 """
 
+from __future__ import annotations
+
+import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
+from importlib.resources import files
+from inspect import get_annotations
 from math import isfinite, isnan
-from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_origin
 
 import typer
 
@@ -26,67 +30,58 @@ if TYPE_CHECKING:
     from hdassist.terminal.output import Output
 
 GroupT = TypeVar("GroupT", bound="OptionGroup")
-MOST_JOBS = 512  # all of them begin at once: more would be a mistake that takes the machine with it
+DECLARED = tomllib.loads(files("hdassist.terminal").joinpath("options.toml").read_text("utf-8"))
 
 # options by the section of the help in which they stand (cli/help.py orders the sections)
 answer_option = partial(typer.Option, rich_help_panel="Answer")
 advanced_option = partial(typer.Option, rich_help_panel="Advanced")
 drive_option = partial(typer.Option, rich_help_panel="Drive")
 trace_option = partial(typer.Option, rich_help_panel="Measured trace")
-teeth_option = partial(typer.Option, rich_help_panel="Measured teeth")
 archive_option = partial(typer.Option, rich_help_panel="Archive")
 lot_option = partial(typer.Option, rich_help_panel="Lot")
-card_option = partial(typer.Option, rich_help_panel="Card")
 trials_option = partial(typer.Option, rich_help_panel="Trials")
 
-Preset = Annotated[
-    str,
-    typer.Argument(metavar="PRESET", help="Preset name, path, or - for stdin."),
-]
-Presets = Annotated[
-    list[str],
-    typer.Argument(metavar="PRESET", help="Preset names, paths, or - for stdin."),
-]
-OneTorque = Annotated[
-    str | None, drive_option("--torque", metavar="N*M", show_default="first of the preset", help="Torque M_g.")
-]
-Traces = Annotated[list[str], typer.Argument(metavar="FILE", help="Measured traces, or - for stdin.")]
-Plot = Annotated[bool, answer_option("--plot/--no-plot", show_default=False, help="Draw the error.")]
-Details = Annotated[bool, answer_option("--details", help="All tables, not the short page.")]
-AsJson = Annotated[bool, answer_option("--json", help="Print one JSON object.")]
-Target = Annotated[
-    str, answer_option("--output", "-o", metavar="FILE", help="Write the answer to FILE (- for stdout).")
-]
-Force = Annotated[bool, answer_option("--force", help="Overwrite existing files.")]
-Ascii = Annotated[bool, advanced_option("--ascii", help="Use 7-bit characters only.")]
-NoColor = Annotated[bool, advanced_option("--no-color", help="Write no colours or control codes.")]
-Debug = Annotated[bool, advanced_option("--debug", help="Show a traceback on errors.")]
-Limits = Annotated[
-    list[str],
-    drive_option(
-        "--limit", metavar="[NAME@TORQUE=]VALUE", default_factory=list, show_default=False,
-        help="Limit, of F_ior without a NAME.",
-    ),
-]  # fmt: skip
-Solver = Annotated[
-    str | None, advanced_option(metavar="NAME", help="Solve each state through cvxpy: daqp, clarabel, osqp ...")
-]
-CrossCheckOption = Annotated[str, advanced_option(metavar="NAME", help="Solver that solves some states again.")]
-SeedOption = Annotated[int, advanced_option(metavar="N", min=0, help="Seed of all that is drawn.")]
-DrawsOption = Annotated[
-    int, advanced_option(metavar="N", min=0, max=100_000, help="Effective samples of unknown inputs, at least.")
-]
-VerdictProbability = Annotated[
-    float, typer.Option(metavar="P", min=0.5, max=0.999, help="Probability of keeping it that PASS needs.")
-]
-Jobs = Annotated[
-    int, advanced_option(metavar="N", min=0, max=MOST_JOBS, help="Processes at work (0: one for each core).")
-]
+# types of fields that options.toml declares for any class
+Preset = str
+Target = str
+CrossCheckOption = str
+Presets = list[str]
+Limits = list[str]
+OneTorque = str | None
+Solver = str | None
+Plot = bool
+Details = bool
+Force = bool
+Ascii = bool
+Debug = bool
+SeedOption = int
+Jobs = int
+VerdictProbability = float
+
+
+def declared_parameter(
+    field: str, kind: object, *, is_argument: bool = False, section: str | None = None, names: Sequence[str] = (),
+    **words: Any,
+) -> Any:  # fmt: skip
+    """The type of a field together with its option, or argument, as options.toml declares that; a list may be empty."""
+    if is_argument:
+        return Annotated[kind, typer.Argument(**words)]
+    if get_origin(kind) is list:
+        words |= {"default_factory": list, "show_default": False}
+    names = names or (f"--{field.replace('_', '-')}",)
+    return Annotated[kind, typer.Option(*names, rich_help_panel=section, **words)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class OptionGroup:
-    """Options that several commands share, as fields."""
+    """Options as fields."""
+
+    def __init_subclass__(cls) -> None:
+        """Join each field that options.toml declares with its option, as typer reads it."""
+        declared = DECLARED["any"] | DECLARED.get(cls.__name__, {})
+        for field, kind in get_annotations(cls, eval_str=True).items():
+            if field in declared and not hasattr(kind, "__metadata__"):
+                cls.__annotations__[field] = declared_parameter(field, kind, **declared[field])
 
     def only(self, group: type[GroupT]) -> GroupT:
         """The options of one of the groups that a command is made of."""
@@ -97,18 +92,18 @@ class OptionGroup:
 class PageOptions(OptionGroup):
     """How an answer is given."""
 
-    json: AsJson = False
-    output: Target = "-"
-    force: Force = False
-    ascii: Ascii = False
-    no_color: NoColor = False
-    debug: Debug = False
+    json: bool = False
+    output: str = "-"
+    force: bool = False
+    ascii: bool = False
+    no_color: bool = False
+    debug: bool = False
 
     def replaces(self, _path: str) -> bool:
         """Whether an existing file may be replaced."""
         return self.force
 
-    def open(self) -> "Output":
+    def open(self) -> Output:
         """Where the answer goes; refuses files that cannot be written before anything is computed.
 
         Raises UsageError and DataError for such files.
@@ -132,46 +127,38 @@ class PageOptions(OptionGroup):
 class AnswerOptions(PageOptions):
     """How an answer that was computed is given."""
 
-    quiet: Annotated[bool, answer_option("--quiet", "-q", help="Print only the answer.")] = False
-    verbose: Annotated[bool, advanced_option("--verbose", "-v", help="Print residuals and timings on stderr.")] = False
+    quiet: bool = False
+    verbose: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class FigureOptions(AnswerOptions):
     """How an answer with a table of figures is given."""
 
-    csv: Annotated[
-        str | None, answer_option("--csv", metavar="FILE", help="Write the figures as CSV (- for stdout).")
-    ] = None
+    csv: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class SamplingOptions(OptionGroup):
     """Samples of the inputs that are not known exactly: how many, from which seed, by how many processes."""
 
-    draws: DrawsOption = 64
-    seed: SeedOption = 0
-    jobs: Jobs = 0
+    draws: int = 64
+    seed: int = 0
+    jobs: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveOptions(OptionGroup):
     """Changes of a preset."""
 
-    overrides: Annotated[
-        list[str],
-        drive_option(
-            "--set", metavar="KEY=VALUE", default_factory=list, show_default=False,
-            help="Change a field, like tolerances.F_i2=60.",
-        ),
-    ]  # fmt: skip
+    overrides: list[str]
 
     @property
     def changes(self) -> list[str]:
         """All that the options change of a preset, as overrides, in the order in which they apply."""
         return list(self.overrides)
 
-    def load(self, preset: str) -> "Drive":
+    def load(self, preset: str) -> Drive:
         """The drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
         from hdassist.loading.load import load_preset
 
@@ -182,13 +169,7 @@ class DriveOptions(OptionGroup):
 class LoadedDriveOptions(DriveOptions):
     """Changes of a preset, its torques among them."""
 
-    torque: Annotated[
-        list[str],
-        drive_option(
-            metavar="N*M", default_factory=list, show_default=False,
-            help="Torque M_g instead of the preset's; 80, or '80 N·m'.",
-        ),
-    ]  # fmt: skip
+    torque: list[str]
 
     @property
     def changes(self) -> list[str]:
@@ -200,10 +181,10 @@ class LoadedDriveOptions(DriveOptions):
 class LimitedDriveOptions(LoadedDriveOptions):
     """Changes of a preset, its limits of F'_ior among them."""
 
-    limit: Limits
+    limit: list[str]
 
     @property
-    def limits(self) -> "tuple[LimitText, ...]":
+    def limits(self) -> tuple[LimitText, ...]:
         """Limits of F'_ior, those of all torques first. Raises UsageError for any other limit."""
         return limits_of_options(self.limit, only="F_ior")
 
@@ -212,7 +193,7 @@ class LimitedDriveOptions(LoadedDriveOptions):
         """All that the options change of a preset, its limits too."""
         return [*super().changes, *(limit.override for limit in self.limits)]
 
-    def load(self, preset: str) -> "Drive":
+    def load(self, preset: str) -> Drive:
         """The drive of a preset with the changes.
 
         Raises DataError, PresetError or UsageError, the last also for a limit at a torque that the drive does not have.
@@ -235,30 +216,15 @@ class LimitedDriveOptions(LoadedDriveOptions):
 class PitchOptions(OptionGroup):
     """Measured teeth of the wheels in place of their first harmonics."""
 
-    pitch_b: Annotated[
-        str | None, teeth_option(metavar="FILE", help="Pitch deviations of the rigid wheel (- for stdin).")
-    ] = None
-    pitch_g: Annotated[str | None, teeth_option(metavar="FILE", help="Pitch deviations of the flexspline.")] = None
-    mark_b: Annotated[
-        float | None, teeth_option(metavar="DEG", help="Direction of the mark of --pitch-b [phases.xi_b].")
-    ] = None
-    mark_g: Annotated[
-        float | None, teeth_option(metavar="DEG", help="Direction of the mark of --pitch-g [phases.xi_g].")
-    ] = None
-    pitch_form: Annotated[
-        Literal["cumulative", "single"] | None,
-        teeth_option(metavar="FORM", help="Deviations in the files: cumulative or single."),
-    ] = None
-    pitch_sense: Annotated[
-        Literal["ccw", "cw"] | None,
-        teeth_option(metavar="SENSE", help="Tooth numbers, seen from the cam: ccw or cw."),
-    ] = None
-    pitch_flank: Annotated[
-        Literal["left", "right"] | None,
-        teeth_option(metavar="FLANK", help="Flank to take of files with two: left or right."),
-    ] = None
+    pitch_b: str | None = None
+    pitch_g: str | None = None
+    mark_b: float | None = None
+    mark_g: float | None = None
+    pitch_form: Literal["cumulative", "single"] | None = None
+    pitch_sense: Literal["ccw", "cw"] | None = None
+    pitch_flank: Literal["left", "right"] | None = None
 
-    def wheels(self) -> "WheelFiles":
+    def wheels(self) -> WheelFiles:
         """The files and how they are read."""
         from hdassist.readers.wheels import WheelFiles
 
@@ -269,42 +235,25 @@ class PitchOptions(OptionGroup):
 class TraceOptions(OptionGroup):
     """How the file of a measured trace is read, and which part of its error is kept."""
 
-    angle: Annotated[str | None, trace_option(metavar="NAME", help="Column of the angle, or its number.")] = None
-    angle_of: Annotated[
-        Literal["cam", "output"] | None, trace_option(metavar="SHAFT", help="Shaft of that angle: cam or output.")
-    ] = None
-    angle_unit: Annotated[
-        str | None,
-        trace_option(metavar="UNIT[,UNIT]", help="deg, rad, arcsec, arcmin, turn, or counts a turn, of each encoder."),
-    ] = None
-    error: Annotated[str | None, trace_option(metavar="NAME", help="Column of the error, or its number.")] = None
-    error_unit: Annotated[str | None, trace_option(metavar="UNIT", help="arcsec, arcmin, deg, mdeg, rad, urad.")] = None
-    second: Annotated[
-        str | None, trace_option(metavar="NAME", help="Column of the output's angle, in place of --error.")
-    ] = None
-    wrap: Annotated[
-        float | None, trace_option(metavar="DEG", help="Angle at which encoders restart.", show_default="guessed")
-    ] = None
-    robust: Annotated[bool, trace_option("--robust", help="Leave out faulty rows and readings far off.")] = False
-    orders: Annotated[
-        str | None, trace_option(metavar="LIST", help="Orders per cam turn to keep.", show_default="1-12")
-    ] = None
-    drift: Annotated[str, trace_option(metavar="KIND", help="Drift to remove: none, linear, quadratic.")] = "none"
-    budget: Annotated[
-        list[str],
-        trace_option(
-            metavar="NAME=ARCSEC", default_factory=list, show_default=False,
-            help="Standard uncertainty of encoder and others.",
-        ),
-    ]  # fmt: skip
+    angle: str | None = None
+    angle_of: Literal["cam", "output"] | None = None
+    angle_unit: str | None = None
+    error: str | None = None
+    error_unit: str | None = None
+    second: str | None = None
+    wrap: float | None = None
+    robust: bool = False
+    orders: str | None = None
+    drift: str = "none"
+    budget: list[str]
 
-    def form(self) -> "TraceForm":
+    def form(self) -> TraceForm:
         """Columns of the file and their units, as the options give them."""
         from hdassist.readers.trace import TraceForm
 
         return TraceForm(**{each.name: getattr(self, each.name) for each in fields(TraceForm)})
 
-    def reading(self) -> "Reading":
+    def reading(self) -> Reading:
         """How files are read and looked at."""
         from hdassist.measuring.reading import Reading
 
@@ -336,10 +285,8 @@ class SignOptions(OptionGroup):
 class ChoiceOptions(OptionGroup):
     """How positions are chosen."""
 
-    weights: Annotated[str | None, typer.Option(metavar="W,W", help="Weights of the torques, in their order.")] = None
-    criterion: Annotated[str, typer.Option(metavar="NAME", help="Choose by expected, worst, or quantile=0.9.")] = (
-        "expected"
-    )
+    weights: str | None = None
+    criterion: str = "expected"
 
     def numbers(self) -> list[float] | None:
         """The weights as numbers. Raises UsageError for anything else."""
@@ -357,26 +304,18 @@ class ChoiceOptions(OptionGroup):
 class CardOptions(OptionGroup):
     """An assembly card beside the answer."""
 
-    card: Annotated[
-        str | None, card_option(metavar="FILE", help="Write an assembly card: .html, .md or .txt (- for stdout).")
-    ] = None
-    lang: Annotated[str | None, card_option(metavar="NAME", help="Language of the card, such as ru [en].")] = None
-    serial: Annotated[str | None, card_option(metavar="TEXT", help="Serial number on the card.")] = None
+    card: str | None = None
+    lang: str | None = None
+    serial: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrialOptions(OptionGroup):
     """How trials are measured, and how sure the choice has to be."""
 
-    trial_torque: Annotated[
-        float | None, trials_option(metavar="N*M", help="Torque of the trials.", show_default="the lightest")
-    ] = None
-    noise: Annotated[
-        float, trials_option(metavar="ARCSEC", min=1e-6, max=1e6, help="Standard deviation of one trial.")
-    ] = 1.0
-    sure: Annotated[
-        float, trials_option(metavar="P", min=0.01, max=0.999, help="Probability of a good choice that settles it.")
-    ] = 0.9
+    trial_torque: float | None = None
+    noise: float = 1.0
+    sure: float = 0.9
 
     def torque_of(self, torques: Sequence[float]) -> float:
         """Torque of the trials [N*m], of a drive with such torques."""
@@ -388,7 +327,7 @@ class TrialOptions(OptionGroup):
         return [word for name, value, usual in values if value != usual for word in (name, f"{value:g}")]
 
 
-def limits_of_options(texts: Sequence[str], only: str = "") -> "tuple[LimitText, ...]":
+def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, ...]:
     """Limits of the command line, those of all torques first; only: name of the limits that a command holds.
 
     Raises UsageError: a text that is no limit, or one that the command does not hold.

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
 from rich import box
 from rich.cells import cell_len
-from rich.console import Group, RenderableType
+from rich.console import Group, JustifyMethod, RenderableType
+from rich.measure import Measurement
 from rich.table import Table as RichTable
 from rich.text import Text
 
@@ -25,16 +28,28 @@ from hdassist.report.blocks import (
     Tiles,
     TwoCurves,
 )
-from hdassist.report.report import Report
+from hdassist.report.report import Report, ReportProof
 from hdassist.solve.answers import Certificate
 from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE, CrossCheck
 from hdassist.terminal.brief import COLOURS, proof
-from hdassist.terminal.console import Style
+from hdassist.terminal.console import Style, console, made_or
 from hdassist.terminal.plot import curve, two_curves
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.verdict import Verdict
 
+DRAWINGS: dict[type, Callable[[Style, Any], str]] = {
+    Curve: curve,
+    TwoCurves: two_curves,
+    Seat: lambda style, seat: style.text(f"{seat_in_characters(seat)}\n\n{seat.legend}"),
+}
+RESIDUALS = {  # of a certificate, each a share of its scale
+    "negative_force": "negative force",
+    "negative_gap": "negative gap",
+    "complementarity": "force on an open gap",
+    "equilibrium": "equilibrium",
+}
+ANY_WIDTH = 100_000  # columns
 PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word says too little
 
 
@@ -43,13 +58,11 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     head = Text(style.text(report.head), style="bold")
     if report.verdict:
         head.append(style.text(": ")).append(word(report.verdict, style))
-    blocks = [*report.blocks, *(report.details if details else ())]
-    residuals = isinstance(report.certificate, Certificate)
-    if details and isinstance(report.certificate, Certificate):
-        blocks.append(certificate_table(report.certificate, report.cross_checks))
-    more = "(more: --details)" if (report.details or residuals) and not details else ""
+    more = (*report.details, *certificate_tables(report.certificate, report.cross_checks))
+    blocks = [*report.blocks, *(more if details else ())]
+    hidden = "" if details or not more else "--details"
     proven = proof(report.certificate, report.cross_checks)
-    last = Facts.of([("proof" if proven else "more", f"{proven} {more}".strip() if proven else more[7:-1])])
+    last = Facts.of([("proof", f"{proven} (more: {hidden})" if hidden else proven) if proven else ("more", hidden)])
     parts = [part for block in blocks for part in block_on_page(block, style, plots)]
     lines = [line for part in parts for line in (part, Text(""))]
     if plots and blocks and isinstance(blocks[-1], Curve | TwoCurves):
@@ -81,20 +94,14 @@ def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[Re
             yield from parts[1:]
         case Tiles():
             yield labelled(Facts(tuple((label, f"{value} {below}") for label, value, below in block.rows)), style)
-        case Curve() | TwoCurves() | Seat() if plots:
+        case _ if isinstance(block, Figure) and plots:
             if text := in_characters(block, style):
                 yield Text(text)
 
 
 def in_characters(block: Figure, style: Style) -> str:
     """A figure in characters; empty, with a remark on stderr, where it cannot be drawn."""
-    match block:
-        case Curve():
-            return curve(style, block)
-        case TwoCurves():
-            return two_curves(style, block)
-        case Seat():
-            return style.text(f"{seat_in_characters(block)}\n\n{block.legend}")
+    return made_or("plot", lambda: DRAWINGS[type(block)](style, block), str)
 
 
 def labelled(block: Facts, style: Style) -> RichTable:
@@ -109,28 +116,24 @@ def labelled(block: Facts, style: Style) -> RichTable:
 
 def tables(block: Table, style: Style) -> Iterator[RenderableType]:
     """A table, or several with the same first column where all columns are wider than the page."""
-    columns = list(range(1, len(block.heads)))
-    first = True
-    while columns or first:
-        shown = len(columns)
-        while shown > 1 and _width(block, [0, *columns[:shown]], style) > style.width:
-            shown -= 1
-        table = _table(block, [0, *columns[:shown]], style)
-        title = "\n".join((block.title, *block.notes)) if first else ""
+    screen = console(sys.stdout, style)
+    left, title = list(range(1, len(block.heads))), "\n".join((block.title, *block.notes))
+    while True:
+        count = len(left)
+        table = _table(block, [0, *left], style)
+        while (
+            count > 1 and Measurement.get(screen, screen.options.update(width=ANY_WIDTH), table).minimum > style.width
+        ):
+            count -= 1
+            table = _table(block, [0, *left[:count]], style)
         yield Group(Text(style.text(title), style="bold"), table) if title else table
-        columns, first = columns[shown:], False
-
-
-def _width(block: Table, columns: list[int], style: Style) -> int:
-    """Columns of characters of a table in which only words wrap."""
-    whole = [[block.heads[k] if block.header else "", *(row[k] for row in block.rows)] for k in columns]
-    shown = [list(map(style.text, cells)) for cells in whole]
-    parts = [" ".join(cells).split() if k in block.words else cells for k, cells in zip(columns, shown, strict=True)]
-    apart = 3 * (len(columns) - 1) + (4 if style.ascii else 0)
-    return apart + sum(max(map(cell_len, cells), default=0) for cells in parts)
+        left, title = left[count:], ""
+        if not left:
+            return
 
 
 def _table(block: Table, columns: list[int], style: Style) -> RichTable:
+    """Some columns of a table, of which only words with spaces wrap."""
     found = RichTable(
         box=box.ASCII2 if style.ascii else box.SIMPLE_HEAD,
         show_header=block.header,
@@ -138,26 +141,23 @@ def _table(block: Table, columns: list[int], style: Style) -> RichTable:
         show_edge=style.ascii,
     )
     for k in columns:
-        head = style.text(block.heads[k])
-        if k in block.words:
-            spaced = any(" " in cell for cell in (head, *(row[k] for row in block.rows)))
-            found.add_column(head, overflow="fold", no_wrap=not spaced)
-        else:
-            found.add_column(head, justify="right", no_wrap=True)
+        head, *cells = (style.text(row[k]) for row in (block.heads, *block.rows))
+        widest = max(map(cell_len, (head * block.header, *cells)))
+        wraps = k in block.words and any(" " in cell for cell in (head, *cells))
+        justify: JustifyMethod = "left" if k in block.words else "right"
+        found.add_column(head, justify=justify, overflow="fold", no_wrap=not wraps, min_width=None if wraps else widest)
     for row in block.rows:
         found.add_row(*(word(row[k], style) for k in columns))
     return found
 
 
-def certificate_table(found: Certificate, cross_checks: Iterable[CrossCheck | None]) -> Table:
-    """Residuals of the states behind a report, each with the bound that it keeps."""
-    cross = certificate_object(found, cross_checks)["cross_check"]
-    names = {"negative_force": "negative force, share of its scale", "negative_gap": "negative gap"}
-    names |= {"complementarity": "force on an open gap", "equilibrium": "equilibrium"}
-    rows = [("states solved", f"{found.states}", "")]
-    rows += [(words, f"{getattr(found, name):.1e}", f"<= {TOLERANCE:.0e}") for name, words in names.items()]
-    rows.append(("states that needed a fallback", f"{found.fallbacks}", ""))
-    if cross:
-        apart = f"{cross['max_difference_arcsec']:.1e}"
-        rows.append((f"{cross['states']} again by {cross['solver']}, ″", apart, f"<= {CROSS_TOLERANCE:g}"))
-    return Table("proof", ("", "", ""), tuple(rows), header=False)
+def certificate_tables(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None]) -> Iterator[Table]:
+    """Residuals of the states behind a report with the bounds that they keep; none of a proof that has none."""
+    if isinstance(found, Certificate):
+        rows = [("states solved", f"{found.states}"), ("states that needed a fallback", f"{found.fallbacks}")]
+        bound = f", share of its scale, at most {TOLERANCE:.0e}"
+        rows += [(f"{words}{bound}", f"{getattr(found, name):.1e}") for name, words in RESIDUALS.items()]
+        if cross := certificate_object(found, cross_checks)["cross_check"]:
+            words = f"{cross['states']} again by {cross['solver']}, apart by at most {CROSS_TOLERANCE:g}″"
+            rows.append((words, f"{cross['max_difference_arcsec']:.1e}"))
+        yield Table("proof", ("", ""), tuple(rows), header=False)

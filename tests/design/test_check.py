@@ -43,9 +43,8 @@ def test_json_has_what_others_build_on(answer):
     assert result["kinematics"]["u_hg"] == -10
     assert result["kinematics"]["cycle_states"] == 220
     certificate = result["certificate"]
-    # every state of both cycles and both self errors; the two extremes at both ends of three lengths; every
-    # state of both cycles with a cam that aligns itself
-    assert certificate["states"] == 2 * (220 + 16) + 2 * (2 * 2 * 3) + 2 * 220
+    # every state of both cycles and both self errors; every state of both cycles with a cam that aligns itself
+    assert certificate["states"] == 2 * (220 + 16) + 2 * 220
     assert 0 <= certificate["max_residual"] <= 1e-8
     assert certificate["engine"] == walk_library()[1]
     assert set(certificate["cross_check"]) == {"solver", "states", "max_difference_arcsec"}
@@ -56,8 +55,6 @@ def test_json_has_what_others_build_on(answer):
     }  # fmt: skip
     for point in result["operating_points"]:
         assert keys <= set(point)
-        slopes = point["sensitivity"]
-        assert set(slopes) == {"j_n_arcsec_per_um", "W_0_arcsec_per_um", "g_b_arcsec_per_um"}
         assert {"phi_h_deg", "phi_g_deg"} <= set(point["at_max"]) & set(point["at_min"])
 
 
@@ -153,7 +150,7 @@ def test_a_coupling_is_named_where_it_is_a_lever():
 
 def test_the_rest_stands_in_the_details(answer):
     page = run("check", TINY, "--details", "--no-plot").stdout
-    for words in ("one-wave", "self error, ″", "a micrometre more", "equilibrium", "tip circles"):
+    for words in ("one-wave", "self error, ″", "equilibrium", "cam turns"):
         assert words in page
     turns, degrees = re.search(r"greatest at phi_h, turns \+ deg +(\d+) \+ ([\d.]+) ", page).groups()
     told = json.loads(answer.stdout)["operating_points"][0]["at_max"]["phi_h_deg"]

@@ -19,7 +19,7 @@ from hdassist.terminal.output import with_code
 from tests.process import SMALL, on_terminal, run
 
 REPORTED = (
-    *check_page.POINT_QUANTITIES, *check_page.BELIEF, *check_page.SLOPES, *trace_page.ORDER_QUANTITIES,
+    *check_page.POINT_QUANTITIES, *check_page.BELIEF, *trace_page.ORDER_QUANTITIES,
     *stiffness_page.WHOLE_QUANTITIES,
 )  # fmt: skip
 
@@ -63,7 +63,7 @@ def test_all_that_is_declared_is_known():
     assert all(entry.words for entry in entries())
 
 
-ANGLES = r"^at_|^M_g|sensitivity"  # parts of an object that is explained, or a symbol with its unit
+ANGLES = r"^at_|^M_g"  # parts of an object that is explained, or a symbol with its unit
 
 
 def test_a_field_has_its_unit_range_and_default():

@@ -120,7 +120,7 @@ def test_a_plot_or_a_page_that_fails_takes_no_answer_with_it(rig, monkeypatch):
     command = ("measure", "run.csv", "--ratio", "30")
     whole = run(*command, "--no-plot", cwd=rig)
     for place, kind, left in (
-        ("hdassist.terminal.plot._fill", "plot", whole.stdout.split()),
+        ("hdassist.terminal.plot.ticks", "plot", whole.stdout.split()),
         ("hdassist.terminal.page.report_page", "page", run(*command, "-q", cwd=rig).stdout.split()),
     ):
         monkeypatch.setattr(place, broken)

@@ -95,7 +95,6 @@ def test_people_see_whose_teeth_were_measured(command, files):
     assert (page.returncode, page.stderr) == (0, "")
     assert "measured teeth: rigid wheel (wheel.csv)" in " ".join(page.stdout.split())
     assert max(map(len, page.stdout.splitlines())) <= 80
-    assert "a micrometre more" not in page.stdout
 
 
 def test_without_files_the_key_is_there_and_empty():
@@ -108,7 +107,6 @@ def test_check_and_mount_agree_where_the_wheel_stands(answer, files):
     alone = json.loads(pitch("check", SMALL, "--torque", "4", *both, files=files).stdout)
     now = json.loads(answer.stdout)["current"]["F_ior_arcsec"][0]
     assert alone["operating_points"][0]["F_ior_arcsec"] == pytest.approx(now, abs=1e-9)
-    assert alone["operating_points"][0]["sensitivity"]["j_n_arcsec_per_um"] is None
     assert alone["pitch"]["b"]["mark_deg"] == 120
 
 
