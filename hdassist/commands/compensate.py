@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import typer
+from typing import TYPE_CHECKING, Literal
 
 from hdassist.commands.controller_options import ControllerOptions
 from hdassist.errors import UsageError
@@ -47,18 +45,10 @@ class CompensateCommand(
     """
 
     preset: o.Preset
-    files: Annotated[
-        list[str] | None, typer.Argument(metavar="FILE", help="Records, at each torque of the preset in its order.")
-    ] = None
-    kind: Annotated[
-        Literal["phasors", "output", "cam", "half-cam"],
-        typer.Option("--form", metavar="FORM", help="Form: phasors, or a table over a turn: output, cam, half-cam."),
-    ] = "phasors"
-    points: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=2, max=100_000, show_default="1500, of the cam 256", help="Points of a table."),
-    ] = None
-    each_load: Annotated[bool, typer.Option("--each-load", help="A table of its own for each torque.")] = False
+    files: list[str] | None = None
+    kind: Literal["phasors", "output", "cam", "half-cam"] = "phasors"
+    points: int | None = None
+    each_load: bool = False
     plot: o.Plot = True
     details: o.Details = False
 

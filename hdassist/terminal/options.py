@@ -265,15 +265,10 @@ class TraceOptions(OptionGroup):
 class SignOptions(OptionGroup):
     """How the error and the cam's angle of a record count."""
 
-    error_is: Annotated[
-        Literal["cam-output", "output-cam"],
-        trace_option(metavar="SIGN", help="Errors are cam-output (cam/ratio - output) or output-cam."),
-    ] = "cam-output"
-    cam_sense: Annotated[
-        Literal["ccw", "cw"], trace_option(metavar="SENSE", help="Sense of angles, seen from the cam: ccw or cw.")
-    ] = "ccw"
+    error_is: Literal["cam-output", "output-cam"] = "cam-output"
+    cam_sense: Literal["ccw", "cw"] = "ccw"
 
-    def alignment(self) -> "Alignment":
+    def alignment(self) -> Alignment:
         """The signs, with both angles given as 0."""
         from hdassist.comparing.record import Alignment
 
