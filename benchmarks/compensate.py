@@ -14,12 +14,12 @@ import argparse
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.model.geometry import Array
 
 NOISE_ARCSEC = 0.5  # of a reading
 RATIOS = (30, 40, 50)
-OVERLAP = 1.02  # of the cycle that a record spans
 POINTS = 1500  # of the table over the output turn
 
 
@@ -37,12 +37,12 @@ class CorrectedDrive:
     refused: str = ""
 
 
-def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
+def corrected(number: int, draws: int, seed: int, span: float) -> dict[str, CorrectedDrive]:
     """What corrections of a hidden drive leave, by form."""
     from benchmarks.honesty import hidden_drive
     from hdassist.belief.prior import prior_of
     from hdassist.comparing.record import Alignment
-    from hdassist.correction.correct import correction_of
+    from hdassist.correction.correct import correct, correction_of
     from hdassist.correction.forms import CAM_POINTS, CorrectionForm
     from hdassist.correction.records import recorded_error
     from hdassist.error.cycle import kinematic_error
@@ -61,18 +61,21 @@ def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
         M_g = preset.operation.M_g[0]
         error = in_wide_enough_window(there, lambda wide: kinematic_error(wide, M_g, teeth=teeth, run=UNCHECKED))
         turns, actual = error.states.phi_h / (2 * np.pi), -error.error_arcsec
-        rows = np.arange(round(OVERLAP * len(turns)))
+        rows = np.arange(round(span * len(turns)))
         cam_deg = 360 * rows * turns[1]
         readings = -actual[rows % len(turns)] + NOISE_ARCSEC * rng.standard_normal(len(rows))
         trace = MeasuredTrace("run.csv", "", cam_deg, readings, rows + 1, 0.0, tuple(sweeps(cam_deg)), ())
         alone = preset.model_copy(update={"operation": preset.operation.model_copy(update={"M_g": (M_g,)})})
         records = {M_g: recorded_error(measure(trace, drive=alone, together=True), alone, Alignment())}
         found = {}
-        prior = prior_of(alone)
-        values = prior.values(prior.shares(2 * draws, number))
-        drives = [each for each in values if first_conflict(alone.with_values(each)) is None][:draws]
-        result = correction_of(alone, drives, None, None, records, forms[0], Run(seed=number))
-        lines, plain = result.errors[M_g].lines, plain_left(turns, actual, -readings[: len(turns)])
+        if span < 1:
+            result = correct(alone, records=records, draws=draws, run=Run(seed=number))
+        else:
+            prior = prior_of(alone)
+            values = prior.values(prior.shares(2 * draws, number))
+            drives = [each for each in values if first_conflict(alone.with_values(each)) is None][:draws]
+            result = correction_of(alone, drives, records, forms[0], Run(seed=number))
+        lines, plain = result.errors[M_g].lines, plain_left(turns, actual, rows, -readings)
         mean = replace(lines, amplitude=lines.amplitude.mean(axis=0)[None])
         for form in forms:
             stored = next(each for each in result.stored if each.form == form)
@@ -85,10 +88,11 @@ def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
     return found
 
 
-def plain_left(turns: Array, actual: Array, read: Array) -> float:
+def plain_left(turns: Array, actual: Array, rows: NDArray[np.int64], read: Array) -> float:
     """Range [arcsec] that the mean of a record over the cam's turns leaves."""
     place = np.floor(np.mod(turns, 1) * 200).astype(int) % 200
-    means = np.bincount(place, read, 200) / np.maximum(np.bincount(place, minlength=200), 1)
+    seen = place[rows % len(place)]
+    means = np.bincount(seen, read, 200) / np.maximum(np.bincount(seen, minlength=200), 1)
     return float(np.ptp(actual - means[place]))
 
 
@@ -98,11 +102,12 @@ def main() -> None:
     parser.add_argument("--n", type=int, default=20, help="hidden drives")
     parser.add_argument("--draws", type=int, default=8, help="draws of the prior")
     parser.add_argument("--first", type=int, default=0, help="number of the first")
+    parser.add_argument("--span", type=float, default=1.02, help="of the cycle, that a record has")
     parser.add_argument("--seed", type=int, default=2)
     args = parser.parse_args()
     found: dict[str, list[CorrectedDrive]] = {}
     for number in range(args.first, args.first + args.n):
-        for name, each in corrected(number, args.draws, args.seed).items():
+        for name, each in corrected(number, args.draws, args.seed, args.span).items():
             found.setdefault(name, []).append(each)
             words = f"{each.uncorrected:.1f} to {each.left:.2f}, promised {each.promised:.2f}, plain {each.plain:.1f}"
             print(number, name, words, each.refused, flush=True)

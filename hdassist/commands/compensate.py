@@ -12,11 +12,8 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from hdassist.correction.forms import CorrectionForm
     from hdassist.correction.records import RecordedError
-    from hdassist.correction.table import RepeatTurn
     from hdassist.preset.fields import Drive
     from hdassist.report.report import Report
-
-FORMS: dict[str, RepeatTurn | None] = {"phasors": None, "output": "output", "cam": "cam", "half-cam": "half cam turn"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +37,9 @@ class CompensateCommand(
     side, from where the cam stands at phi_h = 0. --csv writes the correction; one that may make a drive worse is
     refused (docs/correct.md).
 
-    A FILE is a record of the full cycle at a torque of the preset, in their order; then the correction is that of the
-    record, in the record's own angles. Exit codes: 0, 2 wrong options, 4 bad file, 5 refused or no trustworthy answer.
+    A FILE is a record at a torque of the preset, in their order; then the correction is that of the record: of the full
+    cycle in the record's own angles, of part of it by the drives of the preset that agree, in the preset's angles.
+    Exit codes: 0, 2 wrong options, 4 bad file, 5 refused or no trustworthy answer.
     """
 
     preset: o.Preset
@@ -56,9 +54,10 @@ class CompensateCommand(
         """The form that is asked for."""
         from hdassist.correction.forms import CAM_POINTS, USUAL_POINTS, CorrectionForm
 
-        turn = FORMS[self.kind]
-        usual = USUAL_POINTS[0] if turn == "output" else CAM_POINTS
-        return CorrectionForm(turn, (self.points or usual) if turn else 0, self.each_load)
+        if self.kind == "phasors":
+            return CorrectionForm(None, each_load=self.each_load)
+        usual = USUAL_POINTS if self.kind == "output" else CAM_POINTS
+        return CorrectionForm(self.kind, self.points or usual, self.each_load)
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
         """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from hdassist.model.geometry import Array
 
-RepeatTurn = Literal["output", "cam", "half cam turn"]
+RepeatTurn = Literal["output", "cam", "half-cam"]
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class CorrectionTable:
     @property
     def period_deg(self) -> float:
         """Angle of the cam or of the output after which the table repeats [deg]."""
-        return 180.0 if self.turn == "half cam turn" else 360.0
+        return 180.0 if self.turn == "half-cam" else 360.0
 
     @property
     def angles_deg(self) -> Array:
@@ -77,7 +77,7 @@ class CorrectionTable:
 
 def periods_a_cam_turn(turn: RepeatTurn, u: float) -> float:
     """Periods of a table in a turn of the cam; negative where the output turns against it."""
-    return {"output": 1 / u, "cam": 1.0, "half cam turn": 2.0}[turn]
+    return {"output": 1 / u, "cam": 1.0, "half-cam": 2.0}[turn]
 
 
 def between_points(values: Array, periods: Array) -> Array:
@@ -112,3 +112,14 @@ class Phasors:
         vectors = self.amplitude_arcsec * np.exp(1j * np.radians(self.phase_deg))
         waves = np.exp(2j * np.pi * self.per_cam_turn[:, None] * np.asarray(cam_turns))
         return np.asarray((vectors @ waves).real)
+
+
+def correction_columns(correction: CorrectionTable | Phasors) -> dict[str, Array]:
+    """Columns of a correction by their names, of the same length each: points of a table, or lines."""
+    if isinstance(correction, CorrectionTable):
+        shaft = "output" if correction.turn == "output" else "cam"
+        columns = {f"{shaft}_deg": correction.angles_deg, "error_arcsec": correction.error_arcsec}
+        other = correction.other_direction_arcsec
+        return columns if other is None else {**columns, "other_direction_arcsec": other}
+    names = ("per_output_turn", "per_cam_turn", "amplitude_arcsec", "phase_deg", "uncertainty_arcsec")
+    return {name: values for name in names if (values := getattr(correction, name)) is not None}

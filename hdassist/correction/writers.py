@@ -62,11 +62,6 @@ class PlayedCorrection:
     is_of_cam: bool = False
 
 
-def turn_words(turn: RepeatTurn) -> str:
-    """A turn after which a table repeats, in words."""
-    return f"{turn.removesuffix(' turn')} turn"
-
-
 @dataclass(frozen=True)
 class ControllerFormat:
     """The file of a controller.
@@ -91,8 +86,8 @@ class ControllerFormat:
     def refusal(self, turn: RepeatTurn | None, points: int) -> UsageError | None:
         """Why it keeps no table of so many points over such a turn, None for phasors; None where it does."""
         if turn not in self.turns:
-            form = f"table over the {turn_words(turn)}" if turn else "form phasors"
-            wanted = " or ".join(map(turn_words, self.turns))
+            form = f"table over the {turn} turn" if turn else "form phasors"
+            wanted = " or ".join(f"{each} turn" for each in self.turns)
             return UsageError(f"invalid {form} for {self.name}: expected a table over the {wanted}")
         if self.most_points and points > self.most_points:
             return UsageError(f"invalid number of points {points} for {self.name}: expected at most {self.most_points}")
@@ -189,7 +184,7 @@ def about_lines(
     lines = [
         f"hdassist {__version__}: correction of the kinematic error, {controller.name}, axis {axis.name}",
         f"preset {table.preset or '-'}, sha256 {preset_sha256 or '-'}",
-        f"{for_torque}; {turn_words(table.turn)}, {table.points} points, straight lines between",
+        f"{for_torque}; {table.turn} turn, {table.points} points, straight lines between",
         *worm,
         f"zero: the axis reads {axis.zero_deg:.6g} deg where cam and output stand at zero (phi_h = 0)",
         f"counts up {way} seen from the cam side; error = actual less ideal angle of the output, taken off",
@@ -355,15 +350,15 @@ CONTROLLER_FORMATS = {
         "load with MD32700 ENC_COMP_ENABLE 0, then 1; MD38000 above the number of points", comment=";", comments_at=2,
     ),
     "moteus": ControllerFormat(
-        "moteus", ("cam", "half cam turn"), _moteus,
+        "moteus", ("cam", "half-cam"), _moteus,
         "moteus_tool --write-config, firmware with compensation_scale; the source reads the cam", played=moteus_played,
     ),
     "eqmod": ControllerFormat(
-        "EQMOD", ("cam", "half cam turn"), _eqmod,
+        "EQMOD", ("cam", "half-cam"), _eqmod,
         "gain x1, threshold 0, northern hemisphere, decimal point in Windows", played=eqmod_played, comment="#",
     ),
     "onstepx": ControllerFormat(
-        "OnStepX", ("cam", "half cam turn"), _onstepx,
+        "OnStepX", ("cam", "half-cam"), _onstepx,
         "PEC_STEPS_PER_WORM_ROTATION as above before the rows are sent", played=onstepx_played,
     ),
 }  # fmt: skip
