@@ -22,6 +22,7 @@ from hdassist.numerals import number_of
 
 if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
+    from hdassist.comparing.record import Alignment
     from hdassist.measuring.reading import Reading
     from hdassist.preset.fields import Drive
     from hdassist.readers.trace import TraceForm
@@ -262,6 +263,21 @@ class TraceOptions(OptionGroup):
 
         given = {each.name: getattr(self, each.name) for each in fields(Reading)}
         return Reading(**{**given, "budget": tuple(self.budget)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignOptions(OptionGroup):
+    """How the error and the cam's angle of a record count."""
+
+    error_is: Literal["cam-output", "output-cam"] = "cam-output"
+    cam_sense: Literal["ccw", "cw"] = "ccw"
+
+    def alignment(self) -> Alignment:
+        """The signs, with both angles given as 0."""
+        from hdassist.comparing.record import Alignment
+
+        sign = 1.0 if self.error_is == "cam-output" else -1.0
+        return Alignment(sign=sign, sense=1.0 if self.cam_sense == "ccw" else -1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
