@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import statistics
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 NAMES = ("vzp160", "size-25-100")
@@ -41,10 +42,8 @@ def measured(name: str, rounds: int) -> dict[str, Any]:
             if getattr(answer, "sure", "") == until:
                 raise AnsweredError
 
-        try:
+        with suppress(AnsweredError):
             drive_answers(session.drive, typical, effort, tell)
-        except AnsweredError:
-            pass
 
     typical, _ = typical_of(check(session.drive, draws=effort.draws))
     found: dict[str, list[float]] = {"first_s": [], "proven_s": [], "check_s": []}

@@ -67,9 +67,14 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
         words = f"use of two processes, {case['drives']} random drives: {case['case']}"
         yield Row("two processes", words, EFFICIENCY, case["efficiency"], "", at_least=True)
     for case in measured["explorer"]:
-        for words, most, took in (("first", FIRST_NUMBER, case["first_s"]), ("proven", PROVEN_NUMBER, case["proven_s"])):
+        for words, most, took in (
+            ("first", FIRST_NUMBER, case["first_s"]),
+            ("proven", PROVEN_NUMBER, case["proven_s"]),
+        ):
             share = f"{took / case['check_s']:.1%} of a check"
-            yield Row("explorer", f"from a key to the {words} number, `explore {case['name']}` ({share})", most, took, "s")
+            yield Row(
+                "explorer", f"from a key to the {words} number, `explore {case['name']}` ({share})", most, took, "s"
+            )
 
 
 def engine_of(torque: dict[str, Any]) -> str:
