@@ -359,7 +359,7 @@ def test_in_seven_bits_the_screen_is_as_wide_and_says_the_same() -> None:
         await pilot.pause()
         views.append(screen(app))
         assert "o  the extremes of the cycle" in views[1]
-        assert all(view.isascii() for view in views)
+        assert all(view.isascii() for view in views) and "e evidence" in told
         assert {len(line) for view in views for line in view.splitlines()} == {140}
 
     explored(act, size=(140, 40), ascii=True)
