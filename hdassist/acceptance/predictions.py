@@ -17,14 +17,14 @@ from hdassist.acceptance.limits import Limit, torques_of
 from hdassist.belief.evidence import STIFFNESS_FIGURES, evidence_of
 from hdassist.belief.influence import Influence, influences
 from hdassist.belief.measure import MeasurementGain, measurements
-from hdassist.belief.prior import DrivePrior, prior_of
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, SAMPLE_STATES, Samples, SamplingEffort, draw_samples
+from hdassist.belief.prior import DrivePrior
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, draw_samples
 from hdassist.belief.statistics import weighted_quantile
 from hdassist.design.check import beside_measured_teeth
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.error_map import searchable
 from hdassist.error.self_error import SelfError, self_error
-from hdassist.error.stiffness import Stiffness, stiffness, stiffness_states
+from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.table import TABLE_SECTIONS
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
@@ -36,7 +36,7 @@ from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.verdict import SURE, is_settled, percent_text
+from hdassist.verdict import SURE, is_settled
 
 
 @dataclass(frozen=True)
@@ -105,11 +105,6 @@ class Belief(ClosedRecord):
     probability_low: float
     probability_high: float
 
-    @property
-    def percent(self) -> str:
-        """The probability with its interval, in words."""
-        return percent_text(self.probability, self.probability_low, self.probability_high)
-
 
 @dataclass(frozen=True)
 class Predictions:
@@ -157,8 +152,9 @@ class Predictions:
         return measurements(replace(samples, figures=figures), samples.torques.index(M_g), left) if left > 0 else ()
 
     def is_open(self, limit: Limit) -> bool:
-        """Whether anything that is not known exactly moves the value of a limit."""
-        return _is_open(self.prior, limit)
+        """Whether anything that is not known exactly moves the value of a limit: deviations move the cycle alone."""
+        moves_cycle = "cycle" in limit.check.needs
+        return any(moves_cycle or not each.path.startswith(TABLE_SECTIONS) for each in self.prior.fields)
 
     def belief(self, limit: Limit) -> Belief | None:
         """The value of a limit over all that is not known exactly; None where nothing moves it, or was not drawn."""
@@ -196,20 +192,6 @@ def quantities(
     found = PredictedQuantities(by_torque, dict(zip(own_at, next(own, []), strict=True)), next(twist, None))
     run.finished(found.certificate.states)
     return found
-
-
-def prediction_states(drive: Drive, limits: Sequence[Limit], draws: int = EFFECTIVE_SAMPLES) -> int:
-    """Number of states that predictions for limits solve, about, for a progress bar."""
-
-    def once(some: Sequence[Limit]) -> int:
-        states = len(torques_of(some, "cycle")) * Kinematics.of(drive).cycle_states
-        states += len(torques_of(some, "self error")) * drive.numerics.n_phase**2
-        return states + stiffness_states(1) * any("stiffness" in limit.check.needs for limit in some)
-
-    if not (searchable(drive) and any(_is_open(prior_of(drive), limit) for limit in limits)):
-        return once(limits)
-    drawn = len(_torques(drive, limits)) * SAMPLE_STATES + once([limit for limit in limits if limit.check is not F_IOR])
-    return once(limits) + draws * drawn
 
 
 def predict(
@@ -259,11 +241,6 @@ def _torques(drive: Drive, limits: Sequence[Limit]) -> tuple[float, ...]:
     held = [limit.M_g_Nm for limit in limits if limit.check is F_IOR and limit.M_g_Nm is not None]
     needed = held or drive.catalogue.accuracy is not None
     return tuple(dict.fromkeys([*drive.operation.M_g, *held])) if needed else ()
-
-
-def _is_open(prior: DrivePrior, limit: Limit) -> bool:
-    """Whether an input that is not known exactly moves the value of a limit: deviations move the cycle alone."""
-    return any("cycle" in limit.check.needs or not each.path.startswith(TABLE_SECTIONS) for each in prior.fields)
 
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.terminal import options as o
 
@@ -41,16 +39,10 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     """
 
     preset: o.Preset
-    targets: Annotated[
-        Path, typer.Option("--targets", metavar="FILE", show_default=False, help="What to find, what is known (YAML).")
-    ]
-    write: Annotated[
-        str | None, typer.Option("--write", metavar="FILE", help="Write the preset with the values found.")
-    ] = None
-    evaluations: Annotated[
-        int, o.advanced_option(metavar="N", min=8, max=100_000, help="Drives to choose starts of least squares from.")
-    ] = 128
-    seed: Annotated[int, o.advanced_option(metavar="N", min=0, max=2**32 - 1, help="Seed of these drives.")] = 0
+    targets: Path
+    write: str | None = None
+    evaluations: int = 128
+    seed: o.SeedOption = 0
     jobs: o.Jobs = 0
     details: o.Details = False
 
@@ -84,10 +76,10 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
             with out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run:
                 result = calibrate(drive, wanted, points=self.evaluations, run=run)
             if self.write is not None:
-                best, *others = (wanted.by_path(fit.values) for fit in result.fits)
+                best = wanted.by_path(result.fits[0].values)
                 ref = f"hdassist calibrate, {wanted.name or self.targets.name}"
                 model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
-                changed = with_found_values(given, name, best, ref, others, model)
+                changed = with_found_values(given, name, best, ref, model)
             return calibrate_report(result)
 
         code = give("calibrate", run_each("calibrate", [self.preset], one, self), self, out)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import typer
+from typing import TYPE_CHECKING, Literal
 
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
@@ -40,26 +38,12 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
     """
 
     preset: o.Preset
-    files: Annotated[
-        list[str], typer.Argument(metavar="FILE", help="Measured traces (- for stdin), or presets: names, .yaml files.")
-    ]
-    torque: Annotated[
-        str | None,
-        o.drive_option("--torque", metavar="N*M", show_default="the only one; all of presets", help="Torque M_g."),
-    ] = None
-    start: Annotated[
-        str, o.trace_option("--phi-g0", metavar="DEG", help="Angle of the output at phi_h = 0, or fit.")
-    ] = "fit"
-    zero: Annotated[
-        str | None, o.trace_option("--cam-zero", metavar="DEG", help="phi_h where the rig's cam angle is 0, or fit.")
-    ] = None
-    error_is: Annotated[
-        Literal["cam-output", "output-cam"],
-        o.trace_option(metavar="SIGN", help="Errors are cam-output (cam/ratio - output) or output-cam."),
-    ] = "cam-output"
-    cam_sense: Annotated[
-        Literal["ccw", "cw"], o.trace_option(metavar="SENSE", help="Sense of angles, seen from the cam: ccw or cw.")
-    ] = "ccw"
+    files: list[str]
+    torque: str | None = None
+    start: str = "fit"
+    zero: str | None = None
+    error_is: Literal["cam-output", "output-cam"] = "cam-output"
+    cam_sense: Literal["ccw", "cw"] = "ccw"
     plot: o.Plot = True
     details: o.Details = False
 
@@ -74,13 +58,10 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
 
     def _compare_traces(self) -> int:
         """Compare measured traces with the drive; returns the exit code."""
-        from functools import partial
-
         from hdassist.comparing.compare import FIT_STATES, compare, torque_of, zero_of
         from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment
         from hdassist.pages.compare import comparison_report
         from hdassist.run.run import Run
-        from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.answers import failure
         from hdassist.terminal.runs import give, run_each
 
@@ -97,8 +78,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
             zero = given_zero if self.zero else zero_of(found.trace, drive, start)
             asked = Alignment(start or 0.0, zero or 0.0, sign, sense, (start is None, zero is None))
             with out.progress(f"{drive.name}, {found.trace.file}", FIT_STATES) as progress:
-                analysis = partial(compare, found, M_g=M_g, asked=asked, run=Run(progress=progress))
-                result = in_wide_enough_window(drive, analysis)
+                result = compare(found, drive, M_g=M_g, asked=asked, run=Run(progress=progress))
             return comparison_report(result)
 
         answers = run_each("compare", self.files, one, self, failed=lambda name, e: failure("compare", e, file=name))
