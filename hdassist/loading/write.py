@@ -182,7 +182,7 @@ def _set_value(tables: Any, path: str, value: Any, entry: str | int = "") -> Non
     if entry:
         if not isinstance(table.get(name), dict):
             table[name] = {} if table.get(name) is None else {"all": table[name]}
-        table, name = table[name], entry
+        table, name = table[name], str(entry)
     table[name] = value
 
 
