@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from importlib.resources import files
 from inspect import get_annotations
@@ -22,6 +22,7 @@ from hdassist.numerals import number_of
 
 if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
+    from hdassist.comparing.record import Alignment
     from hdassist.measuring.reading import Reading
     from hdassist.preset.fields import Drive
     from hdassist.readers.trace import TraceForm
@@ -72,12 +73,6 @@ class OptionGroup:
     def only(self, group: type[GroupT]) -> GroupT:
         """The options of one of the groups that a command is made of."""
         return group(**{each.name: getattr(self, each.name) for each in fields(group)})
-
-    def words(self) -> list[str]:
-        """The options as a shell takes them, where they are not the usual ones."""
-        values = ((f"--{one.name.replace('_', '-')}", getattr(self, one.name), one.default) for one in fields(self))
-        given = [(name, f"{value}".removesuffix(".0")) for name, value, usual in values if value != usual]
-        return [word for pair in given for word in pair]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,7 +149,17 @@ class DriveOptions(OptionGroup):
         """The drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
         from hdassist.loading.load import load_preset
 
-        return load_preset(preset, self.changes)
+        return self.noted(load_preset(preset, self.changes))
+
+    def noted(self, drive: Drive) -> Drive:
+        """The drive, with the options in its origin that a next command on it is to have too."""
+        from hdassist.terminal.brief import TAKEN_OVER
+
+        given = [(f, getattr(self, f.name)) for f in fields(self) if f.name in TAKEN_OVER]
+        every = ((f, each) for f, value in given for each in (value if isinstance(value, list) else [value]))
+        asked = [(f.name, str(value)) for f, value in every if value != f.default]
+        drive._origin = replace(drive.origin, asked=tuple(asked))
+        return drive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,7 +197,7 @@ class LimitedDriveOptions(LoadedDriveOptions):
         """
         from hdassist.acceptance.limits import load_limited
 
-        drive = load_limited(preset, super().changes, self.limits)
+        drive = self.noted(load_limited(preset, super().changes, self.limits))
         torques = drive.operation.M_g
         for limit in self.limits:
             if limit.torque is not None and limit.torque not in torques:
@@ -251,6 +256,21 @@ class TraceOptions(OptionGroup):
 
         given = {each.name: getattr(self, each.name) for each in fields(Reading)}
         return Reading(**{**given, "budget": tuple(self.budget)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignOptions(OptionGroup):
+    """How the error and the cam's angle of a record count."""
+
+    error_is: Literal["cam-output", "output-cam"] = "cam-output"
+    cam_sense: Literal["ccw", "cw"] = "ccw"
+
+    def alignment(self) -> Alignment:
+        """The signs, with both angles given as 0."""
+        from hdassist.comparing.record import Alignment
+
+        sign = 1.0 if self.error_is == "cam-output" else -1.0
+        return Alignment(sign=sign, sense=1.0 if self.cam_sense == "ccw" else -1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
