@@ -29,7 +29,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
     trustworthy answer, 130 stopped.
     """
 
-    preset: o.Preset
+    preset: str
     wanted: float = 0.95
     count: int = 250
     sure: float = 0.95

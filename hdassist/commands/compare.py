@@ -37,13 +37,13 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.SignOptions, o.TraceO
     Exit codes: 0, 4 bad file, 5 orders or a range that the record does not tell, or no trustworthy answer.
     """
 
-    preset: o.Preset
+    preset: str
     files: list[str]
     torque: str | None = None
     start: str = "fit"
     zero: str | None = None
-    plot: o.Plot = True
-    details: o.Details = False
+    plot: bool = True
+    details: bool = False
 
     @property
     def changes(self) -> list[str]:

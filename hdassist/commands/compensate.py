@@ -42,13 +42,13 @@ class CompensateCommand(
     Exit codes: 0, 2 wrong options, 4 bad file, 5 refused or no trustworthy answer.
     """
 
-    preset: o.Preset
+    preset: str
     files: list[str] | None = None
     kind: Literal["phasors", "output", "cam", "half-cam"] = "phasors"
     points: int | None = None
     each_load: bool = False
-    plot: o.Plot = True
-    details: o.Details = False
+    plot: bool = True
+    details: bool = False
 
     def correction_form(self) -> CorrectionForm:
         """The form that is asked for."""

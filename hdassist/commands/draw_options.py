@@ -20,8 +20,8 @@ class DrawOptions(o.LimitedDriveOptions):
 
     distribution: Literal["rayleigh", "uniform", "fixed"] = "rayleigh"
     known: list[str]
-    seed: o.SeedOption = 0
-    jobs: o.Jobs = 0
+    seed: int = 0
+    jobs: int = 0
 
     def law(self, drive: "Drive", *, chosen: bool = False) -> "ProductionLaw":
         """Distributions of the random drives; chosen, whether sizes that are assumed are tolerances to choose too.

@@ -40,12 +40,12 @@ class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOpt
     state is solved then, and nothing is drawn.
     """
 
-    preset: o.Preset
+    preset: str
     step: float | None = None
     probability: float = 0.95
-    plot: o.Plot = True
-    details: o.Details = False
-    cross_check: o.CrossCheckOption = "highs"
+    plot: bool = True
+    details: bool = False
+    cross_check: str = "highs"
 
     def run(self) -> int:
         """Find the position; returns the exit code."""

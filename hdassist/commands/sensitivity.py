@@ -24,9 +24,9 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
     trustworthy answer, 130 stopped.
     """
 
-    preset: o.Preset
+    preset: str
     count: int = 96
-    details: o.Details = False
+    details: bool = False
 
     def run(self) -> int:
         """Rank the tolerances; returns the exit code."""

@@ -30,14 +30,14 @@ class ToleranceCommand(o.FigureOptions, DrawOptions):
     codes: 0 done or PASS, 3 FAIL, 6 INCONCLUSIVE, 4 bad preset, 5 no trustworthy answer, 130 stopped.
     """
 
-    preset: o.Preset
+    preset: str
     count: int = 500
     wanted: float | None = None
     sure: float = 0.95
     mounting: bool = True
     results: str | None = None
-    plot: o.Plot = True
-    details: o.Details = False
+    plot: bool = True
+    details: bool = False
     per_design: int = 10
 
     def run(self) -> int:

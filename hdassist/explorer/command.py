@@ -29,13 +29,13 @@ class ExploreCommand(o.LoadedDriveOptions):
     change in explore.txt in the user's folder of states.
     """
 
-    preset: o.Preset
+    preset: str
     measured: list[str] | None = None
     pin: str | None = None
     light: bool = False
-    ascii: o.Ascii = False
-    jobs: o.Jobs = 0
-    debug: o.Debug = False
+    ascii: bool = False
+    jobs: int = 0
+    debug: bool = False
 
     def run(self) -> int:
         """Show the drive; returns the exit code."""

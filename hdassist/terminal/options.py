@@ -9,7 +9,6 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from functools import partial
 from importlib.resources import files
 from inspect import get_annotations
 from math import isfinite
@@ -31,19 +30,6 @@ if TYPE_CHECKING:
 
 GroupT = TypeVar("GroupT", bound="OptionGroup")
 DECLARED = tomllib.loads(files("hdassist.terminal").joinpath("options.toml").read_text("utf-8"))
-
-# options by the section of the help in which they stand (cli/help.py orders the sections)
-trace_option = partial(typer.Option, rich_help_panel="Measured trace")
-
-# types of fields that options.toml declares for any class
-Preset = str
-CrossCheckOption = str
-Plot = bool
-Details = bool
-Ascii = bool
-Debug = bool
-SeedOption = int
-Jobs = int
 
 
 def declared_parameter(
