@@ -30,13 +30,19 @@ TAKEN_OVER = {  # options that the next command has too, by their name: the comm
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
 
 
-def again(command: str, drive: Drive, *more: str, pitch: object = None) -> str:
-    """A command about the same drive, as a shell takes it; pitch: wheels that are measured, whose files go with it."""
-    origin = drive.origin
-    preset = "-" if origin.file == STDIN else origin.file or drive.name
-    asked = [f"--{name}={value}" for name, value in origin.asked if command in TAKEN_OVER[name]]
-    words = shlex.join(["hdassist", command, preset, *_options(command, origin.overrides), *asked, *more])
-    return words + " with the same pitch files" * bool(pitch)
+def again(command: str, drive: Drive | None, *more: str, pitch: object = None) -> str:
+    """A command about the same drive, as a shell takes it; pitch: wheels that are measured, whose files go with it.
+
+    PRESET stands for a drive that is not known.
+    """
+    words = ["PRESET"]
+    if drive:
+        origin = drive.origin
+        asked = (f"--{name}={value}" for name, value in origin.asked if command in TAKEN_OVER[name])
+        preset = "-" if origin.file == STDIN else origin.file or drive.name
+        words = [preset, *_options(command, origin.overrides), *asked]
+    text = shlex.join(["hdassist", command, *words, *more])
+    return text + " with the same pitch files" * bool(pitch)
 
 
 def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
@@ -77,6 +83,6 @@ def on_what(drive: Drive) -> str:
 
 
 def not_known(drive: Drive) -> str:
-    """What is not known of a drive and was computed as 0."""
+    """Deviations of a drive that are not known, and were computed as 0."""
     open_ = unknowns(drive)
     return f"taken as 0: {unknown_names(open_)}" if open_ else ""

@@ -9,7 +9,7 @@ import re
 
 import pytest
 
-from tests.process import SMALL, run
+from tests.process import SMALL, TINY, run
 
 
 def test_one_turn_in_json():
@@ -96,7 +96,8 @@ def test_what_is_not_known_is_said_where_it_counts_as_nothing():
     assert told["warnings"][0] in done.stderr
 
 
-def test_a_trace_at_the_presets_own_values_says_so():
-    measured = ("--set", "phases.xi_b=90±20", "--set", "measured.F_ior={h0@1: 35 ± 4}")
-    heads = [run("trace", SMALL, "--no-plot", *more).stdout.splitlines()[0] for more in ((), measured)]
-    assert ["nominal" in head for head in heads] == [False, True]
+def test_a_trace_of_a_drive_that_was_measured_says_that_it_is_nominal():
+    page = run("trace", TINY, "--set", "measured.lost_motion=50", "--no-plot").stdout
+    assert page.startswith("tiny, nominal, 1 N·m, ")
+    assert "what was measured on the drive is not weighed here" in page
+    assert not run("trace", TINY, "--no-plot").stdout.startswith("tiny, nominal")
