@@ -7,7 +7,7 @@ import shlex
 
 import pytest
 
-from hdassist.cli.commands import COMMANDS
+from hdassist.cli.commands import COMMANDS, _loaded
 from hdassist.commands.check import CheckCommand
 from hdassist.loading.load import load_preset
 from hdassist.report.blocks import Facts
@@ -84,7 +84,7 @@ def test_a_next_command_keeps_what_the_user_asked_with():
 
 
 def test_options_are_taken_over_by_the_commands_that_have_them():
-    every = {name: {each.name for each in entry.load(name).params} for name, entry in COMMANDS.items()}
+    every = {name: {each.name for each in _loaded(name).params} for name in COMMANDS}
     assert {name for name, options in every.items() if "limit" in options} == {*LIMITED}
     for option, takers in TAKEN_OVER.items():
         assert all(option in every[name] for name in takers)
