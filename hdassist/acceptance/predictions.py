@@ -36,7 +36,7 @@ from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.verdict import SURE, is_settled, percent_text
+from hdassist.verdict import SURE, is_settled
 
 
 @dataclass(frozen=True)
@@ -105,11 +105,6 @@ class Belief(ClosedRecord):
     probability_low: float
     probability_high: float
 
-    @property
-    def percent(self) -> str:
-        """The probability with its interval, in words."""
-        return percent_text(self.probability, self.probability_low, self.probability_high)
-
 
 @dataclass(frozen=True)
 class Predictions:
@@ -157,8 +152,9 @@ class Predictions:
         return measurements(replace(samples, figures=figures), samples.torques.index(M_g), left) if left > 0 else ()
 
     def is_open(self, limit: Limit) -> bool:
-        """Whether anything that is not known exactly moves the value of a limit."""
-        return _is_open(self.prior, limit)
+        """Whether anything that is not known exactly moves the value of a limit: deviations move the cycle alone."""
+        moves_cycle = "cycle" in limit.check.needs
+        return any(moves_cycle or not each.path.startswith(TABLE_SECTIONS) for each in self.prior.fields)
 
     def belief(self, limit: Limit) -> Belief | None:
         """The value of a limit over all that is not known exactly; None where nothing moves it, or was not drawn."""
@@ -245,11 +241,6 @@ def _torques(drive: Drive, limits: Sequence[Limit]) -> tuple[float, ...]:
     held = [limit.M_g_Nm for limit in limits if limit.check is F_IOR and limit.M_g_Nm is not None]
     needed = held or drive.catalogue.accuracy is not None
     return tuple(dict.fromkeys([*drive.operation.M_g, *held])) if needed else ()
-
-
-def _is_open(prior: DrivePrior, limit: Limit) -> bool:
-    """Whether an input that is not known exactly moves the value of a limit: deviations move the cycle alone."""
-    return any("cycle" in limit.check.needs or not each.path.startswith(TABLE_SECTIONS) for each in prior.fields)
 
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:

@@ -140,8 +140,9 @@ def _numbers(
     if not isinstance(table, dict):
         document.add(path, "must be a table of keys", f"known keys: {', '.join(units)}")
         return {}
-    for key in {*needs} - {*table}:
-        document.add((*path, key), "missing key", got="")
+    for key in needs:
+        if key not in table:
+            document.add((*path, key), "missing key", got="")
     values: dict[str, Any] = {}
     for key, value in table.items():
         at, unit = (*path, key), units.get(key)
@@ -162,14 +163,14 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
         return
     plausible = dict(zip(("low", "high"), source.range, strict=True)) if source and source.range else {}
     units = dict.fromkeys(("low", "high"), unit_of(measures()[key]))
-    bounds = plausible | _numbers(document, path, {} if value is None else value, units, units.keys() - plausible)
+    bounds = plausible | _numbers(
+        document, path, {} if value is None else value, units, [end for end in units if end not in plausible]
+    )
     if bounds.keys() != units.keys():
         return
-    low, high, own = bounds["low"], bounds["high"], drive.value(key)
+    low, high = bounds["low"], bounds["high"]
     if not low < high or not (drive.allows(key, low) and drive.allows(key, high)):
         document.add(path, f"low must be below high, both within {range_of(measures()[key])}", got=f"{low:g}, {high:g}")
-    elif own is not None and not low <= own <= high:
-        document.add(path, "the preset's value lies outside the bounds", got=f"{own:g}, not in {low:g} to {high:g}")
     scale: Literal["logarithmic", "even"] = "logarithmic" if low > 0 and high / low > LOGARITHMIC else "even"
     yield FieldPrior(key, scale, low, high, owner_of(drive, key), key, "bounds of the calibration")
 
@@ -185,6 +186,9 @@ def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationT
     units = {"quantity": TEXT, **{key: KEY_UNITS[key] for key in (*needs, *takes)}, "tolerance": None}
     faults = len(document.findings)
     given = _numbers(document, path, item, units | dict.fromkeys(("value", "low", "high"), unit), needs)
+    for key in ("M_g", "T_1", "T_2"):
+        if given.get(key) == 0:
+            document.add((*path, key), "a torque of 0 leaves the rotation undetermined")
     if len(document.findings) > faults:
         return
     value, low, high = given.get("value"), given.get("low", -inf), given.get("high", inf)

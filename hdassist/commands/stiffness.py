@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.terminal import options as o
 
@@ -30,9 +28,9 @@ class StiffnessCommand(o.FigureOptions, o.DriveOptions):
     """
 
     preset: o.Preset
-    t1: Annotated[float | None, typer.Option("--t1", metavar="N*M", help="End of the first segment.")] = None
-    t2: Annotated[float | None, typer.Option("--t2", metavar="N*M", help="End of the second segment.")] = None
-    to: Annotated[float | None, typer.Option("--to", metavar="N*M", help="End of the curve, on both sides.")] = None
+    t1: float | None = None
+    t2: float | None = None
+    to: float | None = None
     plot: o.Plot = True
     details: o.Details = False
     cross_check: o.CrossCheckOption = "highs"

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.terminal import options as o
 
@@ -29,10 +27,8 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
 
     preset: o.Preset
     torque: o.OneTorque = None
-    start: Annotated[float, typer.Option("--phi-g0", metavar="DEG", help="Angle of the moving wheel at phi_h = 0.")] = (
-        0.0
-    )
-    revolutions: Annotated[int, typer.Option("--revolutions", "-n", metavar="N", min=1, help="Cam revolutions.")] = 1
+    start: float = 0.0
+    revolutions: int = 1
     plot: o.Plot = True
     details: o.Details = False
     solver: o.Solver = None

@@ -66,7 +66,7 @@ class Sweep:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Values of each axis, and torques: the shape of what the rows tell."""
+        """Values of each axis, and torques: the shape of the results of the rows."""
         return (*(len(axis.values) for axis in self.axes), max(1, len(self.torques)))
 
     def values(self, row: int) -> dict[str, float]:
@@ -84,7 +84,7 @@ class Sweep:
         return RecordKind(TypeAdapter(SweepRow))
 
     def __call__(self, first: int, last: int) -> list[SweepRow]:
-        """Records of the rows first ... last - 1; a row depends on nothing but itself."""
+        """Records of the rows first ... last - 1; a row depends on its own number alone."""
         return [self._record(row) for row in range(first, last)]
 
     def _record(self, row: int) -> SweepRow:
@@ -126,14 +126,6 @@ class Swept:
     failed: int
     reason: str
     exit_codes: frozenset[int]
-
-    def effect(self, axis: int) -> float | None:
-        """How far F'_ior moves [arcsec] along an axis, all else unchanged, where it moves most; None if unknown."""
-        there = np.isfinite(self.F_ior_arcsec)
-        high = np.where(there, self.F_ior_arcsec, -np.inf).max(axis=axis)
-        low = np.where(there, self.F_ior_arcsec, np.inf).min(axis=axis)
-        moves = (high - low)[there.sum(axis=axis) > 1]
-        return float(moves.max()) if moves.size else None
 
     def end(self, greatest: bool) -> tuple[int, float] | None:
         """The row with the least or the greatest F'_ior, and that [arcsec]; None where no row has an answer."""

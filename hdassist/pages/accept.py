@@ -187,7 +187,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
         details=(Facts((("version", __version__), ("lot", f"{lot.file}, sha256 {lot.sha256[:12]}"))),),
         values={
             **together("accept", [answer_json(answer) for answer in answers]),
-            "lot": {"name": lot.file, "sha256": lot.sha256, "rows": len(lot.rows), "notes": list(lot.notes)},
+            "lot": {"name": lot.file, "sha256": lot.sha256, "rows": len(lot.rows)},
             "summary": found,
         },
         line="\n".join(f"{name} {status}" for name, status, _ in drives),

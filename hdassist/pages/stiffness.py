@@ -88,7 +88,7 @@ def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
 def twist_curve(found: Stiffness) -> Curve:
     """Twist over torque."""
     caption = "Twist of the drive without deviations, the cam held"
-    return Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, ″", caption, rows=8)
+    return Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, ″", caption)
 
 
 def _facts(drive: Drive, found: Stiffness) -> Iterator[tuple[str, str]]:
@@ -107,9 +107,7 @@ def _facts(drive: Drive, found: Stiffness) -> Iterator[tuple[str, str]]:
 def segments_table(drive: Drive, found: Stiffness) -> Table:
     """A row for each segment of both sides, beside the catalogue's stiffness where it gives one."""
     rows = [each for side in (found.positive, found.negative) for each in segments_beside(drive.catalogue, side)]
-    has_theirs = any(each.catalogue is not None for each in rows)
-    shown = [each for each in _ON_PAGE if has_theirs or each.key not in ("catalogue", "off_percent")]
-    return Table.by_row("torsional stiffness in both directions", shown, rows)
+    return Table.by_row("torsional stiffness in both directions", _ON_PAGE, rows)
 
 
 def segment_objects(side: Iterable[Segment]) -> list[Json]:

@@ -312,7 +312,7 @@ def test_no_width_cuts_a_number():
 
 def test_remarks_that_count():
     drive = small("F_ior@4=50", overrides=("operation.rated=3",))
-    noisy = accept(drive, {4.0: measure(rig(CYCLE, noise=15.0), drive=drive)})
+    noisy = accept(drive, {4.0: measure(rig(CYCLE, noise=12.0), drive=drive)})
     codes = [note.code for note in noisy.remarks]
     assert "UNCERTAINTY" in codes
     assert "RATED" in codes

@@ -281,9 +281,9 @@ def test_replay_compares_the_whole_answer(folder, here):
         (["lot.csv", "--serial", "1"], 2, "belongs to one drive"),
         (["lot.csv", "--preset", SMALL, "--budget", "luck=1"], 2, "--budget luck=1"),
         (["lot.csv", "--preset", SMALL, "--set", "gears.zz=1"], 2, "gears.zz: unknown key"),
-        (["lot.csv", "--jsonl", "-", "--junit", "-"], 2, "standard output can take one of"),
-        (["lot.csv", "--resume"], 2, "--jsonl FILE --resume"),
-        (["vzp160", "--resume", "--jsonl", "x"], 2, "--resume is for lots"),
+        (["lot.csv", "--csv", "-", "--junit", "-"], 2, "standard output can take one of"),
+        (["lot.csv", "--resume"], 2, "--jsonl FILE"),
+        (["vzp160", "--resume", "--jsonl", "x"], 2, "--preset, --jsonl and --resume are for lots"),
         (["none.csv"], 4, "no such file: none.csv"),
         (["--replay", "lot.csv"], 4, "no JSON"),
         (["--replay", "none.json"], 4, "no such file: none.json"),
@@ -372,8 +372,8 @@ def test_a_lot_without_one_answer_says_so(folder, here):
 def test_what_is_wrong_with_a_preset_is_said_to_each_of_its_rows(folder):
     (folder / "lot.csv").write_text("serial;preset;limit F_ior@1\n1;none;9\n2;none;9\n3;folder;9\n")
     (folder / "folder").mkdir()
-    done = run("accept", "lot.csv", "--jsonl", "-", cwd=folder)
-    answers = [json.loads(line) for line in done.stdout.splitlines()]
+    done = run("accept", "lot.csv", "--json", cwd=folder)
+    answers = json.loads(done.stdout)["results"]
     assert [answer["serial"] for answer in answers] == ["1", "2", "3"]
     assert [answer["error"]["message"].partition(": ")[2] for answer in answers] == (
         ["preset: no such preset or file: none"] * 2 + ["preset: folder is a directory, not a preset"]

@@ -16,7 +16,7 @@ from scipy.special import betaincinv
 
 from hdassist.acceptance import request as requests
 from hdassist.acceptance import work as lotwork
-from hdassist.acceptance.answer import answer_json, read_answers, to_lines
+from hdassist.acceptance.answer import answer_json, read_answers
 from hdassist.acceptance.lot import LotRow, is_lot, read_lot
 from hdassist.acceptance.replay import RELATIVE, answer_differences, still_stands
 from hdassist.acceptance.request import Request
@@ -224,6 +224,10 @@ def test_csv_has_a_row_for_each_check_and_its_provenance(told):
     assert float(rows[0]["value"]) == told[0].checks[0].value
 
 
+def as_text(answers):
+    return json.dumps({"results": list(map(answer_json, answers))})
+
+
 LINE = st.text(st.characters(exclude_characters="\n"))
 TEXTS = st.lists(st.text(), max_size=2).map(tuple)
 REQUESTS = st.builds(
@@ -236,14 +240,14 @@ REQUESTS = st.builds(
 
 def test_names_of_files_that_are_no_text_come_back_too(tmp_path):
     answer = failure_of(LotRow(Request("d\udcff.yaml", measured=("t\udcff.csv",))), DataError("no \udcff"))
-    assert read_answers(table(tmp_path, to_lines([answer]), "a.jsonl")) == [answer]
+    assert read_answers(table(tmp_path, as_text([answer]), "a.jsonl")) == [answer]
 
 
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(REQUESTS)
 def test_requests_come_back_out_of_a_file(tmp_path, asked):
     answer = failure_of(LotRow(asked), DataError("no"))
-    assert read_answers(table(tmp_path, to_lines([answer]), "a.jsonl")) == [answer]
+    assert read_answers(table(tmp_path, as_text([answer]), "a.jsonl")) == [answer]
 
 
 @pytest.mark.parametrize(
@@ -302,7 +306,7 @@ def test_an_answer_stands_as_long_as_nothing_has_changed(tmp_path, told):
     preset = table(tmp_path, Path(SMALL).read_bytes(), "d.yaml")
     text = "serial,F_ior@1,limit F_ior@1\nA,3±1,30\n"
     (row,) = read_lot(table(tmp_path, text), Request(preset, measured_only=True)).rows
-    (answer,) = read_answers(table(tmp_path, to_lines(worked([row])), "a.jsonl"))
+    (answer,) = read_answers(table(tmp_path, as_text(worked([row])), "a.jsonl"))
     assert still_stands(answer, row.request)
     for request in (replace(row.request, seed=1), replace(row.request, limits=("F_ior@1=31",))):
         assert not still_stands(answer, request)
@@ -331,13 +335,19 @@ def test_differences_are_those_beyond_the_tolerance(told):
     assert (found.key, found.now) == (f"checks.{len(told[0].checks)} {last.label}", None)
 
 
-def test_a_line_that_breaks_off_is_left_out(tmp_path, told):
-    whole = to_lines(told)
-    assert read_answers(table(tmp_path, whole, "a.jsonl")) == told
-    assert len(read_answers(table(tmp_path, whole[:-40], "b.jsonl"))) == len(told) - 1
-    for text in ("[1]", "{}\n{}\n", "no", whole[:99] + "\n" + whole, '{"schema":"hdassist.accept/1"}'):
+def test_a_file_that_breaks_off_is_refused(tmp_path, told):
+    whole = as_text(told)
+    assert read_answers(table(tmp_path, whole, "a.json")) == told
+    for text in (
+        whole[:-40],
+        "[1]",
+        "{}\n{}\n",
+        "no",
+        '{"schema":"hdassist.accept/1"}',
+        '{"results": []}',
+    ):
         with pytest.raises(DataError):
-            read_answers(table(tmp_path, text, "c.jsonl"))
+            read_answers(table(tmp_path, text, "c.json"))
 
 
 def test_usage_error_in_a_row_counts_as_wrong_data(lot):

@@ -59,7 +59,7 @@ def test_values_are_found_written_and_used(folder):
     [
         (("gears.j_n", "gears.jn"), 4, "rig.yaml:4:3: unknowns.gears.jn"),
         (("M_g: 4", "M_g: 4000"), 5, "could be computed"),
-        (("{low: 0, high: 15}", "{low: 8, high: 15}"), 4, "outside the bounds"),
+        (("{low: 0, high: 15}", "{low: 15, high: 8}"), 4, "low must be below high"),
     ],
 )
 def test_wrong_targets(tmp_path, change, code, words):

@@ -73,8 +73,8 @@ CASES = {
     for case in (
         _case("lot", "accept lot.csv --jsonl a.jsonl --resume --junit a.xml --csv a.csv -o a.json --json --force "
               "--jobs 2", "a.xml a.csv a.json", "a.jsonl"),
-        _case("accept", "accept tiny.yaml --limit F_ior@4=600 --jsonl a.jsonl --junit a.xml --csv a.csv -o a.json "
-              "--json --force --jobs 2", "a.xml a.csv a.json a.jsonl"),
+        _case("accept", "accept tiny.yaml --limit F_ior@4=600 --junit a.xml --csv a.csv -o a.json "
+              "--json --force --jobs 2", "a.xml a.csv a.json"),
         _case("calibrate", "calibrate tiny.yaml --targets targets.yaml --write found.yaml -o a.json "
               "--json --force --evaluations 8 --jobs 2", "found.yaml a.json"),
         _case("tolerance", "tolerance tiny.yaml -n 96 --results t.jsonl -o a.json --json --force --jobs 2", "a.json",

@@ -147,7 +147,6 @@ WRITTEN = {  # every place where a file is named to be written
     "beside a card": ("mount", TINY, "--card", "card.txt", "-o"),
     "figures beside a card": ("mount", TINY, "--card", "card.txt", "--csv"),
     "lines": ("accept", "lot.csv", "--jsonl"),
-    "lines of one": ("accept", TINY, "--jsonl"),
     "suite": ("accept", "lot.csv", "--junit"),
     "found": ("calibrate", TINY, "--targets", "targets.yaml", "--write"),
     "new": ("presets", "new", "mine", "-o"),
