@@ -94,7 +94,7 @@ def presets() -> Iterator[tuple[str, str]]:
         d = round(MM_A_SIZE * each.size, 2)
         sources = {
             "teeth": "ratio 100, two waves",
-            "diameter": f"2.54 mm x size {each.size}: derived, no catalogue prints it",
+            "pitch_diameter": f"2.54 mm x size {each.size}: derived, no catalogue prints it",
             "torque": RATED,
         }
         others = each.figures | ({"mounting.holes": SimilarValue(*each.holes)} if each.holes else {})
@@ -107,7 +107,8 @@ def presets() -> Iterator[tuple[str, str]]:
         )  # fmt: skip
     for name, (d, rated) in MVZ.items():
         sources = {
-            "diameter": f"inner diameter of the flexspline ({MVZ_SOURCE}), which is the pitch diameter of vzp160 too",
+            "pitch_diameter": f"inner diameter of the flexspline ({MVZ_SOURCE}), "
+            "which is the pitch diameter of vzp160 too",
             "torque": MVZ_SOURCE,
         }
         title = f"MVz-{d:g}"

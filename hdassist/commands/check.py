@@ -59,6 +59,6 @@ class CheckCommand(o.FigureOptions, o.SamplingOptions, o.PitchOptions, o.Limited
                     result = check(
                         drive, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run
                     )
-            return check_report(result, self.seed, self.only(o.SamplingOptions).words())
+            return check_report(result, self.seed)
 
         return give("check", run_each("check", self.presets, one, self), self, out)

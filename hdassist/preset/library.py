@@ -10,7 +10,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from hdassist.errors import DataError, Fault
-from hdassist.textfile import is_file, near_files, open_at_once, os_reason, read_bytes
+from hdassist.textfile import is_file, near_files, read_bytes
 
 READ_AT_MOST = 1024 * 1024  # more than a preset may have, so that it is refused with the reason
 
@@ -26,23 +26,16 @@ def read_preset(name_or_path: str) -> tuple[bytes, str]:
     Argument: a name from the library, a path, or "-" for standard input.
     Raises DataError: no such preset, or a file that cannot be read.
     """
-    if name_or_path == "-":
-        return read_bytes(name_or_path, READ_AT_MOST)
     library = _library()
-    if not name_or_path:
-        raise _unknown("", list(library))
     if name_or_path in library:
         with library[name_or_path].open("rb") as stream:
             return stream.read(READ_AT_MOST), name_or_path
     try:
-        with open_at_once(name_or_path) as stream:
-            return stream.read(READ_AT_MOST), name_or_path
-    except FileNotFoundError:
-        raise _unknown(name_or_path, list(library)) from None
-    except IsADirectoryError:
-        raise DataError(f"{name_or_path} is a directory, not a preset", "", Fault.FILE_UNREADABLE) from None
-    except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
-        raise DataError(f"cannot read {name_or_path}: {os_reason(error)}", "", Fault.FILE_UNREADABLE) from None
+        return read_bytes(name_or_path, READ_AT_MOST)
+    except DataError as error:
+        if not name_or_path or isinstance(error.__context__, FileNotFoundError):
+            raise _unknown(name_or_path, list(library)) from None
+        raise
 
 
 @cache  # a lot asks for it with each of its rows

@@ -46,10 +46,8 @@ def parse(text: str, index: int) -> Override:
 def path_of(key: str) -> Path:
     """Path that the key of an override sets; keys of `uncertainty`, `source` and `cost` have a dot in them."""
     parts = [part.strip() for part in key.split(".")]
-    if parts[0] == "uncertainty":
-        return tuple(filter(None, (parts[0], ".".join(parts[1:]))))
-    if parts[0] in BY_PATH:
-        return (*tuple(filter(None, (parts[0], ".".join(parts[1:3])))), *parts[3:])
+    if parts[0] in ("uncertainty", *BY_PATH):
+        return tuple(filter(None, (parts[0], ".".join(parts[1:3]), *parts[3:])))
     return (*parts[:2], ".".join(parts[2:])) if len(parts) > 2 else tuple(parts)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from math import isfinite
+from typing import Any
 
 from hdassist.errors import UsageError
 from hdassist.preset.fields import Drive, field_table
@@ -12,56 +13,44 @@ from hdassist.preset.similarity import Requirements, SimilarValue, teeth_of_rati
 from hdassist.preset.units import read_number
 from hdassist.preset.yamltext import InvalidValue, near_miss, scalar_value, shown
 
+MEASURES = {"pitch_diameter": "mm", "torque": "N*m", "lost_motion": "arcsec", "accuracy": "arcsec"}  # and their units
 
-def read_requirements(
-    like: Drive,
-    *,
-    coupling: str | None = None,
-    shaft: str | None = None,
-    pitch_diameter: str | None = None,
-    teeth: str | None = None,
-    ratio: float | None = None,
-    torque: str | None = None,
-    stiffness: str | None = None,
-    lost_motion: str | None = None,
-    accuracy: str | None = None,
-) -> Requirements:
+
+def read_requirements(like: Drive, **given: Any) -> Requirements:
     """Requirements on a drive that is to be like another one.
 
-    Arguments: coupling of the cam, as cam.coupling has it; shaft, diameter and overhang [mm] of one that it is overhung
-    on, like 14x30; pitch_diameter [mm] and torque [N*m]; teeth, like 160/162; ratio, of the drive built in as the other
-    one; of a catalogue three stiffnesses [N*m/rad], lost motion and accuracy [arcsec]. All but the ratio may have a
-    unit.
+    Arguments, None where not given: coupling of the cam, as cam.coupling has it; shaft, diameter and overhang [mm] of
+    one that it is overhung on, like 14x30; pitch_diameter [mm] and torque [N*m]; teeth, like 160/162; ratio, of the
+    drive built in as the other one; of a catalogue three stiffnesses [N*m/rad], lost_motion and accuracy [arcsec]. All
+    but the ratio are texts, which may have a unit.
     Raises UsageError: an option that cannot be read, or two that contradict each other.
     """
-    z_g, sources = None if teeth is None else _teeth(teeth), {}
+    options = {name: f"--{name.replace('_', '-')}" for name in MEASURES}
+    given = {name: value for name, value in given.items() if value is not None}
+    values = {name: _measure(options[name], given[name], MEASURES[name]) for name in MEASURES if name in given}
+    sources = {name: f"{options[name]} {plain(value)}" for name, value in values.items()}
+    others = _coupling(given.get("coupling"), given.get("shaft"))
+    for name in ("lost_motion", "accuracy"):
+        if name in values:
+            others[f"catalogue.{name}"] = SimilarValue(values[name], "given", f"{options[name]} {given[name]}")
+    z_g = _teeth(given["teeth"]) if "teeth" in given else None
     if z_g is not None:
         sources["teeth"] = f"--teeth {z_g}/{z_g + 2}"
-    if ratio is not None:
+    if (ratio := given.get("ratio")) is not None:
         if not (isfinite(ratio) and ratio > 0):
             raise UsageError(f"invalid --ratio {ratio:g}: expected a number above 0")
         by_ratio = teeth_of_ratio(like, ratio)
         if z_g not in (None, by_ratio):
             raise UsageError(
-                f"--teeth {z_g}/{z_g + 2} contradicts --ratio {plain(ratio)}, which takes {by_ratio}/{by_ratio + 2}",
+                f"{sources['teeth']} contradicts --ratio {plain(ratio)}, which takes {by_ratio}/{by_ratio + 2}",
                 "leave one of them out",
             )
         z_g = by_ratio
         sources["teeth"] = f"--ratio {plain(ratio)}, two waves"
-    d = None if pitch_diameter is None else _measure("--pitch-diameter", pitch_diameter, "mm")
-    T = None if torque is None else _measure("--torque", torque, "N*m")
-    K = None if stiffness is None else _stiffnesses(stiffness)
-    if d is not None:
-        sources["diameter"] = f"--pitch-diameter {d:g}"
-    if T is not None:
-        sources["torque"] = f"--torque {plain(T)}"
+    K = _stiffnesses(given["stiffness"]) if "stiffness" in given else None
     if K is not None:
         sources["stiffness"] = f"--stiffness {','.join(map(plain, K))}; not fitted, hdassist stiffness compares"
-    others = _coupling(coupling, shaft)
-    for name, option, text in (("lost_motion", "--lost-motion", lost_motion), ("accuracy", "--accuracy", accuracy)):
-        if text is not None:
-            arcsec = _measure(option, text, "arcsec")
-            others[f"catalogue.{name}"] = SimilarValue(arcsec, "given", f"{option} {text}")
+    d, T = values.get("pitch_diameter"), values.get("torque")
     return Requirements(z_g, d, T, K, sources=sources, others=others)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import log10
-from typing import Any
+from typing import Any, NoReturn
 
 from hdassist.errors import UsageError
 from hdassist.preset.coupling import COUPLING_FIELDS
@@ -45,7 +45,7 @@ class SimilarValue:
 class Requirements:
     """Requirements on a new drive: teeth of the flexspline, pitch diameter [mm], torque [N*m], K1 to K3 [N*m/rad].
 
-    derived: whether the diameter follows from another requirement; sources: of "teeth", "diameter", "torque" and
+    derived: whether the diameter follows from another requirement; sources: of "teeth", "pitch_diameter", "torque" and
     "stiffness"; others: further fields, by path.
     """
 
@@ -62,66 +62,56 @@ class Requirements:
         return self.sources.get(name, "hdassist presets new")
 
 
-@dataclass(frozen=True)
-class Size:
-    """Pitch diameter [mm] of a new drive, whether it is given, its source, and K3 over that of catalogues for it."""
-
-    diameter: float
-    given: bool
-    why: str
-    stiffer: float = 1.0
-
-
 def rated_of(drive: Drive) -> float:
     """Rated torque [N*m] of a drive; without one, the greatest of its torques."""
     return drive.operation.rated or max(map(abs, drive.operation.M_g))
 
 
-def size_of(like: Drive, required: Requirements) -> Size:
-    """Pitch diameter of a drive that is like another one, from its requirements.
+def size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
+    """Pitch diameter [mm] of a drive that is like another one, and its K3 over that of catalogues for it.
 
     It is the required diameter; without one, that of K3 by the cube law of catalogues; without K3, that of the torque
     by the cube law; without any, that of the other drive. Raises UsageError: a torque or a stiffness that no drive of
     the size has.
     """
-    d, own = required.diameter, like.gears.pitch_diameter
+    own, stiffer = like.gears.pitch_diameter, 1.0
     T, K = required.torque, required.stiffness
     if K is not None and not 0 < K[0] <= K[1] <= K[2]:
         raise UsageError(f"K1, K2, K3 must be above 0 and rise: {', '.join(map(plain, K))} N*m/rad")
-    if d is not None:
-        size = Size(d, not required.derived, required.source("diameter"))
+    if required.diameter is not None:
+        kind = "assumed" if required.derived else "given"
+        size = SimilarValue(required.diameter, kind, required.source("pitch_diameter"))
     elif K is not None:
         d = rounded(REFERENCE * (K[2] / CATALOGUE_K3) ** (1 / 3))
-        size = Size(d, False, f"{d:g} mm from K3 = {plain(K[2])} N*m/rad, which grows with d^3 in catalogues")
+        size = SimilarValue(
+            d, "assumed", f"{d:g} mm from K3 = {plain(K[2])} N*m/rad, which grows with d^3 in catalogues"
+        )
     elif T is not None:
         d = rounded(own * (T / rated_of(like)) ** (1 / 3))
         low, high = ((T / density) ** (1 / 3) for density in reversed(TORQUE_DENSITY))
         why = f"{d:g} mm from {plain(T)} N*m, d^3 as {like.name}; catalogues have {low:.3g} to {high:.3g} mm for it"
-        size = Size(d, False, why)
+        size = SimilarValue(d, "assumed", why)
     else:
-        size = Size(own, False, f"the pitch diameter of {like.name}, {own:g} mm")
+        size = SimilarValue(own, "assumed", f"the pitch diameter of {like.name}, {own:g} mm")
     if T is not None and (K is not None or required.diameter is not None):
-        _require_torque(size.diameter, T)
-    if K is not None and required.diameter is not None:
-        stiffer = K[2] / (CATALOGUE_K3 * (size.diameter / REFERENCE) ** 3)
-        if not 1 / FARTHEST_STIFFNESS <= stiffer <= FARTHEST_STIFFNESS:
-            raise UsageError(
-                f"K3 = {plain(K[2])} N*m/rad contradicts a pitch diameter of {size.diameter:g} mm: "
-                f"drives of that size have about {rounded(K[2] / stiffer, 2):g}",
-                "leave one of them out: the other one says it",
+        low, high = (density * size.value**3 for density in TORQUE_DENSITY)
+        if not low / FARTHEST_TORQUE <= T <= high * FARTHEST_TORQUE:
+            _refuse_size(
+                f"a rated torque of {plain(T)} N*m", size.value, f"{rounded(low, 2):g} to {rounded(high, 2):g} N*m"
             )
-        size = Size(size.diameter, size.given, size.why, stiffer)
-    return size
+    if K is not None and required.diameter is not None:
+        of_catalogues = CATALOGUE_K3 * (size.value / REFERENCE) ** 3
+        stiffer = K[2] / of_catalogues
+        if not 1 / FARTHEST_STIFFNESS <= stiffer <= FARTHEST_STIFFNESS:
+            _refuse_size(f"K3 = {plain(K[2])} N*m/rad", size.value, f"about {rounded(of_catalogues, 2):g}")
+    return size, stiffer
 
 
-def _require_torque(d: float, T: float) -> None:
-    low, high = (density * d**3 for density in TORQUE_DENSITY)
-    if not low / FARTHEST_TORQUE <= T <= high * FARTHEST_TORQUE:
-        raise UsageError(
-            f"a rated torque of {plain(T)} N*m contradicts a pitch diameter of {d:.4g} mm: "
-            f"drives of that size have {rounded(low, 2):g} to {rounded(high, 2):g} N*m",
-            "leave one of them out: the other one says it",
-        )
+def _refuse_size(required: str, d: float, usual: str) -> NoReturn:
+    raise UsageError(
+        f"{required} contradicts a pitch diameter of {d:.6g} mm: drives of that size have {usual}",
+        "leave one of them out: the other one says it",
+    )
 
 
 def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
@@ -130,8 +120,8 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     Deviations other than F'_i, offsets and phases are unknown and left out.
     Raises UsageError: requirements that contradict each other.
     """
-    size = size_of(like, required)
-    d, s = size.diameter, size.diameter / like.gears.pitch_diameter
+    size, stiffer = size_of(like, required)
+    d, s = size.value, size.value / like.gears.pitch_diameter
     z_g = required.z_g or like.gears.z_g
     m = rounded(d / z_g, 12)
     kind = "given" if required.z_g else "assumed"
@@ -139,12 +129,12 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     entries = {
         "gears.z_g": SimilarValue(z_g, kind, teeth),
         "gears.z_b": SimilarValue(z_g + 2, kind, teeth),
-        "gears.m": SimilarValue(m, "given" if size.given else "assumed", f"{d:.6g} mm / {z_g} teeth; {size.why}"),
+        "gears.m": SimilarValue(m, size.kind, f"{d:.6g} mm / {z_g} teeth; {size.ref}"),
     }
     for path, law in LAWS.items():
         optional = path in WHERE_GIVEN and path not in _given(like)
         if like.value(path) is not None and path != like.unused_tooth_field and not optional:
-            entries[path] = _scaled(like, path, law, s, m, size.stiffer)
+            entries[path] = _scaled(like, path, law, s, m, stiffer)
     entries |= _shifts(like, entries, d)
     entries |= _tolerances(d, m)
     entries |= _load(like, required, s, d)

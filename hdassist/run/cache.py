@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
+from itertools import accumulate
 from pathlib import Path
 
 from platformdirs import user_cache_path
@@ -73,27 +73,23 @@ def keep(kind: str, key: str, data: bytes, folder: Path | None = None) -> None:
 
 def cached_files(folder: Path | None = None) -> list[tuple[float, int, Path]]:
     """When each file of the cache was used last [s], its size [bytes] and path, the oldest first."""
-    return sorted(_files(folder or cache_folder()))
+    found: list[tuple[float, int, Path]] = []
+    with suppress(OSError):
+        for path in (folder or cache_folder()).iterdir():
+            with suppress(OSError):
+                if is_file(path):
+                    found.append((path.stat().st_mtime, path.stat().st_size, path))
+    return sorted(found)
 
 
 def _bound(folder: Path) -> None:
     """Remove the oldest files where all together are too large."""
     files = cached_files(folder)
-    size = sum(each for _, each, _ in files)
-    if size > MOST:
-        for _, each, path in files:
-            if size <= _OLDEST_LEFT * MOST:
-                break
+    left = MOST * (_OLDEST_LEFT if sum(size for _, size, _ in files) > MOST else 1)
+    sizes = accumulate(size for _, size, _ in reversed(files))  # of the youngest
+    for (_, _, path), size in zip(reversed(files), sizes, strict=True):
+        if size > left:
             path.unlink(missing_ok=True)
-            size -= each
-
-
-def _files(folder: Path) -> Iterator[tuple[float, int, Path]]:
-    with suppress(OSError):
-        for path in folder.iterdir():
-            with suppress(OSError):
-                if is_file(path):
-                    yield path.stat().st_mtime, path.stat().st_size, path
 
 
 def _path(kind: str, key: str, folder: Path | None) -> Path:

@@ -6,7 +6,6 @@ import ctypes
 import gc
 import multiprocessing
 import os
-import pickle
 import signal
 import sys
 import threading
@@ -14,11 +13,10 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from multiprocessing import connection, forkserver, resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -132,10 +130,9 @@ class Processes(Executor):
         for _ in self._threads:
             self._tasks.put(None)
         until = time.monotonic() + SHUTDOWN
-        for thread in self._threads:
-            thread.join(max(0.0, until - time.monotonic()))
-        for process in self._processes:
-            process.join(max(0.0, until - time.monotonic()))
+        ending: list[threading.Thread | BaseProcess] = [*self._threads, *self._processes]
+        for each in ending:
+            each.join(max(0.0, until - time.monotonic()))
 
 
 def _work(here: Connection, there: Connection, parent: int) -> None:
@@ -145,19 +142,15 @@ def _work(here: Connection, there: Connection, parent: int) -> None:
     here.close()
     while True:
         try:
-            asked = there.recv_bytes()
+            task, args, more = there.recv()
         except (EOFError, OSError):
             return
         try:
-            task, args, more = pickle.loads(asked)
-            answer = ForkingPickler.dumps((True, task(*args, **more)))
+            there.send((True, task(*args, **more)))
         except Exception as error:  # whatever a task raises is raised where its result is asked for
             error.add_note("".join(traceback.format_exception(error)))  # for --debug: a traceback cannot be pickled
-            answer = ForkingPickler.dumps((False, error))
-        try:
-            there.send_bytes(answer)
-        except OSError:  # the process that asked has ended
-            return
+            with suppress(OSError):  # the process that asked has ended
+                there.send((False, error))
 
 
 def begin_worker(parent: int) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from importlib.resources import files
 from inspect import get_annotations
@@ -79,12 +79,6 @@ class OptionGroup:
     def only(self, group: type[GroupT]) -> GroupT:
         """The options of one of the groups that a command is made of."""
         return group(**{each.name: getattr(self, each.name) for each in fields(group)})
-
-    def words(self) -> list[str]:
-        """The options as a shell takes them, where they are not the usual ones."""
-        values = ((f"--{one.name.replace('_', '-')}", getattr(self, one.name), one.default) for one in fields(self))
-        given = [(name, f"{value}".removesuffix(".0")) for name, value, usual in values if value != usual]
-        return [word for pair in given for word in pair]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,7 +155,17 @@ class DriveOptions(OptionGroup):
         """The drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
         from hdassist.loading.load import load_preset
 
-        return load_preset(preset, self.changes)
+        return self.noted(load_preset(preset, self.changes))
+
+    def noted(self, drive: Drive) -> Drive:
+        """The drive, with the options in its origin that a next command on it is to have too."""
+        from hdassist.terminal.brief import TAKEN_OVER
+
+        given = [(f, getattr(self, f.name)) for f in fields(self) if f.name in TAKEN_OVER]
+        every = ((f, each) for f, value in given for each in (value if isinstance(value, list) else [value]))
+        asked = [(f.name, str(value)) for f, value in every if value != f.default]
+        drive._origin = replace(drive.origin, asked=tuple(asked))
+        return drive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,7 +203,7 @@ class LimitedDriveOptions(LoadedDriveOptions):
         """
         from hdassist.acceptance.limits import load_limited
 
-        drive = load_limited(preset, super().changes, self.limits)
+        drive = self.noted(load_limited(preset, super().changes, self.limits))
         torques = drive.operation.M_g
         for limit in self.limits:
             if limit.torque is not None and limit.torque not in torques:

@@ -247,7 +247,7 @@ LINES: dict[str, Args] = {
     "check": ("drive.yaml",), "compare": ("drive.yaml", "run.csv", "--no-plot"), "explain": ("F_ior",),
     "measure": ("run.csv", "--ratio", "15"), "mount": ("drive.yaml",),
     "stiffness": ("drive.yaml",), "trace": ("drive.yaml",), "trials": ("drive.yaml", "h0=28.1", "h4=17.3"),
-    "tolerance": ("drive.yaml", "-n", "3"), "sensitivity": ("drive.yaml", "-n", "16"), "doctor": (), "help": ("check",),
+    "tolerance": ("drive.yaml", "-n", "3"), "sensitivity": ("drive.yaml", "-n", "16"), "doctor": (),
     "allocate": ("drive.yaml", "--limit", "60", "-n", "20"), "sweep": ("drive.yaml", "--vary", "gears.j_n=5,6"),
     "explore": ("drive.yaml",), "report": ("drive.yaml",), "plan": ("drive.yaml", "--limit", "60"),
     "compensate": ("drive.yaml",),
@@ -274,8 +274,8 @@ def _commands() -> tuple[tuple[Args, tuple[tuple[str, bool], ...]], ...]:
     """Each command with arguments that fit it, and its options: their names, and whether they take a value."""
 
     def below(command: object, path: Args) -> Iterator[tuple[Args, object]]:
-        for name, one in getattr(command, "commands", {}).items():
-            yield from below(one, (*path, name))
+        for name in getattr(command, "commands", {}):
+            yield from below(command.get_command(None, name), (*path, name))  # type: ignore[attr-defined]
         if not hasattr(command, "commands"):
             yield path, command
 

@@ -150,7 +150,6 @@ WRITTEN = {  # every place where a file is named to be written
     "suite": ("accept", "lot.csv", "--junit"),
     "found": ("calibrate", TINY, "--targets", "targets.yaml", "--write"),
     "new": ("presets", "new", "mine", "-o"),
-    "schema": ("presets", "schema", "-o"),
 }
 
 
@@ -339,7 +338,7 @@ def _with(answer, key):
 STDOUT = {
     "help": ("--help",),
     "list": ("presets", "list"),
-    "schema": ("presets", "schema"),
+    "new": ("presets", "new", "own"),
     "page": ("explain",),
     "accepted": ("accept", TINY, "--limit", "F_ior@4=60"),
     "lot": ("accept", "lot.csv"),
