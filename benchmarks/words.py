@@ -36,17 +36,18 @@ REASONS = {
     "proposals": "a hill between the points of the grid, or a long crease, along which a climb ends early. The values "
     "of one drive as it is given do not rest on proposals: they solve every state; drawn drives do. Next: a finer "
     "grid where one zone takes nearly all.",
-    "check": "64 drives drawn from what is not known 45 %, the cross-check with the import of cvxpy 15 %, the self "
-    "error 11 % (400 pairs of phases, each with contacts, rings and a programme of its own), every state of both "
-    "torques 5 %. Of a drawn drive (some 700 states) states solved in C are two fifths, contacts, references and "
-    "conflicts of fields a third, and the rest is numpy and Python around 18 batches of few states. Next: flanks "
-    "and balls of the self error by a Schur complement; climbs in C.",
+    "check": "64 drives drawn from what is not known 45 %, the cross-check 15 % and the import of cvxpy 13 %, the self "
+    "error 11 % (400 pairs of phases, each with contacts, rings and a programme of its own), all other imports 9 %, "
+    "every state of both torques 6 %. Of a drawn drive (some 700 states) states solved in C are a third, the "
+    "reference that the walk starts from a sixth (of it the inverse at its contacts two thirds), contacts a tenth; "
+    "the rest is numpy and Python around 18 batches of few states. Next: climbs in C; references of drawn drives from "
+    "that of the drive as given.",
     "check own.yaml": "64 drives drawn from what is not known, deviations too, 69 %: of it coarse grids of states "
     "half, climbs and what is around extremes three tenths, contacts, references and conflicts of fields the rest. "
-    "The cross-check with the import of cvxpy is 16 %, the self error 10 %. "
-    "Again, from kept samples, it is 1.8 times.",
+    "The cross-check with the import of cvxpy is 16 %, the self error 10 %. Again, from kept samples, it is 1.8 "
+    "times. Next: climbs in C.",
     "mount": "64 drives, each in twelve holes at both torques, are 70 %: 0.54 of 0.7 million states, 354 a search, 196 "
-    "of them its grid, the others climbs and what is around the extremes. Three quarters of that time are in C, where "
+    "of them its grid, the others climbs and what is around the extremes. Two thirds of that time are in C, where "
     "a state of the grid takes two to three times one of the cycle, because contacts of one and the next differ more. "
     "The curve of the drive as given, by finer grids and by every state in two holes, is 15 %. Tried, against every "
     "state of 192 searches, of which three are more than 0.01 arcsec low, by 0.5 at most: 16 x 16 positions, 16 x 12, "
@@ -68,8 +69,9 @@ REASONS = {
     "their import. Next: head and bar before numpy is imported.",
     "--help": "the modules of all commands are imported for their options: typer is a quarter of it, "
     "importlib.metadata a fifth (for `doctor`). Next: import what a command needs when it runs.",
-    "memory": "each worker holds its own share of numpy and scipy, the one of the cross-check cvxpy besides (60 MB). "
-    "Next: scipy.special where it is used alone.",
+    "memory": "each worker holds its own share of numpy and scipy (40 MB with those of the command), the one of the "
+    "cross-check cvxpy besides (80 to 110 MB); solved systems are let go at once. Next: scipy.special where it is used "
+    "alone, and the cross-check in a process that ends before the samples are drawn.",
     "explorer": "the first number is one search of a typical drive; the proven one adds every state of its cycle at "
     "each torque, and the process that solves them. Next: torques of one cycle solved together.",
     "coned": "five times the flanks are candidates, and most of what a state costs goes with all of them. Next: "
@@ -96,6 +98,9 @@ CHOSEN = """\
   that are factored once: of `check vzp160` the self error is 10 %, and of that all 800 states solved in C are a
   quarter, some 2.4 % of the command, more than which no factoring can save. Sums and residuals in numpy are another
   quarter, contact systems a fifth, programmes an eighth.
+- **Every flank that overlaps the other wheel as a candidate**, not those within a window: tried with 30 degrees, the
+  gaps of all flanks beyond in each state's certificate, a state took 0.9 and a reference 0.7 of the time, but 9 of 12
+  drives of a data sheet touch beyond and are solved twice. Answers were the same to 1e-9 arcsec.
 - **HIGHS for the cross-check**, with CLARABEL behind it: 20 ms a state with five stations where CLARABEL
   takes 70, within 2e-4 arcsec of the engine over all presets.
 - **Processes, not threads**: the matrices are too small for threads of BLAS, which are switched off.

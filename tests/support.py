@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
 from typing import Any
 
 import numpy as np
@@ -15,6 +18,9 @@ from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.certificate import TOLERANCE, displacements, residuals
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
+
+COMPILER = shutil.which(os.environ.get("CC", "cc"))
+HAS_COMPILER = COMPILER and subprocess.run([COMPILER, "--version"], capture_output=True, check=False).returncode == 0
 
 
 def changed(drive: Drive, **fields: Any) -> Drive:

@@ -1,13 +1,14 @@
 """Presets and command are found from a wheel, and from an editable install."""
 
 import os
-import shutil
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+
+from tests.support import HAS_COMPILER
 
 ROOT = Path(__file__).parents[1]
 
@@ -78,7 +79,7 @@ def test_wheel_holds_the_presets_as_they_are(wheel):
     assert not (wheel / "hdassist/solve/stray.so").exists()
 
 
-@pytest.mark.skipif(not shutil.which("cc"), reason="needs a compiler")
+@pytest.mark.skipif(not HAS_COMPILER, reason="needs a compiler")
 def test_a_wheel_is_compiled_where_there_is_a_compiler(wheel):
     assert [*wheel.parent.glob("*.whl")] and not [*wheel.parent.glob("*-py3-none-any.whl")]
     libraries = list((wheel / "hdassist/solve").glob("_walk_*"))

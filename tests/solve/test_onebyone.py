@@ -1,7 +1,5 @@
 """One state after another, and the contact sets that they start from."""
 
-import shutil
-
 import numpy as np
 import pytest
 
@@ -12,11 +10,11 @@ from hdassist.solve.certificate import residuals
 from hdassist.solve.formulation import formulate
 from hdassist.solve.near import solve_near
 from hdassist.solve.onebyone import OneByOne
-from tests.support import load_case
+from tests.support import HAS_COMPILER, load_case
 
 WAYS = [
     solve_near,
-    pytest.param(walk.walk_near_state, marks=pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")),
+    pytest.param(walk.walk_near_state, marks=pytest.mark.skipif(not HAS_COMPILER, reason="no C compiler")),
 ]
 
 

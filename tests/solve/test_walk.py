@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,9 +21,9 @@ from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.build import X86, compile_walk, development_folder, library_name, source_hash
 from hdassist.solve.formulation import formulate
 from tests.process import SMALL
-from tests.support import load_case
+from tests.support import HAS_COMPILER, load_case
 
-pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler: the numpy engine runs")
+pytestmark = pytest.mark.skipif(not HAS_COMPILER, reason="no C compiler: the numpy engine runs")
 
 SAME = 1e-9  # arcsec
 PROVEN = 5e-11  # residual of either engine, as a share of its scale
