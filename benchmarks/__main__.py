@@ -23,7 +23,7 @@ FORMAT = "hdassist.benchmarks/3"
 
 
 # a child starts with its parent's memory on its account: nothing heavy is imported before processes are measured
-PARTS = ("processes", "engine", "growth", "coned", "proposals", "tolerance")
+PARTS = ("processes", "engine", "growth", "coned", "proposals", "tolerance", "explorer")
 
 
 def measure(quick: bool, parts: Sequence[str] = PARTS) -> dict[str, Any]:

@@ -1,9 +1,11 @@
 """Corrections from records held to account on hidden drives: `python -m benchmarks.compensate`.
 
-Each hidden drive is one of `benchmarks.honesty`: other stiffnesses, wave, supports, clearances, flanks and temperature,
-and teeth with harmonics of every order and noise. Its full cycle at the first torque is recorded with noise. The
-correction made of that is held against its solved cycle: whether what was promised (95 %) holds, whether the drive is
-worse with it than without, and what the mean over the cam's turns of the same record, a table of a cam turn, leaves.
+Each hidden drive is one of `benchmarks.honesty`, of a small ratio that is soon computed: other stiffnesses, wave,
+supports, clearances, flanks and temperature, and teeth with harmonics of every order and noise. Its full cycle at the
+first torque is recorded with noise; lines are before the record as large as in draws of the preset's prior, whatever
+its data sheet says. The correction made of that is held against its solved cycle: whether what was promised (95 %)
+holds, whether the drive is worse with it than without, and what the mean over the cam's turns of the same record, a
+table of a cam turn, leaves.
 """
 
 from __future__ import annotations
@@ -12,11 +14,12 @@ import argparse
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.model.geometry import Array
 
 NOISE_ARCSEC = 0.5  # of a reading
-OVERLAP = 1.02  # of the cycle that a record spans
+RATIOS = (30, 40, 50)
 POINTS = 1500  # of the table over the output turn
 
 
@@ -34,16 +37,18 @@ class CorrectedDrive:
     refused: str = ""
 
 
-def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
+def corrected(number: int, draws: int, seed: int, span: float) -> dict[str, CorrectedDrive]:
     """What corrections of a hidden drive leave, by form."""
     from benchmarks.honesty import hidden_drive
+    from hdassist.belief.prior import prior_of
     from hdassist.comparing.record import Alignment
-    from hdassist.correction.correct import correct
+    from hdassist.correction.correct import correct, correction_of
     from hdassist.correction.forms import CAM_POINTS, CorrectionForm
     from hdassist.correction.records import recorded_error
     from hdassist.error.cycle import kinematic_error
     from hdassist.errors import HdassistError
     from hdassist.measuring.measure import measure
+    from hdassist.model.rules import first_conflict
     from hdassist.readers.sweeps import sweeps
     from hdassist.readers.trace import MeasuredTrace
     from hdassist.run.run import UNCHECKED, Run
@@ -51,20 +56,25 @@ def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
     rng = np.random.default_rng([seed, number])
     forms = (CorrectionForm(None), CorrectionForm("output", POINTS), CorrectionForm("cam", CAM_POINTS))
     try:
-        preset, there, teeth = hidden_drive(rng)
+        preset, there, teeth = hidden_drive(rng, RATIOS)
         M_g = preset.operation.M_g[0]
         error = kinematic_error(there, M_g, teeth=teeth, run=UNCHECKED)
         turns, actual = error.states.phi_h / (2 * np.pi), -error.error_arcsec
-        rows = np.arange(round(OVERLAP * len(turns)))
+        rows = np.arange(round(span * len(turns)))
         cam_deg = 360 * rows * turns[1]
         readings = -actual[rows % len(turns)] + NOISE_ARCSEC * rng.standard_normal(len(rows))
         trace = MeasuredTrace("run.csv", "", cam_deg, readings, rows + 1, 0.0, tuple(sweeps(cam_deg)), ())
         alone = preset.model_copy(update={"operation": preset.operation.model_copy(update={"M_g": (M_g,)})})
-        sweep = measure(trace, drive=alone, together=True).directions[0]
-        records = {M_g: recorded_error(trace, sweep, alone, Alignment())}
+        records = {M_g: recorded_error(measure(trace, drive=alone, together=True), alone, Alignment())}
         found = {}
-        result = correct(alone, records=records, draws=draws, run=Run(seed=number))
-        lines, plain = result.errors[M_g].lines, plain_left(turns, actual, -readings[: len(turns)])
+        if span < 1:
+            result = correct(alone, records=records, draws=draws, run=Run(seed=number))
+        else:
+            prior = prior_of(alone)
+            values = prior.values(prior.shares(2 * draws, number))
+            drives = [each for each in values if first_conflict(alone.with_values(each)) is None][:draws]
+            result = correction_of(alone, drives, records, forms[0], Run(seed=number))
+        lines, plain = result.errors[M_g].lines, plain_left(turns, actual, rows, -readings)
         mean = replace(lines, amplitude=lines.amplitude.mean(axis=0)[None])
         for form in forms:
             stored = next(each for each in result.stored if each.form == form)
@@ -77,10 +87,11 @@ def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
     return found
 
 
-def plain_left(turns: Array, actual: Array, read: Array) -> float:
+def plain_left(turns: Array, actual: Array, rows: NDArray[np.int64], read: Array) -> float:
     """Range [arcsec] that the mean of a record over the cam's turns leaves."""
     place = np.floor(np.mod(turns, 1) * 200).astype(int) % 200
-    means = np.bincount(place, read, 200) / np.maximum(np.bincount(place, minlength=200), 1)
+    seen = place[rows % len(place)]
+    means = np.bincount(seen, read, 200) / np.maximum(np.bincount(seen, minlength=200), 1)
     return float(np.ptp(actual - means[place]))
 
 
@@ -88,13 +99,14 @@ def main() -> None:
     """Correct drives, and print how often a promise held."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--n", type=int, default=20, help="hidden drives")
-    parser.add_argument("--draws", type=int, default=16, help="drives of the belief")
+    parser.add_argument("--draws", type=int, default=8, help="draws of the prior")
     parser.add_argument("--first", type=int, default=0, help="number of the first")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--span", type=float, default=1.02, help="of the cycle, that a record has")
+    parser.add_argument("--seed", type=int, default=2)
     args = parser.parse_args()
     found: dict[str, list[CorrectedDrive]] = {}
     for number in range(args.first, args.first + args.n):
-        for name, each in corrected(number, args.draws, args.seed).items():
+        for name, each in corrected(number, args.draws, args.seed, args.span).items():
             found.setdefault(name, []).append(each)
             words = f"{each.uncorrected:.1f} to {each.left:.2f}, promised {each.promised:.2f}, plain {each.plain:.1f}"
             print(number, name, words, each.refused, flush=True)

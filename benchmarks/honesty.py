@@ -86,7 +86,7 @@ def true_F_ior(drive, M_g: float, teeth) -> float:
     return found.F_ior_arcsec
 
 
-def hidden_drive(rng: np.random.Generator):
+def hidden_drive(rng: np.random.Generator, ratios: tuple[float, ...] = (50, 80, 100, 120)):
     """The preset that is known of a hidden drive, the drive, and the deviations of its teeth."""
     from hdassist import load_preset
     from hdassist.belief.evidence import stiffness_figures
@@ -97,7 +97,7 @@ def hidden_drive(rng: np.random.Generator):
     from hdassist.preset.requirements import read_requirements
 
     like = load_preset("vzp160")
-    ratio, diameter = float(rng.choice([50, 80, 100, 120])), float(rng.choice([42, 63.5, 90, 160]))
+    ratio, diameter = float(rng.choice(ratios)), float(rng.choice([42, 63.5, 90, 160]))
     M_r = 67 * (diameter / 63.5) ** 3
     requirements = partial(read_requirements, like, ratio=ratio, pitch_diameter=f"{diameter} mm", torque=f"{M_r:.4g}")
     known = load_text(similar_preset("own", like, requirements()), "own.yaml")

@@ -15,6 +15,7 @@ FIRST_OUTPUT = 0.35  # times the import of cvxpy, until an answer that takes lon
 VALUE_MS, EFFICIENCY = 7.5, 0.9
 GROWTH = 4.0  # times: four times the teeth
 CONED = 3.0  # times: what a default may cost over the one before
+FIRST_NUMBER, PROVEN_NUMBER = 0.15, 0.6  # s
 MISSED_ARCSEC, MEMORY_MB = 0.01, 250.0
 
 
@@ -65,6 +66,15 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
         yield Row("random drives", words, VALUE_MS, case["value_ms"], "ms")
         words = f"use of two processes, {case['drives']} random drives: {case['case']}"
         yield Row("two processes", words, EFFICIENCY, case["efficiency"], "", at_least=True)
+    for case in measured["explorer"]:
+        for words, most, took in (
+            ("first", FIRST_NUMBER, case["first_s"]),
+            ("proven", PROVEN_NUMBER, case["proven_s"]),
+        ):
+            share = f"{took / case['check_s']:.1%} of a check"
+            yield Row(
+                "explorer", f"from a key to the {words} number, `explore {case['name']}` ({share})", most, took, "s"
+            )
 
 
 def engine_of(torque: dict[str, Any]) -> str:

@@ -57,7 +57,7 @@ def production(case: str, drives: int, executor: Executor | None = None) -> Prod
     from hdassist.tolerance.production import Production
 
     drive = load_preset("vzp160", [f"{path}={value}" for path, value in CASES[case].items()])
-    made = Production.of(production_law(drive), drive.operation.M_g, seed=SEED, per_design=10)
+    made = Production(production_law(drive), drive.operation.M_g, seed=SEED, per_design=10)
     return made.with_designs(drives, run=Run(executor))[0]
 
 

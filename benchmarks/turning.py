@@ -44,7 +44,7 @@ def drives(preset: str, finer: bool, count: int, executor: Executor) -> tuple[tu
     drive = load_preset(preset)
     teeth = {path: drive.number(path) / 2**0.5 for path in ("tolerances.F_i1", "tolerances.F_i2")}
     drive = drive.with_values(teeth) if finer else drive
-    made = Production.of(production_law(drive), drive.operation.M_g, seed=SEED, per_design=CHUNK)
+    made = Production(production_law(drive), drive.operation.M_g, seed=SEED, per_design=CHUNK)
     made, _ = made.with_designs(count, run=Run(executor))
     tasks = [(made, first, min(first + CHUNK, count)) for first in range(0, count, CHUNK)]
     return made.torques, [record for records in executor.map(chunk, tasks) for record in records]

@@ -70,6 +70,8 @@ REASONS = {
     "importlib.metadata a fifth (for `doctor`). Next: import what a command needs when it runs.",
     "memory": "each worker holds its own share of numpy and scipy, the one of the cross-check cvxpy besides (60 MB). "
     "Next: scipy.special where it is used alone.",
+    "explorer": "the first number is one search of a typical drive; the proven one adds every state of its cycle at "
+    "each torque, and the process that solves them. Next: torques of one cycle solved together.",
     "coned": "five times the flanks are candidates, and most of what a state costs goes with all of them. Next: "
     "leave out stations that bounds prove never to touch.",
     "growth": "a pivot costs the square of the candidates that change sides anywhere. Next: pivot on those near alone.",

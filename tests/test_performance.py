@@ -36,6 +36,7 @@ def slow() -> dict:
         "growth": sizes,
         "coned": stations,
         "tolerance": [{"case": "vzp160", "value_ms": 99.0, "drives": 2, "efficiency": 0.1}],
+        "explorer": [{"name": "vzp160", "first_s": 1.0, "proven_s": 2.0, "check_s": 4.0}],
     }
 
 

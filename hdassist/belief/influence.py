@@ -97,7 +97,8 @@ def explained_by(columns: Array, basis: Array, rest: Array, free: float) -> tupl
     What they explain is less what as many columns of chance would; the probability is that of chance alone explaining
     as much (F test). Argument: free, degrees of freedom of the rest.
     """
-    directions = _new_directions(basis, columns)
+    u, size, _ = np.linalg.svd(orthogonal_to(basis, columns), full_matrices=False)
+    directions = u[:, size > INDEPENDENT * np.linalg.norm(columns)]
     count, remaining = directions.shape[1], float(np.sum(rest**2))
     if count == 0 or free - count < 1:
         return directions, 0.0, 1.0
@@ -109,9 +110,3 @@ def explained_by(columns: Array, basis: Array, rest: Array, free: float) -> tupl
 def orthogonal_to(basis: Array, columns: Array) -> Array:
     """What of columns is orthogonal to a basis."""
     return columns - basis @ (basis.T @ columns)
-
-
-def _new_directions(basis: Array, columns: Array) -> Array:
-    """Orthonormal directions of columns beside a basis, those that are independent of it."""
-    u, size, _ = np.linalg.svd(orthogonal_to(basis, columns), full_matrices=False)
-    return np.asarray(u[:, size > INDEPENDENT * np.linalg.norm(columns)])

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, field
 from functools import cached_property
 from hashlib import sha256
 from typing import Annotated
@@ -40,7 +40,7 @@ class Draw(ClosedRecord):
     """
 
     refused: str = ""
-    figures: Mapping[str, Number] | None = None
+    figures: Mapping[str, Number] = field(default_factory=dict)
     F_ior_arcsec: tuple[Magnitude, ...] | None = None
     turned_arcsec: tuple[tuple[Magnitude, ...], ...] | None = None
     weight: Magnitude = 0.0

@@ -17,8 +17,7 @@ from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import effective_number, log_error
 from hdassist.model.geometry import Array
 
-FIELD_ERROR = 0.05  # standard uncertainty of a measured field, as a share of its probability
-FIGURE_ERROR = 0.05  # relative, of a measured stiffness, lost motion or F'_ior
+MEASURING_ERROR = 0.05  # standard one: of a field as a share of its probability, of a figure or F'_ior relative
 LEAST_NAMED_GAIN = 0.005  # a smaller one is not told
 
 
@@ -34,27 +33,25 @@ class MeasurementGain:
     gain: float
 
 
-def measurements(
-    samples: Samples, torque: int, limit_arcsec: float | None = None, seed: int = 0
-) -> tuple[MeasurementGain, ...]:
+def measurements(samples: Samples, torque: int, limit_arcsec: float | None = None) -> tuple[MeasurementGain, ...]:
     """Measurements by what is expected of them at a torque, by its place, the best first.
 
-    Arguments: limit_arcsec that F'_ior is held against, if any; seed of the errors of measurement.
+    Argument: limit_arcsec that F'_ior is held against, if any.
     """
     limit = None if limit_arcsec is None else float(np.log(limit_arcsec))
-    return gains_for(replace(samples, rotations_deg=()), log_error(samples.F_ior_arcsec[:, torque]), limit, seed)
+    return gains_for(replace(samples, rotations_deg=()), log_error(samples.F_ior_arcsec[:, torque]), limit)
 
 
-def gains_for(samples: Samples, y: Array, limit: float | None = None, seed: int = 0) -> tuple[MeasurementGain, ...]:
+def gains_for(samples: Samples, y: Array, limit: float | None = None) -> tuple[MeasurementGain, ...]:
     """Measurements by what is expected of them for a result y of the samples, shape (samples,), the best first.
 
-    Arguments: limit that y is held against, if any; seed of the errors of measurement.
+    Argument: limit that y is held against, if any.
     """
     weights = samples.weights / samples.weights.sum()
     if effective_number(weights) < 3 or np.ptp(y) == 0:
         return ()
     gains = []
-    predictors = list(_predictors(samples, np.random.default_rng(seed)))
+    predictors = list(_predictors(samples, np.random.default_rng(0)))
     for name, columns in predictors:
         prediction, explained, by_chance = _regression(columns, y, weights)
         if by_chance > CHANCE_OF_INFLUENCE / len(predictors):
@@ -66,7 +63,7 @@ def gains_for(samples: Samples, y: Array, limit: float | None = None, seed: int 
 
 def _predictors(samples: Samples, rng: np.random.Generator) -> Iterator[tuple[str, Array]]:
     """Each measurement by name, with the columns that a regression makes of its values as measured."""
-    shares = samples.shares + FIELD_ERROR * rng.standard_normal(samples.shares.shape)
+    shares = samples.shares + MEASURING_ERROR * rng.standard_normal(samples.shares.shape)
     for group in groups_of(samples):
         yield group, columns_of(samples, shares, group)
     known = {each.figure for each in evidence_of(samples.prior.drive) if each.path.startswith("measured.")}
@@ -74,14 +71,14 @@ def _predictors(samples: Samples, rng: np.random.Generator) -> Iterator[tuple[st
     figures |= {f"F_ior@{M_g:g}": samples.F_ior_arcsec[:, k] for k, M_g in enumerate(samples.torques)}
     read: dict[str, Array] = {}
     for name, values in figures.items():
-        x = read[name] = log_error(values) + FIGURE_ERROR * rng.standard_normal(len(values))
+        x = read[name] = log_error(values) + MEASURING_ERROR * rng.standard_normal(len(values))
         if name not in known:
             yield name, np.stack([x, x**2], axis=1)
     for r, rotation in enumerate(samples.rotations_deg):
         for k, M_g in enumerate(samples.torques):
             if rotation % 360:
                 now, turned = f"F_ior@{M_g:g}", samples.turned_arcsec[:, k, r]
-                error = FIGURE_ERROR * rng.standard_normal(len(turned))
+                error = MEASURING_ERROR * rng.standard_normal(len(turned))
                 x = log_error(turned) + error - read[now]
                 yield f"{now}+{rotation:g}", np.stack([x, x**2], axis=1)
 

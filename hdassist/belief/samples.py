@@ -9,7 +9,7 @@ average.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import partial
 from itertools import chain
@@ -40,7 +40,7 @@ from hdassist.belief.prior import DrivePrior
 from hdassist.belief.proposal import PILOT_DRAWS, proposed_draws
 from hdassist.belief.statistics import Probability, effective_number, probability_of, weighted_quantile
 from hdassist.belief.tabled import COARSE_POINTS, DeviationProposal, open_deviations
-from hdassist.error.error_map import Batch, ErrorMap, Extremes, error_maps
+from hdassist.error.error_map import Batch, ErrorMap, error_maps
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
@@ -126,12 +126,8 @@ class Samples:
         So samples that were drawn further for another question do not move it. Arguments: outcome, which of some
         samples have it, shape (samples,); sure, probability that PASS needs.
         """
-        found = Probability(0.0, 0.0, 1.0)
-        for stage in self.stages or (self,):
-            found = probability_of(outcome(stage), stage.weights)
-            if is_settled(found.low, found.high, sure):
-                break
-        return found
+        found = [probability_of(outcome(stage), stage.weights) for stage in self.stages or (self,)]
+        return next((each for each in found if is_settled(each.low, each.high, sure)), found[-1])
 
     def probability_within(self, limit_arcsec: float, torque: int, sure: float = SURE) -> Probability:
         """Probability that F'_ior at a torque, by its place, is at most a limit [arcsec]; sure as in probability."""
@@ -142,34 +138,19 @@ class Samples:
 class ErrorBelief:
     """F'_ior [arcsec] at one of the torques of samples, by its place: percentiles and probabilities.
 
-    Percentiles are of the first samples, whatever was drawn further for a probability.
+    Percentiles (p5, p50, p95) are of the first samples, whatever was drawn further for a probability.
     """
 
     samples: Samples
     torque: int
+    p5: float
+    p50: float
+    p95: float
 
-    @property
-    def p5(self) -> float:
-        """5th percentile of F'_ior [arcsec]."""
-        return self.samples.of_ranges.percentile(0.05, self.torque)
-
-    @property
-    def p50(self) -> float:
-        """Median of F'_ior [arcsec]."""
-        return self.samples.of_ranges.percentile(0.5, self.torque)
-
-    @property
-    def p95(self) -> float:
-        """95th percentile of F'_ior [arcsec]."""
-        return self.samples.of_ranges.percentile(0.95, self.torque)
-
-    def percentile_error(self, share: float) -> float:
-        """Monte Carlo standard error [arcsec] of a percentile, by its share."""
-        return self.samples.of_ranges.percentile_error(share, self.torque)
-
-    def probability_within(self, limit_arcsec: float, sure: float) -> Probability:
-        """Probability that F'_ior is at most a limit [arcsec]; sure, probability that PASS needs."""
-        return self.samples.probability_within(limit_arcsec, self.torque, sure)
+    @classmethod
+    def of(cls, samples: Samples, torque: int) -> ErrorBelief:
+        """F'_ior at one of the torques, by its place."""
+        return cls(samples, torque, *(samples.of_ranges.percentile(share, torque) for share in (0.05, 0.5, 0.95)))
 
 
 def draw_samples(
@@ -177,7 +158,6 @@ def draw_samples(
     torques: Sequence[float],
     *,
     rotations_deg: Sequence[float] = (),
-    begun: Samples | None = None,
     evidence: tuple[Evidence, ...] = (),
     further: FiguresOf | None = None,
     further_name: str = "",
@@ -188,20 +168,19 @@ def draw_samples(
 ) -> Samples:
     """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
 
-    Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; begun, samples
-    by the same arguments, whose draws are gone on from; evidence on the drive; further,
-    figures that each sample has beside F'_ior, and further_name, all that they depend on beside the drive, in words,
-    without which draws with them are not kept; enough, whether samples suffice for what they are for; effort, limits of
-    sampling; seen, called with the samples so far.
+    Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
+    the drive; further, figures that each sample has beside F'_ior, and further_name, all that they depend on beside the
+    drive, in words, without which draws with them are not kept; enough, whether samples suffice for what they are for;
+    effort, limits of sampling; seen, called with the samples so far.
     Raises UsageError for a drive with rolling balls, UntrustedError where too few samples agree with the evidence, or
     too few draws are drives.
     """
     rotations, errors = tuple(rotations_deg), tuple(each for each in evidence if each.M_g)
     near = DeviationProposal(prior, errors, run.seed) if errors and open_deviations(prior) else None
-    solve: Callable[..., Draw] | None = None
+    solve = partial(_solved, prior, tuple(torques), rotations, evidence, further, near, run.seed)
     kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, run.seed)
     earlier = kept.read() if further_name or not further else []
-    draws, stages = (list(begun.made), begun.stages) if begun else ([], ())
+    draws, stages = list[Draw](), tuple[Samples, ...]()
     try:
         while True:
             size = min(effort.batch, max(HOPELESS, len(draws)))
@@ -210,8 +189,6 @@ def draw_samples(
             solved: Iterable[Draw] = ()
             if now.stop > len(earlier):
                 fresh = max(now.start, len(earlier)), now.stop
-                if not solve:
-                    solve = partial(_solved, prior, tuple(torques), rotations, evidence, further, near, run.seed)
                 shares, density = proposed_draws(prior, evidence, draws[:PILOT_DRAWS], *fresh, run.seed)
                 solved = run.map(solve, range(*fresh), prior.values(shares), shares.tolist(), density.tolist())
             for each in chain(earlier[now], solved):
@@ -343,35 +320,30 @@ def errors_by_turn(
     Arguments: measured, single torques [N*m] with a turn each [deg]. Raises UsageError for rolling balls,
     UntrustedError where an answer cannot be trusted.
     """
-    proof = EMPTY
-    F_ior, found = np.empty(len(torques)), np.empty((len(torques), len(rotations_deg)))
-    at_measured = np.empty(len(measured))
-    every = list(dict.fromkeys((*torques, *(torque for torque, _ in measured))))
-    for k, (M_g, error_map) in enumerate(zip(every, error_maps(drive, every), strict=True)):
+    every = list(dict.fromkeys((*torques, *(M_g for M_g, _ in measured))))
+    proof, found = EMPTY, dict[float, tuple[float, Array, Iterator[float]]]()
+    for error_map in error_maps(drive, every):
         now = error_map.many_extremes(Batch.of(drive), grid=COARSE_POINTS)
-        proof += now.certificate
-        if k < len(torques):
-            F_ior[k] = now.first
-            found[k], more = _at_turns(error_map, now, rotations_deg)
-            proof += more
-        rows = [row for row, (torque, _) in enumerate(measured) if torque == M_g]
+        turned, of_turned = _at_turns(error_map, now.first, rotations_deg)
         # by themselves, so that their digits are the same whatever else is searched
-        at_measured[rows], more = _at_turns(error_map, now, [measured[row][1] for row in rows])
-        proof += more
-    return F_ior, found, at_measured, proof
+        alone = [turn for M_g, turn in measured if M_g == error_map.M_g]
+        there, of_measured = _at_turns(error_map, now.first, alone)
+        proof += now.certificate + of_turned + of_measured
+        found[error_map.M_g] = now.first, turned, iter(there.tolist())
+    F_ior, at_measured = [found[M_g][0] for M_g in torques], [next(found[M_g][2]) for M_g, _ in measured]
+    of_turns = np.array([found[M_g][1] for M_g in torques]).reshape(len(torques), len(rotations_deg))
+    return np.array(F_ior), of_turns, np.array(at_measured), proof
 
 
-def _at_turns(error_map: ErrorMap, now: Extremes, turns: Sequence[float]) -> tuple[Array, Certificate]:
+def _at_turns(error_map: ErrorMap, now: float, turns: Sequence[float]) -> tuple[Array, Certificate]:
     """F'_ior [arcsec] of a map's drive with its fixed wheel turned [deg], shape (turns,), and the proof of it.
 
-    Argument: now, the extremes as it stands.
+    Argument: now, F'_ior as it stands.
     """
-    away = np.flatnonzero(np.array(turns) % 360)
-    F_ior = np.full(len(turns), now.first)
+    F_ior, away = np.full(len(turns), now), np.flatnonzero(np.array(turns) % 360)
     if not len(away):
         return F_ior, EMPTY
-    moved = [turn for turn in turns if turn % 360]
-    there = error_map.many_extremes(Batch.turned(error_map.drive, moved), grid=COARSE_POINTS)
+    there = error_map.many_extremes(Batch.turned(error_map.drive, np.array(turns)[away]), grid=COARSE_POINTS)
     F_ior[away] = there.F_ior_arcsec
     return F_ior, there.certificate
 
@@ -386,13 +358,13 @@ def _collected(
 ) -> Samples:
     kept = [each for each in draws if each.F_ior_arcsec is not None]
     given = {ACCURACY, *(each.figure for each in evidence if each.M_g)}  # F'_ior, and no figures beside it
-    names = [name for name in (kept[0].figures or {} if kept else {}) if name not in given]
+    names = [name for name in (kept[0].figures if kept else {}) if name not in given]
     return Samples(
         prior,
         torques,
         np.array([each.shares for each in kept]).reshape(len(kept), len(prior.fields)),
         np.array([each.F_ior_arcsec for each in kept]).reshape(len(kept), len(torques)),
-        {name: np.array([(each.figures or {})[name] for each in kept]) for name in names},
+        {name: np.array([each.figures[name] for each in kept]) for name in names},
         np.array([each.weight for each in kept]),
         len(draws),
         dict(sorted(Counter(each.refused for each in draws if each.refused).items())),
@@ -407,7 +379,7 @@ def _collected(
 def _require_shown(draws: Sequence[Draw], evidence: tuple[Evidence, ...]) -> None:
     """Raise UntrustedError where no draw comes near F'_ior as measured: of equally bad ones all weigh the same."""
     errors = [each for each in evidence if each.M_g]
-    kept = [each.figures or {} for each in draws if each.F_ior_arcsec is not None]
+    kept = [each.figures for each in draws if each.F_ior_arcsec is not None]
     if not errors or not kept:
         return
     f = np.array([[figures[each.figure] for each in errors] for figures in kept])
@@ -438,4 +410,4 @@ def _too_few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, 
 
 def _mean_likelihood(draws: Sequence[Draw], evidence: tuple[Evidence, ...]) -> float:
     """Mean likelihood of evidence over all draws that are drives, as far as each was predicted."""
-    return float(np.mean([np.exp(log_likelihood(evidence, each.figures or {})) for each in draws if not each.refused]))
+    return float(np.mean([np.exp(log_likelihood(evidence, each.figures)) for each in draws if not each.refused]))

@@ -30,7 +30,7 @@ COARSE_POINTS = 14  # positions of each wheel at which the error of a sample is 
 FINEST, COARSEST = 36, 8  # directions that a draw is read in, at most and at least
 KNOWN_DIRECTION = 8  # times as many draws where they count in one direction alone
 OVALITY = "harmonics.xi_s2"  # direction of what the seat does to the rigid wheel; stands still where that is fixed
-SEARCHED_DRAWS = 8  # draws of a drive that are searched, of which one is chosen
+SEARCHED_DRAWS = 20  # draws of a drive that are searched, of which one is chosen
 READ_ERROR = 0.1  # relative, of F'_ior read off a table, in the likelihood by which a draw is proposed
 LEAST_PROPOSED = 0.1  # density of the proposal of a draw over the prior's, at least
 

@@ -86,7 +86,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
     --json and --set imply --resolved.
     """
 
-    preset: o.Preset
+    preset: str
     resolved: bool = False
 
     def run(self) -> int:

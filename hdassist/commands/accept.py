@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class AcceptOptions(o.FigureOptions, o.SamplingOptions):
     """How answers are worked out and given; jsonl and junit also have the drives without an answer."""
 
-    details: o.Details = False
+    details: bool = False
     jsonl: str | None = None
     resume: bool = False
     junit: str | None = None
@@ -72,15 +72,15 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
     """
 
     presets: list[str]
-    limit: o.Limits
+    limit: list[str]
     measured: list[str]
     value: list[str]
     measured_only: bool = False
-    sure: o.VerdictProbability = 0.95
+    sure: float = 0.95
     serial: str = ""
     preset: str = ""
     replay: str | None = None
-    cross_check: o.CrossCheckOption = "highs"
+    cross_check: str = "highs"
 
     def run(self) -> int:
         """Accept the drives, the lot, or recorded answers again; returns the exit code."""

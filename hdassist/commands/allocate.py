@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
-from hdassist.commands.draw_options import DrawOptions, ProductionRun, require_limits
+from hdassist.commands.draw_options import DrawOptions, require_limits
 from hdassist.terminal import options as o
 
 DRIVES_PER_DESIGN = 5  # of many designs few drives each tell more than the reverse
@@ -28,7 +29,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
     trustworthy answer, 130 stopped.
     """
 
-    preset: o.Preset
+    preset: str
     wanted: float = 0.95
     count: int = 250
     sure: float = 0.95
@@ -55,16 +56,15 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
             words = f"the self error alone is {own[worst]:.1f}″ at {torques[worst]:g} N*m"
             hint = "no tolerance changes that: a limit above it, or another wave or clearance"
             raise UsageError(f"{words}, the limit {limits[worst]:g}", hint)
-        production = Production.of(
+        production = Production(
             law, torques, mounting=self.mounting, limits=room, seed=self.seed, per_design=DRIVES_PER_DESIGN, steps=True
         )
         if not law.tolerances:
             raise UsageError(
                 "no tolerance to choose: none that the preset gives is drawn", "set tolerances.F_i2 above 0"
             )
-        drives = ProductionRun(drive.name, self.jobs, out)
-        production, samples = drives.with_designs(production, self.count)
-        allocator = Allocator(production, tuple(room), self.wanted, self.sure, drives.records, self.count)
+        production, samples = self.with_designs(out, production, self.count)
+        allocator = Allocator(production, tuple(room), self.wanted, self.sure, partial(self.records, out), self.count)
         ways = [allocator.cheapest(turned) for turned in ((False, True) if self.mounting else (False,))]
         gains = to_measure(law, samples, 0) if samples else ()
         found = Allocated(law, self.wanted, self.sure, limits, own, allocator.choices, ways, self.seed, gains)

@@ -38,13 +38,13 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     code 5: the fit did not come to rest.
     """
 
-    preset: o.Preset
+    preset: str
     targets: Path
     write: str | None = None
     evaluations: int = 128
-    seed: o.SeedOption = 0
-    jobs: o.Jobs = 0
-    details: o.Details = False
+    seed: int = 0
+    jobs: int = 0
+    details: bool = False
 
     def run(self) -> int:
         """Find the values; returns the exit code."""

@@ -31,12 +31,12 @@ class CheckCommand(o.FigureOptions, o.SamplingOptions, o.PitchOptions, o.Limited
     INCONCLUSIVE. Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy answer, 6 INCONCLUSIVE.
     """
 
-    presets: o.Presets
-    sure: o.VerdictProbability = 0.95
-    plot: o.Plot = True
-    details: o.Details = False
-    solver: o.Solver = None
-    cross_check: o.CrossCheckOption = "highs"
+    presets: list[str]
+    sure: float = 0.95
+    plot: bool = True
+    details: bool = False
+    solver: str | None = None
+    cross_check: str = "highs"
 
     def run(self) -> int:
         """Check the drives; returns the exit code."""
@@ -59,6 +59,6 @@ class CheckCommand(o.FigureOptions, o.SamplingOptions, o.PitchOptions, o.Limited
                     result = check(
                         drive, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run
                     )
-            return check_report(result, self.seed, self.only(o.SamplingOptions).words())
+            return check_report(result, self.seed)
 
         return give("check", run_each("check", self.presets, one, self), self, out)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
@@ -17,7 +17,7 @@ OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options that say nothi
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.DriveOptions):
+class CompareCommand(o.FigureOptions, o.SamplingOptions, o.SignOptions, o.TraceOptions, o.DriveOptions):
     """A measured trace over the predicted one, and which deviation explains the difference; or presets side by side.
 
     \b
@@ -37,15 +37,13 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
     Exit codes: 0, 4 bad file, 5 orders or a range that the record does not tell, or no trustworthy answer.
     """
 
-    preset: o.Preset
+    preset: str
     files: list[str]
     torque: str | None = None
     start: str = "fit"
     zero: str | None = None
-    error_is: Literal["cam-output", "output-cam"] = "cam-output"
-    cam_sense: Literal["ccw", "cw"] = "ccw"
-    plot: o.Plot = True
-    details: o.Details = False
+    plot: bool = True
+    details: bool = False
 
     @property
     def changes(self) -> list[str]:
@@ -59,7 +57,6 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
     def _compare_traces(self) -> int:
         """Compare measured traces with the drive; returns the exit code."""
         from hdassist.comparing.compare import FIT_STATES, compare, torque_of, zero_of
-        from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment
         from hdassist.pages.compare import comparison_report
         from hdassist.run.run import Run
         from hdassist.terminal.answers import failure
@@ -68,15 +65,14 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
         o.stdin_once(*self.files, self.preset)
         out = self.open()
         start, given_zero = o.degrees_or_fit("--phi-g0", self.start), o.degrees_or_fit("--cam-zero", self.zero or "0")
-        sign = 1.0 if self.error_is == ERROR_SIGNS[1.0] else -1.0
-        sense = 1.0 if self.cam_sense == SENSES[1.0] else -1.0
         drive, reading = self.load(self.preset), self.reading()
         M_g = torque_of(drive)
 
         def one(name: str) -> Report:
             found = reading.measured(name, drive, seed=self.seed, together=True)
             zero = given_zero if self.zero else zero_of(found.trace, drive, start)
-            asked = Alignment(start or 0.0, zero or 0.0, sign, sense, (start is None, zero is None))
+            fitted = (start is None, zero is None)
+            asked = replace(self.alignment(), start_deg=start or 0.0, zero_deg=zero or 0.0, fitted=fitted)
             with out.progress(f"{drive.name}, {found.trace.file}", FIT_STATES) as progress:
                 result = compare(found, drive, M_g=M_g, asked=asked, run=Run(progress=progress))
             return comparison_report(result)

@@ -1,11 +1,10 @@
 """Options of the file that a controller takes a correction from, and how its axis counts."""
 
-from dataclasses import dataclass
-from functools import partial
-from math import isfinite
-from typing import TYPE_CHECKING, Annotated
+from __future__ import annotations
 
-import typer
+from dataclasses import dataclass
+from math import isfinite
+from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
@@ -15,29 +14,19 @@ if TYPE_CHECKING:
     from hdassist.correction.forms import CorrectionForm
     from hdassist.correction.writers import ControllerFormat
 
-controller_option = partial(typer.Option, rich_help_panel="Controller")
-
 
 @dataclass(frozen=True, kw_only=True)
 class ControllerOptions(o.OptionGroup):
     """The file of a controller, and how its axis counts."""
 
-    write: Annotated[
-        str | None, controller_option(metavar="CONTROLLER=FILE", help="Write the table as a controller reads it.")
-    ] = None
-    axis: Annotated[str, controller_option(metavar="NAME", help="Axis, joint or source of the controller.")] = "1"
-    clockwise: Annotated[
-        bool, controller_option("--clockwise", help="The axis counts up clockwise, seen from the cam side.")
-    ] = False
-    zero: Annotated[
-        float, controller_option(metavar="DEG", help="Reading of the axis where cam and output are at 0.")
-    ] = 0.0
-    rows_from: Annotated[float, controller_option(metavar="DEG", help="Start of the turn that rows cover.")] = 0.0
-    steps_per_degree: Annotated[
-        float, controller_option(metavar="N", help="Motor steps of a mount in a degree of its axis.")
-    ] = 0.0
+    write: str | None = None
+    axis: str = "1"
+    clockwise: bool = False
+    zero: float = 0.0
+    rows_from: float = 0.0
+    steps_per_degree: float = 0.0
 
-    def controller_target(self, form: "CorrectionForm", *, force: bool) -> "tuple[ControllerFormat, str] | None":
+    def controller_target(self, form: CorrectionForm, *, force: bool) -> tuple[ControllerFormat, str] | None:
         """Controller and file that are asked for, of a form.
 
         Raises UsageError: no such controller, or a form that it does not keep; as `take_output` for the file.
@@ -62,11 +51,9 @@ class ControllerOptions(o.OptionGroup):
         take_output(path, force)
         return controller, path
 
-    def controller_texts(self, result: "Correction", controller: "ControllerFormat") -> tuple[str, str]:
+    def controller_texts(self, result: Correction, controller: ControllerFormat) -> tuple[str, str]:
         """The controller's file of a correction, and what belongs to it."""
         from hdassist.correction.writers import ControllerAxis, correction_file
 
-        axis = ControllerAxis(
-            self.axis, -1 if self.clockwise else 1, self.zero, self.rows_from, 1, self.steps_per_degree
-        )
+        axis = ControllerAxis(self.axis, -1 if self.clockwise else 1, self.zero, self.rows_from, self.steps_per_degree)
         return correction_file(result, controller, axis)

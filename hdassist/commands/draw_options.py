@@ -20,8 +20,8 @@ class DrawOptions(o.LimitedDriveOptions):
 
     distribution: Literal["rayleigh", "uniform", "fixed"] = "rayleigh"
     known: list[str]
-    seed: o.SeedOption = 0
-    jobs: o.Jobs = 0
+    seed: int = 0
+    jobs: int = 0
 
     def law(self, drive: "Drive", *, chosen: bool = False) -> "ProductionLaw":
         """Distributions of the random drives; chosen, whether sizes that are assumed are tolerances to choose too.
@@ -36,26 +36,17 @@ class DrawOptions(o.LimitedDriveOptions):
             raise UsageError("no field scatters: all tolerances are 0", "set tolerances.F_i2 or others above 0")
         return found
 
-
-@dataclass(frozen=True)
-class ProductionRun:
-    """Where drives of a production are computed: so many processes, progress shown under the name of the drive."""
-
-    name: str
-    jobs: int
-    out: "Output"
-
-    def with_designs(self, production: "Production", count: int) -> "tuple[Production, Samples | None]":
+    def with_designs(self, out: "Output", production: "Production", count: int) -> "tuple[Production, Samples | None]":
         """A production with the designs of so many drives, and the samples that they are of, if they differ."""
-        with self.out.run("designs", production.design_states(count), self) as run:
+        with out.run("designs", production.design_states(count), self) as run:
             return production.with_designs(count, run=run)
 
-    def records(self, production: "Production", count: int) -> "list[RandomDrive]":
+    def records(self, out: "Output", production: "Production", count: int) -> "list[RandomDrive]":
         """Records of so many drives of a production."""
         from hdassist.run.stream import stream
 
         found: list[RandomDrive] = []
-        with self.out.progress(self.name, count) as progress:
+        with out.progress(production.drive.name, count) as progress:
             for records in stream(production.records, count, jobs=self.jobs):
                 found += records
                 progress(len(records))

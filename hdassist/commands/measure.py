@@ -37,9 +37,9 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
     files: list[str]
     preset: str | None = None
     ratio: float | None = None
-    plot: o.Plot = True
-    details: o.Details = False
-    seed: o.SeedOption = 0
+    plot: bool = True
+    details: bool = False
+    seed: int = 0
 
     def run(self) -> int:
         """Measure the traces; returns the exit code."""

@@ -40,12 +40,12 @@ class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOpt
     state is solved then, and nothing is drawn.
     """
 
-    preset: o.Preset
+    preset: str
     step: float | None = None
     probability: float = 0.95
-    plot: o.Plot = True
-    details: o.Details = False
-    cross_check: o.CrossCheckOption = "highs"
+    plot: bool = True
+    details: bool = False
+    cross_check: str = "highs"
 
     def run(self) -> int:
         """Find the position; returns the exit code."""
@@ -60,7 +60,7 @@ class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOpt
         drive = self.load(self.preset)
         measured = read_teeth(files, drive)
         torques, rotations, begun = drive.operation.M_g, _rotations(drive, self.step), time.monotonic()
-        states = advice_states(drive, len(torques), len(rotations), draws=self.draws, measured=measured)
+        states = advice_states(drive, len(rotations), draws=self.draws, measured=measured)
         with out.run(drive.name, states, self) as run:
             advice = advise(
                 drive,
@@ -86,11 +86,10 @@ def _rotations(drive: Drive, step: float | None) -> list[float]:
     positions = seat_positions(drive)
     if step is None:
         return positions
-    if 0 < step < LEAST_STEP:
-        raise UsageError(f"--step must be {LEAST_STEP:g}° or more, not {step:g}", "5 shows the curve")
-    count = round(360 / step) if 0 < step <= 360 else 0
+    count = round(360 / step) if LEAST_STEP <= step <= 360 else 0
     if not count or abs(count * step - 360) > 1e-6:
-        raise UsageError(f"--step must divide 360 degrees, not {step:g}", "30 is the step of 12 seat holes")
+        words = f"--step must divide 360 degrees, and be {LEAST_STEP:g} or more, not {step:g}"
+        raise UsageError(words, "30 is the step of 12 seat holes")
     grid = [360 * k / count for k in range(count)]
     if not drive.mounting.holes:
         return grid

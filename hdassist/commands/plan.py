@@ -34,15 +34,15 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
     it is not, 6 that is open, 2 wrong options, 4 bad preset, 5 no trustworthy answer.
     """
 
-    preset: o.Preset
+    preset: str
     positions: int | None = None
     turns: float = 1.0
     both: bool = False
     noise: float = 0.0
     corrected: bool = False
     wrong: float = 0.05
-    plot: o.Plot = True
-    details: o.Details = False
+    plot: bool = True
+    details: bool = False
 
     def plan(self) -> ReadingPlan | None:
         """The test to judge, None where none was asked about. Raises UsageError for options without one."""

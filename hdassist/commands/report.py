@@ -29,7 +29,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
     wheel that could be ordered; the report is written with 0, 3 and 6.
     """
 
-    preset: o.Preset
+    preset: str
 
     def run(self) -> int:
         """Make the report; returns the exit code."""

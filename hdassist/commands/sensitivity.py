@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hdassist.commands.draw_options import DrawOptions, ProductionRun
+from hdassist.commands.draw_options import DrawOptions
 from hdassist.terminal import options as o
 
 
@@ -24,14 +24,14 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
     trustworthy answer, 130 stopped.
     """
 
-    preset: o.Preset
+    preset: str
     count: int = 96
-    plot: o.Plot = True
-    details: o.Details = False
+    details: bool = False
 
     def run(self) -> int:
         """Rank the tolerances; returns the exit code."""
         from dataclasses import replace
+        from functools import partial
 
         from hdassist.pages.sensitivity import sensitivity_report
         from hdassist.terminal.runs import give
@@ -42,11 +42,10 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
         drive = self.load(self.preset)
         law = self.law(drive)
         each_its_own = replace(law, shared=law.shared + law.own, own=())
-        production = Production.of(
+        production = Production(
             each_its_own, drive.operation.M_g, mounting=False, seed=self.seed, per_design=1, steps=True
         )
-        drives = ProductionRun(drive.name, self.jobs, out)
-        production, samples = drives.with_designs(production, self.count)
+        production, samples = self.with_designs(out, production, self.count)
         assert samples
-        found = sensitivities(production, samples, drives.records)
-        return give("sensitivity", [sensitivity_report(replace(found, law=law), bars=self.plot)], self, out)
+        found = sensitivities(production, samples, partial(self.records, out))
+        return give("sensitivity", [sensitivity_report(replace(found, law=law))], self, out)

@@ -27,13 +27,13 @@ class StiffnessCommand(o.FigureOptions, o.DriveOptions):
     preset's catalogue.
     """
 
-    preset: o.Preset
+    preset: str
     t1: float | None = None
     t2: float | None = None
     to: float | None = None
-    plot: o.Plot = True
-    details: o.Details = False
-    cross_check: o.CrossCheckOption = "highs"
+    plot: bool = True
+    details: bool = False
+    cross_check: str = "highs"
 
     def run(self) -> int:
         """Compute the twist over torque; returns the exit code."""

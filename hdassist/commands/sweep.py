@@ -36,12 +36,12 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
     stays, with its reason; the exit code is 0 where any row has one.
     """
 
-    preset: o.Preset
+    preset: str
     vary: list[str]
-    plot: o.Plot = True
-    details: o.Details = False
+    plot: bool = True
+    details: bool = False
     output: str = "-"
-    jobs: o.Jobs = 0
+    jobs: int = 0
 
     def run(self) -> int:
         """Compute the rows; returns the exit code."""

@@ -6,7 +6,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from itertools import islice
 
-from hdassist.commands.draw_options import DrawOptions, ProductionRun, require_limits
+from hdassist.commands.draw_options import DrawOptions, require_limits
 from hdassist.terminal import options as o
 
 
@@ -30,14 +30,14 @@ class ToleranceCommand(o.FigureOptions, DrawOptions):
     codes: 0 done or PASS, 3 FAIL, 6 INCONCLUSIVE, 4 bad preset, 5 no trustworthy answer, 130 stopped.
     """
 
-    preset: o.Preset
+    preset: str
     count: int = 500
     wanted: float | None = None
     sure: float = 0.95
     mounting: bool = True
     results: str | None = None
-    plot: o.Plot = True
-    details: o.Details = False
+    plot: bool = True
+    details: bool = False
     per_design: int = 10
 
     def run(self) -> int:
@@ -61,7 +61,7 @@ class ToleranceCommand(o.FigureOptions, DrawOptions):
             require_limits(drive)
         limits = [drive.limit(M_g) for M_g in torques]
         own = [found.range_arcsec for found in self_error(drive, torques)]
-        production = Production.of(
+        production = Production(
             law,
             torques,
             mounting=self.mounting,
@@ -88,7 +88,7 @@ class ToleranceCommand(o.FigureOptions, DrawOptions):
         with open_kept(results, owner, production.kind, force=self.force) as kept:
             summary.add(islice(kept.records(), count))
             if kept.done < count:
-                production, samples = ProductionRun(drive.name, self.jobs, out).with_designs(production, count)
+                production, samples = self.with_designs(out, production, count)
             with (
                 out.progress(drive.name, count - kept.done) as progress,
                 closing(stream(production.records, count, done=kept.done, jobs=self.jobs)) as chunks,

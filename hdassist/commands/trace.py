@@ -25,15 +25,15 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
     flexspline's slow turn come apart over the full cycle only (for 200/202 teeth: -n 100).
     """
 
-    preset: o.Preset
-    torque: o.OneTorque = None
+    preset: str
+    torque: str | None = None
     start: float = 0.0
     revolutions: int = 1
-    plot: o.Plot = True
-    details: o.Details = False
-    solver: o.Solver = None
-    cross_check: o.CrossCheckOption = "highs"
-    seed: o.SeedOption = 0
+    plot: bool = True
+    details: bool = False
+    solver: str | None = None
+    cross_check: str = "highs"
+    seed: int = 0
 
     @property
     def changes(self) -> list[str]:

@@ -35,14 +35,14 @@ class TrialsCommand(o.FigureOptions, o.CardOptions, o.TraceOptions, o.LoadedDriv
     Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
     """
 
-    preset: o.Preset
+    preset: str
     trials: list[str] | None = None
     verify: str | None = None
-    plot: o.Plot = True
-    details: o.Details = False
+    plot: bool = True
+    details: bool = False
     draws: int = 32
-    seed: o.SeedOption = 0
-    jobs: o.Jobs = 0
+    seed: int = 0
+    jobs: int = 0
 
     def run(self) -> int:
         """Weigh the trials; returns the exit code."""

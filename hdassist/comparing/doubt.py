@@ -17,6 +17,12 @@ DOUBTED_SHARES = {"supports.C_2": 0.3, "supports.C_3": 0.3, "contact.c_t": 0.3, 
 DOUBTED_CLEARANCE = 1.0  # um, of gears.j_n
 
 
+def doubts_of(drive: Drive) -> dict[str, float]:
+    """Standard deviations of doubtful fields of a drive by path, in their units."""
+    shares = {path: drive.number(path) * share for path, share in DOUBTED_SHARES.items() if drive.number(path)}
+    return shares | {"gears.j_n": DOUBTED_CLEARANCE}
+
+
 def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()) -> Complex:
     """Changes of a drive's waves [arcsec] for a standard deviation of each doubtful field, shape (changes, waves).
 
@@ -33,11 +39,10 @@ def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()
         torus.certificate += case.certificate
         return np.asarray(waves - own)
 
-    deviations = {path: drive.number(path) * share for path, share in DOUBTED_SHARES.items()}
     changes = []
-    for path, deviation in (deviations | {"gears.j_n": DOUBTED_CLEARANCE}).items():
+    for path, deviation in doubts_of(drive).items():
         low, high = (drive.number(path) + way * deviation for way in (-1, 1))
-        if not (deviation and drive.allows(path, low) and drive.allows(path, high)):
+        if not (drive.allows(path, low) and drive.allows(path, high)):
             continue
         try:
             less, more = moved(path, low), moved(path, high)

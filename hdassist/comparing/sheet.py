@@ -41,7 +41,7 @@ class DriveSheet:
 
 def sheet_states(drive: Drive, draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a sheet solves, about, for a progress bar."""
-    mounting = advice_states(drive, len(drive.operation.M_g), len(seat_positions(drive)), draws=draws)
+    mounting = advice_states(drive, len(seat_positions(drive)), draws=draws)
     return check_states(drive, draws=draws) + mounting + stiffness_states()
 
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
-from hdassist.correction.forms import CorrectionForm, line_orders, usual_forms
-from hdassist.correction.records import RecordedError, beyond_lines, recorded_lines
+from hdassist.correction.agreeing import agreeing_drives
+from hdassist.correction.forms import USUAL_FORMS, CorrectionForm, line_orders
+from hdassist.correction.records import RECORDED_DRAWS, RecordedError, beyond_lines, recorded_lines
 from hdassist.correction.table import CorrectionTable, ExpectedResidual, Phasors, between_points
 from hdassist.design.check import drive_samples
 from hdassist.error.cycle import kinematic_error
@@ -28,7 +29,7 @@ PHASORS = CorrectionForm(None)
 IN_PLACE, TURN_LOST = "in place", "turn lost"
 ZERO_OFF_DEG = (1.0, 10.0)  # of the cam
 LOST_TURNS = 9  # counts of lost turns that are looked at, at most
-STRONG_LINE = 0.05  # of the variance
+STRONG_LINES = 3  # that are named
 TRIED_POINTS = (32, 64, 100, 128, 180, 200, 256, 360, 400, 512, 720, 1000, 1024, 1440, 1500, 2048, 3000, 4096)
 HALVED = 0.5  # of the range: a correction that leaves more is called weak
 
@@ -79,12 +80,6 @@ class FormResiduals:
         """Whether more than one drive in twenty may be worse with it than without."""
         return self.left[-1] >= 1
 
-    @property
-    def worse_at(self) -> tuple[float, ...]:
-        """Other torques [N*m] at which the median error is greater with it than without."""
-        others = (each for each in self.residuals[1:] if each.case == IN_PLACE)  # the first is of the torque it is for
-        return tuple(each.M_g for each in others if each.p50 > each.uncorrected_p50)
-
 
 @dataclass(frozen=True, eq=False)
 class Correction:
@@ -121,11 +116,10 @@ class Correction:
 
     @property
     def strong_lines(self) -> tuple[float, ...]:
-        """Lines above STRONG_LINE of the variance, the strongest first: times a turn of the output."""
+        """The strongest lines, the strongest first: times a turn of the output."""
         lines = self.errors[self.M_g].lines
-        power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
-        often = line_orders(lines)[0]
-        return tuple(float(often[k]) for k in np.argsort(-power) if power[k] > STRONG_LINE * power.sum())
+        strongest = np.argsort(-(np.abs(lines.amplitude) ** 2).mean(axis=0))[:STRONG_LINES]
+        return tuple(line_orders(lines)[0][strongest].tolist())
 
 
 def correct(
@@ -140,54 +134,54 @@ def correct(
 
     Arguments: form that is wanted; records of the drive by torque [N*m], whose zero is that of the correction then;
     draws: drives as this one may be, 0 for the preset's own numbers alone. Raises UsageError for rolling balls,
-    UntrustedError as `check` does.
+    UntrustedError as `check` does, and as agreeing_drives does.
     """
-    drives, F_ior, samples = believed_drives(drive, draws, run)
-    return correction_of(drive, drives, F_ior, samples, records or {}, form, run)
+    records = records or {}
+    if any(record.is_part for record in records.values()):
+        agreeing, misfit = agreeing_drives(drive, records, draws // 2 * 2 or RECORDED_DRAWS, run)
+        return correction_of(drive, agreeing, records, form, run, misfit=misfit)
+    drives, samples = believed_drives(drive, draws, run)
+    return correction_of(drive, drives, records, form, run, samples=samples)
 
 
-def believed_drives(
-    drive: Drive, draws: int, run: Run
-) -> tuple[Sequence[Mapping[str, float]], Array | None, Samples | None]:
-    """Values by path of drives as this one may be, all of the same weight, from its samples, which come last.
-
-    Between them F'_ior [arcsec] of these drives, shape (drives, torques); None without samples.
-    """
+def believed_drives(drive: Drive, draws: int, run: Run) -> tuple[Sequence[Mapping[str, float]], Samples | None]:
+    """Values by path of drives as this one may be, all of the same weight, from its samples, which come last."""
     prior = prior_of(drive)
     if not (prior.fields and draws):
-        return [{}], None, None
+        return [{}], None
     samples = drive_samples(prior, [None] * len(drive.operation.M_g), draws=draws, run=run)
     shares = np.cumsum(samples.weights) / samples.weights.sum()
     rows = np.searchsorted(shares, (np.arange(draws) + 0.5) / draws)
-    return prior.values(samples.shares[rows]), samples.F_ior_arcsec[rows], samples
+    return prior.values(samples.shares[rows]), samples
 
 
 def correction_of(
     drive: Drive,
     drives: Sequence[Mapping[str, float]],
-    F_ior: Array | None,
-    samples: Samples | None,
     records: Mapping[float, RecordedError],
     form: CorrectionForm,
     run: Run,
+    *,
+    samples: Samples | None = None,
+    misfit: float | None = None,
 ) -> Correction:
-    """Corrections of a drive from the values, by path, of drives as it may be; F_ior as of believed_drives."""
+    """Corrections of a drive from the values, by path, of drives as it may be; misfit as of recorded_lines."""
     torques = drive.operation.M_g
     if form.turn and form.points < 2:
         raise UsageError(f"invalid number of points {form.points}: expected 2 or more")
     errors, certificate = {}, samples.certificate if samples else EMPTY
-    for k, M_g in enumerate(torques):
-        errors[M_g], proof = loaded_error(drive, M_g, drives, None if F_ior is None else F_ior[:, k], run)
+    for M_g in torques:
+        errors[M_g], proof = loaded_error(drive, M_g, drives, run)
         certificate += proof
         if records:
             record, found = records.get(M_g), errors[M_g]
-            lines = recorded_lines(found.lines, record, run)
+            lines = recorded_lines(found.lines, record, run, misfit)
             more, beyond = (beyond_lines(lines, record), 0.0) if record else (0.0, found.beyond)
             errors[M_g] = LoadedError(lines, -lines.curves - more, beyond)
     own = {M_g: each.lines for M_g, each in errors.items()}
     mean = {M_g: replace(each, amplitude=each.amplitude.mean(axis=0)[None]) for M_g, each in own.items()}
-    forms = usual_forms(form.points if form.turn == "output" else None, several_loads=len(torques) > 1)
-    forms = tuple(dict.fromkeys((*forms, form)))
+    usual = (each for each in USUAL_FORMS if len(torques) > 1 or not each.each_load)
+    forms = tuple(dict.fromkeys((*usual, form)))
     measured = tuple(residuals_of(each, own, errors) for each in forms)
     stored = tuple(residuals_of(each, mean, errors) for each in forms)
     chosen, design = stored[forms.index(form)], torques[0]
@@ -202,22 +196,20 @@ def correction_of(
 
 
 def loaded_error(
-    drive: Drive, M_g: float, drives: Sequence[Mapping[str, float]], F_ior: Array | None, run: Run
+    drive: Drive, M_g: float, drives: Sequence[Mapping[str, float]], run: Run
 ) -> tuple[LoadedError, Certificate]:
-    """Error of drives at a torque M_g [N*m], from their values by path and F'_ior [arcsec], shape (drives,).
+    """Error of drives at a torque M_g [N*m], from their values by path.
 
-    The first of them is solved in each state of its cycle, for what lines leave out, and for F'_ior where that is None.
+    The first of them is solved in each state of its cycle, for what lines leave out and for F'_ior.
     """
     lines = error_lines(drive, M_g, drives, run)
     solved = kinematic_error(drive.with_values(drives[0]), M_g, run=replace(run, cross_check=None))
-    curves = -lines.curves
-    ranges = np.maximum(np.ptp(curves, axis=1), np.finfo(float).tiny)
-    scales = (solved.F_ior_arcsec / ranges[0] if F_ior is None else F_ior / ranges) * np.ones(len(ranges))
-    actual = curves * scales[:, None]
+    scale = solved.F_ior_arcsec / np.maximum(np.ptp(lines.curves[0]), np.finfo(float).tiny)
+    lines = replace(lines, amplitude=lines.amplitude * scale)
+    actual = -lines.curves
     places = solved.states.phi_h / (2 * np.pi * lines.kinematics.cycle_cam_revolutions)
     beyond = float(np.ptp(-solved.error_arcsec - between_points(actual[0], places))) / np.ptp(actual[0])
-    scaled = replace(lines, amplitude=lines.amplitude * scales[:, None])
-    return LoadedError(scaled, actual, beyond), lines.certificate + solved.certificate
+    return LoadedError(lines, actual, beyond), lines.certificate + solved.certificate
 
 
 def _exported(chosen: FormResiduals, mean: Mapping[float, ErrorLines], preset: str) -> CorrectionTable | Phasors:

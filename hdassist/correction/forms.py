@@ -11,7 +11,7 @@ from hdassist.model.geometry import Array
 from hdassist.planning.lines import ErrorLines
 
 PHASOR_LINES = 40  # that phasors have
-USUAL_POINTS = (1500, 720, 256)  # of tables over an output turn
+USUAL_POINTS = 1500  # of a table over an output turn
 CAM_POINTS = 256  # of a table over a turn of the cam, or half of one
 
 
@@ -29,8 +29,8 @@ class CorrectionForm:
     @property
     def name(self) -> str:
         """Words for it."""
-        of_turn = f"{self.turn}{' turn' * (self.turn != 'half cam turn')}, {self.points} points"
-        return ("phasors" if self.turn is None else of_turn) + ", each load" * self.each_load
+        kind = f"{self.turn} turn, {self.points} points" if self.turn else "phasors"
+        return kind + ", each load" * self.each_load
 
     def fitted(self, lines: ErrorLines, M_g: float, preset: str = "") -> CorrectionTable | Phasors:
         """Corrections of drives at a torque M_g [N*m], in the first axis of their values, from the lines there."""
@@ -40,18 +40,14 @@ class CorrectionForm:
         return CorrectionTable(self.turn, values, lines.kinematics.u, M_g, preset=preset)
 
 
-def usual_forms(points: int | None, *, several_loads: bool) -> tuple[CorrectionForm, ...]:
-    """Forms that are compared, the most accurate first; points: of one more table over an output turn."""
-    of_output = sorted({*USUAL_POINTS, *([points] if points else [])}, reverse=True)
-    most = of_output[0]
-    return (
-        CorrectionForm(None),
-        *(CorrectionForm(None, each_load=True) for _ in range(several_loads)),
-        *(CorrectionForm("output", each) for each in of_output),
-        *(CorrectionForm("output", most, each_load=True) for _ in range(several_loads)),
-        CorrectionForm("cam", CAM_POINTS),
-        CorrectionForm("half cam turn", CAM_POINTS),
-    )
+USUAL_FORMS = (
+    CorrectionForm(None),
+    CorrectionForm(None, each_load=True),
+    *(CorrectionForm("output", points) for points in (USUAL_POINTS, 720, 256)),
+    CorrectionForm("output", USUAL_POINTS, each_load=True),
+    CorrectionForm("cam", CAM_POINTS),
+    CorrectionForm("half-cam", CAM_POINTS),
+)
 
 
 def table_values(lines: ErrorLines, turn: RepeatTurn, points: int) -> Array:

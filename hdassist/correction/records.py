@@ -1,7 +1,8 @@
 """Lines of a drive's error as a record of its full cycle has them: no deviation is fitted, so no model is believed.
 
-Before the record each line is as large as in drives as this one may be, and its phase is not known. The record then
-gives all lines by least squares (ridge regression, as its readings have noise).
+Before a record of the full cycle each line is as large as in drives as this one may be, and its phase is not known; the
+record then gives all lines by least squares (ridge regression, as its readings have noise). A record of part of it does
+not tell lines apart that lie close together: before it they are those of drives that agree with it, but for a misfit.
 """
 
 from __future__ import annotations
@@ -13,13 +14,10 @@ import numpy as np
 from hdassist.comparing.record import Alignment
 from hdassist.correction.table import between_points
 from hdassist.error.waves import HIGHEST
-from hdassist.errors import UntrustedError
-from hdassist.measuring.measure import SweepResult
+from hdassist.measuring.measure import Measurement
 from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics
 from hdassist.planning.lines import ErrorLines
 from hdassist.preset.fields import Drive
-from hdassist.readers.trace import MeasuredTrace
 from hdassist.run.run import Run
 
 RECORDED_DRAWS = 64  # drives that agree with a record
@@ -32,27 +30,25 @@ LEAST_VARIANCE = 1e-6  # arcsec^2
 
 @dataclass(frozen=True, eq=False)
 class RecordedError:
-    """Error F_kpp [arcsec] that was read where the cam had turned so far from the record's zero, shape (readings,)."""
+    """Error F_kpp [arcsec] that was read where the cam had turned so far from the record's zero, shape (readings,).
+
+    is_part: whether that is less than the full cycle.
+    """
 
     cam_turns: Array
     error_arcsec: Array
+    is_part: bool = False
 
 
-def recorded_error(trace: MeasuredTrace, sweep: SweepResult, drive: Drive, asked: Alignment) -> RecordedError:
+def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> RecordedError:
     """Error of a record of a drive without level and drift, from both of its directions measured as one.
 
-    Argument: asked, how the file counts. Raises UntrustedError where it is less than the full cycle: lines that lie
-    close together are not resolved.
+    Argument: asked, how the file counts.
     """
-    if sweep.is_bound:
-        spans, cycle = sweep.bins.span, Kinematics.of(drive).cycle_cam_revolutions
-        raise UntrustedError(
-            f"{trace.file} spans {spans:.4g} turns of the cam: a correction needs the full cycle of {cycle}",
-            "a shorter record can fit the preset: hdassist compare",
-        )
+    trace, sweep = measurement.trace, measurement.directions[0]
     alignment = asked.of_file(trace, drive)
     error = sweep.fit.curve(sweep.bins.turns) + sweep.fit.residual
-    return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * error)
+    return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * error, sweep.is_bound)
 
 
 def with_waves_of_teeth(lines: ErrorLines) -> ErrorLines:
@@ -66,35 +62,43 @@ def with_waves_of_teeth(lines: ErrorLines) -> ErrorLines:
     return replace(lines, per_cycle=np.concatenate([lines.per_cycle, more]), amplitude=amplitude)
 
 
-def recorded_lines(lines: ErrorLines, record: RecordedError | None, run: Run) -> ErrorLines:
+def recorded_lines(
+    lines: ErrorLines, record: RecordedError | None, run: Run, misfit: float | None = None
+) -> ErrorLines:
     """Lines of drives that agree with a record, from those of drives as this one may be.
 
-    Their mean is what the record says. Without a record at this torque phases are any.
+    Their mean is what the record says. Without a record at this torque phases are any. misfit: standard deviation of a
+    line from that of a drive, over its size, where drives agree with the records; None where phases are any.
     """
     lines = with_waves_of_teeth(lines) if record else lines
-    rng, half = np.random.default_rng([run.seed, 1]), len(lines.per_cycle)
+    half = len(lines.per_cycle)
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
     scale = np.tile(np.sqrt((power + LEAST_LINE * power.mean()) / 2), 2)  # of cosines and sines, (2 lines,)
-    drawn = rng.standard_normal((RECORDED_DRAWS // 2, len(scale)))
+    parts = np.concatenate([lines.amplitude.real, lines.amplitude.imag], axis=1)
+    parts = np.zeros((RECORDED_DRAWS, 2 * half)) if misfit is None else parts
+    drawn = np.random.default_rng([run.seed, 1]).standard_normal((len(parts) // 2, 2 * half))
     drawn = np.concatenate([drawn, -drawn])  # their mean is 0
     if record is None:
-        parts = scale * drawn
+        parts = parts + (misfit or 1.0) * scale * drawn
     else:
         per_turn = lines.per_cycle / lines.kinematics.cycle_cam_revolutions
-        read = record.error_arcsec
-        gram, moment = np.zeros((2 * half, 2 * half)), np.zeros(2 * half)
+        read = record.error_arcsec - record.error_arcsec.mean()
+        gram, moment, level = np.zeros((2 * half, 2 * half)), np.zeros(2 * half), np.zeros(2 * half)
         for some in np.split(np.arange(len(read)), range(READINGS_AT_ONCE, len(read), READINGS_AT_ONCE)):
             waves = np.exp(2j * np.pi * record.cam_turns[some, None] * per_turn)
             columns = np.concatenate([waves.real, -waves.imag], axis=1)
             gram += columns.T @ columns
             moment += columns.T @ read[some]
-        scale *= np.std(read) / np.sqrt(scale @ scale / 2)
+            level += columns.sum(axis=0)
+        gram -= np.outer(level, level) / len(read)  # its level is not known
+        scale *= misfit or np.std(read) / np.sqrt(scale @ scale / 2)
         noise = float(np.var(read))
         for _ in range(NOISE_ROUNDS):
             precision = gram / noise + np.diag(scale**-2)
-            mean = np.asarray(np.linalg.solve(precision, moment / noise))
+            found = parts + np.linalg.solve(precision, (moment - parts @ gram).T / noise).T
+            mean = found.mean(axis=0)
             noise = max(float(read @ read - 2 * mean @ moment + mean @ gram @ mean) / len(read), LEAST_VARIANCE)
-        parts = mean + np.linalg.solve(np.linalg.cholesky(precision).T, drawn.T).T
+        parts = found + np.linalg.solve(np.linalg.cholesky(precision).T, drawn.T).T
     return replace(lines, amplitude=parts[:, :half] + 1j * parts[:, half:])
 
 

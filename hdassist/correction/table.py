@@ -14,7 +14,7 @@ import numpy as np
 
 from hdassist.model.geometry import Array
 
-RepeatTurn = Literal["output", "cam", "half cam turn"]
+RepeatTurn = Literal["output", "cam", "half-cam"]
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,7 @@ class CorrectionTable:
     turn: after which it repeats; error_arcsec, shape (..., points): to be taken off, at angles_deg of that turn;
     u: cam turns in a turn of the output, negative where they turn apart; M_g [N*m]: torque that it is for;
     other_direction_arcsec, shape (points,): for the other direction of motion, None where both share the first, and
-    other_M_g, the torque of that; preset: name of the drive; hole: of its fixed wheel, None where it has none;
-    expected: residuals with it.
+    other_M_g, the torque of that; preset: name of the drive; expected: residuals with it.
     """
 
     turn: RepeatTurn
@@ -51,7 +50,6 @@ class CorrectionTable:
     other_direction_arcsec: Array | None = None
     other_M_g: float | None = None
     preset: str = ""
-    hole: int | None = None
     expected: tuple[ExpectedResidual, ...] = ()
 
     @property
@@ -62,7 +60,7 @@ class CorrectionTable:
     @property
     def period_deg(self) -> float:
         """Angle of the cam or of the output after which the table repeats [deg]."""
-        return 180.0 if self.turn == "half cam turn" else 360.0
+        return 180.0 if self.turn == "half-cam" else 360.0
 
     @property
     def angles_deg(self) -> Array:
@@ -79,7 +77,7 @@ class CorrectionTable:
 
 def periods_a_cam_turn(turn: RepeatTurn, u: float) -> float:
     """Periods of a table in a turn of the cam; negative where the output turns against it."""
-    return {"output": 1 / u, "cam": 1.0, "half cam turn": 2.0}[turn]
+    return {"output": 1 / u, "cam": 1.0, "half-cam": 2.0}[turn]
 
 
 def between_points(values: Array, periods: Array) -> Array:
@@ -96,8 +94,8 @@ class Phasors:
     """Error as lines: the sum of amplitude cos(2 pi per_cam_turn x + phase), x the turns of the cam from zero.
 
     per_output_turn, per_cam_turn: how often each line comes, shape (lines,); amplitude_arcsec; phase_deg, shape
-    (..., lines) each; uncertainty_arcsec: standard, of the amplitude, where it was measured; M_g, preset, hole and
-    expected as of a table.
+    (..., lines) each; uncertainty_arcsec: standard, of the amplitude, where it was measured; M_g, preset and expected
+    as of a table.
     """
 
     per_output_turn: Array
@@ -107,7 +105,6 @@ class Phasors:
     M_g: float
     uncertainty_arcsec: Array | None = None
     preset: str = ""
-    hole: int | None = None
     expected: tuple[ExpectedResidual, ...] = ()
 
     def error_at(self, cam_turns: Array) -> Array:
@@ -115,3 +112,14 @@ class Phasors:
         vectors = self.amplitude_arcsec * np.exp(1j * np.radians(self.phase_deg))
         waves = np.exp(2j * np.pi * self.per_cam_turn[:, None] * np.asarray(cam_turns))
         return np.asarray((vectors @ waves).real)
+
+
+def correction_columns(correction: CorrectionTable | Phasors) -> dict[str, Array]:
+    """Columns of a correction by their names, of the same length each: points of a table, or lines."""
+    if isinstance(correction, CorrectionTable):
+        shaft = "output" if correction.turn == "output" else "cam"
+        columns = {f"{shaft}_deg": correction.angles_deg, "error_arcsec": correction.error_arcsec}
+        other = correction.other_direction_arcsec
+        return columns if other is None else {**columns, "other_direction_arcsec": other}
+    names = ("per_output_turn", "per_cam_turn", "amplitude_arcsec", "phase_deg", "uncertainty_arcsec")
+    return {name: values for name in names if (values := getattr(correction, name)) is not None}

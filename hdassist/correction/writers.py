@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -34,15 +33,14 @@ class ControllerAxis:
 
     name: of the axis, joint or source; sense: 1 where it counts up as the output turns counter-clockwise seen from the
     cam side, else -1 (for moteus, as the cam does); zero_deg: its reading [deg] where cam and output stand at zero;
-    from_deg: start of the turn that rows cover; first_direction: 1 where a table's first values are for counting up,
-    -1 for down; steps_per_degree: of the axis's motor, for mounts.
+    from_deg: start of the turn that rows cover; steps_per_degree: of the axis's motor, for mounts. A table's first
+    values are for counting up.
     """
 
     name: str
     sense: int = 1
     zero_deg: float = 0.0
     from_deg: float = 0.0
-    first_direction: int = 1
     steps_per_degree: float = 0.0
 
 
@@ -62,11 +60,6 @@ class PlayedCorrection:
     step_arcsec: float
     scale: float = 1.0
     is_of_cam: bool = False
-
-
-def turn_words(turn: RepeatTurn) -> str:
-    """A turn after which a table repeats, in words."""
-    return f"{turn.removesuffix(' turn')} turn"
 
 
 @dataclass(frozen=True)
@@ -93,8 +86,8 @@ class ControllerFormat:
     def refusal(self, turn: RepeatTurn | None, points: int) -> UsageError | None:
         """Why it keeps no table of so many points over such a turn, None for phasors; None where it does."""
         if turn not in self.turns:
-            form = f"table over the {turn_words(turn)}" if turn else "form phasors"
-            wanted = " or ".join(map(turn_words, self.turns))
+            form = f"table over the {turn} turn" if turn else "form phasors"
+            wanted = " or ".join(f"{each} turn" for each in self.turns)
             return UsageError(f"invalid {form} for {self.name}: expected a table over the {wanted}")
         if self.most_points and points > self.most_points:
             return UsageError(f"invalid number of points {points} for {self.name}: expected at most {self.most_points}")
@@ -107,7 +100,7 @@ def error_as_read(
     """Error [arcsec] in the controller's counting at its readings of the output, or of the cam."""
     turned = axis.sense * (np.asarray(reading_deg) - axis.zero_deg) / 360
     cam_turns = turned if of_cam else turned * table.u
-    return axis.sense * table.error_at(cam_turns, other_direction=direction != axis.first_direction)
+    return axis.sense * table.error_at(cam_turns, other_direction=direction < 0)
 
 
 def error_at_setpoint(
@@ -181,19 +174,17 @@ def about_lines(
     table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, preset_sha256: str
 ) -> list[str]:
     """What a file is, for whom and for which state, in 7-bit lines."""
-    hole = "" if table.hole is None else f", fixed wheel in hole {table.hole}"
     way = "counter-clockwise" if axis.sense == 1 else "clockwise"
-    first, last = ("up", "down")[:: axis.first_direction]
     steps = axis.steps_per_degree
     step = controller.step_arcsec if controller.played is None else controller.played(table, axis).step_arcsec
     worm = [f"{table.period_deg / abs(table.u) * steps:.2f} motor steps in its turn"] if steps else []
     for_torque = f"for {table.M_g:g} N*m"
     if table.other_M_g is not None:
-        for_torque += f" counting {first}, {table.other_M_g:g} N*m counting {last}"
+        for_torque += f" counting up, {table.other_M_g:g} N*m counting down"
     lines = [
         f"hdassist {__version__}: correction of the kinematic error, {controller.name}, axis {axis.name}",
-        f"preset {table.preset or '-'}, sha256 {preset_sha256 or '-'}{hole}",
-        f"{for_torque}; {turn_words(table.turn)}, {table.points} points, straight lines between",
+        f"preset {table.preset or '-'}, sha256 {preset_sha256 or '-'}",
+        f"{for_torque}; {table.turn} turn, {table.points} points, straight lines between",
         *worm,
         f"zero: the axis reads {axis.zero_deg:.6g} deg where cam and output stand at zero (phi_h = 0)",
         f"counts up {way} seen from the cam side; error = actual less ideal angle of the output, taken off",
@@ -224,14 +215,10 @@ def turn_rows(table: CorrectionTable, axis: ControllerAxis, digits: int) -> tupl
     return setpoint, error_at_setpoint(table, axis, setpoint), error_at_setpoint(table, axis, setpoint, -1)
 
 
-def _linuxcnc(table: CorrectionTable, axis: ControllerAxis, *, as_trims: bool) -> list[str]:
-    """Rows of nominal, forward and reverse: trims that are added, or positions that are reached without them."""
-    reading, up, down = turn_rows(table, axis, 6)
-    columns = [-up / 3600, -down / 3600] if as_trims else [reading + up / 3600, reading + down / 3600]
-    return [
-        f"{nominal:.6f} {forward:.7f} {reverse:.7f}"
-        for nominal, forward, reverse in zip(reading, *columns, strict=True)
-    ]
+def _linuxcnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
+    """Rows of nominal, forward and reverse: trims [deg] that are added to the position."""
+    rows = zip(*turn_rows(table, axis, 6), strict=True)
+    return [f"{nominal:.6f} {-up / 3600:.7f} {-down / 3600:.7f}" for nominal, up, down in rows]
 
 
 def _twincat_cnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
@@ -349,36 +336,29 @@ def _eqmod(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 CONTROLLER_FORMATS = {
-    **{
-        f"linuxcnc-{kind}": ControllerFormat(
-            f"LinuxCNC, type {kind}", ("output",), partial(_linuxcnc, as_trims=bool(kind)),
-            f"[JOINT_n] COMP_FILE and COMP_FILE_TYPE = {kind}; outside of its rows the nearest one holds",
-            most_points=254, by_direction=True, comment="#", comments_at=None,
-        )
-        for kind in (0, 1)
-    },
+    "linuxcnc-1": ControllerFormat(
+        "LinuxCNC, type 1", ("output",), _linuxcnc,
+        "[JOINT_n] COMP_FILE and COMP_FILE_TYPE = 1; outside of its rows the nearest one holds",
+        most_points=254, by_direction=True, comment="#", comments_at=None,
+    ),
     "twincat-cnc": ControllerFormat(
         "TwinCAT CNC", ("output",), _twincat_cnc, "below kopf.* of the axis's compensation list; lr_param.ssfk 1",
         most_points=1497, by_direction=True, step_arcsec=0.36, comment="#",
     ),
-    **{
-        f"siemens-{kind}": ControllerFormat(
-            f"SINUMERIK {kind.upper()}", ("output",), _siemens,
-            "load with MD32700 ENC_COMP_ENABLE 0, then 1; MD38000 above the number of points",
-            most_points=most_points, comment=";", comments_at=2,
-        )
-        for kind, most_points in (("840d", None), ("808d", 199))
-    },
+    "siemens-840d": ControllerFormat(
+        "SINUMERIK 840D", ("output",), _siemens,
+        "load with MD32700 ENC_COMP_ENABLE 0, then 1; MD38000 above the number of points", comment=";", comments_at=2,
+    ),
     "moteus": ControllerFormat(
-        "moteus", ("cam", "half cam turn"), _moteus,
+        "moteus", ("cam", "half-cam"), _moteus,
         "moteus_tool --write-config, firmware with compensation_scale; the source reads the cam", played=moteus_played,
     ),
     "eqmod": ControllerFormat(
-        "EQMOD", ("cam", "half cam turn"), _eqmod,
+        "EQMOD", ("cam", "half-cam"), _eqmod,
         "gain x1, threshold 0, northern hemisphere, decimal point in Windows", played=eqmod_played, comment="#",
     ),
     "onstepx": ControllerFormat(
-        "OnStepX", ("cam", "half cam turn"), _onstepx,
+        "OnStepX", ("cam", "half-cam"), _onstepx,
         "PEC_STEPS_PER_WORM_ROTATION as above before the rows are sent", played=onstepx_played,
     ),
 }  # fmt: skip

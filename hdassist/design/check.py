@@ -96,7 +96,9 @@ class OperatingPoint:
     def probability(self) -> Probability | None:
         """Probability that F'_ior with the self error on top keeps the limit; None without a limit or samples."""
         left = self.left_arcsec
-        return None if left is None or self.belief is None else self.belief.probability_within(left, self.sure)
+        if left is None or self.belief is None:
+            return None
+        return self.belief.samples.probability_within(left, self.belief.torque, self.sure)
 
     @property
     def verdict(self) -> Verdict:
@@ -130,7 +132,7 @@ class DesignCheck:
 
     def with_samples(self, samples: Samples) -> DesignCheck:
         """The check with samples of all that is not known exactly."""
-        points = (replace(point, belief=ErrorBelief(samples, k)) for k, point in enumerate(self.points))
+        points = (replace(point, belief=ErrorBelief.of(samples, k)) for k, point in enumerate(self.points))
         return replace(self, points=tuple(points), samples=samples)
 
     @property

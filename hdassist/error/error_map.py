@@ -54,7 +54,7 @@ class Batch:
         return cls(drive, {"tolerances.F_i1": np.array([drive.number("tolerances.F_i1")])})
 
     @classmethod
-    def turned(cls, drive: Drive, rotations_deg: Sequence[float]) -> Batch:
+    def turned(cls, drive: Drive, rotations_deg: Sequence[float] | Array) -> Batch:
         """A drive with its fixed wheel turned on its seat [deg], counter-clockwise seen from the cam side."""
         return cls(drive, {path: drive.number(path) + np.array(rotations_deg) for path in carried(drive)})
 

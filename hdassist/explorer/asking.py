@@ -36,7 +36,8 @@ from hdassist.visible import visible
 
 REST = 0.7  # s without a key before the cam turn and the steps of levers are asked for
 THEMES = ("textual-light", "textual-dark")
-SIGNS = PLAIN_CHARACTERS | str.maketrans("○●◌◆…°″±≤≥←→↑↓─━┄│", 'o@%#~d"~<><>^v---|')  # of one column each
+# of one column each
+SIGNS = PLAIN_CHARACTERS | str.maketrans("\N{NO-BREAK SPACE}○●◌◆…°″±≤≥←→↑↓─━┄│", ' o@%#~d"~<><>^v---|')
 
 
 @dataclass

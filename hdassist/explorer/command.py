@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import dataclass
 from functools import partial
@@ -28,13 +29,13 @@ class ExploreCommand(o.LoadedDriveOptions):
     change in explore.txt in the user's folder of states.
     """
 
-    preset: o.Preset
+    preset: str
     measured: list[str] | None = None
     pin: str | None = None
     light: bool = False
-    ascii: o.Ascii = False
-    jobs: o.Jobs = 0
-    debug: o.Debug = False
+    ascii: bool = False
+    jobs: int = 0
+    debug: bool = False
 
     def run(self) -> int:
         """Show the drive; returns the exit code."""
@@ -46,8 +47,8 @@ class ExploreCommand(o.LoadedDriveOptions):
         session = opened_state(self.preset, tuple(self.changes), self.pin or "")
         if self.measured:
             session = with_evidence(session, " ".join(self.measured))
-        if not (sys.stdin.isatty() and sys.stdout.isatty()):
-            raise UsageError("the explorer needs a terminal", f"in a script: {session.command()}")
+        if not (sys.stdin.isatty() and sys.stdout.isatty()) or os.environ.get("TERM") == "dumb":
+            raise UsageError("the explorer needs a terminal that moves its cursor", f"in a script: {session.command()}")
 
         from hdassist.explorer.service import Service
 

@@ -69,6 +69,11 @@ class Session:
     future: tuple[Changes, ...] = ()
 
     @property
+    def torques(self) -> str:
+        """The torques as --set takes them."""
+        return f"operation.M_g={list(self.drive.operation.M_g)}"
+
+    @property
     def trial_torque(self) -> float:
         """Torque of the trials [N*m]."""
         return TRIALS.torque_of(self.drive.operation.M_g)
@@ -103,9 +108,8 @@ class Session:
 def opened_state(name: str, overrides: tuple[str, ...] = (), pin: str = "") -> Session:
     """A session of a preset, compared with it as it was opened or with another one. Raises what loading raises."""
     source = StateSource.of(name, overrides)
-    drive = source.drive()
-    torques = ("operation.M_g", f"{list(drive.operation.M_g)}")
-    return Session(source, drive, StateSource.of(pin).drive((torques,)) if pin else drive)
+    session = Session(source, source.drive(), source.drive())
+    return replace(session, pinned=StateSource.of(pin, (session.torques,)).drive()) if pin else session
 
 
 def is_tried(drive: Drive) -> bool:

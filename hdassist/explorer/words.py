@@ -42,7 +42,7 @@ def head(session: Session) -> Text:
     line.append(f"  {drive.gears.z_g}/{drive.gears.z_b}  {drive.mounting.fixed} wheel fixed", "dim")
     counts = {"uncertain": prior_of(drive).fields, "changed": session.changes}
     line.append("".join(f"  {len(found)} {word}" for word, found in counts.items() if found), INK[3])
-    more = len({*session.pinned.origin.overrides} - {*session.source.overrides})
+    more = len({*session.pinned.origin.overrides} - {*session.source.overrides, session.torques})
     line.append(f"  vs {visible(session.pinned.name)}{f' with {more} changed' * (more > 0)}", INK[2])
     return line.append("  x_b keeps clearance" * session.keeps_clearance, INK[1])
 

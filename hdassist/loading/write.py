@@ -136,11 +136,12 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
     tables, changes = _tables(text.decode("utf-8-sig")), set()
     for override in overrides:
         key, _, written = override.partition("=")
-        path = ".".join(map(str, path_of(key)))
+        section, name, *entry = path_of(key)
+        path = f"{section}.{name}"
         if path not in field_table():
             raise DataError(f"--set {override} cannot be saved", "only single fields can: write it into the file")
         changes.add(path)
-        _set_value(tables, path, _tables(written))
+        _set_value(tables, path, _tables(written), *entry)
         source, value = before.source.get(path), wanted.value(path)
         if source is not None and value != before.value(path):
             ref = f"changed by hand; was {source.kind}"
@@ -174,9 +175,15 @@ def _table(tables: Any, name: str) -> Any:
     return tables[name]
 
 
-def _set_value(tables: Any, path: str, value: Any) -> None:
+def _set_value(tables: Any, path: str, value: Any, entry: str | int = "") -> None:
+    """Put a value in place, or an entry of it; one value of all torques stays beside that of one."""
     section, name = path.split(".")
-    _table(tables, section)[name] = value
+    table = _table(tables, section)
+    if entry:
+        if not isinstance(table.get(name), dict):
+            table[name] = {} if table.get(name) is None else {"all": table[name]}
+        table, name = table[name], str(entry)
+    table[name] = value
 
 
 def _source(kind: str, ref: str, before: Source | None, value: Any) -> Any:

@@ -38,11 +38,6 @@ class Coverage:
     share: float
     step_deg: float
 
-    @property
-    def is_full(self) -> bool:
-        """Whether F'_ior of the record is that of the cycle, not a lower bound only."""
-        return self.share >= FULL_SHARE
-
 
 def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
     """Gearing of a drive, or of a drive with two waves by its ratio; None where neither is known.

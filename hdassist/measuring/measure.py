@@ -10,7 +10,7 @@ import numpy as np
 
 from hdassist.errors import DataError, Fault, UntrustedError, UsageError
 from hdassist.measuring.bins import Bins, bins_of, travel_of
-from hdassist.measuring.cycle import Coverage, Gearing, gearing_of
+from hdassist.measuring.cycle import FULL_SHARE, Coverage, Gearing, gearing_of
 from hdassist.measuring.fit import BINS_PER_COLUMN, SlowTerms, TraceDesign, TraceFit, fit_orders, linear_drift
 from hdassist.measuring.lag import EncoderLag, encoder_lag, speed_changes
 from hdassist.measuring.lines import with_lines
@@ -132,7 +132,7 @@ class SweepResult:
     @property
     def is_bound(self) -> bool:
         """Whether F'_ior of the full cycle may be greater, because not all of it was visited."""
-        return self.coverage is None or not self.coverage.is_full
+        return self.coverage is None or self.coverage.share < FULL_SHARE
 
 
 @dataclass(frozen=True)
@@ -352,7 +352,7 @@ def _sweep_result(
     drift = abs(drift_left) / 2 if len(fit.drift) != 1 else BENT * abs(float(fit.drift[0]))
     sources = budget(
         extent.spread, extent.bias_uncertainty, drift / sqrt(3), fit.unmodelled, step, scatter, stated,
-        in_time=trace.in_time, ratio=gearing.ratio if gearing else None,
+        in_time=trace.in_time,
         wind_up=torque.uncertainty_arcsec if torque and torque.by == "catalogue" else 0.0,
     )  # fmt: skip
     if trace.in_time and step > COARSE_STEP * extent.value:

@@ -31,9 +31,8 @@ DRIFTING = 4.0  # cam turns: from here on one order to either side stands for be
 SIZE_ITERATIONS = 8  # of the size of beats that a record leaves open
 UNSEEN_FACTOR = 2.5  # ovals of both wheels cancel more often than beats that are drawn: found with solved cycles
 WHOLE_TURN = 0.97  # of an output turn: a record that has its beats
-LINE_CAUSE = "none of the orders: ball pass, cage, rig"
+LINE_CAUSE = "none of the orders, or not told apart from one: ball pass, cage, rig"
 BEAT_CAUSE = "beats of an order with the output, or a line: part of an output turn does not tell them apart"
-TOGETHER_CAUSE = "orders {:.3f} to {:.3f} together: the record does not tell a line between them apart"
 LINE_WIDTH = 1.5  # of the resolution, to either side: a wave's own peak
 RIG_CAUSES = {  # parts of the rig that repeat so often in a turn of the output
     1.0: "once per output turn: also encoder graduation and coupling, gravity",
@@ -135,7 +134,7 @@ def order_tables(
         if np.isin(orders[own], fit.lines[is_beat]).any():
             words.append(BEAT_CAUSE)
         elif np.isin(orders[own], fit.lines).any():
-            words.append(LINE_CAUSE if len(own) == 1 else TOGETHER_CAUSE.format(orders[own[0]], orders[own[-1]]))
+            words.append(LINE_CAUSE)
         return "; ".join(dict.fromkeys(words)) or (NO_CAUSE if drive else "")
 
     table = []

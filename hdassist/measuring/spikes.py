@@ -48,7 +48,7 @@ def without_spikes(trace: MeasuredTrace, sweeps: Sequence[AngleSweep], fit: Trac
     short = [k for k in short if beside[k] > size[k] / 2]  # what a fit misses is smooth
     if not short:
         return trace, ""
-    words = f"lines {shortened(trace.line[rows[short]].tolist(), NAMED_LINES)}: {size[short].max():.2g}″ off the others"
+    words = f"lines {shortened(trace.line[rows[short]].tolist(), NAMED_LINES)}: {size[short].max():.3g}″ off the others"
     if len(short) > MAX_SPIKE_SHARE * len(rows):
         hint = "check the encoders' cables and counters"
         raise UntrustedError(f"{trace.file}: {words}: too many to leave out", hint, Fault.ORDERS_UNTOLD)

@@ -16,7 +16,6 @@ STATED = {  # sources that a single record cannot show
     "temperature": "temperature of drive and rig: operation.dT, known only so well",
 }
 COVERAGE_FACTOR = 2.0
-OFF_CENTRE = 0.05  # deg: error of an angle by an encoder that sits off its centre, as an example
 WIND_UP = "wind-up"
 RANGE_SOURCES = 4  # so many sources, the first ones, belong to one range alone
 
@@ -57,17 +56,16 @@ def budget(
     stated: Mapping[str, float],
     *,
     in_time: bool = False,
-    ratio: float | None = None,
     wind_up: float = 0.0,
 ) -> tuple[UncertaintySource, ...]:
     """Sources of uncertainty of a range.
 
     Arguments, all in arcsec: noise, spread of the range by bootstrap; bias, uncertainty of its correction; drift, by a
     drift; unmodelled, size of error beyond the declared orders; step, resolution of a reading; scatter,
-    of single readings; stated, by source; in_time, whether the rounding of a step repeats with the turns; ratio, cam
-    turns per output turn, None where it is not known; wind_up, by one taken off by a catalogue. The two extremes of a
-    range err by themselves: hence sqrt(2). A step below twice the scatter is dithered. In time with the turns the fit
-    follows the rounding, and both extremes may err together: hence 2.
+    of single readings; stated, by source; in_time, whether the rounding of a step repeats with the turns; wind_up, by
+    one taken off by a catalogue. The two extremes of a range err by themselves: hence sqrt(2). A step below twice the
+    scatter is dithered. In time with the turns the fit follows the rounding, and both extremes may err together: hence
+    2.
     """
     resolution = sqrt(2) * step / sqrt(12), "step of the readings"
     if step / 2 < scatter:
@@ -82,12 +80,9 @@ def budget(
         UncertaintySource("beyond the orders", sqrt(2) * unmodelled, "residuals that go on from step to step"),
         UncertaintySource("resolution", *resolution),
     ]
-    words_of = dict(STATED)
-    if ratio:
-        words_of["encoder"] += f" ({OFF_CENTRE:g}° of it are {3600 * OFF_CENTRE / ratio:.2g}″)"
     given = [
         UncertaintySource(name, stated.get(name), "stated" if name in stated else f"not stated; {words}")
-        for name, words in words_of.items()
+        for name, words in STATED.items()
     ]
     return (*sources, *given)
 

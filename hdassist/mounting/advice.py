@@ -20,24 +20,23 @@ from hdassist.belief.samples import (
     draw_samples,
     limits_settled,
 )
-from hdassist.belief.statistics import Probability, could_be_sure
-from hdassist.error.error_map import searchable
+from hdassist.belief.statistics import Probability
+from hdassist.error.error_map import SEARCHED, searchable
 from hdassist.error.self_error import limits_left
 from hdassist.model.deviations import standing_offset
+from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.mounting.curve import curve_states, mounting_curve
+from hdassist.mounting.curve import is_searched, mounting_curve
 from hdassist.mounting.losses import LEAST_TURNED_GAIN, PositionStatistics
 from hdassist.mounting.positions import Choice, MountingCurve, Position, usable_positions
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.verdict import SURE, Verdict, is_settled, verdict_by_probability
 
-GAIN_DRAWS = 4  # times as many, at most, where more could settle whether a turn gains: they halve the interval
+GAIN_DRAWS = 4  # times as many, at most, where chance leaves open whether a turn gains: they halve the interval
 FIRST_TRIALS = 3  # positions to begin trials with
 TURNED_STATES = 700  # that a sample solves for a further position, about
-
-MountingOrder = str  # turn, leave; or none, where what is not known could reverse it
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +108,7 @@ class Advice:
         return not self.any_hole or self.drive.value(standing_offset(self.drive)[0]) is not None
 
     @cached_property
-    def order(self) -> MountingOrder:
+    def order(self) -> str:
         """Order on the wheel: turn, leave, or none, where what is not known could reverse it.
 
         A turn is ordered where it gains more than LEAST_GAIN with the probability that is needed; the wheel is left
@@ -127,7 +126,7 @@ class Advice:
         if self.gain_probability is None:
             return "turn" if self.gain > LEAST_TURNED_GAIN else "leave"
         verdict = verdict_by_probability(self.gain_probability.low, self.gain_probability.high, self.needed)
-        if verdict is Verdict.PASS and self._best_deg:
+        if verdict is Verdict.PASS and self.positions and self.positions.chosen[0]:
             return "turn"
         stays = self.stay_probability is not None and self.stay_probability.low >= self.needed
         return "leave" if verdict is Verdict.FAIL or stays else "none"
@@ -146,13 +145,6 @@ class Advice:
     def worth_turning(self) -> bool:
         """Whether a turn is ordered."""
         return self.order == "turn"
-
-    @property
-    def _best_deg(self) -> float:
-        """Rotation of the best position [deg]."""
-        if not self.positions:
-            return self.curve.recommended.rotation_deg
-        return self.positions.rotations_deg[self.positions.best]
 
     @cached_property
     def choice(self) -> Choice:
@@ -185,13 +177,14 @@ class Advice:
         return gains_for(self.samples.of_ranges, self._log_ratios, np.log(1 - LEAST_TURNED_GAIN))
 
 
-def advice_states(
-    drive: Drive, torques: int, positions: int, *, draws: int, measured: MeasuredTeeth | None = None
-) -> int:
-    """Number of states that an advice at so many torques and positions solves, about, for a progress bar."""
-    sampled = 0 if measured or not searchable(drive) or not prior_of(drive).fields else draws
-    curve = curve_states(drive, torques, positions, drawn=sampled > 0, measured=measured)
-    return curve + sampled * torques * (SAMPLE_STATES + TURNED_STATES * positions)
+def advice_states(drive: Drive, positions: int, *, draws: int, measured: MeasuredTeeth | None = None) -> int:
+    """Number of states that an advice at so many positions solves, about, for a progress bar."""
+    cycle, torques = Kinematics.of(drive).cycle_states, len(drive.operation.M_g)
+    drawn = bool(draws and prior_of(drive).fields) and not measured and searchable(drive)
+    if not is_searched(drive, positions, drawn=drawn, measured=measured):
+        return torques * positions * cycle
+    sampled = draws * (SAMPLE_STATES + TURNED_STATES * positions) if drawn else 0
+    return torques * (positions * SEARCHED + 2 * cycle + sampled)
 
 
 def advise(
@@ -239,14 +232,10 @@ def advise(
         return replace(advice, samples=samples, positions=found, gain_probability=gain, stay_probability=stay)
 
     def enough(samples: Samples) -> bool:
-        if not limits_settled(left, samples, needed):  # as many samples as check takes
-            return False
-        odds = with_samples(samples)
-        every = filter(None, (odds.gain_probability, odds.stay_probability))
-        open_ = [each for each in every if not is_settled(each.low, each.high, needed)]
-        if advice.any_hole or odds.gain_probability not in open_:
-            return True
-        return not any(could_be_sure(each, samples.effective, GAIN_DRAWS * draws, needed) for each in open_)
+        found = with_samples(samples)
+        gain, can_order = found.gain_probability, not found.any_hole and samples.effective < GAIN_DRAWS * draws
+        is_open = can_order and found.order == "none" and gain and not is_settled(gain.low, gain.high, needed)
+        return limits_settled(left, samples, needed) and not is_open
 
     samples = draw_samples(
         prior, torques, rotations_deg=sorted({0.0, *positions}), evidence=evidence_of(drive), enough=enough,

@@ -7,17 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
-from hdassist.error.error_map import SEARCHED, Batch, error_maps, searchable
+from hdassist.error.error_map import Batch, error_maps, searchable
 from hdassist.errors import UsageError
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.positions import MountingCurve, phase_deg, rotated
 from hdassist.preset.fields import Drive
@@ -29,7 +28,6 @@ SAMPLED_STATES = 1  # random states solved again at each position, besides those
 SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
 POSITIONS_A_TASK = 3  # positions that one task searches
 HOLES = 24  # positions of which every state is solved
-PROVEN = 2  # positions where every state is solved
 
 
 def is_searched(drive: Drive, positions: int, *, drawn: bool, measured: MeasuredTeeth | None) -> bool:
@@ -38,16 +36,6 @@ def is_searched(drive: Drive, positions: int, *, drawn: bool, measured: Measured
     The error of measured teeth is not continuous, and so cannot be searched.
     """
     return (drawn or positions > HOLES) and not measured and searchable(drive)
-
-
-def curve_states(
-    drive: Drive, torques: int, positions: int, *, drawn: bool, measured: MeasuredTeeth | None = None
-) -> int:
-    """Number of states that a mounting curve solves, about, for a progress bar; arguments as those of is_searched."""
-    cycle = Kinematics.of(drive).cycle_states
-    if is_searched(drive, positions, drawn=drawn, measured=measured):
-        return torques * (positions * SEARCHED + PROVEN * cycle)
-    return torques * positions * cycle
 
 
 def mounting_curve(
@@ -83,7 +71,7 @@ def mounting_curve(
         return _solved(curve, every, there, wheels, run)
     groups = [rotations_deg[k : k + POSITIONS_A_TASK] for k in range(0, len(rotations_deg), POSITIONS_A_TASK)]
     found, proof = [], EMPTY
-    for values, states in run.map(_searched, *zip(*product([drive], [curve.torques], groups), strict=True)):
+    for values, states in run.map(partial(_searched, drive, curve.torques), groups):
         found.append(values)
         proof += states
         run.solved(states.states)
@@ -106,7 +94,7 @@ def _solved(
     Arguments: there, drives with the wheel turned, and their measured wheels.
     """
     rows, columns = (each.tolist() for each in np.nonzero(places))
-    drives = [_with_teeth(there[r], wheels[r]) for r in columns]
+    drives = [wheel.in_drive(there[r]) if (wheel := wheels[r]) else (there[r], None) for r in columns]
     values, proof, errors = curve.F_ior_arcsec.copy(), curve.certificate, list[KinematicError]()
     tasks = [(*drive, curve.torques[t], run.of_task) for drive, t in zip(drives, rows, strict=True)]
     for place, (F_ior, error) in zip(np.argwhere(places), run.map(_error, *zip(*tasks, strict=True)), strict=True):
@@ -121,10 +109,6 @@ def _solved(
         checks += next(run.map(_again, [solved], [run.of_task]))
     every, again = curve.every_state | places, tuple(checks)
     return replace(curve, F_ior_arcsec=values, every_state=every, certificate=proof, cross_checks=again)
-
-
-def _with_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, ToothDeviations | None]:
-    return measured.in_drive(drive) if measured else (drive, None)
 
 
 def _searched(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> tuple[Array, Certificate]:

@@ -94,11 +94,6 @@ class MountingCurve:
         return Position(rotation, float(self.phase_deg[place]), hole_of(rotation, self.holes), values)
 
     @property
-    def relative(self) -> Array:
-        """Greatest over the torques of F'_ior against that of the present position, shape (rotations,)."""
-        return merit(self.F_ior_arcsec, self.F_ior_arcsec[:, 0])
-
-    @property
     def usable(self) -> NDArray[np.bool_]:
         """Which positions the wheel can be mounted in, shape (rotations,)."""
         if not self.holes:
@@ -114,7 +109,7 @@ class MountingCurve:
     @property
     def recommended(self) -> Position:
         """The usable position that is best for the torque it serves worst; the first of equals."""
-        return self.at(self._ranked[0])
+        return self.ranked[0]
 
     @property
     def ranked(self) -> list[Position]:
@@ -130,7 +125,9 @@ class MountingCurve:
     def _ranked(self) -> list[int]:
         """Places of the usable positions, best first."""
         places = np.flatnonzero(self.usable)
-        return [int(p) for p in places[np.argsort(self.relative[places], kind="stable")]]
+        return [
+            int(p) for p in places[np.argsort(merit(self.F_ior_arcsec, self.F_ior_arcsec[:, 0])[places], kind="stable")]
+        ]
 
 
 NO_ERROR = 1e-9  # arcsec: a drive without deviations has less

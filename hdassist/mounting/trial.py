@@ -37,12 +37,10 @@ class Tried:
 
 def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> Trial:
     """Read 120=17.3 (degrees) or h4=17.3 (holes of the seat, of which some are allowed). Raises UsageError for else."""
-    where, equals, value = text.lower().partition("=")
+    where, _, value = text.lower().partition("=")
     F_ior = number_of(value)
     if not 0 < F_ior <= LARGEST_ERROR:
-        before = not equals and ":" in text  # as it was written before
-        hint = text.replace(":", "=", 1) if before else TRIAL_HINT
-        raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE=VALUE", hint)
+        raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE=VALUE", TRIAL_HINT)
     return Trial(read_trial_position(where, text, holes, allowed), F_ior)
 
 

@@ -14,6 +14,7 @@ from hdassist.acceptance.lot import Lot
 from hdassist.acceptance.predictions import Belief, Predictions
 from hdassist.acceptance.replay import answer_differences
 from hdassist.acceptance.statistics import lot_summary, yield_of_lot
+from hdassist.belief.statistics import Probability
 from hdassist.errors import DataError
 from hdassist.json_parts import attributes
 from hdassist.pages.check import fitted_words
@@ -24,7 +25,7 @@ from hdassist.report.quantities import NO_VALUE, Quantity
 from hdassist.report.report import Report
 from hdassist.terminal.answers import csv_text, together
 from hdassist.terminal.brief import again
-from hdassist.terminal.influence_words import influence_words, measure_words, samples_words
+from hdassist.terminal.influence_words import influence_words, measure_words, samples_words, settling_words
 from hdassist.terminal.wheels import WHEEL_WORDS
 from hdassist.verdict import SEVERITY, percent_text
 from hdassist.version import __version__
@@ -136,7 +137,10 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
     if predictions and predictions.samples:
         if (least := predictions.least_sure) and predictions.influences:
             yield "influence", f"{influence_words(predictions.influences)} at {least.M_g_Nm:g} N·m"
-        yield "measure", measure_words(predictions.to_measure, held=True)
+        kept = predictions.belief(least) if least else None
+        odds = Probability(kept.probability, kept.probability_low, kept.probability_high) if kept else None
+        words = measure_words(predictions.to_measure, held=True)
+        yield "measure", settling_words(words, odds, predictions.sure, predictions.samples)
     codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
     yield "remarks", f"hdassist explain {codes}" if codes else ""
     first = by_severity(answer.checks)[0]

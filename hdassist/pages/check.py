@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -27,7 +27,7 @@ from hdassist.report.blocks import Curve, Facts, Table
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.brief import again, probability_words, thousands
-from hdassist.terminal.influence_words import influence_words, measure_words, samples_words
+from hdassist.terminal.influence_words import influence_words, measure_words, samples_words, settling_words
 from hdassist.terminal.wheels_page import heading
 from hdassist.verdict import Verdict
 
@@ -49,7 +49,9 @@ def _angle_deg(end: str, angle: str, point: OperatingPoint) -> float:
 
 def _percentile_error(percent: int, point: OperatingPoint) -> float | None:
     """Monte Carlo standard error of a percentile of F'_ior [arcsec]."""
-    return point.belief.percentile_error(percent / 100) if point.belief else None
+    if not (belief := point.belief):
+        return None
+    return belief.samples.of_ranges.percentile_error(percent / 100, belief.torque)
 
 
 BELIEF_PERCENTILES = {5: "5th percentile", 50: "median", 95: "95th percentile"}
@@ -111,8 +113,8 @@ _ON_PAGE: tuple[Quantity[OperatingPoint], ...] = (
 )
 
 
-def check_report(check: DesignCheck, seed: int, sampling: Sequence[str] = ()) -> Report:
-    """A design check; seed, of its sample that was solved again; sampling, options that the next command keeps."""
+def check_report(check: DesignCheck, seed: int) -> Report:
+    """A design check; seed, of its sample that was solved again."""
     least_sure = check.points[check.least_sure]
     first = spread_curve(check, check.samples) if check.unknown and check.samples else error_curve(check, least_sure)
     others = [point for point in check.points if check.unknown or point is not least_sure]
@@ -123,7 +125,7 @@ def check_report(check: DesignCheck, seed: int, sampling: Sequence[str] = ()) ->
         head=f"{check.drive.name}, {k.z_g}/{k.z_b} teeth, {fixed} fixed{heading(check.measured)}",
         verdict=str(check.verdict),
         why=tuple(filter(None, map(verdict_reason, check.points))),
-        blocks=(F_ior_table(check), Facts.of(_facts(check, sampling)), first),
+        blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
         details=(*error_tables(check), Facts.of(_more_facts(check)), *(error_curve(check, each) for each in others)),
         certificate=check.certificate,
         cross_checks=check.cross_checks,
@@ -154,17 +156,18 @@ def verdict_reason(point: OperatingPoint) -> str:
     return f"{point.M_g:g} N·m: F'_ior + self error ≤ {point.limit_arcsec:g}″: {words}"
 
 
-def _facts(check: DesignCheck, sampling: Sequence[str]) -> Iterator[tuple[str, str]]:
+def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
     """Largest influences, the next measurement and the next command, a label and a text each."""
     least_sure = check.points[check.least_sure]
     at = f" at {least_sure.M_g:g} N·m"
     yield "influence", influence_words(check.influences) + at if check.influences else ""
-    yield "measure", measure_words(check.to_measure, least_sure.limit_arcsec is not None)
+    measured = measure_words(check.to_measure, least_sure.limit_arcsec is not None)
+    yield "measure", settling_words(measured, least_sure.probability, least_sure.sure, check.samples)
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
     if check.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE) and not check.unknown:
         yield "coupling", _coupling(check)
-    step = ("tolerance",) if check.verdict is Verdict.PASS else ("mount", *sampling)
-    yield "next", again(step[0], check.drive, *step[1:], pitch=check.measured)
+    step = "tolerance" if check.verdict is Verdict.PASS else "mount"
+    yield "next", again(step, check.drive, pitch=check.measured)
 
 
 def _more_facts(check: DesignCheck) -> Iterator[tuple[str, str]]:

@@ -9,8 +9,7 @@ import numpy as np
 
 from hdassist.correction.correct import HALVED, IN_PLACE, Correction, ErrorPart, FormResiduals
 from hdassist.correction.forms import line_orders
-from hdassist.correction.table import ExpectedResidual
-from hdassist.correction.writers_json import correction_columns
+from hdassist.correction.table import ExpectedResidual, correction_columns
 from hdassist.json_parts import samples_object
 from hdassist.model.unknown import unknown_notes
 from hdassist.planning.lines import POINTS_A_TURN
@@ -20,7 +19,6 @@ from hdassist.report.report import Report
 from hdassist.terminal.brief import again
 
 UNPROVEN = "no real drive has been corrected with this yet: record the first one corrected"
-_NAMED_LINES = 4
 _SHORT_PAGE = ("phasors", "output turn, 256 points", "cam turn, 256 points")
 
 
@@ -38,9 +36,7 @@ def compensate_report(result: Correction) -> Report:
         why=tuple(_why(result)),
         blocks=(_residual_table("", forms, short=True), Facts.of(_facts(result)), _before_and_after(result)),
         details=(
-            _parts_table(result.parts),
             _residual_table("where the drive's own error is known", result.measured),
-            _residual_table("by the correction that is computed here", result.stored),
             _lines_table(result),
         ),
         certificate=result.certificate,
@@ -68,32 +64,33 @@ def _verdict(result: Correction) -> str:
         left, of = result.chosen.residuals[0].p50, result.chosen.residuals[0].uncorrected_p50
         return f"{result.chosen.form.name} leave {left:.1f} of {of:.1f}″ ({_percent(result.chosen)} %)"
     if result.measured[result.stored.index(result.chosen)].is_refused:
-        return f"no: {result.chosen.form.name} may make it worse"
+        return f"no: {result.chosen.form.name} may make it worse; {_enough(result)}"
     return f"record it first: {best.form.name} then leave {_percent(best)} %, from the preset alone it may get worse"
 
 
 def _why(result: Correction) -> Iterator[str]:
     cam = next(each for each in result.measured if each.form.turn == "cam")
     if cam.left[1] <= HALVED:
-        yield f"repeats with the cam, as of an oval wheel: a cam-turn table leaves {_percent(cam)} %"
+        yield f"the error repeats with the cam, as of an oval wheel: a cam-turn table leaves {_percent(cam)} %"
     else:
-        often = ", ".join(f"{each:g}" for each in result.strong_lines[:_NAMED_LINES])
-        yield f"comes {often} times an output turn: a cam-turn table leaves {_percent(cam)} %"
+        often = ", ".join(f"{each:g}" for each in result.strong_lines)
+        yield f"the error comes {often} times an output turn: a cam-turn table leaves {_percent(cam)} %"
     yield UNPROVEN
 
 
 def _facts(result: Correction) -> Iterator[tuple[str, str]]:
     yield "parts", "; ".join(f"{each.name} {_range(each)}" for each in result.parts[:-1])
     refused = ", ".join(each.form.name for each in result.forms if each.is_refused)
-    points = result.fewest_points
-    enough = f"{points} points over an output turn halve it" if points else "no table over an output turn halves it"
-    yield "points", enough + (f"; refused, as they may make it worse: {refused}" if refused else "")
+    yield "points", _enough(result) + (f"; refused, as they may make it worse: {refused}" if refused else "")
     recorded = ", ".join(f"{M_g:g}" for M_g in result.recorded)
     yield "record", f"at {recorded} N·m, whose angles the correction has" if recorded else ""
     words = ["record.csv"] if result.chosen.is_refused else ["--csv", "correction.csv"]
     yield "next", "" if recorded else again("compensate", result.drive, *words)
-    worse = ", ".join(f"{M_g:g}" for M_g in result.chosen.worse_at)
-    yield "load", f"made for {result.M_g:g} N·m, worse than none at {worse} N·m" if worse else ""
+
+
+def _enough(result: Correction) -> str:
+    points = result.fewest_points
+    return f"{points} points over an output turn halve it" if points else "no table over an output turn halves it"
 
 
 def _percent(each: FormResiduals) -> str:
@@ -107,17 +104,14 @@ def _range(each: ErrorPart | ExpectedResidual) -> str:
 
 
 def _residual_table(title: str, forms: Sequence[FormResiduals], *, short: bool = False) -> Table:
-    cases = [k for k, each in enumerate(forms[0].residuals) if not (short and "1 deg" in each.case)]
+    cases = list(range(len(forms[0].residuals)))
+    if short:  # two torques, the zero off by more, and the turn lost
+        cases = sorted({*cases[:2], *cases[-2:]} - {cases[-3]})
     heads = [forms[0].residuals[k] for k in cases]
-    words = tuple(f"{each.M_g:g} N·m" if each.case == IN_PLACE else each.case for each in heads)
+    words = tuple(f"{each.M_g:g} N·m" if each.case == IN_PLACE else each.case.replace(" deg", "°") for each in heads)
     none = ("none", *(f"{each.uncorrected_p50:.1f}" for each in heads))
     rows = [(each.form.name, *(_range(each.residuals[k]) for k in cases)) for each in forms]
     return Table(title, ("arcsec left with", *words), (none, *rows))
-
-
-def _parts_table(parts: tuple[ErrorPart, ...]) -> Table:
-    rows = tuple((each.name, *(f"{value:.1f}" for value in (each.p5, each.p50, each.p95))) for each in parts)
-    return Table("parts of the error, range in ″", ("part", "5 %", "50 %", "95 %"), rows)
 
 
 def _lines_table(result: Correction) -> Table:

@@ -48,16 +48,13 @@ def history_report(serial: str, archive: str, entries: Sequence[ArchiveEntry]) -
     )
 
 
-def _place(found: DriveHistory) -> str:
-    hole, torque, *_ = (quantity.text(found.entries[0]) for quantity in ENTRY_COLUMNS[1:])
-    return f"hole {hole}, {torque} N·m, {DIRECTION_NAMES[found.entries[0].direction]} cam angle"
-
-
 def _sentence(found: DriveHistory) -> str:
     """The change of a history in words."""
-    values = [each.F_ior_arcsec for each in found.entries]
-    words = f"{_place(found)}: {min(values):.2f} to {max(values):.2f}″"
-    return f"{words}; unchanged drives spread so in {100 * found.probability:.2g} % of cases"
+    values, (first, *_) = [each.F_ior_arcsec for each in found.entries], found.entries
+    hole, torque = (quantity.text(first) for quantity in ENTRY_COLUMNS[1:3])
+    where = f"hole {hole}, {torque} N·m, {DIRECTION_NAMES[first.direction]} cam angle"
+    spread = f"unchanged drives spread so in {100 * found.probability:.2g} % of cases"
+    return f"{where}: {min(values):.2f} to {max(values):.2f}″; {spread}"
 
 
 def _facts(entries: Sequence[ArchiveEntry]) -> Iterator[tuple[str, str]]:
@@ -73,5 +70,5 @@ def _curve(found: DriveHistory) -> Curve:
     first, *_ = dates = [date.fromisoformat(each.date) for each in found.entries]
     days = np.array([(each - first).days for each in dates], dtype=float)
     ends = [(day, each.low_arcsec, each.high_arcsec) for day, each in zip(days, found.entries, strict=True)]
-    y, label = np.array([each.F_ior_arcsec for each in found.entries]), f"F'_ior, ″: {_place(found)}"
+    y, label = np.array([each.F_ior_arcsec for each in found.entries]), "F'_ior, ″"
     return Curve(days, y, f"days since {first}", label, whiskers=tuple(ends), points=True, rows=6)

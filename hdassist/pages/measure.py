@@ -149,8 +149,10 @@ def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]
     """Largest orders, what is missing, how the file was read and the next command, a label and a text each."""
     found, file = result.directions[0], result.trace.file
     greatest = sorted(found.orders_of_cam, key=lambda o: -o.amplitude_arcsec)[:_NAMED_ORDERS]
-    alone = () if found.is_bound else found.orders
-    yield "orders", f"{', '.join(_with_beats(order, alone) for order in greatest)}″, with beats"
+    named = (
+        f"{o.per_cam_rev:g}: {o.amplitude_arcsec:.2f} ± {COVERAGE_FACTOR * o.uncertainty_arcsec:.2f}" for o in greatest
+    )
+    yield "orders", f"{', '.join(named)}″, with beats"
     yield "slow", _slow(found)
     if found.lines:
         lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f} arcsec)" for line in found.lines)
@@ -170,14 +172,6 @@ def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]
     if file != STDIN:
         command, record = ("compare", file) if found.is_bound else ("trials", f"h0={file}")
         yield "next", again(command, drive, record)
-
-
-def _with_beats(order: MeasuredOrder, orders: Sequence[MeasuredOrder]) -> str:
-    """An order of the cam with its beats; of orders that stand alone in the full cycle, that too."""
-    words = f"{order.per_cam_rev:g}: {order.amplitude_arcsec:.2f} ± {COVERAGE_FACTOR * order.uncertainty_arcsec:.2f}"
-    alone = next((each.amplitude_arcsec for each in orders if abs(each.per_cam_rev - order.per_cam_rev) < 1e-9), None)
-    is_same = alone is None or f"{alone:.2f}" == f"{order.amplitude_arcsec:.2f}"
-    return words if is_same else f"{words} (alone {alone:.2f})"
 
 
 def _torque(torque: RecordedTorque) -> str:

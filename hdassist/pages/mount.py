@@ -26,7 +26,7 @@ from hdassist.report.quantities import csv_columns
 from hdassist.report.report import CsvTable, Report
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.brief import again, probability_words
-from hdassist.terminal.influence_words import influence_words, measure_words, samples_words
+from hdassist.terminal.influence_words import influence_words, measure_words, more_draws, samples_words, settling_words
 from hdassist.terminal.texts import Texts
 from hdassist.terminal.wheels_page import heading
 from hdassist.verdict import Verdict
@@ -34,7 +34,6 @@ from hdassist.verdict import Verdict
 LISTED_POSITIONS = 6  # positions that the table of all samples lists, best first
 OPEN_NAMED = 4  # fields that are not known exactly, which are named
 ORDER_WORDS = {"turn": "TURN", "leave": "LEAVE", "none": "MEASURE FIRST"}
-NEXT_DRAWS = 4  # times as many samples, where chance alone leaves an order open
 NO_HOLE_BETTER = {
     "floating": "the cam aligns itself (its support has a stiffness of 0), so no offset of it is felt",
     "standing": "nothing that stands still with the seat is off",
@@ -61,7 +60,6 @@ def mount_report(
     torque [arcsec], for curves.
     """
     drive, figures = advice.drive, list[Figure](position_curves(advice, limits))
-    figures[:0] = [figures.pop(_decisive(advice))] if figures else []
     if not advice.any_hole:
         figures.append(seat_of(advice.choice, ENGLISH, advice.choice.chosen))
     table = () if advice.any_hole else (positions_table(advice),)
@@ -98,6 +96,8 @@ def what_to_do(advice: Advice) -> str:
             f"a turn of the {fixed} gains with {probability_words(found, advice.needed)}; "
             f"the best bet is {hole_place(advice.chosen)}, {-100 * advice.gain:+.0f} %"
         )
+        if advice.samples and _measure(advice) == (by_chance := more_draws(advice.samples)):
+            return f"No order: {why}; {by_chance}"
     else:
         why = f"what is not known ({fields}) could reverse it"
     where = ", ".join(map(hole_place, advice.to_try))
@@ -145,20 +145,11 @@ def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
 
 
 def _measure(advice: Advice) -> str:
-    """Measurements where nothing is ordered; more samples where chance alone leaves it open."""
-    found = advice.gain_probability
-    if advice.order != "none" or advice.any_hole or not found or not advice.samples:
+    """Measurements where nothing is ordered, or more samples; empty where any hole may be the best one."""
+    if advice.order != "none" or advice.any_hole or not advice.gain_probability:
         return ""
-    words = [measure_words(advice.to_measure, True, advice.curve.holes)]
-    if found.low < advice.needed < found.high:
-        words.append(f"more samples may settle it: --draws {NEXT_DRAWS * round(advice.samples.effective)}")
-    return "; ".join(filter(None, words))
-
-
-def _decisive(advice: Advice) -> int:
-    """Place of the torque at which the chosen position gains least."""
-    now, then = advice.choice.current.F_ior_arcsec, advice.choice.chosen.F_ior_arcsec
-    return int(np.argmax(np.divide(then, np.maximum(now, 1e-9))))
+    words = measure_words(advice.to_measure, True, advice.curve.holes)
+    return settling_words(words, advice.gain_probability, advice.needed, advice.samples)
 
 
 def position_curves(advice: Advice, limits: Sequence[float | None] | None = None) -> Iterator[Curve]:

@@ -14,6 +14,7 @@ from hdassist.planning.plan import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgeme
 from hdassist.report.blocks import Curve, CurveMark, Facts, Table
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import Report
+from hdassist.terminal.influence_words import more_draws
 from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict
 
@@ -61,9 +62,11 @@ def plan_report(choice: PlanChoice) -> Report:
     answer = f"{first.name if choice.asked else names or 'any of these tests'} {how}"
     origin = drive.origin
     preset = "-" if origin.file == STDIN else origin.file or drive.name
+    is_open = any(each.verdict is Verdict.INCONCLUSIVE for each in choice.judged)
     facts = (
         ("blind", _blind(choice)),
         ("enough", names if choice.asked else ""),
+        ("open", more_draws(choice.samples) if choice.samples and is_open else ""),
         ("next", shlex.join(["hdassist", "measure", "record.csv", "--drive", preset])),
     )
     return Report(

@@ -15,7 +15,6 @@ from hdassist.terminal.influence_words import measure_words, named
 from hdassist.tolerance.production import TIGHTER_STEP
 from hdassist.tolerance.sensitivity import Sensitivities, Tightened
 
-BAR = 10  # columns of the longest bar
 LISTED = (5, 3)  # on the first screen: fields with a tolerance, and others
 NO_SHARE = "no variance: a share too small to be told from chance by so many drives (-n)"
 STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
@@ -23,16 +22,12 @@ STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
 
 @dataclass(frozen=True)
 class FieldEffect:
-    """A field at a torque: its share of the variance of ln F'_ior, and what its tolerance does; None without any.
-
-    bar: of the gain beside those of the other fields.
-    """
+    """A field at a torque: its share of the variance of ln F'_ior, and what its tolerance does; None without any."""
 
     M_g: float
     path: str
     share: float | None
     tightened: Tightened | None
-    bar: str
 
 
 EFFECT_CSV: tuple[Quantity[FieldEffect], ...] = (
@@ -51,12 +46,11 @@ EFFECT_COLUMNS: tuple[Quantity[FieldEffect], ...] = (
         lambda way: f"{'' if way.proven else '≤ '}{way.gain:.2f}",
         "tightened",
     ),
-    Quantity("bar", "", "", ""),
 )
 
 
-def sensitivity_report(found: Sensitivities, *, bars: bool = True) -> Report:
-    """The sensitivities of a drive; bars, whether gains have bars."""
+def sensitivity_report(found: Sensitivities) -> Report:
+    """The sensitivities of a drive."""
     law, samples, torques = found.law, found.samples, found.samples.torques
     effects = [_effects(found, t) for t in range(len(torques))]
     verdict, reason = _answer(found)
@@ -68,8 +62,8 @@ def sensitivity_report(found: Sensitivities, *, bars: bool = True) -> Report:
         head=f"{law.drive.name}, tighten first at {torques[found.worst]:g} N·m",
         verdict=verdict,
         why=(reason,),
-        blocks=(_table(effects[found.worst], *LISTED, bars=bars), Facts.of(facts)),
-        details=(Facts((("drawn", drawn),)), *(_table(each, len(each), len(each), bars=bars) for each in effects)),
+        blocks=(_table(effects[found.worst], *LISTED), Facts.of(facts)),
+        details=(Facts((("drawn", drawn),)), *(_table(each, len(each), len(each)) for each in effects)),
         certificate=found,
         values={
             "operating_points": [
@@ -115,19 +109,17 @@ def _effects(found: Sensitivities, torque: int) -> list[FieldEffect]:
     """All fields that do something at a torque, the greatest shares of the variance first."""
     shares = {each.group: each.share for each in found.influences[torque]}
     ways = {way.path: way for way in found.tightened[torque]}
-    most = max((way.gain for way in ways.values()), default=0.0)
-    bars = {path: "█" * round(BAR * way.gain / most) for path, way in ways.items() if way.gain > 0}
     M_g = found.samples.torques[torque]
-    return [FieldEffect(M_g, p, shares.get(p), ways.get(p), bars.get(p, "")) for p in dict.fromkeys((*shares, *ways))]
+    return [FieldEffect(M_g, p, shares.get(p), ways.get(p)) for p in dict.fromkeys((*shares, *ways))]
 
 
-def _table(effects: Sequence[FieldEffect], tolerances: int, others: int, *, bars: bool) -> Table:
+def _table(effects: Sequence[FieldEffect], tolerances: int, others: int) -> Table:
     """So many fields with a tolerance, the greatest gain first, and so many others."""
     tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
     rest = [e for e in effects if not e.tightened]
     title = f"at {effects[0].M_g:g} N·m: share of the variance of ln F'_ior; gain of a tolerance {STEP_WORDS}"
     shown = [*tight[:tolerances], *rest[:others]]
     empty = {"share"} if all(each.share is None for each in shown) else set()
-    columns = [q for q in EFFECT_COLUMNS if q.key not in empty | ({"bar"} if not bars else set())]
-    table = Table.by_row(title, columns, shown, words=(0, len(columns) - 1 if bars else 0))
+    columns = [q for q in EFFECT_COLUMNS if q.key not in empty]
+    table = Table.by_row(title, columns, shown)
     return replace(table, notes=(NO_SHARE,) * any(each.share is None for each in shown))

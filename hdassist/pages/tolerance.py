@@ -17,12 +17,11 @@ from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again, probability_words
 from hdassist.terminal.influence_words import field_unit, measure_words
-from hdassist.tolerance.law import RAYLEIGH_TAIL, ProductionLaw, TolerancedSize
+from hdassist.tolerance.law import ProductionLaw, TolerancedSize
 from hdassist.tolerance.sensitivity import to_measure
 from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief
 from hdassist.verdict import Verdict
 
-LAW_WORDS = {"rayleigh": f"Rayleigh (tolerance = {RAYLEIGH_TAIL:g} standard deviations)"}
 PLOTTED_SHARES = np.linspace(0, 100, 201)  # of drives, %
 _PLOTTED_ROWS = 5
 GAIN_SHARES = (0.05, 0.5, 0.95)  # quantiles of the gain of turning
@@ -72,8 +71,6 @@ MOUNTING_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
 )
 F_IOR_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
     *(Quantity(f"{name}_arcsec", words, "", ".2f", partial(_percentile, share)) for name, words, share in PERCENTILES),
-    Quantity("worst_arcsec", "worst", "", ".2f", lambda d: max(d.F_ior)),
-    Quantity("mean_arcsec", "mean", "", ".2f", lambda d: float(np.average(d.F_ior, weights=d.summary.weights))),
 )
 YIELD_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
     Quantity("limit", "limit", "", "g", "point.limit"),
@@ -100,7 +97,7 @@ def tolerance_report(
     of_designs = f"; yield: {100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over designs"
     F_ior_table = Table.by_row(
         "F'_ior, ″: percentiles over the drives" + of_designs * bool(summary.has_limit and law.shared),
-        (*MOUNTING_COLUMNS, *F_IOR_COLUMNS[:3], *YIELD_COLUMNS[: 2 * summary.has_limit]),
+        (*MOUNTING_COLUMNS, *F_IOR_COLUMNS, *YIELD_COLUMNS[: 2 * summary.has_limit]),
         drives,
         words=(1,),
     )
@@ -156,7 +153,7 @@ def _reasons(summary: Summary) -> Iterator[str]:
 
 def _law_words(law: ProductionLaw, seed: int) -> str:
     laws = sorted({f.law for f in law.own if isinstance(f, TolerancedSize)})
-    words = [f"given sizes {', '.join(LAW_WORDS.get(each, each) for each in laws)}"] if laws else []
+    words = [f"given sizes {', '.join(laws)}"] if laws else []
     return ", ".join([*words, *["others even"] * bool(law.not_given), f"seed {seed}"])
 
 
@@ -182,7 +179,6 @@ def _values(law: ProductionLaw, seed: int, summary: Summary, gains: Sequence[Mea
         "designs": summary.design_count,
         "refused": len(summary.refused),
         "seed": seed,
-        "method": "mc",
         "scatter": [
             {
                 "field": f.path,

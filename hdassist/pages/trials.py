@@ -196,7 +196,6 @@ def _values(advice: TrialAdvice) -> Json:
         "best_bet": first,
         "worst": worst,
         "current": position_object(losses, drive, advice.offset[2], None),
-        "gain": losses.range_of(losses.gains(losses.best))[1],
         "recommended": first if advice.settled else None,
         "unknown": unknown_objects(unknowns(drive)),
         "probability_needed": advice.needed,

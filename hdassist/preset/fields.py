@@ -143,12 +143,16 @@ BY_PATH: dict[str, type[Section]] = {"source": Source, "cost": CostLaw}  # table
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top."""
+    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top.
+
+    asked: other options that the user gave, by name, which a next command on the drive is to have too.
+    """
 
     file: str = ""
     sha256: str = ""
     overrides: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    asked: tuple[tuple[str, str], ...] = ()
 
 
 class Drive(BaseModel):

@@ -18,16 +18,15 @@ if TYPE_CHECKING:
     from hdassist.belief.statistics import Probability
     from hdassist.report.report import ReportProof
 
-LIMITED = (
-    "check",
-    "mount",
-    "report",
-    "plan",
-    "tolerance",
-    "sensitivity",
-    "allocate",
-    "accept",
-)  # commands that take --limit
+DRAWN = ("tolerance", "sensitivity", "allocate")  # commands of random drives
+SAMPLED = ("check", "report", "mount", "plan", "accept", "compare", "compensate")  # commands that draw samples
+LIMITED = ("check", "report", "mount", "plan", "accept", *DRAWN)  # commands that take --limit
+TAKEN_OVER = {  # options that the next command has too, by their name: the commands that take them
+    "draws": SAMPLED,
+    "seed": (*SAMPLED, *DRAWN),
+    "distribution": DRAWN,
+    "known": DRAWN,
+}
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
 
 
@@ -39,7 +38,9 @@ def again(command: str, drive: Drive | None, *more: str, pitch: object = None) -
     words = ["PRESET"]
     if drive:
         origin = drive.origin
-        words = ["-" if origin.file == STDIN else origin.file or drive.name, *_options(command, origin.overrides)]
+        asked = [f"--{name}={value}" for name, value in origin.asked if command in TAKEN_OVER[name]]
+        preset = "-" if origin.file == STDIN else origin.file or drive.name
+        words = [preset, *_options(command, origin.overrides), *asked]
     text = shlex.join(["hdassist", command, *words, *more])
     return text + " with the same pitch files" * bool(pitch)
 

@@ -7,10 +7,13 @@ from collections.abc import Sequence
 from hdassist.belief.influence import Influence
 from hdassist.belief.measure import MeasurementGain
 from hdassist.belief.samples import Samples
+from hdassist.belief.statistics import Probability
 from hdassist.preset.fields import field_table
 from hdassist.preset.kinds import unit_of
+from hdassist.verdict import Verdict, is_settled, verdict_by_probability
 
 REPORTED = 2  # influences and measurements on a short page
+MORE_DRAWS = 4  # times as many samples, which halve the interval of a probability
 HOW = {
     "cam.W_0": "on a drawing, or the axes of the cam with a micrometre",
     "supports.C_1": "push the rigid wheel in its housing",
@@ -56,6 +59,19 @@ def measure_words(found: Sequence[MeasurementGain], held: bool, holes: int = 0) 
         how = f", {HOW[each.measured]}" if each.measured in HOW else ""
         words.append(f"{each.measured if field else named(each.measured, holes)}{how}: {gain}")
     return "; ".join(words)
+
+
+def more_draws(samples: Samples) -> str:
+    """What settles a verdict that is left open by its Monte Carlo interval alone."""
+    return f"no measurement, more samples settle it: --draws {MORE_DRAWS * round(samples.effective)}"
+
+
+def settling_words(measured: str, found: Probability | None, needed: float, samples: Samples | None) -> str:
+    """Measurements that settle a verdict on a probability, in words; more samples where chance alone leaves it open."""
+    if not found or not samples or is_settled(found.low, found.high, needed):
+        return measured
+    by_value = verdict_by_probability(found.value, found.value, needed)
+    return measured if by_value is Verdict.INCONCLUSIVE else more_draws(samples)
 
 
 def samples_words(samples: Samples) -> str:

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
-from functools import partial
+from dataclasses import asdict, dataclass, fields, replace
 from importlib.resources import files
 from inspect import get_annotations
 from math import isfinite
@@ -22,6 +21,7 @@ from hdassist.numerals import number_of
 
 if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
+    from hdassist.comparing.record import Alignment
     from hdassist.measuring.reading import Reading
     from hdassist.preset.fields import Drive
     from hdassist.readers.trace import TraceForm
@@ -30,26 +30,6 @@ if TYPE_CHECKING:
 
 GroupT = TypeVar("GroupT", bound="OptionGroup")
 DECLARED = tomllib.loads(files("hdassist.terminal").joinpath("options.toml").read_text("utf-8"))
-
-# options by the section of the help in which they stand (cli/help.py orders the sections)
-trace_option = partial(typer.Option, rich_help_panel="Measured trace")
-
-# types of fields that options.toml declares for any class
-Preset = str
-Target = str
-CrossCheckOption = str
-Presets = list[str]
-Limits = list[str]
-OneTorque = str | None
-Solver = str | None
-Plot = bool
-Details = bool
-Force = bool
-Ascii = bool
-Debug = bool
-SeedOption = int
-Jobs = int
-VerdictProbability = float
 
 
 def declared_parameter(
@@ -79,12 +59,6 @@ class OptionGroup:
     def only(self, group: type[GroupT]) -> GroupT:
         """The options of one of the groups that a command is made of."""
         return group(**{each.name: getattr(self, each.name) for each in fields(group)})
-
-    def words(self) -> list[str]:
-        """The options as a shell takes them, where they are not the usual ones."""
-        values = ((f"--{one.name.replace('_', '-')}", getattr(self, one.name), one.default) for one in fields(self))
-        given = [(name, f"{value}".removesuffix(".0")) for name, value, usual in values if value != usual]
-        return [word for pair in given for word in pair]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,7 +135,17 @@ class DriveOptions(OptionGroup):
         """The drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
         from hdassist.loading.load import load_preset
 
-        return load_preset(preset, self.changes)
+        return self.noted(load_preset(preset, self.changes))
+
+    def noted(self, drive: Drive) -> Drive:
+        """The drive, with the options in its origin that a next command on it is to have too."""
+        from hdassist.terminal.brief import TAKEN_OVER
+
+        given = [(f, getattr(self, f.name)) for f in fields(self) if f.name in TAKEN_OVER]
+        every = ((f, each) for f, value in given for each in (value if isinstance(value, list) else [value]))
+        asked = [(f.name, str(value)) for f, value in every if value != f.default]
+        drive._origin = replace(drive.origin, asked=tuple(asked))
+        return drive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,7 +183,7 @@ class LimitedDriveOptions(LoadedDriveOptions):
         """
         from hdassist.acceptance.limits import load_limited
 
-        drive = load_limited(preset, super().changes, self.limits)
+        drive = self.noted(load_limited(preset, super().changes, self.limits))
         torques = drive.operation.M_g
         for limit in self.limits:
             if limit.torque is not None and limit.torque not in torques:
@@ -258,6 +242,21 @@ class TraceOptions(OptionGroup):
 
         given = {each.name: getattr(self, each.name) for each in fields(Reading)}
         return Reading(**{**given, "budget": tuple(self.budget)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignOptions(OptionGroup):
+    """How the error and the cam's angle of a record count."""
+
+    error_is: Literal["cam-output", "output-cam"] = "cam-output"
+    cam_sense: Literal["ccw", "cw"] = "ccw"
+
+    def alignment(self) -> Alignment:
+        """The signs, with both angles given as 0."""
+        from hdassist.comparing.record import Alignment
+
+        sign = 1.0 if self.error_is == "cam-output" else -1.0
+        return Alignment(sign=sign, sense=1.0 if self.cam_sense == "ccw" else -1.0)
 
 
 @dataclass(frozen=True, kw_only=True)

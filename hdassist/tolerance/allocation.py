@@ -130,7 +130,7 @@ class Allocator:
         production = replace(
             self.production,
             law=self.production.law.scaled({c.path: values[c.path] / c.now for c in self.choices}),
-            rotations=self.production.rotations if turned else (0.0,),
+            mounting=turned,
             seed=self.production.seed + attempt,
         )
         records = self.records(production, self.drives)

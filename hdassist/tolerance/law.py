@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from hdassist.preset.deviations import DEVIATION_FIELDS, DEVIATIONS
 from hdassist.preset.fields import Drive
 
 SizeLaw = Literal["rayleigh", "uniform", "fixed"]
-SIZE_LAWS = get_args(SizeLaw)
 RAYLEIGH_TAIL = (
     3.0  # the tolerance in standard deviations of each part of a Rayleigh-distributed size: 1 in 90 lies beyond
 )

@@ -68,42 +68,29 @@ class RandomDrive(ClosedRecord):
 class Production:
     """Random drives of a preset: once it has designs, `records` can be called in any process.
 
-    law, by which drives are drawn; torques M_g [N*m]; rotations of the fixed wheel [deg], 0 first; limits of F'_ior
+    law, by which drives are drawn; torques M_g [N*m]; mounting, whether the wheel may be turned; limits of F'_ior
     [arcsec], one a torque, by which the best position is chosen (None: by the gain); seed; per_design: drives of a
     design; steps: whether records have `tighter`; designs: shared values by path, with the weight of each design.
+    Raises UsageError for a drive whose cycle cannot be searched.
     """
 
     law: ProductionLaw
     torques: tuple[float, ...]
-    rotations: tuple[float, ...]
-    limits: tuple[float, ...] | None
-    seed: int
-    per_design: int
+    mounting: bool = True
+    limits: Sequence[float] | None = None
+    seed: int = 0
+    per_design: int = 20
     steps: bool = False
     designs: tuple[tuple[Mapping[str, float], float], ...] = ()
 
-    @classmethod
-    def of(
-        cls,
-        law: ProductionLaw,
-        torques: Sequence[float],
-        *,
-        mounting: bool = True,
-        limits: Sequence[float] | None = None,
-        seed: int = 0,
-        per_design: int = 20,
-        steps: bool = False,
-    ) -> Production:
-        """Production by a law, without designs yet.
-
-        Arguments: torques M_g [N*m]; mounting, whether the wheel may be turned; limits [arcsec] of F'_ior, one a
-        torque. Raises UsageError for a drive whose cycle cannot be searched.
-        """
-        if not searchable(law.drive):
+    def __post_init__(self) -> None:
+        if not searchable(self.law.drive):
             raise UsageError("with rolling balls the cycle cannot be searched", "set bearing.ball_motion=locked")
-        rotations = tuple(seat_positions(law.drive, PRODUCTION_FREE_STEP)) if mounting else (0.0,)
-        limited = None if limits is None else tuple(limits)
-        return cls(law, tuple(torques), rotations, limited, seed, per_design, steps)
+
+    @property
+    def rotations(self) -> tuple[float, ...]:
+        """Turns of the fixed wheel [deg] that are looked at, 0 first."""
+        return tuple(seat_positions(self.drive, PRODUCTION_FREE_STEP)) if self.mounting else (0.0,)
 
     @property
     def drive(self) -> Drive:
@@ -198,12 +185,12 @@ class Production:
             coarse = [each.estimated_ranges(batch, CHOOSING) for each in maps(drive)]
             F_ior = np.array([ranges for ranges, _ in coarse])
             proof = sum((part for _, part in coarse), EMPTY)
-            rows = np.union1d([0], np.argsort(self._merit(F_ior, F_ior[:, 0]), kind="stable")[:CHOSEN])
+            rows = np.union1d([0], np.argsort(self._merit(F_ior), kind="stable")[:CHOSEN])
         chosen = batch.take(rows)
         found = [each.many_extremes(chosen, grid=PROVING) for each in maps(drive)]
         proof = sum((each.certificate for each in found), proof)
         exact = np.array([each.F_ior_arcsec for each in found])
-        best = int(np.argmin(self._merit(exact, exact[:, 0])))
+        best = int(np.argmin(self._merit(exact)))
         tighter = None
         if self.steps:
             tighter, part = self._tighter(chosen.take(np.array([best])), best, found, maps(drive))
@@ -243,6 +230,6 @@ class Production:
         columns_of_torques = np.array(differences).T.tolist()
         return {path: tuple(row) for path, row in zip(paths, columns_of_torques, strict=True)}, proof
 
-    def _merit(self, F_ior: Array, now: Array) -> Array:
+    def _merit(self, F_ior: Array) -> Array:
         """Figure of merit of each position, least in the best one, shape (rotations,)."""
-        return merit(F_ior, now if self.limits is None else np.array(self.limits))
+        return merit(F_ior, F_ior[:, 0] if self.limits is None else np.array(self.limits))

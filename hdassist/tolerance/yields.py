@@ -120,8 +120,7 @@ class AtTorque:
 
     def gains(self) -> Array:
         """How much less F'_ior is in the best position, as a share of it, shape (drives,)."""
-        built = np.array(self.as_built)
-        return np.asarray(1 - np.array(self.best) / np.where(built > 0, built, 1.0))
+        return np.asarray(1 - np.array(self.best) / np.array(self.as_built))
 
     def passes(self, F_ior: Array) -> NDArray[np.bool_]:
         """Whether F'_ior [arcsec] with the self error is within the limit; so it is without one."""

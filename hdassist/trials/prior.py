@@ -173,10 +173,10 @@ def trial_prior(
     every = tuple(dict.fromkeys((rig.M_g, *torques, *(each.M_g for each in measured_errors(drive)))))
     solve = partial(_tabled, prior, every, effort.table, run.seed)
     tables: list[TabledErrors | None] = []
-    samples, count = None, effort.systems
+    count = effort.systems
     while True:
         samples = draw_samples(
-            systems, (), begun=samples, evidence=tuple(each for each in evidence_of(drive) if not each.M_g),
+            systems, (), evidence=tuple(each for each in evidence_of(drive) if not each.M_g),
             effort=SamplingEffort(count, count, effort.most_draws, effort.batch), run=run,
         )  # fmt: skip
         numbers = range(len(tables), len(samples.weights))

@@ -53,7 +53,7 @@ def test_no_field_is_preferred_where_none_explains_the_likelihood():
     assert proposal_of(*_with(lambda *x: np.exp(0.3 * noise.standard_normal()))) is None
     assert proposal_of(*_with(lambda *x: 1.0)) is None
     shares, draws = pilot(lambda *x: 0.5 + x[3])
-    assert proposal_of(shares, (K_1,), [replace(each, figures=None, refused="no drive") for each in draws]) is None
+    assert proposal_of(shares, (K_1,), [replace(each, figures={}, refused="no drive") for each in draws]) is None
 
 
 def _with(K_1_of):

@@ -20,12 +20,19 @@ def test_a_screen_says_first_how_much_can_be_taken_off():
     lines = page.stdout.splitlines()
     assert page.returncode == 0
     assert lines[0] == "tiny, correction at 1 N·m: phasors leave 5.0 of 35.4″ (14 %)"
-    assert lines[1].startswith("comes 10, 22, 21, 11 times an output turn: a cam-turn table leaves ")
+    assert lines[1].startswith("the error comes 10, 22, 21 times an output turn: a cam-turn table leaves ")
     assert lines[2] == UNPROVEN
     assert "--csv correction.csv" in " ".join(page.stdout.split())
     assert any("before, o after" in line for line in lines)
     assert len(lines) <= 25
     assert max(map(len, lines)) <= 80
+
+
+def test_the_table_of_many_torques_is_no_wider_than_a_screen():
+    torques = [word for M_g in ("1", "2", "-2", "4") for word in ("--torque", M_g)]
+    lines = run("compensate", TINY, *torques, "--no-plot").stdout.splitlines()
+    (heads,) = (line for line in lines if line.startswith("arcsec left with"))
+    assert heads.split("  ")[-1].strip() == "turn lost"
 
 
 def test_phasors_and_tables_are_written_as_figures():
@@ -51,13 +58,15 @@ def test_what_may_make_a_drive_worse_is_refused_and_not_written(tmp_path: Path):
     assert page.returncode == 5
     assert "record it first: " in page.stdout
     assert "phasors: refused" in page.stderr
+    few = run("compensate", TINY, *OPEN, "--form", "output", "--points", "12", "--no-plot").stdout
+    assert "points over an output turn halve it" in " ".join(few.partition("the error comes")[0].split())
     assert not table.exists()
     assert json.loads(run("compensate", TINY, *OPEN, "--json").stdout)["correction"] is None
 
 
 def test_details_have_parts_forms_and_lines_before_and_after():
     page = run("compensate", TINY, "--details", "--no-plot", "--ascii").stdout
-    for words in ("parts of the error", "within a tooth pitch", "by the correction that is computed", "before, arcsec"):
+    for words in ("where the drive's own error is known", "before, arcsec"):
         assert words in page
 
 

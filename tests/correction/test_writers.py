@@ -1,17 +1,14 @@
 """Files for controllers: what each controller makes of them leaves what the file says, and a wrong sign doubles it."""
 
-import json
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 
-from hdassist.correction.table import CorrectionTable, ExpectedResidual, Phasors
-from hdassist.correction.writers import CONTROLLER_FORMATS, ControllerAxis, controller_file, stored_table, turn_words
-from hdassist.correction.writers_json import correction_columns, read_correction
-from hdassist.errors import DataError, UsageError
-from hdassist.json_parts import as_json
+from hdassist.correction.table import CorrectionTable, ExpectedResidual
+from hdassist.correction.writers import CONTROLLER_FORMATS, ControllerAxis, controller_file, stored_table
+from hdassist.errors import UsageError
 from tests.correction import controllers
 from tests.process import TINY, run
 
@@ -33,11 +30,11 @@ def table_of(turn, points, u, *, by_direction=False):
     if turn == "output":
         turns = angles[None] * u
     else:
-        period = 0.5 if turn == "half cam turn" else 1.0
+        period = 0.5 if turn == "half-cam" else 1.0
         turns = angles * period + np.arange(round(abs(u) / period))[:, None] * period
     values = [error_at(turns, u, way).mean(axis=0) for way in (1, -0.6)]
     both = {"other_direction_arcsec": values[1], "other_M_g": -80.0} if by_direction else {}
-    return CorrectionTable(turn, values[0], u, 80.0, preset="drive", hole=3, **both)
+    return CorrectionTable(turn, values[0], u, 80.0, preset="drive", **both)
 
 
 def of_axis(axis, u, way=1):
@@ -57,13 +54,11 @@ def text_of(table, kind, axis):
 
 
 LOOKUPS = {
-    "linuxcnc-0": partial(controllers.linuxcnc, kind=0),
     "linuxcnc-1": partial(controllers.linuxcnc, kind=1),
     "twincat-cnc": controllers.twincat_cnc,
     "siemens-840d": controllers.siemens,
-    "siemens-808d": controllers.siemens,
 }
-POINTS = {"linuxcnc-0": 254, "linuxcnc-1": 254, "twincat-cnc": 1497, "siemens-840d": 1500, "siemens-808d": 199}
+POINTS = {"linuxcnc-1": 254, "twincat-cnc": 1497, "siemens-840d": 1500}
 
 
 @pytest.mark.parametrize("u", [10, -9])
@@ -80,13 +75,12 @@ def test_a_file_of_positions_leaves_what_its_table_says(kind, sense, zero_deg, u
 
 
 @pytest.mark.parametrize("sense", [1, -1])
-@pytest.mark.parametrize("first", [1, -1])
-@pytest.mark.parametrize("kind", ["linuxcnc-0", "linuxcnc-1", "twincat-cnc"])
-def test_each_direction_has_the_column_of_its_own(kind, first, sense):
-    axis = ControllerAxis("A", sense, 12.5, first_direction=first)
+@pytest.mark.parametrize("kind", ["linuxcnc-1", "twincat-cnc"])
+def test_each_direction_has_the_column_of_its_own(kind, sense):
+    axis = ControllerAxis("A", sense, 12.5)
     table = table_of("output", 254, 10, by_direction=True)
     for direction in (1, -1):
-        way = 1 if direction == first else -0.6
+        way = 1 if direction == 1 else -0.6
         error = of_axis(axis, 10, way)
         left = LOOKUPS[kind](text_of(table, kind, axis), error=error, positions=POSITIONS, direction=direction)
         said = promised(table, kind, axis, way)
@@ -112,7 +106,7 @@ def test_the_ramp_of_linuxcnc_damps_a_correction_that_is_asked_for_too_fast():
 
 @pytest.mark.parametrize("u", [100, -101])
 @pytest.mark.parametrize(("sense", "zero_deg"), AXES)
-@pytest.mark.parametrize("turn", ["cam", "half cam turn"])
+@pytest.mark.parametrize("turn", ["cam", "half-cam"])
 def test_moteus_holds_the_output_where_the_cams_encoder_is_compensated(turn, sense, zero_deg, u):
     axis, table = ControllerAxis("1", sense, zero_deg), table_of(turn, 256, u)
     turns = np.linspace(0, abs(u), 100_001)
@@ -149,7 +143,7 @@ def tracked(kind, table, axis, error_of):
 @pytest.mark.parametrize(("u", "sense", "zero_deg"), [(-101, 1, 0.0), (101, 1, 1.3), (-101, -1, 2.2)])
 def test_a_mounts_table_leaves_what_it_says_while_the_mount_tracks(kind, u, sense, zero_deg):
     axis = ControllerAxis("RA", sense, zero_deg, steps_per_degree=STEPS)
-    table = table_of("cam" if kind == "eqmod" else "half cam turn", 256, u)
+    table = table_of("cam" if kind == "eqmod" else "half-cam", 256, u)
     left, said = tracked(kind, table, axis, partial(error_at, u=u))
     assert left == pytest.approx(said, abs=0.01 * np.ptp(table.error_arcsec))
     repeating, _ = tracked(kind, table, axis, table.error_at)
@@ -169,10 +163,9 @@ def test_a_row_that_eqmod_leaves_out_costs_little_where_the_turn_is_no_whole_num
     [
         ("linuxcnc-1", {"points": 255}, "number of points 255 for LinuxCNC, type 1: expected at most 254"),
         ("twincat-cnc", {"points": 1500}, "expected at most 1497"),
-        ("siemens-808d", {"points": 200}, "expected at most 199"),
         ("siemens-840d", {"by_direction": True}, "expected one for both directions"),
-        ("moteus", {}, "table over the output turn for moteus: expected a table over the cam turn or half cam turn"),
-        ("linuxcnc-0", {"turn": "cam"}, "expected a table over the output turn"),
+        ("moteus", {}, "table over the output turn for moteus: expected a table over the cam turn or half-cam turn"),
+        ("linuxcnc-1", {"turn": "cam"}, "expected a table over the output turn"),
         ("onstepx", {"turn": "cam"}, "864 sidereal seconds for OnStepX: expected 61 to 720 s"),
     ],
 )  # fmt: skip
@@ -184,7 +177,7 @@ def test_a_table_that_a_controller_cannot_keep_is_refused(kind, change, words):
 
 
 def test_a_mount_without_its_steps_or_with_too_few_is_refused():
-    table = table_of("half cam turn", 64, 100)
+    table = table_of("half-cam", 64, 100)
     with pytest.raises(UsageError, match="invalid steps per degree of the mount's axis 0"):
         text_of(table, "onstepx", ControllerAxis("RA"))
     with pytest.raises(UsageError, match="expected at most 1"):
@@ -195,15 +188,15 @@ def test_a_mount_without_its_steps_or_with_too_few_is_refused():
 
 @pytest.mark.parametrize("kind", CONTROLLER_FORMATS)
 def test_a_file_says_what_it_is_for(kind):
-    turn = "output" if "output" in CONTROLLER_FORMATS[kind].turns else "half cam turn"
+    turn = "output" if "output" in CONTROLLER_FORMATS[kind].turns else "half-cam"
     expected = (ExpectedResidual(80, 29.2, 1.1, 2.2, 3.3), ExpectedResidual(-80, 28, 5, 6, 7, "turn lost"))
     table = replace(table_of(turn, 100, 100), preset="d\nr\u0436", expected=expected)
     axis = ControllerAxis("A1", -1, 12.5, steps_per_degree=STEPS)
     text, about = controller_file(table, CONTROLLER_FORMATS[kind], axis, "5ha")
     assert (text + about).isascii()
     for words in (
-        "axis A1", "preset d\\nr\\u0436, sha256 5ha, fixed wheel in hole 3", "for 80 N*m",
-        f"{turn_words(turn)}, 100 points",
+        "axis A1", "preset d\\nr\\u0436, sha256 5ha", "for 80 N*m",
+        f"{turn} turn, 100 points",
         "the axis reads 12.5 deg where cam and output stand at zero", "counts up clockwise seen from the cam side",
         "error = actual less ideal", "smallest step of a value: ",
         "at 80 N*m: expected range 2.20 arcsec (1.10 to 3.30)",
@@ -212,48 +205,6 @@ def test_a_file_says_what_it_is_for(kind):
         assert words in about
     comment = CONTROLLER_FORMATS[kind].comment
     assert all(f"{comment} {line}" in text for line in about.splitlines() if comment)
-
-
-PHASORS = Phasors(np.array([201.0, 1.0]), np.array([2.0, 0.01]), np.array([9.5, 0.1]), np.array([-17.0, 3.0]), 80.0)
-
-
-def answered(correction, **changes):
-    """The part of an answer of `compensate --json` that has the correction, as bytes."""
-    fields = {"schema": "hdassist.compensate/1", "correction": as_json(correction) | changes}
-    return json.dumps(fields).encode()
-
-
-@pytest.mark.parametrize("correction", [table_of("output", 7, 20, by_direction=True), table_of("cam", 5, 20), PHASORS])
-def test_a_correction_is_read_as_it_was_written(correction):
-    correction = replace(correction, expected=(ExpectedResidual(80, 29.2, 1.1, 2.2, 3.3),))
-    read = read_correction(answered(correction))
-    assert type(read) is type(correction)
-    assert answered(read) == answered(correction)
-    turns = np.linspace(0, 20, 99)
-    np.testing.assert_array_equal(read.error_at(turns), correction.error_at(turns))
-    assert len({len(each) for each in correction_columns(correction).values()}) == 1
-
-
-@pytest.mark.parametrize("form", [("--form", "output", "--points", "36"), ()])
-def test_the_answer_of_the_command_is_read(tmp_path, form):
-    answer = tmp_path / "answer.json"
-    assert run("compensate", TINY, *form, "--json", "-o", str(answer)).returncode == 0
-    read = read_correction(answer)
-    assert answered(read) == answered(read, **json.loads(answer.read_text())["correction"])
-    assert read.preset == "tiny"
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"u": 0}, {"u": "x"}, {"turn": "week"}, {"extra": 1}, {"error_arcsec": [1.0, None]}, {"error_arcsec": []},
-        {"error_arcsec": [1.0, "x"]}, {"error_arcsec": 3}, {"error_arcsec": [[1.0], [2.0]]}, {"expected": 3},
-        {"expected": [3]}, {"other_direction_arcsec": [1.0]},
-    ],
-)  # fmt: skip
-def test_a_file_that_is_no_correction_is_refused(change):
-    with pytest.raises(DataError, match="<bytes>: invalid correction"):
-        read_correction(answered(table_of("cam", 5, 20), **change))
 
 
 def test_a_controllers_file_is_written_with_what_it_leaves(tmp_path):
@@ -275,7 +226,7 @@ def test_a_controllers_file_is_written_with_what_it_leaves(tmp_path):
         ("moteus", ("--form", "cam"), "expected CONTROLLER=FILE"),
         ("moteus=-", ("--form", "cam"), "expected CONTROLLER=FILE"),
         ("moteus=FILE", (), "invalid form phasors for moteus"),
-        ("linuxcnc-0=FILE", ("--form", "output", "--points", "255"), "expected at most 254"),
+        ("linuxcnc-1=FILE", ("--form", "output", "--points", "255"), "expected at most 254"),
         ("moteus=FILE", ("--form", "cam", "--zero", "nan"), "expected a finite one"),
         ("siemens-840d=FILE", ("--form", "output", "--axis", "A]=0"), "expected letters and digits"),
     ],
@@ -286,10 +237,3 @@ def test_a_controllers_file_that_cannot_be_is_refused_at_once(tmp_path, write, o
     assert (answer.returncode, answer.stdout) == (2, "")
     assert words in answer.stderr
     assert not name.exists()
-
-
-def test_an_answer_without_a_correction_is_refused():
-    refused = b'{"schema": "hdassist.compensate/1", "correction": null}'
-    for text in (b"3", b"[]", b"{", b"null", b"{}", b'{"schema": "hdassist.check/1"}', refused):
-        with pytest.raises(DataError, match="invalid correction"):
-            read_correction(text)

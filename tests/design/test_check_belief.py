@@ -121,7 +121,10 @@ def test_a_limit_for_which_more_is_drawn_moves_neither_ranges_nor_influence():
     assert held.samples.made[: free.samples.draws] == free.samples.made
 
     def shown(found):
-        return [(b.p5, b.p50, b.p95, b.percentile_error(0.95)) for b in (each.belief for each in found.points)]
+        return [
+            (b.p5, b.p50, b.p95, b.samples.of_ranges.percentile_error(0.95, b.torque))
+            for b in (each.belief for each in found.points)
+        ]
 
     assert shown(held) == shown(free)
     assert held.least_sure == free.least_sure

@@ -203,6 +203,9 @@ def test_without_a_terminal_it_is_refused_with_the_command_for_scripts() -> None
     done = run("explore", TINY, "h0=28.1", "--set", "gears.j_n=7")
     assert done.returncode == 2 and done.stdout == ""
     assert "the explorer needs a terminal" in done.stderr
+    dumb = Terminal("explore", TINY, command=["env", "TERM=dumb", *COMMAND])
+    assert dumb.end() == 2 and b"needs a terminal that moves its cursor" in dumb.sent
+    dumb.close()
     assert f"hdassist mount {TINY} --set gears.j_n=7 --set 'measured.F_ior.h0@1=28.1 ± 2'" in done.stderr
 
 

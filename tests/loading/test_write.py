@@ -191,6 +191,15 @@ def test_changes_are_refused_that_are_wrong_or_of_no_single_field() -> None:
         with_changes(text, "vzp160", ["uncertainty.gears.j_n=1"])
 
 
+@pytest.mark.parametrize("override", ["measured.F_ior.h0@80=29 ± 3", "acceptance.F_ior.80=30"])
+@pytest.mark.parametrize("limit", ["", "acceptance: {F_ior: 45}\n"])
+def test_an_entry_of_a_table_is_written(override: str, limit: str) -> None:
+    text = f"{VZP160}\n{limit}" if "acceptance:" not in VZP160 else VZP160
+    there = load_text(with_changes(text.encode(), "vzp160", [override]), "vzp160")
+    wanted = load_text(text, "vzp160", [override])
+    assert there.acceptance == wanted.acceptance and there.measured == wanted.measured
+
+
 def test_a_list_of_lines_can_be_changed() -> None:
     text = VZP160.replace("M_g: [80, 800]", "M_g:\n  - 80\n  - 800")
     assert load_text(with_changes(text.encode(), "vzp160", ["operation.M_g=[80]"]), "vzp160").operation.M_g == (80,)

@@ -114,6 +114,10 @@ def test_the_page_has_values_as_accept_takes_them(tmp_path):
         assert done.returncode == code
     beside = run("measure", "loops.csv", "--drive", SMALL, "--details", cwd=tmp_path).stdout
     assert "second hand" in beside
+    words = " ".join(beside.split())
+    assert f"next hdassist accept {SMALL}" in words
+    assert "rated torque 40.5 N·m: the greatest of the loop; small has no operation.rated" in words
+    assert '"torque_Nm": torque, N·m' in words
     assert "places" in beside
 
 

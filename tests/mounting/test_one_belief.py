@@ -15,6 +15,7 @@ from hdassist.design.check import check
 from hdassist.error.error_map import ErrorMap
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import rotated, seat_positions
+from hdassist.pages.mount import what_to_do
 from hdassist.run.run import Run
 from hdassist.verdict import is_settled
 from tests.process import TINY, run
@@ -137,26 +138,12 @@ def test_what_is_assumed_widens_the_gain_and_can_take_an_order_back():
     assert {each.group for each in loose.influences} <= {each.group for each in prior_of(drive_of(stiff)).fields}
 
 
-def test_an_open_gain_has_more_draws_and_its_ranges_are_of_the_first():
-    drive = drive_of("phases.xi_b=200±90")
-    turns = seat_positions(drive)
-    settled = advise(drive, (4.0,), turns, draws=40, run=Run(seed=3))
-    needed = settled.gain_probability.value  # which chance alone leaves open
-    advice = advise(drive, (4.0,), turns, draws=40, needed=needed, run=Run(seed=3))
-    assert advice.samples.draws > settled.samples.draws == advice.samples.of_ranges.draws
-    assert advice.gain_range == settled.gain_range
-
-
-def test_no_further_draws_where_they_could_not_settle_a_gain():
-    drive = drive_of("phases.xi_b=200±90")
-    turns = seat_positions(drive)
-    gain = advise(drive, (4.0,), turns, draws=40, run=Run(seed=3)).gain_probability
-    needed = 1 - gain.low - 1e-3  # open, as a smaller gain might be as improbable as that
-    assert not is_settled(gain.low, gain.high, needed)
-    advice = advise(drive, (4.0,), turns, draws=40, needed=needed, run=Run(seed=3))
-    assert advice.samples.draws == advice.samples.of_ranges.draws
-    assert advice.gain_probability == gain
-    assert advice.order == "none"
+def test_a_gain_that_chance_leaves_open_has_four_times_the_draws_and_its_ranges_are_of_the_first():
+    drive = drive_of("phases.xi_b=280±60")
+    advice = advise(drive, (4.0,), seat_positions(drive), draws=16, run=Run(seed=3))
+    assert not is_settled(advice.gain_probability.low, advice.gain_probability.high)
+    assert (advice.order, advice.samples.draws, advice.samples.of_ranges.draws) == ("none", 64, 16)
+    assert advice.positions.F_ior_arcsec.shape[1] == 16
 
 
 def test_a_catalogue_is_heard_by_mount():
@@ -172,3 +159,36 @@ def test_an_open_order_says_what_to_measure():
     assert page.returncode == 6
     assert "MEASURE FIRST" in page.stdout.splitlines()[0]
     assert re.search(r"measure .* \d+ % more sure", " ".join(page.stdout.split()))
+
+
+def test_where_chance_alone_leaves_a_verdict_open_more_samples_are_asked_for_and_no_measurement():
+    loose = [word for each in OPEN for word in ("--set", each)] + [
+        "--draws",
+        "4",
+        "--set",
+        "operation.M_g=4",
+        "--no-plot",
+    ]
+    for command, *more in (("check", "--limit", "2500"), ("accept", "--limit", "2500"), ("mount",)):
+        page = run(command, TINY, *more, *loose[: -1 if command == "accept" else None])
+        words = " ".join(page.stdout.split())
+        assert page.returncode == 6
+        assert re.search(r"100 % \(\d\d to 100\)", words)
+        assert re.search(r"no measurement, more samples settle it: --draws \d+", words)
+        assert "more sure" not in words
+    assert "To decide, measure" not in words
+
+
+def test_F_ior_measured_in_holes_orders_or_asks_for_other_holes():
+    """Nothing is known of any direction but what F'_ior in three holes says of it."""
+    unknown = [f"phases.{name}=unknown" for name in ("phi_hb", "xi_b")]
+    open_ = (*unknown, "tolerances.e_hb=unknown", "mounting.holes=6", "operation.M_g=4")
+    readings = "measured.F_ior={h0@4: 110 ± 4, h2@4: 75 ± 4, h4@4: 150 ± 4}"
+    blind, told = (load_preset(TINY, [*open_, *more]) for more in ((), (readings,)))
+    advices = [advise(each, (4.0,), seat_positions(each), draws=8) for each in (blind, told)]
+    assert [each.any_hole for each in advices] == [True, False]
+    assert {place.hole for place in advices[0].to_try} == {0, 2, 4}
+    assert {place.hole for place in advices[1].to_try} <= {1, 3, 5}
+    assert "nothing is known" in what_to_do(advices[0])
+    assert advices[1].order == "turn" or "the best bet is hole" in what_to_do(advices[1])
+    assert advices[1].gain_probability.value > 0.9

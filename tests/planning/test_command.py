@@ -39,6 +39,11 @@ def test_with_a_limit_the_page_has_wrong_verdicts_and_fits_a_screen():
     assert max(map(len, page.stdout.splitlines())) <= 80
 
 
+def test_what_chance_leaves_open_asks_for_more_samples():
+    page = run("plan", TINY, *OPEN, "--torque", "4", "--limit", "2102", "--no-plot").stdout
+    assert "open  no measurement, more samples settle it: --draws " in page
+
+
 def test_of_a_drive_without_error_all_is_seen():
     zeros = [word for name in ("F_i1", "F_i2", "e_hb", "e_hh") for word in ("--set", f"tolerances.{name}=0")]
     found = run("plan", TINY, *zeros, "--json")

@@ -6,18 +6,22 @@ import io
 import shlex
 
 import pytest
+from typer.main import get_command
 
+from hdassist.cli.commands import COMMANDS
+from hdassist.cli.main import app
+from hdassist.commands.check import CheckCommand
 from hdassist.loading.load import load_preset
 from hdassist.report.blocks import Facts
 from hdassist.report.report import Report
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.terminal.brief import again, on_what, proof
+from hdassist.terminal.brief import LIMITED, TAKEN_OVER, again, on_what, proof
 from hdassist.terminal.console import Style, console
 from hdassist.terminal.options import torque_overrides
 from hdassist.terminal.page import report_page
 from hdassist.verdict import Verdict
-from tests.process import SMALL
+from tests.process import SMALL, run
 
 
 def shown(style: Style, report: Report) -> str:
@@ -69,6 +73,24 @@ def test_a_command_that_goes_on_is_about_the_same_drive():
         "--set",
         "acceptance.F_ior.4=20",
     ]
+
+
+def test_a_next_command_keeps_what_the_user_asked_with():
+    asked = run("check", SMALL, "--torque", "4", "--limit", "45", "--draws", "32", "--seed", "3", "--no-plot").stdout
+    command = f"hdassist tolerance {SMALL} --torque=4 --limit 45 --seed=3"
+    assert command in " ".join(asked.split())  # which draws drives, no samples
+    drive = CheckCommand(presets=[SMALL], overrides=[], torque=[], limit=[], draws=32, seed=3).load(SMALL)
+    assert again("mount", drive) == f"hdassist mount {SMALL} --draws=32 --seed=3"
+    usual = CheckCommand(presets=[SMALL], overrides=[], torque=[], limit=[]).load(SMALL)
+    assert again("mount", usual) == f"hdassist mount {SMALL}"
+
+
+def test_options_are_taken_over_by_the_commands_that_have_them():
+    root = get_command(app)
+    every = {name: {each.name for each in root.get_command(None, name).params} for name in COMMANDS}
+    assert {name for name, options in every.items() if "limit" in options} == {*LIMITED}
+    for option, takers in TAKEN_OVER.items():
+        assert all(option in every[name] for name in takers)
 
 
 def test_the_proof_in_a_line():

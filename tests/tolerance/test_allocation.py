@@ -25,7 +25,7 @@ def oval() -> Drive:
 @pytest.fixture(scope="module")
 def production(oval: Drive) -> Production:
     law = production_law(oval, "fixed")
-    return Production.of(law, (4.0,), mounting=False, steps=True).with_designs(40)[0]
+    return Production(law, (4.0,), mounting=False, steps=True).with_designs(40)[0]
 
 
 @pytest.fixture(scope="module")
@@ -84,13 +84,13 @@ def test_no_tolerance_is_loosened_where_the_design_does_not_bear_it() -> None:
     known = load_preset(TINY, ["operation.M_g=4", "tolerances.e_hb=60"])
     drive = load_preset(TINY, ["operation.M_g=4", "tolerances.e_hb=60", SOFT])
     law = production_law(drive, "fixed")
-    alone = Production.of(production_law(known, "fixed"), (4.0,), mounting=False, steps=True).with_designs(1)[0]
+    alone = Production(production_law(known, "fixed"), (4.0,), mounting=False, steps=True).with_designs(1)[0]
     F_ior = [record.F_ior_arcsec[0] for record in alone.records(0, 50)]
     room = 1.3 * float(np.quantile(F_ior, 0.95))
     loosened = allocator(alone, room, 50, rounds=2).cheapest(turned=False)
     assert loosened.fits
     assert any(loosened.values[c.path] > c.now for c in tolerances(known, law))
-    designs = Production.of(law, (4.0,), mounting=False, per_design=5, steps=True).with_designs(50)[0]
+    designs = Production(law, (4.0,), mounting=False, per_design=5, steps=True).with_designs(50)[0]
     assert not allocator(designs, room, 50, rounds=1).cheapest(turned=False).fits
 
 

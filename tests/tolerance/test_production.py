@@ -31,7 +31,7 @@ def with_designs(production: Production, drives: int = COUNT) -> Production:
 
 @pytest.fixture(scope="module")
 def production(small: Drive) -> Production:
-    return with_designs(Production.of(production_law(small), TORQUES, seed=1, steps=True))
+    return with_designs(Production(production_law(small), TORQUES, seed=1, steps=True))
 
 
 @pytest.fixture(scope="module")
@@ -73,18 +73,18 @@ def test_a_drive_is_the_same_in_any_chunk_and_process(production: Production, re
     assert production.records(2, 4) == records[2:4]
     with ThreadPoolExecutor(1) as executor:
         law = production_law(production.drive)
-        again, _ = Production.of(law, TORQUES, seed=1, steps=True).with_designs(COUNT, run=Run(executor))
+        again, _ = Production(law, TORQUES, seed=1, steps=True).with_designs(COUNT, run=Run(executor))
     assert again.records(4, 5) == records[4:5]
 
 
 def test_limits_decide_which_position_is_the_best(small: Drive, production: Production) -> None:
-    limited = with_designs(Production.of(production.law, TORQUES, limits=(1000.0, 0.5), seed=1))
+    limited = with_designs(Production(production.law, TORQUES, limits=(1000.0, 0.5), seed=1))
     F_ior = searched(small, record := limited.records(0, 1)[0], limited.rotations)
     assert record.best_rotation_deg == limited.rotations[int(F_ior[1].argmin())]
 
 
 def test_without_turning_the_best_is_what_was_built(production: Production, records: list[RandomDrive]) -> None:
-    fixed = with_designs(Production.of(production.law, TORQUES, mounting=False, seed=1)).records(0, 2)
+    fixed = with_designs(Production(production.law, TORQUES, mounting=False, seed=1)).records(0, 2)
     for one, other in zip(fixed, records, strict=False):
         assert one.best_F_ior_arcsec == one.F_ior_arcsec
         assert one.F_ior_arcsec == pytest.approx(other.F_ior_arcsec, abs=1e-6)
@@ -93,7 +93,7 @@ def test_without_turning_the_best_is_what_was_built(production: Production, reco
 
 def test_designs_differ_in_what_is_not_known_and_their_drives_share_it() -> None:
     drive = load_preset(TINY, [SOFT, "operation.M_g=4"])
-    few = with_designs(Production.of(production_law(drive), (4.0,), mounting=False, per_design=3), 6)
+    few = with_designs(Production(production_law(drive), (4.0,), mounting=False, per_design=3), 6)
     more = with_designs(replace(few, designs=()), 12)
     assert (len(few.designs), len(more.designs)) == (2, 4)
     assert more.designs[:2] == few.designs
@@ -109,7 +109,7 @@ def test_designs_differ_in_what_is_not_known_and_their_drives_share_it() -> None
 def test_evidence_weighs_designs() -> None:
     def mean_C_3(catalogue: str) -> float:
         drive = load_preset(TINY, [SOFT, "operation.M_g=4", "operation.rated=4", catalogue])
-        found = with_designs(Production.of(production_law(drive), (4.0,), mounting=False, per_design=1), 12)
+        found = with_designs(Production(production_law(drive), (4.0,), mounting=False, per_design=1), 12)
         return float(np.average([v["supports.C_3"] for v, _ in found.designs], weights=[w for _, w in found.designs]))
 
     assert mean_C_3("catalogue.accuracy=15") != mean_C_3("catalogue.accuracy=1000")
@@ -118,12 +118,12 @@ def test_evidence_weighs_designs() -> None:
 def test_too_few_designs_that_agree_with_the_catalogue_are_an_error() -> None:
     drive = load_preset(TINY, [SOFT, "operation.M_g=4", "operation.rated=4", "catalogue.K_1=1e9"])
     with pytest.raises(UntrustedError, match=r"catalogue.K_1 = 1e\+09 contradicts"):
-        Production.of(production_law(drive), (4.0,), per_design=1).with_designs(1)
+        Production(production_law(drive), (4.0,), per_design=1).with_designs(1)
 
 
 def test_clearances_that_have_a_tolerance_scatter_from_drive_to_drive() -> None:
     drive = load_preset(SMALL, ["gears.j_n=6 ± 1", "operation.M_g=4"])
-    production = with_designs(Production.of(production_law(drive, "fixed"), (4.0,), mounting=False, seed=1))
+    production = with_designs(Production(production_law(drive, "fixed"), (4.0,), mounting=False, seed=1))
     records = production.records(0, 2)
     for record in records:
         moved = drive.with_values(record.values)
@@ -141,7 +141,7 @@ def test_a_drive_that_cannot_be_is_kept_with_the_reason(production: Production) 
 def test_rolling_balls_are_refused() -> None:
     rolling = load_preset(SMALL, ["bearing.ball_motion=rolling", "bearing.d_ball=4"])
     with pytest.raises(UsageError, match="rolling balls"):
-        Production.of(production_law(rolling), TORQUES)
+        Production(production_law(rolling), TORQUES)
 
 
 def test_a_record_without_a_proof_is_refused(production: Production, records: list[RandomDrive]) -> None:
@@ -154,5 +154,5 @@ def test_a_record_without_a_proof_is_refused(production: Production, records: li
 
 def test_a_field_that_is_assumed_makes_designs() -> None:
     law = production_law(load_preset(TINY, [ASSUMED]))
-    assert Production.of(law, (4.0,), per_design=7).design_of(14) == 2
-    assert Production.of(production_law(load_preset(TINY)), (4.0,)).design_of(14) == 0
+    assert Production(law, (4.0,), per_design=7).design_of(14) == 2
+    assert Production(production_law(load_preset(TINY)), (4.0,)).design_of(14) == 0

@@ -54,13 +54,6 @@ def test_what_is_no_trial(text: str) -> None:
         read_trial(text, 12)
 
 
-@pytest.mark.parametrize(("old", "new"), [("h4:17.3", "h4=17.3"), ("120:17.3", "120=17.3")])
-def test_the_old_form_has_the_new_one_in_its_hint(old: str, new: str) -> None:
-    with pytest.raises(UsageError, match=f"invalid trial '{old}': expected HOLE=VALUE") as refused:
-        read_trial(old, 12)
-    assert refused.value.hint == new
-
-
 def test_holes_of_a_seat_without_holes() -> None:
     with pytest.raises(UsageError, match="has none"):
         read_trial("h1=17", 0)

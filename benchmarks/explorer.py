@@ -1,0 +1,63 @@
+"""Processor time from a key to numbers on the screen of the explorer, beside that of one check of the same drive."""
+
+from __future__ import annotations
+
+import os
+import statistics
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+NAMES = ("vzp160", "size-25-100")
+FIELD = "gears.j_n"  # that a key changes
+
+
+class AnsweredError(Exception):
+    """The number is there that was waited for."""
+
+
+def measure(quick: bool) -> list[dict[str, Any]]:
+    """Seconds of each drive: to the first number, to the proven one, and of the whole answer of check."""
+    return [measured(name, 3 if quick else 9) for name in NAMES]
+
+
+def measured(name: str, rounds: int) -> dict[str, Any]:
+    """Medians over so many keys, each a step of a field."""
+    from hdassist.design.check import check
+    from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, drive_answers, typical_of
+    from hdassist.explorer.levers import stepped
+    from hdassist.explorer.state import edited, opened_state
+    from hdassist.run.processes import workers
+    from hdassist.run.run import Run
+
+    session = opened_state(name)
+    effort = Effort(jobs=1)
+
+    def checked() -> None:
+        with workers(effort.jobs) as executor:
+            check(session.drive, draws=effort.draws, run=Run(executor))
+
+    def answered(until: str) -> None:
+        def tell(_name: str, answer: object) -> None:
+            if getattr(answer, "sure", "") == until:
+                raise AnsweredError
+
+        with suppress(AnsweredError):
+            drive_answers(session.drive, typical, effort, tell)
+
+    typical, _ = typical_of(check(session.drive, draws=effort.draws))
+    found: dict[str, list[float]] = {"first_s": [], "proven_s": [], "check_s": []}
+    for _ in range(rounds):
+        value = stepped(session.drive, FIELD, 1)
+        session = edited(session, FIELD, value or "")
+        found["first_s"].append(spent(lambda: answered(SURE_REFINED)))
+        found["proven_s"].append(spent(lambda: answered(SURE_PROVEN)))
+    found["check_s"].append(spent(checked))
+    return {"name": name, **{key: statistics.median(values) for key, values in found.items()}}
+
+
+def spent(work: Callable[[], object]) -> float:
+    """Processor time of some work and of the processes that it began and ended [s]."""
+    begun = os.times()
+    work()
+    return sum(now - then for now, then in zip(os.times()[:4], begun[:4], strict=True))
