@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from hdassist.errors import Finding, UsageError
-from hdassist.preset.fields import BY_PATH, Drive, fields
-from hdassist.preset.kinds import kind_of, plain
+from hdassist.preset.fields import BY_PATH, fields
+from hdassist.preset.kinds import kind_of
 from hdassist.preset.yamltext import OVERRIDE, Document, Mark, Path, SourceSpan, path_text, read_yaml, shown
 
 PER_TORQUE = [tuple(path.split(".")) for path, info in fields() if kind_of(info) == "limits"]
@@ -83,15 +83,3 @@ def is_overridden(path: str, overrides: Sequence[str]) -> bool:
     field = tuple(path.split("."))
     paths = [path_of(text.partition("=")[0]) for text in overrides]
     return any(p[: len(field)] == field[: len(p)] for p in paths)
-
-
-def overridden(drive: Drive, path: str, value: float, warning: str) -> Drive:
-    """The drive with a field set as the override of its path and value does it, and a warning more.
-
-    The new value is not validated.
-    """
-    changed, origin = drive.with_values({path: value}), drive.origin
-    changed._origin = replace(
-        origin, overrides=(*origin.overrides, f"{path}={plain(value)}"), warnings=(*origin.warnings, warning)
-    )
-    return changed

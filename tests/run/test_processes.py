@@ -52,7 +52,7 @@ from hdassist.run.run import Run
 
 drive = load_preset({small!r})
 states = pitch_locked_states(Kinematics.of(drive), np.arange(4))
-asked = {{"states": states, "run": Run(cross_check="CLARABEL"), "sample": 1}}
+asked = {{"states": states, "run": Run(cross_check="CLARABEL")}}
 here = kinematic_error(drive, 4.0, **asked)
 with workers(1) as executor:
     there = executor.submit(kinematic_error, drive, 4.0, **asked).result()
