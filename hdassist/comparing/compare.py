@@ -22,8 +22,8 @@ from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, Re
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
-from hdassist.measuring.fit import curve_of
-from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult, drift_of
+from hdassist.measuring.fit import curve_of, drift_of
+from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive

@@ -36,6 +36,8 @@ FLOOR_AROUND = 0.5  # orders to either side
 FLOOR_FEWEST = 8  # places, nearest to the order
 FLOOR_WAVES = 32  # of such places, by which the share of the noise is known that a fit has taken there
 STUDENT_SHARE = 0.97725  # of a normal distribution, below two standard deviations
+DRIFTED = 0.05  # of F'_ior: least drift left in that is reported
+DRIFT_CLEAR = 4.0  # standard uncertainties of a drift
 RESOLVED_GAP = 0.75  # of the resolution: least distance at which a line and an order are resolved
 MOMENTS = 3  # of where readings lie in their places
 SLOWEST_ORDER = 0.5  # per cam turn: lower ones are of the output, or drift
@@ -292,8 +294,8 @@ def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: 
     )
 
 
-def linear_drift(design: TraceDesign, residual: Array) -> tuple[float, float]:
-    """Linear drift over a record that residuals of a design show, and its standard uncertainty [arcsec].
+def drift_of(design: TraceDesign, residual: Array, extent: float) -> float:
+    """Linear drift [arcsec] over a record that residuals of a design show clearly beside a range, else 0.
 
     It is fitted together with the orders: those of the beats take most of it, but none of them closes with the cycle as
     a drift does not. Argument: residual, shape (bins,), of a design without drift.
@@ -301,11 +303,12 @@ def linear_drift(design: TraceDesign, residual: Array) -> tuple[float, float]:
     bins = design.bins
     own = design.residual(bins.travel / design.reach)
     square = float(bins.weight @ own**2)
-    slope = float((bins.weight * own) @ residual) / square
-    left = residual - slope * own
+    size = float((bins.weight * own) @ residual) / square
+    left = residual - size * own
     variance = float(bins.weight @ left**2) / (len(bins) - design.columns)
     correlated, _ = _memory(left, variance, design.columns, bins)
-    return slope, float(np.sqrt(variance * max(correlated, 1.0) / square))
+    uncertainty = float(np.sqrt(variance * max(correlated, 1.0) / square))
+    return size if abs(size) > max(DRIFT_CLEAR * uncertainty, DRIFTED * extent) else 0.0
 
 
 def _memory(residual: Array, variance: float, columns: int, bins: Bins) -> tuple[float, float]:

@@ -11,7 +11,7 @@ import numpy as np
 from hdassist.errors import DataError, Fault, UntrustedError, UsageError
 from hdassist.measuring.bins import Bins, bins_of, travel_of
 from hdassist.measuring.cycle import FULL_SHARE, Coverage, Gearing, gearing_of
-from hdassist.measuring.fit import BINS_PER_COLUMN, SlowTerms, TraceDesign, TraceFit, fit_orders, linear_drift
+from hdassist.measuring.fit import BINS_PER_COLUMN, SlowTerms, TraceDesign, TraceFit, drift_of, fit_orders
 from hdassist.measuring.lag import EncoderLag, encoder_lag, speed_changes
 from hdassist.measuring.lines import with_lines
 from hdassist.measuring.orders import (
@@ -47,8 +47,6 @@ DRIFT_OFF = "the cycle does not close: linear drift of {:.3g}″ taken off; with
 WIND_UP_LEFT = (
     "the torque goes with the output's turn: its wind-up is left in (--drive PRESET with catalogue.K_1 to K_3)"
 )
-DRIFTED = 0.05  # of F'_ior: least drift left in that is reported
-DRIFT_CLEAR = 4.0  # standard uncertainties of a drift
 BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
 COARSE_STEP = 1 / 4  # of F'_ior: greatest step in time with the turns that the error is resolved from
 UNMODELLED = 1 / 5  # of F'_ior: least error beyond the orders that is reported
@@ -256,12 +254,6 @@ def require_drift(kind: str) -> None:
     """Raise UsageError unless it is a kind of drift that can be taken off."""
     if kind not in DRIFTS:
         raise UsageError(f"invalid --drift {kind}: expected one of {', '.join(DRIFTS)}")
-
-
-def drift_of(design: TraceDesign, residual: Array, extent: float) -> float:
-    """Linear drift [arcsec] over the record that residuals show clearly beside a range; 0 where there is none."""
-    size, uncertainty = linear_drift(design, residual)
-    return size if abs(size) > max(DRIFT_CLEAR * uncertainty, DRIFTED * extent) else 0.0
 
 
 def _with_lines_or_drift(fit: TraceFit, finest: float) -> tuple[TraceFit, float]:
