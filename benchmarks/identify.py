@@ -27,31 +27,34 @@ WEAK = {"supports.C_1": 2, "contact.k_face": 3, "flexspline.k_t": 4}  # the box 
 
 def start_of(name: str) -> dict[str, float]:
     """Values of the unknowns to start from, by path."""
+    import numpy as np
+
     from hdassist import load_preset
     from hdassist.calibration.targets import read_targets
+    from hdassist.preset.yamltext import read_yaml
 
     drive = load_preset("vzp160")
     unknowns = read_targets(TARGETS.read_bytes(), str(TARGETS), drive).unknowns
     if name == "middle":
-        return {u.path: (u.low * u.high) ** 0.5 if u.log else (u.low + u.high) / 2 for u in unknowns}
+        return {u.path: float(u.value(np.array(0.5))) for u in unknowns}
     if name == "reference":
         drive = load_preset(str(ROOT / "tests/validation/vzp160_reference.yaml"))
     elif name != "preset":
-        drive = drive.with_values(drive.alternatives[int(name) - 1])
+        others = read_yaml((ROOT / "tests/validation/vzp160_alternatives.yaml").read_bytes(), name).data
+        drive = drive.with_values(others[int(name) - 1])
     return {u.path: drive.number(u.path) for u in unknowns}
 
 
-def figures(values: Mapping[str, float], *, closely: bool = True) -> list[float]:
+def figures(values: Mapping[str, float]) -> list[float]:
     """The four bars of Fig. 3 [arcsec], and greatest over least range in the three turns of Fig. 2."""
     from hdassist import load_preset
-    from hdassist.calibration.quantities import REPORTING, SEARCHING, TargetQuantities
+    from hdassist.calibration.quantities import phase_scan
     from hdassist.error.trace import trace
     from hdassist.run.run import UNCHECKED
 
     drive = load_preset("vzp160").with_values(values)
-    quantities = TargetQuantities(drive, REPORTING if closely else SEARCHING)
     ranges = [trace(drive, 80, start_deg=start, run=UNCHECKED).error.range_arcsec for start in (20, 100, 300)]
-    scans = (quantities.scan(80), quantities.scan(800))
+    scans = (phase_scan(drive, 80), phase_scan(drive, 800))
     return [*(bar for scan in scans for bar in (scan.greatest, scan.least)), max(ranges) / min(ranges)]
 
 
@@ -72,17 +75,19 @@ def towards_both(values: Mapping[str, float], rounds: int, executor: ProcessPool
     from scipy.optimize import linprog
 
     from hdassist import load_preset
-    from hdassist.calibration.calibrate import _UnitCube
+    from hdassist.calibration.calibrate import places_of, rounded_values
     from hdassist.calibration.targets import read_targets
 
     unknowns = read_targets(TARGETS.read_bytes(), str(TARGETS), load_preset("vzp160")).unknowns
-    cube, paths = _UnitCube(unknowns), [u.path for u in unknowns]
+    paths = [u.path for u in unknowns]
     width = BOX * np.array([WEAK.get(path, 1) for path in paths])
-    best = cube.point([values[path] for path in paths])
+    best = places_of(unknowns, values)
 
     def at(points: Sequence[np.ndarray]) -> list[list[float]]:
-        sets = [dict(zip(paths, cube.values(point), strict=True)) for point in points]
-        return list(executor.map(coarsely, sets))
+        return list(executor.map(figures, [named(point) for point in points]))
+
+    def named(point: np.ndarray) -> dict[str, float]:
+        return dict(zip(paths, rounded_values(unknowns, np.clip(point, 0, 1)), strict=True))
 
     for number in range(rounds):
         ends = best + np.diag(np.where(best < 0.5, width, -width))
@@ -105,29 +110,22 @@ def towards_both(values: Mapping[str, float], rounds: int, executor: ProcessPool
         least = min(range(len(points)), key=lambda k: excess(all_found[k]))
         print(f"  round {number + 1}: excess {excess(all_found[least]):+.2f} %", flush=True)
         best, width = points[least], width * (1.4 if least in (1,) else 1 if least else 0.5)
-    return dict(zip(paths, cube.values(best), strict=True))
-
-
-def coarsely(values: Mapping[str, float]) -> list[float]:
-    """The figures of a set, as a search looks for them."""
-    return figures(values, closely=False)
+    return named(best)
 
 
 def towards_fig_3(values: Mapping[str, float], executor: ProcessPoolExecutor) -> dict[str, float]:
     """The least squares of Fig. 3 and the self error."""
     from hdassist import load_preset
     from hdassist.calibration.calibrate import calibrate
-    from hdassist.calibration.evaluations import Evaluations
     from hdassist.calibration.targets import read_targets
     from hdassist.run.run import Run
 
     drive = load_preset("vzp160", [f"{path}={value}" for path, value in values.items()])
     targets = read_targets(TARGETS.read_bytes(), str(TARGETS), drive)
-    evaluations = Evaluations(drive, targets, Run(executor))
-    found = calibrate(drive, targets, evaluations, points=1, starts=1, iterations=ITERATIONS)
-    squares = sum(deviation**2 for deviation in found.best.deviations)
+    found = calibrate(drive, targets, points=1, starts=1, iterations=ITERATIONS, run=Run(executor))
+    squares = sum(deviation**2 for deviation in targets.deviations(found.fits[0].predictions))
     print(f"  {found.evaluations} drives: weighted sum of squares {squares:.2f}")
-    return targets.by_path(found.best.values)
+    return targets.by_path(found.fits[0].values)
 
 
 def main() -> None:

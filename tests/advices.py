@@ -9,9 +9,10 @@ from datetime import date
 import numpy as np
 
 from hdassist import load_preset
+from hdassist.belief.statistics import probability_of
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.losses import Criterion, PositionStatistics
+from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import MountingCurve
 from hdassist.mounting.trial import Trial, Tried
 from hdassist.pages.card import Card, card_of
@@ -37,7 +38,7 @@ def advice_of(*values: list[float], rotations: list[float] | None = None, overri
     holes, allowed = drive.mounting.holes, drive.mounting.allowed
     curve = MountingCurve(
         torques, turns, turns, found, EMPTY, (), np.ones(found.shape, dtype=bool), holes=holes,
-        allowed=None if allowed == "all" else allowed, weights=options.pop("weights", None),
+        allowed=None if allowed == "all" else allowed,
     )  # fmt: skip
     return Advice(drive, curve)
 
@@ -48,10 +49,8 @@ def sampled(advice: Advice, spread: float = 0.02, seed: int = 1) -> Advice:
     noise = 1 + spread * np.random.default_rng(seed).standard_normal((1, 50, int(curve.usable.sum())))
     values, now = curve.F_ior_arcsec[:, None, curve.usable] * noise, np.repeat(curve.F_ior_arcsec[:, :1], 50, axis=1)
     rotations = tuple(curve.rotation_deg[curve.usable].tolist())
-    found = PositionStatistics(
-        rotations, values, now, np.ones(50), Criterion.of("expected"), curve.weights, against_now=True
-    )
-    gain, stay = found.probability_gain(found.challenger), found.probability_close(0)
+    found = PositionStatistics(rotations, values, now, np.ones(50), against_now=True)
+    gain, stay = (probability_of(each, np.ones(50)) for each in (found.is_better(found.challenger), found.is_close(0)))
     return replace(advice, positions=found, gain_probability=gain, stay_probability=stay, open_=("gears.j_n",) * 3)
 
 
@@ -62,7 +61,7 @@ def cards() -> dict[str, Advice]:
     many = [[v * (1 + k) for v in LIGHT] for k in range(14)]
     return {
         "plain": advice_of(),
-        "sampled": sampled(advice_of(weights=(2.0, 1.0))),
+        "sampled": sampled(advice_of()),
         "leave": advice_of([10.0, 11.0, 12.0], overrides=("mounting.holes=3",)),
         "not sure": sampled(advice_of([10.0, 9.8, 12.0], overrides=("mounting.holes=3",)), spread=0.3),
         "allowed": advice_of(
@@ -87,7 +86,7 @@ def crowded(advice: Advice) -> Advice:
     drive = advice.drive.model_copy(update={"name": "Long name of a drive " * 9})
     drive._origin = replace(
         advice.drive.origin, warnings=("a limit for a torque that is not in operation.M_g; " * 9,) * 6,
-        overrides=("tolerances.F_i1=60", "phases.xi_b=10") * 20, zeros=("phases.xi_g",),
+        overrides=("tolerances.F_i1=60", "phases.xi_b=10") * 20,
     )  # fmt: skip
     return replace(advice, drive=drive)
 

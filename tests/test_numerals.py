@@ -9,16 +9,13 @@ from hdassist.acceptance.limits import LimitText
 from hdassist.errors import UsageError
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
-from hdassist.mounting.losses import Criterion
 from hdassist.mounting.trial import read_trial
 from hdassist.numerals import number_of
-from hdassist.terminal.options import ChoiceOptions, degrees_or_fit
+from hdassist.terminal.options import degrees_or_fit
 
 READERS: dict[str, tuple[Callable[[str], object], str]] = {
     "hole of a trial": (lambda text: read_trial(f"h{text}=20", 12), "4"),
     "value of a trial": (lambda text: read_trial(f"h4={text}", 12), "20"),
-    "criterion": (lambda text: Criterion.of(f"quantile=0.{text}"), "9"),
-    "weights": (lambda text: ChoiceOptions(weights=f"{text},1").numbers(), "2"),
     "budget": (lambda text: parse_stated([f"encoder={text}"]), "1"),
     "orders": (parse_orders, "4"),
     "limit": (lambda text: LimitText.parse(f"order_{text}=30", "--limit"), "2"),

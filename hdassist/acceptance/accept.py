@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from hdassist.acceptance.answer import AcceptAnswer, Note, PresetRecord, exit_code, now, of_predictions
+from hdassist.acceptance.answer import AcceptAnswer, Note, PresetRecord, now, of_predictions
 from hdassist.acceptance.checks import (
     BUDGET,
     COVERAGE,
@@ -24,7 +24,6 @@ from hdassist.json_parts import Json
 from hdassist.measuring.measure import Measurement
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.unknown import unknown_names
-from hdassist.solve.window import with_window
 from hdassist.verdict import SEVERITY, worst
 from hdassist.version import __version__
 
@@ -44,13 +43,13 @@ def accept(
     nothing measured where nothing is predicted, or an order that the full cycle does not have; UsageError: such an
     order on the command line.
     """
-    drive = with_window(inputs.drive, predictions.prior.drive.numerics.window) if predictions else inputs.drive
-    limits, measured, rule = limits_of(drive), inputs.measurements, drive.acceptance.rule
+    drive, measured = inputs.drive, inputs.measurements
+    limits, rule = limits_of(drive), drive.acceptance.rule
     left = inputs.unmeasured
     if predictions is None and len(left) == len(limits):
         raise DataError(
             f"{drive.name}: nothing was measured that has a limit",
-            "--measured FILE or --value NAME=VALUE±U, or no --measured-only",
+            " ".join(limit.option for limit in limits) + ", or no --measured-only" * request.measured_only,
         )
     decisions = []
     for limit in limits:
@@ -73,7 +72,7 @@ def accept(
     return AcceptAnswer(
         version=__version__,
         preset=PresetRecord(drive.name, drive.origin.sha256, drive.origin.overrides),
-        exit_code=exit_code(verdict, bool(remarks), request.fail_on),
+        exit_code=verdict.exit_code,
         warnings=drive.origin.warnings,
         serial=request.serial,
         seed=request.seed,

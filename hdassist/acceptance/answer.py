@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Any
@@ -12,7 +11,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from hdassist.acceptance.decision import Decision
 from hdassist.acceptance.predictions import Predictions
-from hdassist.acceptance.request import FailOn, Request
+from hdassist.acceptance.request import Request
 from hdassist.errors import DataError, Fault
 from hdassist.json_parts import (
     Json,
@@ -29,7 +28,6 @@ from hdassist.preset.kinds import OneLine
 from hdassist.run.kept import ClosedRecord, RecordKind, own_schema, read_kept, why_invalid
 from hdassist.textfile import PART, STDIN, opened
 from hdassist.verdict import Verdict
-from hdassist.visible import printable
 
 MOST_ANSWER_BYTES = 1_000_000_000
 ACCEPT_SCHEMA = schema_of("accept")
@@ -120,13 +118,6 @@ def of_predictions(found: Predictions | None, wheels: MeasuredTeeth | None) -> J
     }
 
 
-def exit_code(verdict: Verdict, remarked: bool, fail_on: FailOn) -> int:
-    """Exit code of an acceptance: that of its verdict; with warn remarks count as FAIL, with never nothing does."""
-    if fail_on == "never":
-        return 0
-    return 3 if fail_on == "warn" and remarked else verdict.exit_code
-
-
 def now() -> str:
     """The time as answers have it."""
     return datetime.now(UTC).isoformat(timespec="seconds")
@@ -152,14 +143,8 @@ def answer_json(answer: AcceptAnswer) -> Json:
     return fields
 
 
-def to_lines(answers: Iterable[AcceptAnswer]) -> str:
-    """Answers as JSON Lines; never NaN or Infinity."""
-    lines = (json.dumps(answer_json(one), ensure_ascii=True, allow_nan=False, separators=(",", ":")) for one in answers)
-    return "".join(printable(line) + "\n" for line in lines)
-
-
 def read_answers(path: str) -> list[AcceptAnswer]:
-    """Answers of `hdassist accept` from a file: --json of one drive or of many, or JSON Lines.
+    """Answers of `hdassist accept` from a file: --json of one drive or of many, or --jsonl of a lot.
 
     A last line that breaks off is left out. Raises DataError: a file that cannot be read, or says something else.
     """
@@ -171,17 +156,12 @@ def read_answers(path: str) -> list[AcceptAnswer]:
                 raise DataError(f"{file}: a binary file, or larger than {MOST_ANSWER_BYTES / 1e6:g} MB", hint)
     if (kept := read_kept(bytes(data), file, ANSWERS)) is not None:
         return kept
-    text = data.decode("utf-8", "replace")
     try:
-        try:
-            found = [json.loads(text)]
-        except ValueError:  # lines; what stands after the last end of a line was broken off
-            found = [json.loads(line) for line in text.split("\n")[:-1] if line.strip()]
+        found = json.loads(data.decode("utf-8", "replace"))
         json.dumps(found, allow_nan=False)
     except (ValueError, RecursionError) as fault:
         raise DataError(f"{file}: no JSON: {fault}", hint) from None
-    if len(found) == 1 and isinstance(found[0], dict):
-        found = found[0].get("results", found)
+    found = found.get("results", [found]) if isinstance(found, dict) else []
     if not found:
         raise DataError(f"{file}: no answers in the file", hint)
     return [_read(one, f"{file}:{number}") for number, one in enumerate(found, 1)]

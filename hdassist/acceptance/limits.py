@@ -53,6 +53,15 @@ class Limit(ClosedRecord):
         words = self.check.words if order is None else f"amplitude of order {order:g}"
         return words if self.M_g_Nm is None else f"{words} at {self.M_g_Nm:g} N·m"
 
+    @property
+    def option(self) -> str:
+        """The option of `hdassist accept` that gives its measured value."""
+        torque = "" if self.M_g_Nm is None else f"{self.M_g_Nm:g}"
+        if self.check.measured and torque:
+            return f"--measured {torque}=FILE"
+        name = self.check.field if self.per_cam_rev is None else f"{ORDER_PREFIX}{self.per_cam_rev:g}"
+        return f"--value {name}{torque and f'@{torque}'}=VALUE±U"
+
     def room(self, value: ValueT) -> ValueT:
         """Room that a value or an array of values leaves to the limit, in the unit of the check: negative beyond it."""
         return self.limit - value if self.check.upper else value - self.limit
@@ -115,10 +124,6 @@ class LimitText:
         """
         name, equals, value = (part.strip() for part in text.partition("="))
         if option == "--limit" and not equals and name[:1] in tuple("+-.0123456789"):
-            torque, colon, bound = name.partition(":")
-            if colon:  # the old form of `tolerance` and `allocate`
-                words = f"invalid --limit {text}: expected NAME@TORQUE=VALUE"
-                raise UsageError(words, f"--limit {F_IOR.field}@{torque}={bound}")
             name, value = F_IOR.field, name
         found = LIMIT_NAME.fullmatch(name)
         if not (found and value):

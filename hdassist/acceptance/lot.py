@@ -22,7 +22,7 @@ from hdassist.preset.kinds import is_number
 from hdassist.preset.library import preset_names
 from hdassist.preset.overrides import path_of
 from hdassist.preset.yamltext import near_miss, shown
-from hdassist.readers.table import CellTable, read_texts, shortened
+from hdassist.readers.table import CellTable, read_texts
 from hdassist.readers.wheels import WheelFiles
 from hdassist.textfile import STDIN
 
@@ -70,12 +70,11 @@ class LotRow:
 
 @dataclass(frozen=True)
 class Lot:
-    """Drives to accept: file that names them with its SHA-256, rows in its order, remarks."""
+    """Drives to accept: file that names them with its SHA-256, rows in its order."""
 
     file: str
     sha256: str
     rows: tuple[LotRow, ...]
-    notes: tuple[str, ...] = ()
 
 
 Column = tuple[str, str]  # the field of a request (or of its wheels) that a column gives, and what stands before a cell
@@ -98,10 +97,7 @@ def read_lot(path: str, base: Request) -> Lot:
     columns = _columns(table)
     first: dict[str, int] = {}
     rows = [_row(table, columns, place, base, first) for place in range(len(table.rows))]
-    notes = [f"{len(rows)} drives"]
-    if inside := [number for number in table.remarks if number > table.names_line]:
-        notes.append(f"left out as remarks: line {shortened(inside, 20)}")
-    return Lot(table.file, table.sha256, tuple(rows), tuple(notes))
+    return Lot(table.file, table.sha256, tuple(rows))
 
 
 def _columns(table: CellTable) -> list[Column | None]:

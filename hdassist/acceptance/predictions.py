@@ -17,16 +17,17 @@ from hdassist.acceptance.limits import Limit, torques_of
 from hdassist.belief.evidence import STIFFNESS_FIGURES, evidence_of
 from hdassist.belief.influence import Influence, influences
 from hdassist.belief.measure import MeasurementGain, measurements
-from hdassist.belief.prior import DrivePrior, prior_of
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, SAMPLE_STATES, Samples, SamplingEffort, draw_samples
-from hdassist.belief.statistics import probability_of, weighted_quantile
+from hdassist.belief.prior import DrivePrior
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, draw_samples
+from hdassist.belief.statistics import weighted_quantile
 from hdassist.design.check import beside_measured_teeth
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.error_map import searchable
 from hdassist.error.self_error import SelfError, self_error
-from hdassist.error.stiffness import Stiffness, stiffness, stiffness_states
+from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.table import TABLE_SECTIONS
 from hdassist.errors import UsageError
+from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, unknowns
 from hdassist.model.wheels import MeasuredTeeth
@@ -35,7 +36,7 @@ from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.verdict import SURE, is_settled, percent_text
+from hdassist.verdict import SURE, is_settled
 
 
 @dataclass(frozen=True)
@@ -104,18 +105,13 @@ class Belief(ClosedRecord):
     probability_low: float
     probability_high: float
 
-    @property
-    def percent(self) -> str:
-        """The probability with its interval, in words."""
-        return percent_text(self.probability, self.probability_low, self.probability_high)
-
 
 @dataclass(frozen=True)
 class Predictions:
     """Predicted values of a drive for its limits.
 
     quantities: at the preset's own numbers, unknown deviations as 0; unknown: these deviations; prior: all that is not
-    known exactly; samples of it, None where none were drawn; error_samples: those of them that `check` draws.
+    known exactly; samples of it, None where none were drawn; sure, probability of keeping a limit that PASS needs.
     """
 
     limits: tuple[Limit, ...]
@@ -123,7 +119,7 @@ class Predictions:
     unknown: tuple[Unknown, ...]
     prior: DrivePrior
     samples: Samples | None = None
-    error_samples: Samples | None = None
+    sure: float = SURE
 
     @property
     def certificate(self) -> Certificate:
@@ -140,14 +136,14 @@ class Predictions:
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
         """Shares of the variance of ln F'_ior at the torque that is least sure, by field, the largest first."""
-        if self.least_sure is None or self.error_samples is None:
+        if self.least_sure is None or self.samples is None:
             return ()
-        return influences(self.error_samples.of_ranges, self.error_samples.torques.index(self.least_sure.M_g_Nm or 0.0))
+        return influences(self.samples.of_ranges, self.samples.torques.index(self.least_sure.M_g_Nm or 0.0))
 
     @cached_property
     def to_measure(self) -> tuple[MeasurementGain, ...]:
         """What to measure next, for the torque that is least sure, the largest gain first."""
-        samples, limit = self.error_samples, self.least_sure
+        samples, limit = self.samples, self.least_sure
         if limit is None or samples is None:
             return ()
         M_g = limit.M_g_Nm or 0.0
@@ -156,23 +152,25 @@ class Predictions:
         return measurements(replace(samples, figures=figures), samples.torques.index(M_g), left) if left > 0 else ()
 
     def is_open(self, limit: Limit) -> bool:
-        """Whether anything that is not known exactly moves the value of a limit."""
-        return _is_open(self.prior, limit)
+        """Whether anything that is not known exactly moves the value of a limit: deviations move the cycle alone."""
+        moves_cycle = "cycle" in limit.check.needs
+        return any(moves_cycle or not each.path.startswith(TABLE_SECTIONS) for each in self.prior.fields)
 
     def belief(self, limit: Limit) -> Belief | None:
         """The value of a limit over all that is not known exactly; None where nothing moves it, or was not drawn."""
-        samples = self.error_samples if _is_of_check(self.prior.drive, limit) else self.samples
-        if samples is None or not self.is_open(limit):
+        if self.samples is None or not self.is_open(limit):
             return None
-        if limit.check is F_IOR:
+
+        def values(samples: Samples) -> Array:
+            if limit.check is not F_IOR:
+                return samples.figures[limit.label]
             M_g = limit.M_g_Nm or 0.0
             own = self.quantities.self_errors[M_g].range_arcsec  # on top of F'_ior
-            values = samples.F_ior_arcsec[:, samples.torques.index(M_g)] + own
-        else:
-            values = samples.figures[limit.label]
-        first = samples.of_ranges.weights
-        p5, p50, p95 = (weighted_quantile(values[: len(first)], first, share) for share in (0.05, 0.5, 0.95))
-        kept = probability_of(limit.room(values) >= 0, samples.weights)
+            return np.asarray(samples.F_ior_arcsec[:, samples.torques.index(M_g)] + own)
+
+        first = self.samples.of_ranges
+        p5, p50, p95 = (weighted_quantile(values(first), first.weights, share) for share in (0.05, 0.5, 0.95))
+        kept = self.samples.probability(lambda samples: limit.room(values(samples)) >= 0, self.sure)
         return Belief(p5, p50, p95, kept.value, kept.low, kept.high)
 
 
@@ -196,20 +194,6 @@ def quantities(
     return found
 
 
-def prediction_states(drive: Drive, limits: Sequence[Limit], draws: int = EFFECTIVE_SAMPLES) -> int:
-    """Number of states that predictions for limits solve, about, for a progress bar."""
-
-    def once(some: Sequence[Limit]) -> int:
-        states = len(torques_of(some, "cycle")) * Kinematics.of(drive).cycle_states
-        states += len(torques_of(some, "self error")) * drive.numerics.n_phase**2
-        return states + stiffness_states(1) * any("stiffness" in limit.check.needs for limit in some)
-
-    if not (searchable(drive) and any(_is_open(prior_of(drive), limit) for limit in limits)):
-        return once(limits)
-    drawn = len(_torques(drive, limits)) * SAMPLE_STATES + once([limit for limit in limits if limit.check is not F_IOR])
-    return once(limits) + draws * drawn
-
-
 def predict(
     drive: Drive,
     limits: Sequence[Limit],
@@ -229,24 +213,16 @@ def predict(
     known = quantities(drive, limits, wheels=wheels, run=run)
     without, prior = beside_measured_teeth(drive, wheels)
     unknown = unknowns(without) if known.errors else ()
-    found = Predictions(tuple(limits), known, unknown, prior)
+    found = Predictions(tuple(limits), known, unknown, prior, sure=sure)
     open_ = [limit for limit in limits if found.is_open(limit)]
     if not (open_ and draws and searchable(drive) and not wheels):
         return found
-    of_check = [limit for limit in open_ if _is_of_check(drive, limit)]
-    others = [limit for limit in open_ if limit not in of_check]
-    first: list[Samples] = []  # as check has them: it stops where its own limits are settled
-
-    def settled(some: Sequence[Limit], samples: Samples) -> bool:
-        beliefs = (replace(found, samples=samples, error_samples=samples).belief(limit) for limit in some)
-        return all(is_settled(b.probability_low, b.probability_high, sure) for b in beliefs if b)
 
     def enough(samples: Samples) -> bool:
-        if not first and settled(of_check, samples):
-            first.append(samples)
-        return bool(first) and settled(others, samples)
+        beliefs = (replace(found, samples=samples).belief(limit) for limit in open_)
+        return all(is_settled(b.probability_low, b.probability_high, sure) for b in beliefs if b)
 
-    figured = tuple(limit for limit in others if limit.check is not F_IOR)
+    figured = tuple(limit for limit in open_ if limit.check is not F_IOR)
     samples = draw_samples(
         prior,
         _torques(drive, open_),
@@ -257,7 +233,7 @@ def predict(
         effort=SamplingEffort.of(draws),
         run=run,
     )
-    return replace(found, samples=samples, error_samples=first[0] if first else samples)
+    return replace(found, samples=samples)
 
 
 def _torques(drive: Drive, limits: Sequence[Limit]) -> tuple[float, ...]:
@@ -265,16 +241,6 @@ def _torques(drive: Drive, limits: Sequence[Limit]) -> tuple[float, ...]:
     held = [limit.M_g_Nm for limit in limits if limit.check is F_IOR and limit.M_g_Nm is not None]
     needed = held or drive.catalogue.accuracy is not None
     return tuple(dict.fromkeys([*drive.operation.M_g, *held])) if needed else ()
-
-
-def _is_of_check(drive: Drive, limit: Limit) -> bool:
-    """Whether `hdassist check` holds the same limit."""
-    return limit.check is F_IOR and limit.M_g_Nm in drive.operation.M_g
-
-
-def _is_open(prior: DrivePrior, limit: Limit) -> bool:
-    """Whether an input that is not known exactly moves the value of a limit: deviations move the cycle alone."""
-    return any("cycle" in limit.check.needs or not each.path.startswith(TABLE_SECTIONS) for each in prior.fields)
 
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:

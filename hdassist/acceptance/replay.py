@@ -18,8 +18,11 @@ from hdassist.version import __version__
 
 RELATIVE = 1e-6  # of the greatest number of its object: how far a number may lie off that agrees
 ROUNDING = 1e-12  # how far in any case: residuals of another processor
-# of the run and not of the drive; the difference of two solvers is rounding alone
-NOT_COMPARED = ("version", "time", "request", "place", "message", "hint", "max_difference_arcsec", "engine")
+# of the run and not of the drive; residuals are proven anew, each engine has its own
+NOT_COMPARED = (
+    "version", "time", "request", "place", "message", "hint", "max_difference_arcsec", "engine", "max_residual",
+    "residuals", "fallbacks",
+)  # fmt: skip
 
 
 def changed_file(answer: AcceptAnswer) -> DataError | None:
@@ -73,18 +76,14 @@ def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[Differ
     if bool(recorded.error) != bool(now.error):
         errors = (each.error and each.error.message for each in (recorded, now))
         return [Difference("verdict", recorded.status, now.status), Difference("error", *errors)]
-    engine, engine_now = (each.certificate and each.certificate["engine"] for each in (recorded, now))
-    then, comes = (_by_check(each, same_engine=engine == engine_now) for each in (recorded, now))
-    return list(differences(then, comes))
+    return list(differences(_by_check(recorded), _by_check(now)))
 
 
-def _by_check(answer: AcceptAnswer, *, same_engine: bool) -> Json:
-    """An answer with its checks by name; of another engine without the residuals, which it has of its own."""
+def _by_check(answer: AcceptAnswer) -> Json:
+    """An answer with its checks by name."""
+    names = (f"{place} {check.label}" for place, check in enumerate(answer.checks, 1))
     found = answer_json(answer)
-    if found["certificate"] and not same_engine:
-        found["certificate"] = {key: found["certificate"][key] for key in ("states", "cross_check")}
-    checks = zip(answer.checks, found["checks"], strict=True)
-    return found | {"checks": {f"{place} {check.label}": each for place, (check, each) in enumerate(checks, 1)}}
+    return found | {"checks": dict(zip(names, found["checks"], strict=True))}
 
 
 def differences(recorded: Any, now: Any, key: str = "", allowed: float = ROUNDING) -> Iterator[Difference]:

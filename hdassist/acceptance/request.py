@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from math import isnan
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field
 
@@ -26,10 +25,7 @@ from hdassist.preset.overrides import is_overridden
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
-from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE
-
-FailOn = Literal["warn", "fail", "never"]
 
 
 @dataclass(frozen=True)
@@ -71,7 +67,7 @@ class Request(ClosedRecord):
     preset's; measured, traces; values, measured otherwise; reading, how traces are read; measured_only, predict
     nothing; cross_check, solver of some predicted states again; draws, effective samples of what is not known at least;
     sure, probability of keeping a limit that PASS of a prediction needs; seed; wheels, with measured teeth, for
-    predictions; fail_on, what makes the exit code.
+    predictions.
     """
 
     preset: OneLine
@@ -87,7 +83,6 @@ class Request(ClosedRecord):
     wheels: WheelFiles = field(default_factory=WheelFiles)
     draws: Annotated[int, Field(ge=0)] = EFFECTIVE_SAMPLES
     sure: Annotated[float, Field(ge=0.5, lt=1)] = SURE
-    fail_on: FailOn = "fail"
 
     def files(self) -> list[str]:
         """Paths of all that is read for it; its preset, the first one, may be one of the library."""
@@ -147,8 +142,7 @@ class Request(ClosedRecord):
         if self.measured_only or not limits:
             return None
         run = replace(run, seed=self.seed, cross_check=self.cross_check)
-        analysis = partial(predict, limits=limits, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
-        return in_wide_enough_window(drive, analysis)
+        return predict(drive, limits=limits, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
 
 
 def torque_and_file(text: str) -> tuple[str, str]:

@@ -15,6 +15,7 @@ from functools import partial
 from itertools import chain
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import softmax
 
 from hdassist.belief.evidence import (
@@ -46,7 +47,6 @@ from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE, is_settled
 
 FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
@@ -82,7 +82,7 @@ class Samples:
     figures: predictions beside F'_ior by name, shape (samples,) each; weights, shape (samples,); draws: how many were
     made; refused: draws that are no drive, or have no trustworthy answer, by the reason; seed of the draws;
     turned_arcsec: F'_ior with the fixed wheel turned by rotations_deg, shape (samples, torques, rotations); made: each
-    draw, also those without an answer; first: the fewest of them that are enough for any question, None of these.
+    draw, also those without an answer; stages: these samples as they grew, from the fewest that are enough for a range.
     """
 
     prior: DrivePrior
@@ -98,22 +98,12 @@ class Samples:
     rotations_deg: tuple[float, ...]
     turned_arcsec: Array
     made: tuple[Draw, ...]
-    first: Samples | None = None
+    stages: tuple[Samples, ...] = ()
 
     @property
     def of_ranges(self) -> Samples:
         """The first samples, which ranges and influences are of: a limit that takes more of them moves neither."""
-        return self.first or self
-
-    def turned_by(self, rotations_deg: Sequence[float]) -> list[Draw]:
-        """Each draw with F'_ior at some of the rotations alone."""
-        places = [self.rotations_deg.index(each) for each in rotations_deg]
-        return [
-            replace(each, turned_arcsec=tuple(tuple(row[place] for place in places) for row in each.turned_arcsec))
-            if each.turned_arcsec
-            else each
-            for each in self.made
-        ]
+        return self.stages[0] if self.stages else self
 
     @property
     def effective(self) -> float:
@@ -130,10 +120,22 @@ class Samples:
         low, high = (self.percentile(float(np.clip(share + s, 0, 1)), torque) for s in (-step, step))
         return (high - low) / 2
 
-    def probability_within(self, limit_arcsec: float, torque: int) -> Probability:
-        """Probability that F'_ior at a torque, by its place, is at most a limit [arcsec]."""
-        inside = self.F_ior_arcsec[:, torque] <= limit_arcsec
-        return probability_of(inside, self.weights)
+    def probability(self, outcome: Callable[[Samples], Array | NDArray[np.bool_]], sure: float = SURE) -> Probability:
+        """Probability of an outcome, from the fewest samples whose Monte Carlo error reaches over no threshold.
+
+        So samples that were drawn further for another question do not move it. Arguments: outcome, which of some
+        samples have it, shape (samples,); sure, probability that PASS needs.
+        """
+        found = Probability(0.0, 0.0, 1.0)
+        for stage in self.stages or (self,):
+            found = probability_of(outcome(stage), stage.weights)
+            if is_settled(found.low, found.high, sure):
+                break
+        return found
+
+    def probability_within(self, limit_arcsec: float, torque: int, sure: float = SURE) -> Probability:
+        """Probability that F'_ior at a torque, by its place, is at most a limit [arcsec]; sure as in probability."""
+        return self.probability(lambda samples: samples.F_ior_arcsec[:, torque] <= limit_arcsec, sure)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,9 +167,9 @@ class ErrorBelief:
         """Monte Carlo standard error [arcsec] of a percentile, by its share."""
         return self.samples.of_ranges.percentile_error(share, self.torque)
 
-    def probability_within(self, limit_arcsec: float) -> Probability:
-        """Probability that F'_ior is at most a limit [arcsec]."""
-        return self.samples.probability_within(limit_arcsec, self.torque)
+    def probability_within(self, limit_arcsec: float, sure: float) -> Probability:
+        """Probability that F'_ior is at most a limit [arcsec]; sure, probability that PASS needs."""
+        return self.samples.probability_within(limit_arcsec, self.torque, sure)
 
 
 def draw_samples(
@@ -187,7 +189,7 @@ def draw_samples(
     """Samples of a drive at torques [N*m]: at least effort.effective of them, then more until they are enough.
 
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; begun, samples
-    by the same arguments, these turns among theirs, whose draws are gone on from; evidence on the drive; further,
+    by the same arguments, whose draws are gone on from; evidence on the drive; further,
     figures that each sample has beside F'_ior, and further_name, all that they depend on beside the drive, in words,
     without which draws with them are not kept; enough, whether samples suffice for what they are for; effort, limits of
     sampling; seen, called with the samples so far.
@@ -199,7 +201,7 @@ def draw_samples(
     solve: Callable[..., Draw] | None = None
     kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, run.seed)
     earlier = kept.read() if further_name or not further else []
-    draws, first = (begun.turned_by(rotations), begun.first) if begun else ([], None)
+    draws, stages = (list(begun.made), begun.stages) if begun else ([], ())
     try:
         while True:
             size = min(effort.batch, max(HOPELESS, len(draws)))
@@ -216,16 +218,18 @@ def draw_samples(
                 draws.append(each)
                 run.solved(each.certificate.states)
             samples = _collected(prior, tuple(torques), rotations, evidence, draws, run.seed)
-            if seen:
-                seen(replace(samples, first=first))
             effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
-            first = first or (samples if effective >= effort.effective else None)
+            if stages or effective >= effort.effective:
+                stages = (*stages, samples)
+            samples = replace(samples, stages=stages)
+            if seen:
+                seen(samples)
             is_last = len(draws) >= effort.most_draws or (len(draws) >= HOPELESS and not len(samples.weights))
             if is_last and effective < effort.effective:
                 raise _too_few(samples, draws, evidence, effort.effective)
             if is_last or (effective >= effort.effective and (effective >= effort.most_effective or enough(samples))):
                 _require_shown(draws, evidence)
-                return replace(samples, first=first)
+                return samples
     finally:
         if len(draws) > len(earlier) and (further_name or not further):
             kept.keep(draws)
@@ -237,7 +241,7 @@ def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: 
     Arguments: left_arcsec, at each torque what a limit leaves F'_ior beside the self error, None without a limit; sure,
     probability that PASS needs.
     """
-    found = [samples.probability_within(left, k) for k, left in enumerate(left_arcsec) if left is not None]
+    found = [samples.probability_within(left, k, sure) for k, left in enumerate(left_arcsec) if left is not None]
     return all(is_settled(each.low, each.high, sure) for each in found)
 
 
@@ -269,19 +273,18 @@ def _solved(
         return Draw(refused=f"{conflict.path}: {conflict.message}")
     try:
         if any(each.figure in STIFFNESS_FIGURES for each in evidence):
-            figures, proof = in_wide_enough_window(moved, stiffness_figures)
+            figures, proof = stiffness_figures(moved)
             probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / density / KEPT_LIKELIHOOD)
         if chance >= probability:
             return Draw(figures=figures, proof=astuple(proof))
         if near:
-            nearer, its_shares, its_density, found = in_wide_enough_window(moved, partial(near.drawn, number=number))
+            nearer, its_shares, its_density, found = near.drawn(moved, number=number)
             moved, density, proof = moved.with_values(nearer), density * its_density, proof + found
             of_fields = [its_shares.get(f.path, share) for f, share in zip(prior.fields, of_fields, strict=True)]
         measured = [each for each in evidence if each.M_g]
         places = [(each.M_g, each.rotation_deg) for each in measured]
-        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, measured=places)
-        F_ior, turned, there, found = in_wide_enough_window(moved, search)
-        more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
+        F_ior, turned, there, found = errors_by_turn(moved, torques, rotations_deg, places)
+        more, more_proof = further(moved) if further else ({}, EMPTY)
     except HdassistError as error:
         return Draw(refused=str(error.fault))
     figures = {**figures, **more, **{each.figure: float(F) for each, F in zip(measured, there, strict=True)}}
@@ -344,10 +347,7 @@ def errors_by_turn(
     F_ior, found = np.empty(len(torques)), np.empty((len(torques), len(rotations_deg)))
     at_measured = np.empty(len(measured))
     every = list(dict.fromkeys((*torques, *(torque for torque, _ in measured))))
-    # where the window of flanks is too narrow the greatest torque says so at once
-    falling = sorted(range(len(every)), key=lambda k: -abs(every[k]))
-    maps = error_maps(drive, [every[k] for k in falling])
-    for k, M_g, error_map in zip(falling, (every[k] for k in falling), maps, strict=True):
+    for k, (M_g, error_map) in enumerate(zip(every, error_maps(drive, every), strict=True)):
         now = error_map.many_extremes(Batch.of(drive), grid=COARSE_POINTS)
         proof += now.certificate
         if k < len(torques):

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
@@ -20,27 +18,9 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
     """How answers are worked out and given; jsonl and junit also have the drives without an answer."""
 
     details: o.Details = False
-    fail_on: Annotated[
-        Literal["warn", "fail", "never"], typer.Option(metavar="KIND", help="Fails the command: warn, fail or never.")
-    ] = "fail"
-    jsonl: Annotated[str | None, o.lot_option(metavar="FILE", help="Write each answer as a line of JSON.")] = None
-    resume: Annotated[bool, o.lot_option("--resume", help="Go on with the answers in --jsonl FILE.")] = False
-    junit: Annotated[str | None, o.lot_option(metavar="FILE", help="Write JUnit XML (- for stdout).")] = None
-
-    @property
-    def lines_file(self) -> str | None:
-        """The file that JSON Lines go to; None for standard output too."""
-        return None if self.jsonl == "-" else self.jsonl
-
-    @property
-    def takes_stdout(self) -> bool:
-        """Whether JSON Lines or JUnit go to standard output."""
-        return "-" in (self.jsonl, self.junit)
-
-    @property
-    def has_lines(self) -> bool:
-        """Whether there is a file that a drive without an answer stands in too."""
-        return self.jsonl is not None or self.junit is not None
+    jsonl: str | None = None
+    resume: bool = False
+    junit: str | None = None
 
     def replaces(self, path: str) -> bool:
         """Whether an existing file may be replaced: a lot that goes on replaces figures and suites of its last run."""
@@ -54,10 +34,10 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         """Where answers go. Raises UsageError and DataError unless each file has its own place, and can be written."""
         from hdassist.terminal.files import take_output
 
-        if self.resume and self.lines_file is None:
-            raise UsageError("--resume goes on with a file of answers", "--jsonl FILE --resume")
-        if [self.csv, self.jsonl, self.junit, self.output if self.json else None].count("-") > 1:
-            raise UsageError("standard output can take one of --json, --csv, --jsonl and --junit")
+        if self.jsonl == "-" or (self.resume and self.jsonl is None):
+            raise UsageError("answers of a lot are kept in a file", "--jsonl FILE")
+        if [self.csv, self.junit, self.output if self.json else None].count("-") > 1:
+            raise UsageError("standard output can take one of --json, --csv and --junit")
         out = super().open()
         if self.jsonl is not None:
             take_output(self.jsonl, self.force, is_kept=self.resume)
@@ -91,33 +71,15 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
     worst, in the order 1, 5, 4, 3, 6, 0.
     """
 
-    presets: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="[PRESET...|LOT]", default_factory=list, show_default=False,
-            help="Preset names, paths, or -; or a lot: a table NAME.csv, or - with --preset.",
-        ),
-    ]  # fmt: skip
+    presets: list[str]
     limit: o.Limits
-    measured: Annotated[
-        list[str],
-        typer.Option(metavar="[TORQUE=]FILE", default_factory=list, show_default=False, help="Measured trace."),
-    ]
-    value: Annotated[
-        list[str],
-        typer.Option(
-            metavar="NAME=VALUE±U", default_factory=list, show_default=False, help="Value measured otherwise, k = 2."
-        ),
-    ]
-    measured_only: Annotated[bool, typer.Option("--measured-only", help="Predict nothing.")] = False
+    measured: list[str]
+    value: list[str]
+    measured_only: bool = False
     sure: o.VerdictProbability = 0.95
-    serial: Annotated[str, typer.Option(metavar="TEXT", help="Serial number in the answer.")] = ""
-    preset: Annotated[
-        str, o.lot_option("--preset", metavar="PRESET", show_default=False, help="Preset of rows that name none.")
-    ] = ""
-    replay: Annotated[
-        str | None, o.lot_option(metavar="FILE", help="Repeat the answers of --json or --jsonl, and compare.")
-    ] = None
+    serial: str = ""
+    preset: str = ""
+    replay: str | None = None
     cross_check: o.CrossCheckOption = "highs"
 
     def run(self) -> int:
@@ -138,15 +100,15 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         of_one = self.measured or self.value or self.serial or wheels.files or wheels.is_marked
         if (len(self.presets) > 1 or lots) and of_one:
             raise UsageError("what was measured belongs to one drive", "one PRESET, or columns of a lot: LOT.csv")
-        if (self.preset or self.resume) and not lots:
-            raise UsageError(f"{'--preset' if self.preset else '--resume'} is for lots", "hdassist accept LOT.csv")
+        if (self.preset or self.resume or self.jsonl) and not (lots or self.replay):
+            raise UsageError("--preset, --jsonl and --resume are for lots", "hdassist accept LOT.csv")
         o.stdin_once(*self.presets, *files, self.replay)
         if self.measured_only and wheels.files:
             raise UsageError("--measured-only predicts nothing, and measured teeth are for predictions")
         if self.preset == "-":
             raise UsageError("rows of a lot cannot read standard input", "--preset FILE")
         if self.replay is not None:
-            if self.presets or self.csv or self.has_lines or base != Request(""):
+            if self.presets or self.csv or self.jsonl or self.junit or base != Request(""):
                 words = "no PRESET, and no other options than --json, -o, --jobs"
                 raise UsageError("--replay does what its answer says", words)
             return replay_answers(self.replay, self)
@@ -170,5 +132,4 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             wheels=self.wheels(),
             draws=self.draws,
             sure=self.sure,
-            fail_on=self.fail_on,
         )

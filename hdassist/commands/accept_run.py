@@ -7,13 +7,13 @@ from contextlib import closing
 from dataclasses import replace
 
 from hdassist.acceptance.accept import accept
-from hdassist.acceptance.answer import ANSWERS, AcceptAnswer, answer_json, read_answers, to_lines
+from hdassist.acceptance.answer import ANSWERS, AcceptAnswer, answer_json, read_answers
 from hdassist.acceptance.lot import Lot, LotRow, read_lot
-from hdassist.acceptance.predictions import prediction_states
 from hdassist.acceptance.replay import changed_file, still_stands
 from hdassist.acceptance.request import Request
 from hdassist.acceptance.work import LotWork, failure_of
 from hdassist.commands.accept import AcceptOptions
+from hdassist.design.check import check_states
 from hdassist.errors import HdassistError, UsageError
 from hdassist.json_parts import Json
 from hdassist.pages import accept as page
@@ -47,22 +47,20 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
         drive = request.load()
         inputs = request.read(drive)
         say_notes(inputs.wheels)
-        states = 0 if request.measured_only else prediction_states(drive, inputs.unmeasured, request.draws)
+        states = 0 if request.measured_only else check_states(drive, inputs.wheels, request.draws)
         with out.progress(drive.name, states) as progress, workers(options.jobs) as executor:
             predictions = request.predict(drive, inputs.unmeasured, inputs.wheels, Run(executor, progress))
         answer = accept(request, inputs, predictions)
         answers.append(answer)
         report = page.accept_report(answer, predictions, drive)
-        return replace(report, head="") if options.takes_stdout else report
+        return replace(report, head="") if options.junit == "-" else report
 
     def failed(preset: str, error: HdassistError) -> Json:
         answers.append(failure_of(LotRow(replace(base, preset=preset)), error))
         return answer_json(answers[-1])
 
-    kept = options.json or options.has_lines
+    kept = options.json or options.junit is not None
     code = give("accept", run_each("accept", presets, one, options, failed=failed, keep_failures=kept), options, out)
-    if options.jsonl is not None:
-        write_text(options.jsonl, to_lines(answers), options.force)
     _write_tables(options, "accept", answers)
     return code
 
@@ -77,18 +75,16 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
     out = options.open()
     base.require_sound()
     lot = read_lot(path, base)
-    for text in lot.notes:
-        note(f"{lot.file}: {text}")
     for file in (file for row in lot.rows for file in row.request.files()):
         note_input(file)
     done: list[AcceptAnswer] = []
-    with open_kept(options.lines_file, ACCEPT_OWNER, ANSWERS, force=not options.resume) as kept:
+    with open_kept(options.jsonl, ACCEPT_OWNER, ANSWERS, force=not options.resume) as kept:
         known = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
         before, is_known = kept.done, sum(map(bool, known))
 
         def state() -> str:
-            where = f"are kept in {options.lines_file}: the same command with --resume goes on"
-            words = where if options.lines_file else "are done, none is kept: --jsonl FILE"
+            where = f"are kept in {options.jsonl}: the same command with --resume goes on"
+            words = where if options.jsonl else "are done, none is kept: --jsonl FILE"
             return f"{is_known + kept.done - before} of {len(lot.rows)} rows {words}"
 
         to_do = [row for row, answer in zip(lot.rows, known, strict=True) if answer is None]
@@ -100,14 +96,12 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
                 done.append(answer)
                 if error := answer.error:
                     complain(HdassistError(f"{page.title(answer)}: {error.message}", error.hint, error.code))
-                if options.jsonl == "-":
-                    write_text("-", to_lines([answer]), out.force)
         if options.resume:
             kept.rewrite(done)  # in the order of the rows, each once
-    if options.lines_file:
-        note(f"wrote {options.lines_file}")
+    if options.jsonl:
+        note(f"wrote {options.jsonl}")
     report = page.lot_report(lot, done)
-    give("accept", [replace(report, head="") if options.takes_stdout else report], options, out)
+    give("accept", [replace(report, head="") if options.junit == "-" else report], options, out)
     _write_tables(options, lot.file, done, lot.sha256)
     return worst_exit_code(answer.exit_code for answer in done)
 

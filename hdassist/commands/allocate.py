@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
-
-import typer
 
 from hdassist.commands.draw_options import DrawOptions, ProductionRun, require_limits
 from hdassist.terminal import options as o
@@ -20,7 +17,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
     \b
     Examples:
       hdassist allocate vzp160 --torque 80 --limit 20
-      hdassist allocate vzp160 --limit 20 --limit F_ior@800=6 --classes
+      hdassist allocate vzp160 --limit 20 --limit F_ior@800=6
       hdassist allocate own.yaml --limit 30 --set cost.tolerances.e_hb.share=3
 
     Tolerances are recommended only where they reach the yield with a probability of --sure over all that is not known
@@ -32,19 +29,10 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
     """
 
     preset: o.Preset
-    wanted: Annotated[
-        float, typer.Option("--yield", metavar="SHARE", min=0.01, max=0.999, help="Share of drives that is to pass.")
-    ] = 0.95
-    count: Annotated[
-        int, typer.Option("-n", metavar="N", min=20, max=100_000, help="Random drives that prove the tolerances.")
-    ] = 250
-    sure: Annotated[
-        float, typer.Option(metavar="P", min=0.5, max=0.999, help="Probability of the yield that is needed.")
-    ] = 0.95
-    mounting: Annotated[
-        bool, typer.Option("--mounting/--as-built", help="Also with each wheel turned to its best hole.")
-    ] = True
-    classes: Annotated[bool, typer.Option("--classes", help="Also with teeth of whole ISO 1328-1 classes.")] = False
+    wanted: float = 0.95
+    count: int = 250
+    sure: float = 0.95
+    mounting: bool = True
 
     def run(self) -> int:
         """Choose the tolerances; returns the exit code."""
@@ -77,11 +65,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         drives = ProductionRun(drive.name, self.jobs, out)
         production, samples = drives.with_designs(production, self.count)
         allocator = Allocator(production, tuple(room), self.wanted, self.sure, drives.records, self.count)
-        ways = []
-        for turned in (False, True) if self.mounting else (False,):
-            ways.append(allocator.cheapest(turned))
-            if self.classes and ways[-1].fits:
-                ways.append(allocator.in_classes(ways[-1]))
+        ways = [allocator.cheapest(turned) for turned in ((False, True) if self.mounting else (False,))]
         gains = to_measure(law, samples, 0) if samples else ()
         found = Allocated(law, self.wanted, self.sure, limits, own, allocator.choices, ways, self.seed, gains)
         return give("allocate", [allocate_report(found)], self, out)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
@@ -16,16 +16,10 @@ if TYPE_CHECKING:
 class ArchiveOptions(o.OptionGroup):
     """Where results are kept, of which drive and measured how; or the drive whose history is shown."""
 
-    archive: Annotated[str | None, o.archive_option(metavar="DIR", help="Folder that keeps all results.")] = None
-    serial: Annotated[str, o.archive_option(metavar="TEXT", help="Add the results as those of this drive.")] = ""
-    conditions: Annotated[
-        list[str],
-        o.archive_option(
-            metavar="NAME=VALUE", default_factory=list, show_default=False,
-            help="hole=h4, torque=80, temperature=23, date=2026-03-01, encoders=TEXT.",
-        ),
-    ]  # fmt: skip
-    history: Annotated[str | None, o.archive_option(metavar="SERIAL", help="Show how this drive has changed.")] = None
+    archive: str | None = None
+    serial: str = ""
+    conditions: list[str]
+    history: str | None = None
 
     def archiving(self, files: Sequence[str]) -> "Callable[[Measurement], None]":
         """What is done with each result of files. Raises UsageError for options that do not go together."""

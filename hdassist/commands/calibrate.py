@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.terminal import options as o
 
@@ -21,7 +19,6 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     \b
     Examples:
       hdassist calibrate own.yaml --targets rig.yaml --write found.yaml
-      hdassist calibrate own.yaml --targets rig.yaml --state rig.jsonl
 
     \b
     A targets file:
@@ -29,50 +26,36 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
       name: acceptance rig, drive 17
       unknowns:
         gears.j_n: {low: 0, high: 20}
-        supports.C_2: {scale: log}     # within its range in the preset's source
+        supports.C_2:     # within its range in the preset's source
       targets:
         - {quantity: F_ior, M_g: 80, phase: 180, value: 20.1, tolerance: 0.5}
         - {quantity: K_1, value: 50e4, tolerance: 10 %}
         - {quantity: self_error, M_g: 80, low: 0.25, high: 2.0}
 
-    Quantities: F_ior, F_ior_max and F_ior_min (over the mounting phase), revolution_range, self_error, K_1, K_2,
-    K_3 and lost_motion (as hdassist stiffness has them), torsional_stiffness, trace. Drives spread evenly over the
-    bounds, then least squares from the best ones that lie apart; every set that meets the targets is kept, and where
-    none does, targets and bounds in the way are named. Ctrl-C keeps the --state file, from which the same command
-    goes on. Exit code 5: the fit did not come to rest.
+    Quantities: F_ior, F_ior_max and F_ior_min (over the mounting phase), self_error, K_1, K_2, K_3 and lost_motion (as
+    hdassist stiffness has them). Drives spread evenly over the bounds, then least squares from the best ones that lie
+    apart; every set that meets the targets is kept, and where none does, targets and bounds in the way are named. Exit
+    code 5: the fit did not come to rest.
     """
 
     preset: o.Preset
-    targets: Annotated[
-        Path, typer.Option("--targets", metavar="FILE", show_default=False, help="What to find, what is known (YAML).")
-    ]
-    write: Annotated[
-        str | None, typer.Option("--write", metavar="FILE", help="Write the preset with the values found.")
-    ] = None
-    state: Annotated[
-        Path | None, typer.Option("--state", metavar="FILE", help="Keep what was computed; go on from there.")
-    ] = None
-    evaluations: Annotated[
-        int, o.advanced_option(metavar="N", min=8, max=100_000, help="Drives to choose starts of least squares from.")
-    ] = 128
-    seed: Annotated[int, o.advanced_option(metavar="N", min=0, max=2**32 - 1, help="Seed of these drives.")] = 0
+    targets: Path
+    write: str | None = None
+    evaluations: int = 128
+    seed: o.SeedOption = 0
     jobs: o.Jobs = 0
     details: o.Details = False
 
     def run(self) -> int:
         """Find the values; returns the exit code."""
         from hdassist.calibration.calibrate import calibrate, estimate_drives
-        from hdassist.calibration.evaluations import Evaluations, evaluations_kind, evaluations_owner
         from hdassist.calibration.targets import read_targets
         from hdassist.errors import UsageError
         from hdassist.loading.write import with_found_values
         from hdassist.pages.calibrate import calibrate_report
         from hdassist.preset.fields import IDENTIFIED_WITH
         from hdassist.preset.library import READ_AT_MOST, read_preset
-        from hdassist.run.kept import open_kept
-        from hdassist.run.stops import at_stop
         from hdassist.terminal.files import take_output, write_text
-        from hdassist.terminal.output import note
         from hdassist.terminal.runs import give, run_each
         from hdassist.textfile import read_bytes
 
@@ -86,29 +69,17 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         def one(name: str) -> Report:
             nonlocal changed
             drive = self.load(name)
-            text, _ = read_bytes(self.targets, READ_AT_MOST)
-            wanted = read_targets(text, str(self.targets), drive)
+            wanted = read_targets(read_bytes(self.targets, READ_AT_MOST)[0], str(self.targets), drive)
             given = read_preset(name)[0].decode("utf-8-sig") if self.write is not None else ""
             if self.write is not None:  # a text that cannot be changed is better known before than after
-                with_found_values(given, name, {u.path: u.start for u in wanted.unknowns}, "")
-            if self.state is not None:
-                take_output(str(self.state), force=True, is_kept=True)
-            words = f"{self.state} keeps what was computed: the same command goes on from there" * bool(self.state)
-            file, owner = None if self.state is None else str(self.state), evaluations_owner(drive, wanted)
-            with (
-                open_kept(file, owner, evaluations_kind(wanted)) as kept,
-                at_stop(lambda: words),
-                out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run,
-            ):
-                known = Evaluations(drive, wanted, run, kept)
-                if known.remembered:
-                    note(f"going on from {self.state}: {known.remembered} drives are known")
-                result = calibrate(drive, wanted, known, points=self.evaluations)
+                with_found_values(given, name, {u.path: u.low for u in wanted.unknowns}, "")
+            with out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run:
+                result = calibrate(drive, wanted, points=self.evaluations, run=run)
             if self.write is not None:
-                best, *others = (wanted.by_path(fit.values) for fit in result.fits)
+                best = wanted.by_path(result.fits[0].values)
                 ref = f"hdassist calibrate, {wanted.name or self.targets.name}"
                 model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
-                changed = with_found_values(given, name, best, ref, others, model)
+                changed = with_found_values(given, name, best, ref, model)
             return calibrate_report(result)
 
         code = give("calibrate", run_each("calibrate", [self.preset], one, self), self, out)

@@ -93,7 +93,7 @@ def give_with_card(
     """Write a report and its card; returns the exit code.
 
     Arguments: command, for the schema; report; card that was asked for; facts that it tells, in the language of its
-    texts, None where the work was interrupted or nothing can be ordered: then there is no card; options; out.
+    texts, None where nothing can be ordered: then there is no card; options; out.
     """
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import give
@@ -104,5 +104,5 @@ def give_with_card(
     if card and facts:
         card.write(facts(card.say))
     elif card:
-        note("no card: the work was interrupted" if code == 130 else "no card: nothing can be ordered")
+        note("no card: nothing can be ordered")
     return code

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
@@ -40,19 +38,10 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.SignOptions, o.TraceO
     """
 
     preset: o.Preset
-    files: Annotated[
-        list[str], typer.Argument(metavar="FILE", help="Measured traces (- for stdin), or presets: names, .yaml files.")
-    ]
-    torque: Annotated[
-        str | None,
-        o.drive_option("--torque", metavar="N*M", show_default="the only one; all of presets", help="Torque M_g."),
-    ] = None
-    start: Annotated[
-        str, o.trace_option("--phi-g0", metavar="DEG", help="Angle of the output at phi_h = 0, or fit.")
-    ] = "fit"
-    zero: Annotated[
-        str | None, o.trace_option("--cam-zero", metavar="DEG", help="phi_h where the rig's cam angle is 0, or fit.")
-    ] = None
+    files: list[str]
+    torque: str | None = None
+    start: str = "fit"
+    zero: str | None = None
     plot: o.Plot = True
     details: o.Details = False
 
@@ -67,12 +56,9 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.SignOptions, o.TraceO
 
     def _compare_traces(self) -> int:
         """Compare measured traces with the drive; returns the exit code."""
-        from functools import partial
-
         from hdassist.comparing.compare import FIT_STATES, compare, torque_of, zero_of
         from hdassist.pages.compare import comparison_report
         from hdassist.run.run import Run
-        from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.answers import failure
         from hdassist.terminal.runs import give, run_each
 
@@ -88,8 +74,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.SignOptions, o.TraceO
             fitted = (start is None, zero is None)
             asked = replace(self.alignment(), start_deg=start or 0.0, zero_deg=zero or 0.0, fitted=fitted)
             with out.progress(f"{drive.name}, {found.trace.file}", FIT_STATES) as progress:
-                analysis = partial(compare, found, M_g=M_g, asked=asked, run=Run(progress=progress))
-                result = in_wide_enough_window(drive, analysis)
+                result = compare(found, drive, M_g=M_g, asked=asked, run=Run(progress=progress))
             return comparison_report(result)
 
         answers = run_each("compare", self.files, one, self, failed=lambda name, e: failure("compare", e, file=name))

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
-
-import typer
 
 from hdassist.terminal import options as o
 
@@ -24,13 +21,7 @@ class ExplainCommand(o.PageOptions):
     Without a name: all that there is.
     """
 
-    names: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="[NAME]...", default_factory=list, show_default=False,
-            help="Codes of checks and errors, fields, symbols, quantities, words.",
-        ),
-    ]  # fmt: skip
+    names: list[str]
 
     def run(self) -> int:
         """Explain the names; returns the exit code."""

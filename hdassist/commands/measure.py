@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.commands.archive_options import ArchiveOptions
 from hdassist.errors import UsageError
@@ -36,18 +34,9 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
     record does not tell.
     """
 
-    files: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="[FILE]...", default_factory=list, show_default=False, help="Measured traces, or - for stdin."
-        ),
-    ]
-    preset: Annotated[
-        str | None, typer.Option("--drive", metavar="PRESET", help="The drive: ratio, cycle, causes of orders.")
-    ] = None
-    ratio: Annotated[
-        float | None, typer.Option(metavar="N", help="Turns of the cam per output turn, where no drive is given.")
-    ] = None
+    files: list[str]
+    preset: str | None = None
+    ratio: float | None = None
     plot: o.Plot = True
     details: o.Details = False
     seed: o.SeedOption = 0

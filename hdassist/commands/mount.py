@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.commands.card import CardFile, give_with_card
 from hdassist.terminal import options as o
@@ -17,9 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MountCommand(
-    o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOptions, o.ChoiceOptions, o.LoadedDriveOptions
-):
+class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDriveOptions):
     """Where to mount the fixed wheel: the hole of its seat with the least error F'_ior.
 
     \b
@@ -36,41 +31,26 @@ class MountCommand(
     worst gains most, among the holes that mounting.allowed leaves; mounting.holes: 0 means a free angle. All that the
     preset does not know exactly is drawn jointly, as check draws it (docs/unknown.md): what is assumed with a range,
     has an uncertainty (k = 2), or is not given. A turn is ordered where it gains more than 1 % with the --probability;
-    else there is no order, no card, and exit code 6, and the page says what to measure. --assume-phases takes
-    deviations that are not known as 0, on your word. -q prints the hole (or the angle) alone, 0 for "leave it", unknown
-    where nothing can be ordered.
+    else there is no order, no card, and exit code 6, and the page says what to measure. -q prints the hole (or the
+    angle) alone, 0 for "leave it", unknown where nothing can be ordered.
 
     Where the direction of the cam offset is not known, hdassist trials finds it from measurements in a few positions.
 
     --pitch-b and --pitch-g put measured teeth in place of the first harmonics, tooth by tooth from the mark. Every
     state is solved then, and nothing is drawn.
-
-    Ctrl-C ends the work early and prints what is done (exit code 130).
     """
 
     preset: o.Preset
-    step: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Step of the curve, a divisor of 360.", show_default="holes")
-    ] = None
-    probability: Annotated[
-        float, typer.Option(metavar="P", min=0, max=1, help="Probability of a gain for which a turn is ordered.")
-    ] = 0.95
-    assume_phases: Annotated[
-        bool, typer.Option("--assume-phases", help="Take unknown deviations as 0; the card says so.")
-    ] = False
-    every_state: Annotated[
-        bool, o.advanced_option("--every-state", help="Solve every state of every position, search none.")
-    ] = False
+    step: float | None = None
+    probability: float = 0.95
     plot: o.Plot = True
     details: o.Details = False
     cross_check: o.CrossCheckOption = "highs"
 
     def run(self) -> int:
         """Find the position; returns the exit code."""
-        from hdassist.model.unknown import with_zeros
         from hdassist.mounting.advice import advice_states, advise
         from hdassist.pages.mount import mount_card_facts, mount_report
-        from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.runs import note_time
         from hdassist.terminal.wheels import pitch_files, read_teeth
 
@@ -78,29 +58,20 @@ class MountCommand(
         card = CardFile.asked(self, self, out)
         files = pitch_files([self.preset], self)
         drive = self.load(self.preset)
-        drive = with_zeros(drive) if self.assume_phases else drive
         measured = read_teeth(files, drive)
-        torques, rotations, weights = drive.operation.M_g, _rotations(drive, self.step), self.numbers()
-        begun = time.monotonic()
-        states = advice_states(
-            drive, torques, rotations, every_state=self.every_state, draws=self.draws, measured=measured
-        )
+        torques, rotations, begun = drive.operation.M_g, _rotations(drive, self.step), time.monotonic()
+        states = advice_states(drive, len(torques), len(rotations), draws=self.draws, measured=measured)
         with out.run(drive.name, states, self) as run:
-            analysis = partial(
-                advise,
+            advice = advise(
+                drive,
                 torques=torques,
                 rotations_deg=rotations,
                 measured=measured,
-                every_state=self.every_state,
-                weights=weights,
                 draws=self.draws,
-                criterion=self.criterion,
                 needed=self.probability,
                 run=run,
             )
-            advice = in_wide_enough_window(drive, analysis)
-        ordered = not advice.curve.interrupted and advice.order != "none"
-        facts = (lambda say: mount_card_facts(advice, say)) if ordered else None
+        facts = None if advice.order == "none" else lambda say: mount_card_facts(advice, say)
         report = mount_report(advice, self.seed, carded=card is not None)
         if self.verbose:
             note_time(report, begun)

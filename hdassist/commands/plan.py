@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
@@ -38,20 +35,12 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
     """
 
     preset: o.Preset
-    positions: Annotated[
-        int | None, typer.Option(metavar="N", min=2, max=100_000, help="Judge a test of N positions.")
-    ] = None
-    turns: Annotated[float, typer.Option(metavar="K", min=0.001, max=1000, help="Output turns of that test.")] = 1.0
-    both: Annotated[bool, typer.Option("--both", help="Backwards too, the greater range counts.")] = False
-    noise: Annotated[
-        float, typer.Option(metavar="ARCSEC", min=0, max=1e6, help="Standard uncertainty of what is read.")
-    ] = 0.0
-    corrected: Annotated[
-        bool, typer.Option("--corrected", help="Divide what is read by the share seen, in the median.")
-    ] = False
-    wrong: Annotated[
-        float, typer.Option(metavar="P", min=0, max=1, help="Share of false PASS, and of false FAIL, that may be.")
-    ] = 0.05
+    positions: int | None = None
+    turns: float = 1.0
+    both: bool = False
+    noise: float = 0.0
+    corrected: bool = False
+    wrong: float = 0.05
     plot: o.Plot = True
     details: o.Details = False
 
@@ -70,7 +59,6 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
         from hdassist.design.check import check_states
         from hdassist.pages.plan import plan_report
         from hdassist.planning.plan import PlanDemands, choose_plan
-        from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.runs import give, run_each
 
         out, asked = self.open(), self.plan()
@@ -79,7 +67,6 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
         def one(name: str) -> Report:
             drive = self.load(name)
             with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
-                chosen = partial(choose_plan, asked=asked, demands=demands, draws=self.draws, run=run)
-                return plan_report(in_wide_enough_window(drive, chosen))
+                return plan_report(choose_plan(drive, asked=asked, demands=demands, draws=self.draws, run=run))
 
         return give("plan", run_each("plan", [self.preset], one, self, keep_failures=False), self, out)

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
-
-import typer
 
 from hdassist.commands.draw_options import DrawOptions, ProductionRun
 from hdassist.terminal import options as o
@@ -28,9 +25,7 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
     """
 
     preset: o.Preset
-    count: Annotated[
-        int, typer.Option("-n", metavar="N", min=16, max=65536, help="Random drives, each of another design.")
-    ] = 96
+    count: int = 96
     plot: o.Plot = True
     details: o.Details = False
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.terminal import options as o
 
@@ -39,15 +37,10 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
     """
 
     preset: o.Preset
-    vary: Annotated[
-        list[str],
-        typer.Option(metavar="KEY=VALUES", show_default=False, help="Vary a field: START:STOP:STEPS, or A,B,C."),
-    ]
+    vary: list[str]
     plot: o.Plot = True
     details: o.Details = False
-    output: Annotated[
-        str, o.answer_option("--output", "-o", metavar="FILE", help="Keep rows as JSON Lines, to go on from.")
-    ] = "-"
+    output: str = "-"
     jobs: o.Jobs = 0
 
     def run(self) -> int:
@@ -77,7 +70,7 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
             with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
                 swept = collect(sweep, drive, _printed(rows, sweep) if streamed else rows)
             if out.csv not in (None, "-"):
-                out.figures(csv_text(list(page.columns(sweep)), map(page.cells, results.records())))
+                out.figures(csv_text(page.columns(sweep), map(page.cells, results.records())))
             if file is not None:
                 results.require_there()
                 note(f"wrote {file}")
@@ -141,7 +134,7 @@ def _printed(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
     from hdassist.terminal.answers import csv_text
     from hdassist.terminal.files import write_text
 
-    write_text("-", csv_text(list(columns(sweep)), []), force=False)
+    write_text("-", csv_text(columns(sweep), []), force=False)
     for record in rows:
         write_text("-", csv_text(cells(record), []), force=False)
         yield record

@@ -5,9 +5,6 @@ from __future__ import annotations
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import islice
-from typing import Annotated
-
-import typer
 
 from hdassist.commands.draw_options import DrawOptions, ProductionRun, require_limits
 from hdassist.terminal import options as o
@@ -22,7 +19,6 @@ class ToleranceCommand(o.FigureOptions, DrawOptions):
       hdassist tolerance vzp160
       hdassist tolerance vzp160 -n 10000 --limit F_ior@80=30 --yield 0.95 --json
       hdassist tolerance vzp160 --set tolerances.e_hb=40 --distribution uniform
-      hdassist tolerance own.yaml --scatter tolerances.F_i2=measured.csv
       hdassist tolerance vzp160 --known phases.phi_hh
       hdassist tolerance vzp160 -n 100000 --results drives.jsonl
 
@@ -35,20 +31,14 @@ class ToleranceCommand(o.FigureOptions, DrawOptions):
     """
 
     preset: o.Preset
-    count: Annotated[int, typer.Option("-n", metavar="N", min=1, max=10_000_000, help="Random drives.")] = 500
-    wanted: Annotated[
-        float | None, typer.Option("--yield", metavar="SHARE", min=0, max=1, help="Share of drives that is to pass.")
-    ] = None
-    sure: Annotated[
-        float, typer.Option(metavar="P", min=0.5, max=0.999, help="Probability of that yield that PASS needs.")
-    ] = 0.95
-    mounting: Annotated[bool, typer.Option("--mounting/--as-built", help="Turn each wheel to its best hole.")] = True
-    results: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Keep every drive; the same command goes on with it.")
-    ] = None
+    count: int = 500
+    wanted: float | None = None
+    sure: float = 0.95
+    mounting: bool = True
+    results: str | None = None
     plot: o.Plot = True
     details: o.Details = False
-    per_design: Annotated[int, o.advanced_option(metavar="N", min=1, help="Drives of each design that is drawn.")] = 10
+    per_design: int = 10
 
     def run(self) -> int:
         """Draw the drives; returns the exit code."""

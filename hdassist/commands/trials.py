@@ -5,18 +5,13 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated
-
-import typer
 
 from hdassist.commands.card import CardFile, give_with_card
 from hdassist.terminal import options as o
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialsCommand(
-    o.FigureOptions, o.CardOptions, o.TraceOptions, o.ChoiceOptions, o.LoadedDriveOptions, o.TrialOptions
-):
+class TrialsCommand(o.FigureOptions, o.CardOptions, o.TraceOptions, o.LoadedDriveOptions, o.TrialOptions):
     """Where to mount the fixed wheel when the direction of the cam offset is not known: trials tell.
 
     \b
@@ -41,18 +36,11 @@ class TrialsCommand(
     """
 
     preset: o.Preset
-    trials: Annotated[
-        list[str], typer.Argument(metavar="HOLE=F_IOR", help="F'_ior: h4=17.3 (hole), 120=17.3 (deg), h4=run.csv.")
-    ]
-    verify: Annotated[
-        str | None, o.trials_option(metavar="HOLE=F_IOR", help="Outcome to compare with what the trials predict.")
-    ] = None
+    trials: list[str] | None = None
+    verify: str | None = None
     plot: o.Plot = True
     details: o.Details = False
-    draws: Annotated[
-        int,
-        o.advanced_option(metavar="N", min=8, max=1024, help="Effective samples of stiffnesses and clearances."),
-    ] = 32
+    draws: int = 32
     seed: o.SeedOption = 0
     jobs: o.Jobs = 0
 
@@ -67,7 +55,7 @@ class TrialsCommand(
 
         out = self.open()
         card = CardFile.asked(self, self, out)
-        drive, weights = self.load(self.preset), self.numbers()
+        drive = self.load(self.preset)
         reading = self.reading()
         if self.verify is not None and card:
             raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
@@ -77,13 +65,11 @@ class TrialsCommand(
         analysis = partial(
             advise_from_trials,
             drive,
-            [read_trial_or_record(text, drive, reading, self.seed) for text in self.trials],
+            [read_trial_or_record(text, drive, reading, self.seed) for text in self.trials or ()],
             rig,
             outcome=None
             if self.verify is None
             else read_trial_or_record(self.verify, drive, reading, self.seed, drive.mounting.allowed),
-            criterion=self.criterion,
-            weights=weights,
             needed=self.sure,
             effort=effort,
         )

@@ -13,7 +13,6 @@ from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.solve.window import in_wide_enough_window
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,28 +41,15 @@ class DriveSheet:
 
 def sheet_states(drive: Drive, draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a sheet solves, about, for a progress bar."""
-    mounting = advice_states(drive, drive.operation.M_g, seat_positions(drive), every_state=False, draws=draws)
+    mounting = advice_states(drive, len(drive.operation.M_g), len(seat_positions(drive)), draws=draws)
     return check_states(drive, draws=draws) + mounting + stiffness_states()
 
 
 def sheet_of(drive: Drive, *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()) -> DriveSheet:
     """Check a drive, look for its best position and compute its stiffness, each as the command of that name does.
 
-    Argument: draws, from the unknown fields. Raises UntrustedError where an answer cannot be trusted;
-    KeyboardInterrupt, as half an advice is none here.
+    Argument: draws, from the unknown fields. Raises UntrustedError where an answer cannot be trusted.
     """
-
-    def checked(wider: Drive) -> DesignCheck:
-        samples = advice.samples if advice.drive == wider else None  # not those of a wider window
-        return check(wider, draws=draws, samples=samples, run=run)
-
-    advice = in_wide_enough_window(
-        drive, lambda wider: advise(wider, wider.operation.M_g, seat_positions(wider), draws=draws, run=run)
-    )
-    if advice.curve.interrupted:
-        raise KeyboardInterrupt
-    return DriveSheet(
-        in_wide_enough_window(drive, checked),
-        advice,
-        in_wide_enough_window(drive, lambda wider: stiffness(wider, run=run)),
-    )
+    advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=draws, run=run)
+    checked = check(drive, draws=draws, samples=advice.samples, run=run)
+    return DriveSheet(checked, advice, stiffness(drive, run=run))

@@ -23,7 +23,6 @@ from hdassist.planning.lines import POINTS_A_TURN, ErrorLines, error_lines
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.window import in_wide_enough_window
 
 REPORTED_SHARES = (0.05, 0.5, 0.95)
 PHASORS = CorrectionForm(None)
@@ -204,9 +203,7 @@ def loaded_error(
     The first of them is solved in each state of its cycle, for what lines leave out and for F'_ior.
     """
     lines = error_lines(drive, M_g, drives, run)
-    solved = in_wide_enough_window(
-        drive.with_values(drives[0]), lambda wide: kinematic_error(wide, M_g, run=replace(run, cross_check=None))
-    )
+    solved = kinematic_error(drive.with_values(drives[0]), M_g, run=replace(run, cross_check=None))
     scale = solved.F_ior_arcsec / np.maximum(np.ptp(lines.curves[0]), np.finfo(float).tiny)
     lines = replace(lines, amplitude=lines.amplitude * scale)
     actual = -lines.curves

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import select
 import signal
 from collections import defaultdict
 from collections.abc import Callable, Mapping
@@ -37,13 +38,14 @@ from hdassist.explorer.state import Session
 from hdassist.model.unknown import unknowns
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import hole_words, usable_positions
-from hdassist.mounting.trial import read_trial
 from hdassist.preset.kinds import text_of
 from hdassist.preset.schema import ResolvedField, resolved_fields
+from hdassist.report.blocks import Paragraph
 from hdassist.run.stops import STOPS, end_at_stops
 from hdassist.visible import visible
 
 LINES = ("head", "headline", "tabs", "looked-at", "next", "command", "keys", "about")
+GONE = 2.0  # s, how often to see whether the terminal is still there
 NO_BREAK = "\N{NO-BREAK SPACE}"
 TOO_SMALL = "too small for the explorer: 60 x 18 at least. q quits."
 VIEWS = {
@@ -69,14 +71,12 @@ class Explorer(Exporting):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("left", "turn(-1)", "turn", key_display="←→"),
         Binding("right", "turn(1)", "", show=False),
-        ("b", "look('best')", "best"),
-        ("0", "look('')", "now"),
+        ("b", "look('B')", "best"),
+        ("0", "look('N')", "now"),
         *(Binding(f"{k}", f"view('{name}')", name, show=False) for k, name in enumerate(VIEWS, 1)),
         Binding("slash", "filter", "filter", key_display="/"),
         ("m", "torque", "torque"),
         ("e", "evidence", "evidence"),
-        ("t", "trial", "trial"),
-        ("x", "change('without_trial')", "drop trial"),
         ("p", "change('pinned')", "pin"),
         ("u,ctrl+z", "change('undone')", "undo"),
         ("r,ctrl+y", "change('redone')", "redo"),
@@ -126,12 +126,11 @@ class Explorer(Exporting):
         self.side.border_title = "LEVERS"
         self.holes.focus()
         self.ask_of_drive()
-        self.ask_of_trials()
         self.when_at_rest()
         self.draw()
 
     def _end_when_told(self) -> None:
-        """End in order at a stop from outside, at once at a second one."""
+        """End in order at a stop from outside, at once at a second one, and with the terminal."""
         loop = asyncio.get_running_loop()
 
         def end(number: int) -> None:
@@ -144,6 +143,14 @@ class Explorer(Exporting):
             if signal.getsignal(number) is not signal.SIG_IGN:
                 with suppress(NotImplementedError, RuntimeError, ValueError):  # not here, or not in this thread
                     loop.add_signal_handler(number, end, number)
+        terminal = select.poll()
+        terminal.register(0, 0)  # that it hung up is told unasked; no signal says so where SIGHUP is ignored (nohup)
+
+        def look() -> None:
+            if terminal.poll(0) and not self.is_headless:
+                end(signal.SIGHUP)
+
+        self.set_interval(GONE, look)
 
     # --- the screen
 
@@ -172,30 +179,26 @@ class Explorer(Exporting):
         """Show the session and its answers."""
         if not self.holes.is_attached:
             return
-        session, known, of_trials, panes = self.session, self.known, self.of_trials, self.panes
+        session, known, panes = self.session, self.known, self.panes
         letters, torque = self._letters(), self.torque % len(session.drive.operation.M_g)
-        trials = [read_trial(text, session.drive.mounting.holes) for text in session.trials]
-        behind = known if of_trials else self.pinned
-        self.holes.show(session, (of_trials or known).curve, behind.curve if behind else None, letters, trials)
-        self.holes.border_subtitle = "NO ANSWER" if known.failed else "COMPUTING …" * self.busy
+        self.holes.show(session, known.curve, self.pinned.curve if self.pinned else None, letters)
+        self.holes.border_subtitle = "NO ANSWER" if known.failed else "COMPUTING …" * (not known.advice)
         effects = known.effects or LeverEffects({})
         self.levers.show(session, effects, torque, self.wanted.value, is_grouped=self.is_grouped)
         self.side.border_subtitle = f"step: change at {self.M_g:g} N·m, ″"
-        advice = words.advice_text(session, known, of_trials)
         panes["seat"].show(seat_pane(session, letters))
         panes["why"].show(*words.why_blocks(known), ascii=self.ascii)
-        panes["advice"].show(advice)
+        panes["advice"].show(Paragraph(words.order_words(known)), words.facts_of(known.report), ascii=self.ascii)
         for name in ("turn", "cycle"):
             panes[name].border_title = f"{VIEWS[name].upper()}{', of a typical drive' * bool(self._of_turn())}"
-            found = known.turn
-            blocks = () if not found else (found.turn,) if name == "turn" else (found.cycle, found.orders)
-            panes[name].show(*blocks or [Text("computing …", "dim")], ascii=self.ascii)
+            blocks = words.turn_blocks(known.turn, name) if known.turn else [Text("computing …", "dim")]
+            panes[name].show(*blocks, ascii=self.ascii)
         for name, line in {
             "head": words.head(session),
-            "headline": words.headline(session, known, self.pinned, torque),
+            "headline": words.headline(session, known, self.pinned, torque, self.size.width - 2),
             "tabs": self._tabs(),
             "looked-at": self._looked_at(),
-            "next": words.next_text(advice, known),
+            "next": words.next_text(known),
             "command": visible(f"= {self.command_line()}"),
             "keys": self._keys(),
         }.items():
@@ -221,7 +224,7 @@ class Explorer(Exporting):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Whether an action can be done now."""
         session = self.session
-        able = {"without_trial": session.trials, "undone": session.past, "redone": session.future}
+        able = {"undone": session.past, "redone": session.future}
         return bool(able.get(str(*parameters), True)) if action == "change" else True
 
     @on(DescendantFocus)
@@ -232,11 +235,12 @@ class Explorer(Exporting):
     def _letters(self) -> dict[float, str]:
         """Letters of positions by their turn [deg]: now, best, worst, to measure next, not allowed."""
         drive, letters = self.session.drive, defaultdict(str, {0.0: "N"})
-        if (advice := (self.of_trials or self.known).advice) and not is_any_hole(drive):
+        advice = self.known.advice
+        if advice and not is_any_hole(drive):
             ranked = advice.choice.ranked
             letters[ranked[0].rotation_deg] += "B"
             letters[ranked[-1].rotation_deg] += "W"
-        if advice and words.why_no_card((self.of_trials or self.known).report):
+        if advice and words.why_no_card(self.known.report):
             to_try = advice.to_try[0].rotation_deg if isinstance(advice, Advice) else advice.to_measure_next[0]
             letters[to_try] += "?"
         for at in {*self.session.positions} - {*usable_positions(drive.mounting.holes, drive.mounting.allowed)}:
@@ -245,12 +249,12 @@ class Explorer(Exporting):
 
     def _looked_at(self) -> Text:
         """Where the wheel is looked at, and F'_ior there."""
-        session, curve, turn = self.session, (self.of_trials or self.known).curve, self.session.turn_deg
+        session, curve, turn = self.session, self.known.curve, self.session.turn_deg
         text = Text(f"{hole_words(turn, session.drive.mounting.holes)}{', where it stands' * (not turn)}  ")
         text.append(values_of(curve, turn))
         if curve:
-            text.append(f" {MARKS.get(curve.surety(turn), '○')} {curve.surety(turn)}")
-        return text.append(", any hole may be the best" * is_any_hole(session.drive))
+            text.append(f" {MARKS.get(curve.surety(turn), '')} {curve.surety(turn)}")
+        return text
 
     @on(DataTable.RowHighlighted)
     def look_at(self, event: DataTable.RowHighlighted) -> None:
@@ -305,10 +309,10 @@ class Explorer(Exporting):
         """Look at the wheel so many positions further."""
         self.show(state.turned_state(self.session, by))
 
-    def action_look(self, where: str) -> None:
-        """Look at the best position by now, or at where the wheel stands."""
-        best = next((at for at, signs in self._letters().items() if "B" in signs), self.session.turn_deg)
-        self.show(replace(self.session, turn_deg=best if where else 0.0))
+    def action_look(self, letter: str) -> None:
+        """Look at the position that has a letter by now."""
+        place = next((at for at, letters in self._letters().items() if letter in letters), self.session.turn_deg)
+        self.show(replace(self.session, turn_deg=place))
 
     def action_change(self, name: str) -> None:
         """Change the session by a function of `state`."""
@@ -327,17 +331,11 @@ class Explorer(Exporting):
         """Ask for what is known of the drive."""
         session = self.session
         hint = (
-            f"K_1=3.1e4 lost_motion=50; h4=31 ± 2, F'_ior in a hole; supports.C_3=5200; limit=45; or the path of a "
-            f"trace measured in {session.here} at {session.trial_torque:g} N·m. ± is k = 2; empty takes it back."
+            f"K_1=3.1e4 lost_motion=50; h4=31 ± 2, F'_ior in a hole at {session.trial_torque:g} N·m; h4@80=31; "
+            f"supports.C_3=5200; limit=45; or the path of a trace measured in {session.here}. ± is k = 2; empty takes "
+            f"it back."
         )
         self._ask_change("what is known of this drive", "", hint, state.with_evidence)
-
-    def action_trial(self) -> None:
-        """Ask for trials."""
-        session = self.session
-        torque = f"F'_ior in ″ at {session.trial_torque:g} N·m"
-        hint = f"{torque}: 28.1 for {session.here}, or h4=17.3; several with blanks between"
-        self._ask_change("add trials", "", hint, state.with_trials)
 
     @on(DataTable.RowSelected, "#levers")
     def edit(self) -> None:
@@ -350,7 +348,7 @@ class Explorer(Exporting):
 
     def _ask_change(self, title: str, text: str, hint: str, change: Callable[[Session, str], Session]) -> None:
         """Have a text filled in that changes the session."""
-        self.push_screen(Form(title, [("", text)], hint, lambda value: self.show(change(self.session, value))))
+        self.push_screen(Form(title, text, hint, lambda value: self.show(change(self.session, value))))
 
     def action_nudge(self, steps: int) -> None:
         """Change the field under the cursor by steps."""
@@ -360,4 +358,4 @@ class Explorer(Exporting):
 
     def action_explain(self) -> None:
         """Explain the screen."""
-        self.push_screen(Notice(EXPLAINED, markup=True))
+        self.push_screen(Notice(EXPLAINED))

@@ -21,9 +21,7 @@ from hdassist.explorer.compute import (
     FirstErrors,
     LeverEffects,
     SeatCurve,
-    TurnErrors,
     drive_answers,
-    trial_answers,
     typical_of,
 )
 from hdassist.explorer.service import Failed, Question, Service
@@ -43,7 +41,7 @@ SIGNS = PLAIN_CHARACTERS | str.maketrans("○●◌◆…°″±≤≥←→↑�
 
 @dataclass
 class Known:
-    """Answers about one variant of the drive, or about one with trials; old: the check of the variant before."""
+    """Answers about one variant of the drive; old: the check of the variant before."""
 
     curve: SeatCurve | None = None
     check: DesignCheck | None = None  # by the samples so far, before its page is there
@@ -53,30 +51,13 @@ class Known:
     advice: Advice | TrialAdvice | None = None
     report: Report | None = None  # of the advice
     effects: LeverEffects | None = None
-    turn: TurnErrors | None = None
+    turn: Report | None = None  # of a typical drive
     failed: Failed | None = None
 
     @property
     def whole(self) -> DesignCheck | None:
         """The whole answer of `check`, None before."""
         return self.check if self.page else None
-
-    def take(self, answer: object) -> None:
-        """Learn an answer."""
-        if isinstance(answer, Report):
-            self.page, self.report = (answer, self.report) if answer.command == "check" else (self.page, answer)
-        else:
-            setattr(self, FIELD_OF.get(type(answer), "advice"), answer)
-
-
-FIELD_OF = {
-    SeatCurve: "curve",
-    DesignCheck: "check",
-    FirstErrors: "first",
-    LeverEffects: "effects",
-    TurnErrors: "turn",
-    Failed: "failed",
-}
 
 
 class SevenBits(LineFilter):
@@ -129,18 +110,13 @@ class Asking(App[int]):
         """Ask for what else is on the screen."""
 
     def known_of(self, drive: Drive) -> Known:
-        """Answers about a drive without trials."""
+        """Answers about a drive."""
         return self.answers.setdefault(again("check", drive), Known())
 
     @property
     def known(self) -> Known:
         """Answers about the drive as it is now."""
         return self.known_of(self.session.drive)
-
-    @property
-    def of_trials(self) -> Known | None:
-        """Answers from the trials; None where there are none."""
-        return self.answers.setdefault(self.session.command("trials"), Known()) if self.session.trials else None
 
     @property
     def pinned(self) -> Known | None:
@@ -156,12 +132,10 @@ class Asking(App[int]):
 
     def show(self, session: Session) -> None:
         """Go on with another session: ask for answers that are missing, and draw it."""
-        old, before, self.session = self.session, self.known, session
+        before, self.session = self.known, session
         if self.known is not before:
             self.known.old = before.whole or before.old or before.check
             self.ask_of_drive()
-        if session.step != old.step:
-            self.ask_of_trials()
             self.keep(session.command("explore"))
         self.when_at_rest()
         self.draw()
@@ -182,19 +156,12 @@ class Asking(App[int]):
         self.notify(visible(f"{error.message}\n{error.hint}".strip()), severity="error", markup=False, timeout=8)
 
     def ask_of_drive(self) -> None:
-        """Ask for the answers of `check` and `mount`, unless they are there."""
+        """Ask for the answers of `check` and of `mount` or `trials`, unless they are there."""
         self.workers.cancel_group(self, "drive")
         if self.known.advice is None:
             self.known.failed = None
             typical = typical_of(self.known.old)[0] if self.known.old else {}
             self.follow(partial(drive_answers, self.session.drive, typical, self.effort), self.known, "drive")
-
-    def ask_of_trials(self) -> None:
-        """Ask for the answer of `trials`, unless it is there or there are none."""
-        self.workers.cancel_group(self, "trials")
-        if (known := self.of_trials) and known.advice is None:
-            known.failed = None
-            self.follow(partial(trial_answers, self.session, self.effort), known, "trials")
 
     def ask_once(self, question: partial[None], known: Known, group: str) -> None:
         """Ask, unless that was the last question of its group."""
@@ -206,12 +173,12 @@ class Asking(App[int]):
         """Ask, and take each answer; another question of the group ends the process of this one."""
 
         async def follow() -> None:
-            async for answer in self.service.ask(question):
-                if isinstance(answer, Failed) and group not in ("drive", "trials"):
+            async for name, answer in self.service.ask(question):
+                if name == "failed" and group != "drive":
                     self.complain(answer)
                 else:
-                    known.take(answer)
-                if isinstance(answer, Report):
+                    setattr(known, name, answer)
+                if name in ("page", "report"):
                     self.when_at_rest()
                 self.draw()
             self.call_later(self.draw)
@@ -223,8 +190,3 @@ class Asking(App[int]):
         if self._rest:
             self._rest.stop()
         self._rest = self.set_timer(REST, self.ask_of_panes)
-
-    @property
-    def busy(self) -> bool:
-        """Whether processes compute."""
-        return any(not worker.is_finished for worker in self.workers if worker.group in ("drive", "trials"))

@@ -5,9 +5,6 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated
-
-import typer
 
 from hdassist.terminal import options as o
 
@@ -15,7 +12,7 @@ SESSION_FILE = "explore.txt"  # among the user's states: the command that comes 
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
+class ExploreCommand(o.LoadedDriveOptions):
     """A drive turned on the screen: where the fixed wheel is best, and what each value of the preset does.
 
     \b
@@ -25,19 +22,16 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
       hdassist explore my-drive.yaml h0=28.1 h4=17.3 h8=24.9
 
     Arrow keys turn the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline); e takes what is
-    known of the drive, t a trial, c writes the assembly card, ? explains the screen. A number is searched first, then
+    known of the drive, c writes the assembly card, ? explains the screen. A number is searched first, then
     proven; a card comes only from what mount and trials would order too. The line at the bottom is the command that
     gives the same answer in a script; the one that comes back to the session is printed on leaving, and kept at each
     change in explore.txt in the user's folder of states.
     """
 
     preset: o.Preset
-    trials: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="HOLE=F_IOR", help="Trials to begin with, as hdassist trials takes them."),
-    ] = None
-    pin: Annotated[str | None, typer.Option(metavar="PRESET", help="A second drive to compare with.")] = None
-    light: Annotated[bool, typer.Option("--light", help="Dark letters on a light ground.")] = False
+    measured: list[str] | None = None
+    pin: str | None = None
+    light: bool = False
     ascii: o.Ascii = False
     jobs: o.Jobs = 0
     debug: o.Debug = False
@@ -45,41 +39,38 @@ class ExploreCommand(o.TrialOptions, o.LoadedDriveOptions):
     def run(self) -> int:
         """Show the drive; returns the exit code."""
         from hdassist.errors import UsageError
-        from hdassist.explorer.state import opened_state, rig_of, with_trials
+        from hdassist.explorer.state import opened_state, with_evidence
 
         if self.preset == "-":
             raise UsageError("the explorer needs standard input for its keys", "name a preset or a file")
-        session = opened_state(self.preset, tuple(self.changes), self.only(o.TrialOptions), self.pin or "")
-        rig_of(session)
-        if self.trials:
-            session = with_trials(session, " ".join(self.trials))
+        session = opened_state(self.preset, tuple(self.changes), self.pin or "")
+        if self.measured:
+            session = with_evidence(session, " ".join(self.measured))
         if not (sys.stdin.isatty() and sys.stdout.isatty()):
             raise UsageError("the explorer needs a terminal", f"in a script: {session.command()}")
 
-        from hdassist.explorer.guard import terminal_guarded
         from hdassist.explorer.service import Service
 
-        with terminal_guarded():
-            service = Service()  # it imports beside this process
-            try:
-                from platformdirs import user_state_path
+        service = Service()  # it imports beside this process
+        try:
+            from platformdirs import user_state_path
 
-                from hdassist.explorer.app import Explorer
-                from hdassist.explorer.compute import Effort
-                from hdassist.terminal.console import Style, say, silence
-                from hdassist.terminal.files import put_text
+            from hdassist.explorer.app import Explorer
+            from hdassist.explorer.compute import Effort
+            from hdassist.terminal.console import Style, say, silence
+            from hdassist.terminal.files import put_text
 
-                plain = Style.of(sys.stdout, ascii=self.ascii).ascii
-                keep = partial(put_text, str(user_state_path("hdassist", ensure_exists=True) / SESSION_FILE))
-                effort = Effort(jobs=self.jobs)
-                app = Explorer(session, service, effort, dark=not self.light, ascii=plain, keep=keep)
-                app.run()
-            finally:
-                service.close()
+            plain = Style.of(sys.stdout, ascii=self.ascii).ascii
+            keep = partial(put_text, str(user_state_path("hdassist", ensure_exists=True) / SESSION_FILE))
+            effort = Effort(jobs=self.jobs)
+            app = Explorer(session, service, effort, dark=not self.light, ascii=plain, keep=keep)
+            app.run()
+        finally:
+            service.close()
         if not sys.stdout.isatty():  # the terminal is gone: what is left for it has no place
             for stream in (sys.stdout, sys.stderr):
                 silence(stream)
-        if app.session.step != session.step:
+        if app.session.changes != session.changes:
             for words, name in (("back to it", "explore"), ("its numbers", "check")):
                 say(f"{words}: {app.session.command(name)}")
         return app.return_code or 0

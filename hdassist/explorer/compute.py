@@ -1,4 +1,4 @@
-"""The explorer's answers, computed in processes beside the screen; each is given to `tell` as soon as it is there."""
+"""The explorer's answers, computed in processes beside the screen; each is given to `tell` once it is there."""
 
 from __future__ import annotations
 
@@ -19,35 +19,28 @@ from hdassist.error.error_map import searchable
 from hdassist.error.trace import trace
 from hdassist.errors import HdassistError
 from hdassist.explorer.levers import SETTING_SECTIONS, TEETH_FIELDS, step_of
-from hdassist.explorer.state import Session, rig_of
+from hdassist.explorer.state import TRIALS, is_tried
 from hdassist.model.geometry import Array
+from hdassist.model.kinematics import Kinematics
 from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import no_hole_better, unknown_turn, unknowns
 from hdassist.mounting.advice import Advice, advise
 from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import rotated, seat_positions
-from hdassist.mounting.trial import read_trial
 from hdassist.pages.check import check_report
 from hdassist.pages.mount import mount_report
-from hdassist.pages.trace import curve_of_turns
+from hdassist.pages.trace import trace_report
 from hdassist.pages.trials import trials_report
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
-from hdassist.report.blocks import Curve, Lines
 from hdassist.run.processes import workers
 from hdassist.run.run import UNCHECKED, Run
-from hdassist.solve.window import in_wide_enough_window
 from hdassist.trials.advice import advise_from_trials
-from hdassist.trials.prior import TRIAL_EFFORT, TrialEffort
+from hdassist.trials.prior import Rig, TrialEffort
 
 SEED = 0  # of samples and of what is solved again, as the commands have it
 LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN = 0.05, 0.5, 0.95  # percentiles
-ORDERS = 5  # of a cam turn, the greatest
-SURE_REFINED, SURE_PROVEN, SURE_RANGE = (
-    "REFINED",
-    "PROVEN",
-    "90 % RANGE",
-)  # extremes searched; every state solved; percentiles
+SURE_REFINED, SURE_PROVEN, SURE_RANGE = "REFINED", "PROVEN", "90 % RANGE"  # searched; every state; percentiles
 STEP = 0.34  # of the probability of a field that is not known exactly: a step to either side, about one deviation
 
 
@@ -55,12 +48,10 @@ STEP = 0.34  # of the probability of a field that is not known exactly: a step t
 class Effort:
     """How much is computed.
 
-    draws: effective samples of what is not known exactly; trials: that of trials; jobs: processes at work, 0 for one
-    each core.
+    draws: effective samples of what is not known exactly; jobs: processes at work, 0 for one each core.
     """
 
     draws: int = EFFECTIVE_SAMPLES
-    trials: TrialEffort = TRIAL_EFFORT
     jobs: int = 0
 
 
@@ -92,9 +83,10 @@ class SeatCurve:
 
 @dataclass(frozen=True)
 class FirstErrors:
-    """F'_ior [arcsec] at each torque of a typical drive: what is there first."""
+    """F'_ior [arcsec] at each torque of a typical drive, and how sure it is."""
 
     F_ior_arcsec: Sequence[float]
+    sure: str = SURE_REFINED
 
 
 @dataclass(frozen=True)
@@ -108,47 +100,45 @@ class LeverEffects:
     differing: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class TurnErrors:
-    """The error of a drive as blocks of a page: over a cam turn, over the full cycle, and its greatest orders."""
-
-    turn: Curve
-    cycle: Curve
-    orders: Lines
-
-
-Tell = Callable[[object], None]
+Tell = Callable[[str, object], None]  # field of `asking.Known`, and its value
 
 
 def is_any_hole(drive: Drive) -> bool:
-    """Whether the direction that decides is not known: any hole may be the best one."""
-    return bool(unknowns(drive) and unknown_turn(drive) and not no_hole_better(drive))
+    """Whether the direction that decides is not known, nor found by trials: any hole may be the best one."""
+    return bool(unknowns(drive) and unknown_turn(drive) and not no_hole_better(drive) and not is_tried(drive))
 
 
 def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:
-    """F'_ior of a typical drive by a search, that over the seat, the answer of `check`, that of `mount`.
+    """F'_ior of a typical drive, that over the seat by a search, the answers of `check`, and of `mount` or `trials`.
 
     Argument: typical, values by path of all that was not known exactly of a drive like it. Raises HdassistError where
     there is no answer.
     """
-    if searchable(drive) and (typical or not unknowns(drive)):
-        tell(
-            FirstErrors(in_wide_enough_window(with_typical(drive, typical), partial(_searched, (0.0,)))[:, 0].tolist())
-        )
+    here, has_typical = with_typical(drive, typical), bool(typical or not unknowns(drive))
+    if searchable(drive) and has_typical:
+        tell("first", FirstErrors(_searched((0.0,), here)[:, 0].tolist()))
     if searchable(drive) and not unknowns(drive):
         rotations = tuple(seat_positions(drive))
-        F_ior = in_wide_enough_window(drive, partial(_searched, rotations))
-        tell(SeatCurve(rotations, np.stack([F_ior] * 3), (SURE_REFINED,) * len(rotations)))
+        F_ior = _searched(rotations, drive)
+        tell("curve", SeatCurve(rotations, np.stack([F_ior] * 3), (SURE_REFINED,) * len(rotations)))
     with workers(effort.jobs) as executor:
         run = Run(executor, seed=SEED)
-        in_wide_enough_window(drive, partial(_checked, effort=effort, run=run, tell=tell))
-        torques, rotations_deg = drive.operation.M_g, seat_positions(drive)
-        mounting = partial(advise, torques=torques, rotations_deg=rotations_deg, draws=effort.draws, run=run)
-        advice = in_wide_enough_window(drive, mounting)
-    if advice.positions or not advice.any_hole:
-        tell(_mount_curve(advice))
-    tell(mount_report(advice, SEED))
-    tell(advice)
+        if has_typical:
+            tell("first", _every_state(here, run))
+        _checked(drive, effort, run, tell)
+        if is_tried(drive):
+            tried = advise_from_trials(
+                drive, (), Rig(TRIALS.torque_of(drive.operation.M_g)), effort=TrialEffort.of(effort.draws // 2), run=run
+            )
+            tell("curve", _statistics_curve(tried.losses))
+            tell("report", trials_report(tried))
+            tell("advice", tried)
+            return
+        advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=effort.draws, run=run)
+    if advice.positions or not advice.unknown:
+        tell("curve", _mount_curve(advice))
+    tell("report", mount_report(advice, SEED))
+    tell("advice", advice)
 
 
 def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]]:
@@ -166,40 +156,15 @@ def with_typical(drive: Drive, typical: Mapping[str, float]) -> Drive:
     return drive.with_values({path: value for path, value in typical.items() if path in open_})
 
 
-def trial_answers(session: Session, effort: Effort, tell: Tell) -> None:
-    """The answer of `trials`. Raises HdassistError where there is none."""
-    drive = session.drive
-    with workers(effort.jobs) as executor:
-        advice = advise_from_trials(
-            drive,
-            [read_trial(text, drive.mounting.holes) for text in session.trials],
-            rig_of(session),
-            needed=session.rig.sure,
-            effort=effort.trials,
-            run=Run(executor, seed=SEED),
-        )
-    tell(_statistics_curve(advice.losses))
-    tell(trials_report(advice))
-    tell(advice)
-
-
 def cam_turn(drive: Drive, typical: Mapping[str, float], rotation_deg: float, M_g: float, tell: Tell) -> None:
-    """The errors of a typical drive with its fixed wheel turned, as `trace` has them.
+    """The page of `trace` of a typical drive over its full cycle, with its fixed wheel turned.
 
     Raises HdassistError where there is no answer.
     """
-
-    def both(there: Drive) -> TurnErrors:
-        of_turn, cycle = trace(there, M_g=M_g, run=UNCHECKED), kinematic_error(there, M_g, run=UNCHECKED)
-        turn, full = (
-            curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, f"error at {M_g:g} N·m, ″")
-            for error in (of_turn.error, cycle)
-        )
-        orders = sorted(of_turn.orders, key=lambda order: -order.amplitude_arcsec)[:ORDERS]
-        lines = (f"{o.per_cam_rev:5.2f} {o.amplitude_arcsec:7.2f}  {o.cause.split(';')[0]}" for o in orders)
-        return TurnErrors(turn, full, Lines("orders of the cam turn, ″", tuple(lines)))
-
-    tell(in_wide_enough_window(rotated(drive.with_values(dict(typical)), rotation_deg), both))
+    there = rotated(drive.with_values(dict(typical)), rotation_deg)
+    turns = Kinematics.of(there).cycle_cam_revolutions
+    found = trace(there, M_g, revolutions=turns, run=UNCHECKED)
+    tell("turn", trace_report(there, found, SEED))
 
 
 def lever_effects(drive: Drive, pinned: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:
@@ -219,8 +184,8 @@ def lever_effects(drive: Drive, pinned: Drive, typical: Mapping[str, float], eff
             if there is not None:
                 found = replace(found, steps={**found.steps, path: (step, tuple((there - now).tolist()))})
             if len(found.steps) % 8 == 0:
-                tell(found)
-    tell(found)
+                tell("effects", found)
+    tell("effects", found)
 
 
 def _steps(drive: Drive, here: Drive, others: Mapping[str, Any]) -> Iterator[tuple[str, tuple[float, ...]]]:
@@ -274,29 +239,25 @@ def _mount_curve(advice: Advice) -> SeatCurve:
     if advice.positions:
         return _statistics_curve(advice.positions)
     curve = advice.curve
-    order = np.argsort(curve.rotation_deg)
-    done = np.atleast_1d(curve.every_state[:, order].all(axis=0)).tolist()
-    at_zero = f"{SURE_REFINED}, unknown as 0"
-    sure = [at_zero if advice.unknown else SURE_PROVEN if each else SURE_REFINED for each in done]
-    return SeatCurve(
-        tuple(curve.rotation_deg[order].tolist()), np.stack([curve.F_ior_arcsec[:, order]] * 3), tuple(sure)
-    )
+    sure = tuple(SURE_PROVEN if each else SURE_REFINED for each in np.atleast_1d(curve.every_state.all(axis=0)))
+    return SeatCurve(tuple(curve.rotation_deg.tolist()), np.stack([curve.F_ior_arcsec] * 3), sure)
+
+
+def _every_state(drive: Drive, run: Run) -> FirstErrors:
+    errors = run.map(partial(kinematic_error, drive, run=UNCHECKED), drive.operation.M_g)
+    return FirstErrors([error.F_ior_arcsec for error in errors], SURE_PROVEN)
 
 
 def _checked(drive: Drive, effort: Effort, run: Run, tell: Tell) -> None:
-    """The answer of `check`, and its page; told on the way: F'_ior of every state, then by the samples so far."""
-    prior, torques = prior_of(drive), drive.operation.M_g
-    if not prior.fields:
-        found = run.map(partial(kinematic_error, drive, run=UNCHECKED), torques)
-        tell(FirstErrors([error.F_ior_arcsec for error in found]))
-    whole = check(drive, draws=0, run=run)
+    """The answer of `check`, and its page; on the way that by the samples so far."""
+    prior, whole = prior_of(drive), check(drive, draws=0, run=run)
     if prior.fields and effort.draws and searchable(drive):
 
         def seen(samples: Samples) -> None:
             if samples.effective:
-                tell(whole.with_samples(samples))
+                tell("check", whole.with_samples(samples))
 
         left = [point.left_arcsec for point in whole.points]
         whole = whole.with_samples(drive_samples(prior, left, draws=effort.draws, run=run, seen=seen))
-    tell(whole)
-    tell(check_report(whole, SEED))
+    tell("check", whole)
+    tell("page", check_report(whole, SEED))

@@ -32,21 +32,15 @@ class Exporting(Asking):
 
     def action_card(self) -> None:
         """Write the assembly card of the advice, if there is one to write."""
-        found = self.of_trials or self.known
-        advice = found.advice
-        if advice is None or why_no_card(found.report):
-            self.notify(f"no card: {why_no_card(found.report)}", severity="warning")
+        advice, why = self.known.advice, why_no_card(self.known.report)
+        if advice is None or why:
+            self.notify(f"no card: {why}", severity="warning")
             return
         say = texts()
         facts = mount_card_facts(advice, say) if isinstance(advice, Advice) else trials_card_facts(advice, say)
-
-        def write(path: str, serial: str) -> None:
-            card = CardFile.named(path, say, serial)
-            self.write(path, lambda: card.text(facts))
-
         hint = f"{', '.join(CARD_SUFFIXES)}; from {'the prediction' if isinstance(advice, Advice) else 'these trials'}"
-        fields = [("file", self.named("-card.html")), ("serial number", "")]
-        self.push_screen(Form("assembly card", fields, hint, write))
+        name = self.named("-card.html")
+        self.ask_file("assembly card", name, hint, lambda path: CardFile.named(path, say, "").text(facts))
 
     def ask_file(self, title: str, name: str, hint: str, text: Callable[[str], str]) -> None:
         """Ask for a file's name and write a text to it, made of that name once the form has gone."""
@@ -54,7 +48,7 @@ class Exporting(Asking):
         def take(path: str) -> None:
             self.set_timer(0.1, lambda: self.attempt(lambda: self.write(path, lambda: text(path))))
 
-        self.push_screen(Form(title, [("file", name)], hint, take))
+        self.push_screen(Form(f"{title}: file", name, hint, take))
 
     def action_report(self) -> None:
         """Write the page of `check` with all its tables."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from math import floor, inf, log10
 
 from pydantic.fields import FieldInfo
@@ -21,13 +20,6 @@ SETTING_SECTIONS = (
 )  # sections that are no part of the drive
 TEETH_FIELDS = ("gears.z_g", "gears.z_b")  # change together
 LEVER_STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # a step in units that have a natural one
-
-
-def mark_of(field: ResolvedField, changed: Collection[str]) -> str:
-    """How a field stands out: * changed, ? assumed; changed: paths that differ from the preset."""
-    is_setting = field.path.split(".")[0] in SETTING_SECTIONS
-    by_default = field.kind == "default" and field.value is not None and not is_setting
-    return "*" if field.path in changed else "?" * (by_default or field.kind == "assumed")
 
 
 def about_field(field: ResolvedField) -> str:

@@ -12,11 +12,12 @@ from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.widgets import DataTable, Static
 
-from hdassist.explorer.compute import SURE_PROVEN, SURE_RANGE, LeverEffects, SeatCurve
-from hdassist.explorer.levers import mark_of
+from hdassist.belief.evidence import measured_errors
+from hdassist.belief.prior import prior_of
+from hdassist.explorer.compute import SURE_PROVEN, SURE_RANGE, SURE_REFINED, LeverEffects, SeatCurve
+from hdassist.explorer.levers import SETTING_SECTIONS
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
-from hdassist.mounting.trial import Trial
 from hdassist.pages.seat import seat_holes
 from hdassist.preset.kinds import text_of
 from hdassist.preset.schema import ResolvedField, resolved_fields
@@ -27,9 +28,9 @@ from hdassist.terminal.plot import ticks
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.visible import visible
 
-MARKS = {SURE_PROVEN: "●", SURE_RANGE: "◌"}  # else ○
+MARKS = {SURE_REFINED: "○", SURE_PROVEN: "●", SURE_RANGE: "◌"}  # else ○
 INK = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one
-LETTER_STYLES = {"B": f"{INK[3]} bold", "W": "red bold", "?": f"{INK[2]} bold", "◆": INK[2]}
+LETTER_STYLES = {"B": f"{INK[3]} bold", "W": "red bold", "?": f"{INK[2]} bold"}
 LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
 LEAST_BAR = 10  # columns of a bar at least
 TICKS = tuple(SeatMark("cam", float(at), f"{at}", "") for at in (0, 90, 180, 270))  # in the seat's middle
@@ -84,21 +85,20 @@ class Holes(LeverTable):
         found: SeatCurve | None,
         behind: SeatCurve | None,
         letters: Mapping[float, str],
-        trials: Sequence[Trial],
     ) -> None:
         """Show positions.
 
-        Arguments: session; found, their F'_ior; behind, that of another variant; letters by turn [deg]; trials.
+        Arguments: session; found, their F'_ior; behind, that of another variant; letters by turn [deg].
         """
-        drive, holes = session.drive, session.drive.mounting.holes
+        drive, holes, readings = session.drive, session.drive.mounting.holes, measured_errors(session.drive)
         limits = [limit for M_g in drive.operation.M_g if (limit := drive.limit(M_g))]
-        errors = [*(one.F_ior_arcsec for one in trials), *(found.F_ior_arcsec.max(axis=(1, 2)) if found else limits)]
+        errors = [*(one.value for one in readings), *(found.F_ior_arcsec.max(axis=(1, 2)) if found else limits)]
         top = ticks(0.0, max([0.1, *errors]), 5)[-1]
-        places = sorted({*session.positions, *letters, *(one.rotation_deg for one in trials)})
+        places = sorted({*session.positions, *letters, *(one.rotation_deg for one in readings)})
         width = self.size.width - max(len(values_of(found, at)) for at in places) - 12
         rows = {}
         for at in places:
-            measured = [one.F_ior_arcsec for one in trials if abs(one.rotation_deg - at) < 1e-6]
+            measured = [one.value for one in readings if abs(one.rotation_deg - at) < 1e-6]
             signs = f"{letters.get(at, '')}{'◆' * bool(measured)}"
             head = Text(f"{bare(at, holes):>4} {signs:4.4}", "bold" if at == session.turn_deg else "")
             head.highlight_regex("B", LETTER_STYLES["B"])
@@ -110,7 +110,7 @@ class Holes(LeverTable):
             marks += [(value, value, "◆", INK[2]) for value in measured]
             rows[f"{at}"] = head, Text.assemble(" ", values_of(found, at), " "), _bar(max(width, LEAST_BAR), top, marks)
         self.fill(rows)
-        self.border_title = f"F'_ior in each hole, ″{f', bars 0 to {top:g}' * bool(found)}"
+        self.border_title = f"F'_ior by hole, ″{f', bars 0 to {top:g}' * bool(found)}"
         if (here := f"{session.turn_deg}") in rows and self.key != here:
             with self.prevent(DataTable.RowHighlighted):
                 self.move_cursor(row=self.get_row_index(here))
@@ -187,23 +187,31 @@ class Levers(LeverTable):
     def show(self, session: Session, effects: LeverEffects, torque: int, wanted: str, *, is_grouped: bool) -> None:
         """Show fields whose path or meaning has some words, in the preset's order or by what they change.
 
-        Those in which a pinned drive differs come first, then those that change F'_ior most. Arguments: session;
-        effects of steps at a torque, by its place; wanted words.
+        Without words those that are no part of the drive are left out. Those in which a pinned drive differs come
+        first, then those that change F'_ior most. Arguments: session; effects of steps at a torque, by its place;
+        wanted words.
         """
-        changed, steps, words = {path for path, _ in session.changes}, effects.steps, wanted.lower().split()
-        fields = resolved_fields(session.drive)
-        found = [each for each in fields if all(word in f"{each.path} {each.meaning}".lower() for word in words)]
+        marks = {field.path: "?" for field in prior_of(session.drive).fields} | {
+            path: "*" for path, _ in session.changes
+        }
+        steps, words = effects.steps, wanted.lower().split()
+        found = [
+            each
+            for each in resolved_fields(session.drive)
+            if all(word in f"{each.path} {each.meaning}".lower() for word in words)
+            and (words or each.path in steps or each.path.split(".")[0] not in SETTING_SECTIONS)
+        ]
 
         def change(field: ResolvedField) -> tuple[bool, float]:
             return field.path in effects.differing, abs(steps[field.path][1][torque]) if field.path in steps else -1.0
 
         rows = {}
         for field in found if is_grouped else sorted(found, key=change, reverse=True):
-            mark, (by, changes) = mark_of(field, changed), steps.get(field.path, (0.0, ()))
+            mark, (by, changes) = marks.get(field.path, " "), steps.get(field.path, (0.0, ()))
             step = f" {'pin ' * (field.path in effects.differing)}{by:+.4g}: {changes[torque]:+.2f}" if changes else ""
             value = visible(text_of(field.value))[: 13 - len(field.unit)]
             rows[field.path] = (
-                Text.assemble(field.path, (f" {mark or ' '}", INK[1] if mark == "?" else INK[3])),
+                Text.assemble(field.path, (f" {mark}", INK[1] if mark == "?" else INK[3])),
                 Text.assemble((value, INK[3] if mark == "*" else ""), (f" {field.unit}", "dim")),
                 Text(step, INK[0]),
             )

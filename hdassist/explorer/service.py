@@ -16,7 +16,7 @@ from typing import Any
 from hdassist.errors import HdassistError
 from hdassist.run.processes import begin_worker
 
-Question = Callable[[Callable[[Any], None]], None]  # a function of explorer.compute with its arguments
+Question = Callable[[Callable[[str, object], None]], None]  # a function of explorer.compute with its arguments
 PRELOADED = ["__main__", "hdassist.cli.main", "hdassist.explorer.preloaded"]
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")  # a process with several cannot be forked
 
@@ -45,7 +45,7 @@ class Service:
         self._running: set[BaseProcess] = set()
         self._closed = False
 
-    async def ask(self, question: Question) -> AsyncIterator[Any]:
+    async def ask(self, question: Question) -> AsyncIterator[tuple[str, Any]]:
         """The answers of a process of its own; when the caller stops listening, or is cancelled, it is ended."""
         here, there = self._context.Pipe(duplex=False)
         process = self._context.Process(target=answer, args=(question, there), daemon=False)
@@ -54,7 +54,8 @@ class Service:
             try:
                 await asyncio.shield(begun)
             except OSError as error:
-                yield Failed(f"cannot begin a process that computes: {error.strerror or error}", "ulimit -a shows why")
+                words = f"cannot begin a process that computes: {error.strerror or error}"
+                yield "failed", Failed(words, "ulimit -a shows why")
                 return
             while True:
                 await _readable(here)
@@ -106,10 +107,11 @@ def answer(question: Question, there: Connection) -> None:
     for stream in (1, 2):  # the terminal is the screen's, whatever a library has to say
         os.dup2(nowhere, stream)
     try:
-        question(there.send)
+        question(lambda *found: there.send(found))
     except HdassistError as error:
-        there.send(Failed(error.message, error.hint))
+        there.send(("failed", Failed(error.message, error.hint)))
     except Exception as error:  # a bug: the screen says so, as this process has no terminal to say it on
-        there.send(Failed(f"internal error: {type(error).__name__}: {error}", "this is a bug in hdassist"))
+        words = f"internal error: {type(error).__name__}: {error}"
+        there.send(("failed", Failed(words, "this is a bug in hdassist")))
     finally:
         there.close()

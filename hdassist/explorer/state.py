@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from hdassist.belief.evidence import measured_errors
 from hdassist.errors import UsageError
 from hdassist.explorer.levers import TEETH_FIELDS
 from hdassist.loading.load import load_text
@@ -13,18 +14,16 @@ from hdassist.measuring.cycle import gearing_of
 from hdassist.measuring.measure import measure
 from hdassist.model.deviations import carried
 from hdassist.mounting.positions import hole_of
-from hdassist.mounting.trial import read_trial
+from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.library import read_preset
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.terminal.brief import again
 from hdassist.terminal.options import TrialOptions
-from hdassist.trials.prior import Rig
 
-MOST_PAST = 200  # steps that can be undone
-USUAL = TrialOptions()
+TRIALS = TrialOptions()  # as the command has them where nothing else is asked for
 
-Change = tuple[str, str]  # path of a field, and its value as --set takes it
+Changes = tuple[tuple[str, str], ...]  # path of a field, and its value as --set takes it
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class StateSource:
         """A preset by its name or file. Raises DataError where there is none."""
         return cls(name, *read_preset(name), overrides)
 
-    def drive(self, changes: tuple[Change, ...] = ()) -> Drive:
+    def drive(self, changes: Changes = ()) -> Drive:
         """The drive with changes, of one field the last one.
 
         Raises PresetError, or UsageError with the loader's words about them.
@@ -53,16 +52,8 @@ class StateSource:
 
 
 @dataclass(frozen=True)
-class Step:
-    """What can be undone."""
-
-    changes: tuple[Change, ...] = ()
-    trials: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
 class Session:
-    """A preset, what was changed of it, trials, and where its fixed wheel is looked at.
+    """A preset, what was changed of it, and where its fixed wheel is looked at.
 
     pinned: the drive that it is compared with; turn_deg: from where the wheel stands; keeps_clearance: whether x_b
     changes with W_0 by as much; past and future: for undo and redo.
@@ -71,31 +62,20 @@ class Session:
     source: StateSource
     drive: Drive
     pinned: Drive
-    rig: TrialOptions = USUAL
-    step: Step = Step()
+    changes: Changes = ()
     turn_deg: float = 0.0
     keeps_clearance: bool = False
-    past: tuple[Step, ...] = ()
-    future: tuple[Step, ...] = ()
-
-    @property
-    def changes(self) -> tuple[Change, ...]:
-        """Changes of the preset."""
-        return self.step.changes
-
-    @property
-    def trials(self) -> tuple[str, ...]:
-        """Trials as the command takes them: h4=17.3 or 120=17.3."""
-        return self.step.trials
+    past: tuple[Changes, ...] = ()
+    future: tuple[Changes, ...] = ()
 
     @property
     def trial_torque(self) -> float:
         """Torque of the trials [N*m]."""
-        return self.rig.torque_of(self.drive.operation.M_g)
+        return TRIALS.torque_of(self.drive.operation.M_g)
 
     @property
     def here(self) -> str:
-        """The position that is looked at as trials take it: h4, or an angle [deg]."""
+        """The position that is looked at as evidence names it: h4, or an angle [deg]."""
         hole = hole_of(self.turn_deg, self.drive.mounting.holes)
         return f"{self.turn_deg:g}" if hole is None else f"h{hole}"
 
@@ -107,11 +87,9 @@ class Session:
 
     def command(self, name: str = "") -> str:
         """The command line that gives the same answer: that of a command by name, without one of mount or trials."""
-        name = name or ("trials" if self.trials else "mount")
         pinned = self.pinned.origin.file
-        other = ("--pin", pinned) if pinned != self.drive.origin.file else ()
-        more = (*self.trials, *self.rig.words(), *(other if name == "explore" else ()))
-        return again(name, self.drive, *(more if name in ("trials", "explore") else ()))
+        other = ("--pin", pinned) if name == "explore" and pinned != self.drive.origin.file else ()
+        return again(name or ("trials" if is_tried(self.drive) else "mount"), self.drive, *other)
 
     def trace_command(self, M_g: float, typical: Mapping[str, float]) -> str:
         """The same of the cam turn at a torque [N*m] of a typical drive, the fixed wheel as it is looked at."""
@@ -122,26 +100,30 @@ class Session:
         return again("trace", self.source.drive((*self.changes, *values, ("operation.M_g", f"[{M_g}]"))))
 
 
-def opened_state(name: str, overrides: tuple[str, ...] = (), rig: TrialOptions = USUAL, pin: str = "") -> Session:
+def opened_state(name: str, overrides: tuple[str, ...] = (), pin: str = "") -> Session:
     """A session of a preset, compared with it as it was opened or with another one. Raises what loading raises."""
     source = StateSource.of(name, overrides)
     drive = source.drive()
     torques = ("operation.M_g", f"{list(drive.operation.M_g)}")
-    return Session(source, drive, StateSource.of(pin).drive((torques,)) if pin else drive, rig)
+    return Session(source, drive, StateSource.of(pin).drive((torques,)) if pin else drive)
 
 
-def rig_of(session: Session) -> Rig:
-    """The rig of the trials. Raises UsageError for one that cannot be."""
-    return Rig(session.trial_torque, session.rig.noise)
+def is_tried(drive: Drive) -> bool:
+    """Whether F'_ior was measured in several positions of the fixed wheel at the torque of trials."""
+    torque = TRIALS.torque_of(drive.operation.M_g)
+    return len({each.rotation_deg for each in measured_errors(drive) if each.M_g == torque}) > 1
 
 
 def edited(session: Session, path: str, value: str) -> Session:
     """The session with a field changed; an empty value takes the change back.
 
-    Teeth change together: one number of them keeps their difference, 120/122 gives both. Raises UsageError with the
-    loader's words where the value is refused.
+    Teeth change together: one number of them, or the ratio (100:1), keeps their difference, 120/122 gives both. Raises
+    UsageError with the loader's words where the value is refused.
     """
     drive, value = session.drive, value.strip()
+    if path in TEETH_FIELDS and value.endswith(":1"):
+        path = TEETH_FIELDS[drive.mounting.fixed != "rigid"]  # the wheel that turns
+        value = f"{number_of(value[:-2]) * (drive.gears.z_b - drive.gears.z_g):g}"
     values = {path: value}
     if path in TEETH_FIELDS:
         other = TEETH_FIELDS[path == TEETH_FIELDS[0]]
@@ -159,7 +141,10 @@ def edited(session: Session, path: str, value: str) -> Session:
 def with_fields(session: Session, values: Mapping[str, str]) -> Session:
     """The session with fields changed, by path; empty values take changes back."""
     changes = {path: text for path, text in {**dict(session.changes), **values}.items() if text}
-    return _stepped(session, replace(session.step, changes=tuple(changes.items())))
+    step = tuple(changes.items())
+    if step == session.changes:
+        return session
+    return replace(at_step(session, step), past=(*session.past, session.changes), future=())
 
 
 def with_evidence(session: Session, text: str) -> Session:
@@ -167,17 +152,22 @@ def with_evidence(session: Session, text: str) -> Session:
 
     A name is a field, one of `measured` (K_1), a position (h4, h4@80) in which F'_ior was measured, or `limit`. A trace
     is of the position and torque of trials. Values may have an uncertainty (31 ± 2), k = 2; an empty one takes it back.
-    Raises UsageError with the loader's words, and what reading or measuring a trace raises.
+    F'_ior without one has that of trials. Raises UsageError with the loader's words, and what measuring a trace raises.
     """
     values = {}
     for word in re.split(r"[;\s]+(?=[^\s=]+=)", text.strip()):
         name, equals, value = word.partition("=")
         if not equals:
             name, value = session.here, _measured_value(session, word)
-        measured, at = f"measured.{name}", f"@{session.trial_torque:g}" * ("@" not in name)
-        is_field = name.partition(".")[0] in {path.partition(".")[0] for path in field_table()}
-        path = measured if measured in field_table() else f"measured.F_ior.{name}{at}"
-        values["acceptance.F_ior" if name == "limit" else name if is_field else path] = value.strip()
+        value, torque = value.strip(), f"@{session.trial_torque:g}" * ("@" not in name)
+        if name == "limit":
+            path = "acceptance.F_ior"
+        elif name.partition(".")[0] in {path.partition(".")[0] for path in field_table()}:
+            path = name
+        elif (path := f"measured.{name}") not in field_table():
+            path, is_bare = f"measured.F_ior.{name}{torque}", number_of(value) == number_of(value)
+            value += f" ± {2 * TRIALS.noise:g}" * is_bare
+        values[path] = value
     return with_fields(session, values)
 
 
@@ -191,28 +181,11 @@ def _measured_value(session: Session, path: str) -> str:
     return f"{sweep.range.value:.4g} ± {2 * sweep.uncertainty_arcsec:.2g}"
 
 
-def with_trials(session: Session, text: str) -> Session:
-    """The session with trials more: "28.1" at the hole that is looked at, or "h4=17.3", several with blanks between.
-
-    Raises UsageError for an invalid trial.
-    """
-    words = text.split()
-    if not words:
-        raise UsageError("no trial given", "like 28.1, or h4=17.3")
-    trials = [word if "=" in word or ":" in word else f"{session.here}={word}" for word in words]
-    return _stepped(session, replace(session.step, trials=(*session.trials, *trials)))
-
-
-def without_trial(session: Session) -> Session:
-    """The session without the last of its trials."""
-    return _stepped(session, replace(session.step, trials=session.trials[:-1]))
-
-
 def turned_state(session: Session, by: int) -> Session:
     """The session with the wheel looked at so many positions further, counter-clockwise."""
     positions = session.positions
-    here = min(range(len(positions)), key=lambda k: abs((positions[k] - session.turn_deg + 180) % 360 - 180))
-    return replace(session, turn_deg=positions[(here + by) % len(positions)])
+    place = round(session.turn_deg * len(positions) / 360) + by
+    return replace(session, turn_deg=positions[place % len(positions)])
 
 
 def pinned(session: Session) -> Session:
@@ -226,7 +199,7 @@ def undone(session: Session) -> Session:
     if not session.past:
         return session
     back = at_step(session, session.past[-1])
-    return replace(back, past=session.past[:-1], future=(session.step, *session.future))
+    return replace(back, past=session.past[:-1], future=(session.changes, *session.future))
 
 
 def redone(session: Session) -> Session:
@@ -234,19 +207,9 @@ def redone(session: Session) -> Session:
     if not session.future:
         return session
     on = at_step(session, session.future[0])
-    return replace(on, past=(*session.past, session.step), future=session.future[1:])
+    return replace(on, past=(*session.past, session.changes), future=session.future[1:])
 
 
-def _stepped(session: Session, step: Step) -> Session:
-    """The session at a new step, which forgets what was undone."""
-    if step == session.step:
-        return session
-    return replace(at_step(session, step), past=(*session.past, session.step)[-MOST_PAST:], future=())
-
-
-def at_step(session: Session, step: Step) -> Session:
-    """The session at a step. Raises what loading raises."""
-    drive = session.drive if step.changes == session.changes else session.source.drive(step.changes)
-    for trial in step.trials:
-        read_trial(trial, drive.mounting.holes)  # holes may have become fewer
-    return replace(session, drive=drive, step=step)
+def at_step(session: Session, changes: Changes) -> Session:
+    """The session with other changes of its preset. Raises what loading raises."""
+    return replace(session, drive=session.source.drive(changes), changes=changes)

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from hdassist.belief.prior import prior_of
 from hdassist.design.check import OperatingPoint
 from hdassist.explorer.asking import Known
 from hdassist.explorer.compute import is_any_hole, typical_of
-from hdassist.explorer.panes import INK, torque_style
+from hdassist.explorer.panes import INK, MARKS, torque_style
 from hdassist.explorer.state import Session
-from hdassist.model.assumed import assumptions
-from hdassist.model.unknown import unknowns
-from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import bare
 from hdassist.pages.check import F_ior_table
-from hdassist.report.blocks import Facts, Lines
+from hdassist.report.blocks import Block, Curve, Facts, Lines
 from hdassist.report.report import Report
 from hdassist.terminal.brief import proof
 from hdassist.terminal.influence_words import named
@@ -37,51 +36,57 @@ def why_no_card(report: Report | None) -> str:
 
 
 def head(session: Session) -> Text:
-    """The drive, how much of it is unknown, assumed and changed, and what it is compared with."""
+    """The drive, how much of it is uncertain and changed, and what it is compared with."""
     drive, line = session.drive, Text(no_wrap=True, overflow="ellipsis")
     line.append(visible(drive.name), "bold")
     line.append(f"  {drive.gears.z_g}/{drive.gears.z_b}  {drive.mounting.fixed} wheel fixed", "dim")
-    counts = {"unknown": unknowns(drive), "assumed": assumptions(drive), "changed": session.changes}
+    counts = {"uncertain": prior_of(drive).fields, "changed": session.changes}
     line.append("".join(f"  {len(found)} {word}" for word, found in counts.items() if found), INK[3])
     more = len({*session.pinned.origin.overrides} - {*session.source.overrides})
     line.append(f"  vs {visible(session.pinned.name)}{f' with {more} changed' * (more > 0)}", INK[2])
     return line.append("  x_b keeps clearance" * session.keeps_clearance, INK[1])
 
 
-def headline(session: Session, known: Known, pinned: Known | None, torque: int) -> RichTable | Text:
-    """F'_ior by torque as `check` has it, as it stands and in the best hole.
+def headline(session: Session, known: Known, pinned: Known | None, torque: int, width: int) -> RichTable | Text:
+    """F'_ior by torque as `check` has it, as it stands and in the best hole; columns that have no room are left out.
 
-    Arguments: session; known, of it; pinned, of what it is compared with; torque, the place of the one to mark. Before
-    the answer is whole a typical drive, as it was and is, stands beside the old one.
+    Arguments: session; known, of it; pinned, of what it is compared with; torque, the place of the one to mark; width,
+    in characters. Before the answer is whole a typical drive, as it was and is, stands beside the old one.
     """
     found, whole = known.check or known.old, known.whole
-    if known.failed or not found:
+    if not found or (known.failed and not known.check):
         return Text("F'_ior: no answer" if known.failed else "F'_ior: computing …", "dim")
     page = F_ior_table(found)
-    columns = dict(zip(page.heads, map(list, zip(*page.rows, strict=True)), strict=True))
-    del columns["self error"]
+    sure = f"{found.samples.effective:.0f} samples" if found.samples else "every state"
+    state = f"{sure if found is known.check else 'old'}{'' if whole else ' …'}"
+    torques = [f"[{torque_style(k)}]{'▸' * (k == torque)}{point.M_g:g} N·m[/]" for k, point in enumerate(found.points)]
+    columns = {state: torques, **dict(zip(page.heads, map(list, zip(*page.rows, strict=True)), strict=True))}
+    for name in ("self error", page.heads[0]):
+        del columns[name]
     if known.first and known.old and not whole:
         both = zip(typical_of(known.old)[1], known.first.F_ior_arcsec, strict=True)
-        columns["typical drive"] = [f"{before:.2f} → {now:.2f}" for before, now in both]
+        columns["typical drive"] = [f"{before:.2f} → {now:.2f} {MARKS[known.first.sure]}" for before, now in both]
     if "limit" in columns:
         held = [(point.limit_arcsec, point.held_arcsec, point.probability) for point in found.points]
+        columns["verdict"] = [f"[{VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in columns.pop("verdict")]
         columns["margin"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in held]
         columns["kept"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in held]
-        columns["verdict"] = [f"[{VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in columns.pop("verdict")]
     if whole and pinned and pinned.whole and len(pinned.whole.points) == len(found.points):
         both = zip(map(middle_of, found.points), map(middle_of, pinned.whole.points), strict=True)
         columns["change"] = [f"[{INK[0]}]{now - before:+.2f}[/]" for now, before in both]
-    best_deg = known.advice.chosen.rotation_deg if isinstance(known.advice, Advice) else 0.0
+    best_deg = known.advice.choice.chosen.rotation_deg if known.advice else 0.0
     if best_deg and known.curve and not is_any_hole(session.drive):
         hole, place = bare(best_deg, session.drive.mounting.holes), known.curve.place(best_deg)
         columns[f"best: {hole}"] = [f"[{INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, place]]
-    state = f"{found.samples.effective:.0f} samples" if found.samples else "every state"
-    state = f"{'old' if found is not known.check else state}{'' if whole else ' …'}"
+    widths = {name: 1 + max(Text.from_markup(cell).cell_len for cell in (name, *columns[name])) for name in columns}
+    for name in reversed(widths):
+        if sum(widths[name] for name in columns) > width:
+            del columns[name]
     table = RichTable(box=None, padding=(0, 1, 0, 0), header_style="dim")
-    for name in (state, *list(columns)[1:]):
+    for name in columns:
         table.add_column(name, justify="right", no_wrap=True)
-    for k, (M_g, *cells) in enumerate(zip(*columns.values(), strict=True)):
-        table.add_row(f"[{torque_style(k)}]{'▸' if k == torque else ''}{M_g} N·m[/]", *cells)
+    for cells in zip(*columns.values(), strict=True):
+        table.add_row(*cells)
     return table
 
 
@@ -90,31 +95,31 @@ def middle_of(point: OperatingPoint) -> float:
     return point.belief.p50 if point.belief else point.error.F_ior_arcsec
 
 
-def advice_text(session: Session, known: Known, of_trials: Known | None) -> Text:
-    """The order with its reasons, or why there is none yet; below it the trials, and what the page of it notes."""
-    here, text = of_trials or known, Text()
-    if failed := here.failed or known.failed:
-        text.append(visible(failed.message), "red").append(f"\n{visible(failed.hint)}")
-    elif here.report and here.advice:
-        why = why_no_card(here.report)
-        text.append(visible(" ".join(here.report.why)), "" if why else "bold")
-        text.append(f"\n{f'no card: {why}' if why else 'c writes the card'}", "dim")
-    else:
-        text.append("Nothing is ordered before it is proven …", "dim")
-    trials = "  ".join(session.trials) or f"t adds F'_ior measured at {session.trial_torque:g} N·m in a position"
-    text.append(f"\ntrials: {trials}", INK[2])
-    return text.append(visible("".join(f"\n{note}" for note in report_notes(here.report))), "dim")
+def order_words(known: Known) -> str:
+    """The order with its reasons, or why there is none yet."""
+    if known.failed:
+        return f"{known.failed.message}\n{known.failed.hint}"
+    return " ".join(known.report.why) if known.report else "Nothing is ordered before it is proven …"
 
 
-def next_text(advice: Text, known: Known) -> Text:
+def next_text(known: Known) -> str:
     """The order in a line, and in another one what to measure first with what that brings."""
-    text = Text(advice.plain.partition("\n")[0], no_wrap=True, overflow="ellipsis")
-    gains = why_blocks(known)[1].lines if known.whole and known.whole.to_measure else ()
-    return text.append(f"\nmeasure next: {'; '.join(gains[:2])}" * bool(gains))
+    gains = dict(facts_of(known.page).rows).get("measure", "")
+    return visible(order_words(known).partition("\n")[0]) + f"\nmeasure next: {gains}" * bool(gains)
 
 
-def why_blocks(known: Known) -> tuple[Lines, ...]:
-    """Influences on F'_ior with their shares, measurements with what each of them brings, and warnings."""
+def turn_blocks(page: Report, name: str) -> Iterator[Block]:
+    """The first cam turn of a page of `trace`, or its full cycle with its greatest orders."""
+    for block in reversed(page.blocks):
+        if isinstance(block, Curve) and name == "turn":
+            first, words = block.x < 1, block.y_label.partition(":")[0]
+            yield replace(block, x=block.x[first], y=block.y[first], y_label=words, over=0.0)
+        elif name == "cycle" and not isinstance(block, Facts):
+            yield block
+
+
+def why_blocks(known: Known) -> tuple[Lines | Facts, ...]:
+    """Influences on F'_ior with their shares, measurements with what each of them brings, and other facts of check."""
     if not (found := known.whole):
         return (Lines("", ("computing …",)),)
     point = found.points[found.least_sure]
@@ -124,14 +129,15 @@ def why_blocks(known: Known) -> tuple[Lines, ...]:
     return (
         Lines(f"share of the variance of ln F'_ior at {point.M_g:g} N·m", tuple(shares) or ("no field stands out",)),
         Lines("measure next, and what it brings", tuple(gains) or ("nothing that brings more",)),
-        Lines("", tuple(report_notes(known.page))),
+        facts_of(known.page, "influence", "measure"),
     )
 
 
-def report_notes(report: Report | None) -> Iterator[str]:
-    """The labelled facts of a report's page, its warnings and proof; not the command to type next."""
-    for block in report.blocks if report else ():
-        if isinstance(block, Facts):
-            yield from (f"{label}: {text}" for label, text in block.rows if label != "next")
-    if report:
-        yield from (*report.warnings, f"proof of {report.command}: {proof(report.certificate, report.cross_checks)}")
+def facts_of(report: Report | None, *left_out: str) -> Facts:
+    """The labelled lines of a page, its warnings and proof, without some labels; not the command to type next."""
+    if not report:
+        return Facts(())
+    rows = [row for block in (*report.blocks, *report.details) if isinstance(block, Facts) for row in block.rows]
+    rows += [("warning", each) for each in report.warnings]
+    rows.append(("proof", proof(report.certificate, report.cross_checks)))
+    return Facts.of(row for row in rows if row[0] not in ("next", *left_out))

@@ -15,10 +15,10 @@ from pydantic.fields import FieldInfo
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.preset import coupling
-from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import PRESET_SCHEMA, Drive, Source, field_table, sections
 from hdassist.preset.kinds import UNKNOWN, Section, may_be_unknown, text_of, unit_of
 from hdassist.preset.overrides import path_of
+from hdassist.preset.schema import origin_counts
 from hdassist.preset.similarity import Requirements, SimilarValue, similar
 from hdassist.preset.yamltext import scalar_value
 
@@ -57,18 +57,16 @@ def similar_preset(name: str, like: Drive, required: Requirements, description: 
     entries = similar(like, required)
     text = "\n".join(_similar_lines(name, like, entries, description)) + "\n"
     try:
-        load_text(text, name)
+        counts = origin_counts(load_text(text, name))
     except PresetError as error:
         raise UsageError(f"no such drive meshes: {error.findings[0].message}", "other teeth, or another size") from None
-    return text
+    other = like.name if like.name.isprintable() else "another drive"
+    head = f"# Made by hdassist presets new, like {other}: {counts['given']} values given, {counts['assumed']} assumed."
+    return f"{head}\n{text}"
 
 
 def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], description: str) -> Iterator[str]:
     z_g, z_b, m = (entries[f"gears.{field}"].value for field in ("z_g", "z_b", "m"))
-    kinds = [entry.kind for path, entry in entries.items() if not of_catalogue(path)]
-    sure = kinds.count("given")
-    other = like.name if like.name.isprintable() else "another drive"
-    yield f"# Made by hdassist presets new, like {other}: {sure} values given, {len(kinds) - sure} assumed."
     yield "# `source` at the end of the file says how each was chosen, and in which range it may lie. Put in what you"
     yield "# know, with kind: given beside it. What is unknown is not zero: answers are ranges over it."
     yield f"schema: {PRESET_SCHEMA}"
@@ -110,32 +108,21 @@ def _quoted(text: str) -> str:
 
 
 def with_found_values(
-    text: str,
-    file: str,
-    values: Mapping[str, float],
-    ref: str,
-    alternatives: Sequence[Mapping[str, float]] = (),
-    model: Mapping[str, str | int] | None = None,
+    text: str, file: str, values: Mapping[str, float], ref: str, model: Mapping[str, str | int] | None = None
 ) -> str:
     """Text of a preset with identified values, its comments and order as they are.
 
     Arguments: text; file, its name in messages; values, by path, of fields that the text gives or leaves out; ref,
-    where they come from; alternatives, other sets of such values; model, the fields of numerics that they were
-    identified with, which are written into the text. Raises the errors of loading the text; DataError where it cannot
-    be changed in place.
+    where they come from; model, the fields of numerics that they were identified with, which are written into the
+    text. Raises the errors of loading the text; DataError where it cannot be changed in place.
     """
     before, tables = load_text(text, file), _tables(text)
     for path, value in values.items():
-        section, name = path.split(".")
-        _table(tables, section)[name] = value
+        _set_value(tables, path, value)
         _table(tables, "source")[path] = _source("identified", ref, before.source.get(path), value)
     for name, setting in (model or {}).items():
         _table(tables, "numerics").setdefault(name, setting)
-    tables.pop("alternatives", None)
-    if alternatives:
-        tables["alternatives"] = [dict(each) for each in alternatives]
-    wanted = before.with_values(values)
-    return _written(tables, file, wanted.model_copy(update={"alternatives": tuple(map(dict, alternatives))}), model)
+    return _written(tables, file, before.with_values(values), model)
 
 
 def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
@@ -153,8 +140,7 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
         if path not in field_table():
             raise DataError(f"--set {override} cannot be saved", "only single fields can: write it into the file")
         changes.add(path)
-        section, name = path.split(".")
-        _table(tables, section)[name] = _tables(written)
+        _set_value(tables, path, _tables(written))
         source, value = before.source.get(path), wanted.value(path)
         if source is not None and value != before.value(path):
             ref = f"changed by hand; was {source.kind}"
@@ -188,6 +174,11 @@ def _table(tables: Any, name: str) -> Any:
     return tables[name]
 
 
+def _set_value(tables: Any, path: str, value: Any) -> None:
+    section, name = path.split(".")
+    _table(tables, section)[name] = value
+
+
 def _source(kind: str, ref: str, before: Source | None, value: Any) -> Any:
     """A source in one line, with the range of the one before as far as the value lies in it."""
     bounds = before.range if before else None
@@ -204,6 +195,6 @@ def _written(tables: Any, file: str, wanted: Drive, model: Mapping[str, str | in
     with suppress(DataError):
         read = load_text(text, file)
         same = all(read.value(path) == wanted.value(path) for path in field_table() if path not in loose)
-        if same and (read.uncertainty, read.alternatives) == (wanted.uncertainty, wanted.alternatives):
+        if same and read.uncertainty == wanted.uncertainty:
             return text
     raise DataError(f"{file} cannot be changed in place", "change it by hand; hdassist presets new shows the form")

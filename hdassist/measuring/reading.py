@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from hdassist.errors import DataError
 from hdassist.measuring.measure import Measurement, measure, require_drift
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
-from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.readers.bench import bench_record
+from hdassist.readers.trace import TraceForm, read_record, trace_of
 from hdassist.run.kept import ClosedRecord
 
 
@@ -30,6 +32,10 @@ class Reading(ClosedRecord, TraceForm):
 
     def measured(self, file: str, drive: Drive, *, seed: int = 0, together: bool = False) -> Measurement:
         """What a record of a drive shows; seed and together as of `measure`. Raises what it and read_trace do."""
-        trace = read_trace(file, self, abs(Kinematics.of(drive).u))
+        table = read_record(file, self)
+        if bench_record(table):
+            words = f"{table.file}: approached positions or a torque loop, which is no trace"
+            raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")
+        trace = trace_of(table, self, abs(Kinematics.of(drive).u))
         orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
         return measure(trace, drive=drive, orders=orders, drift=self.drift, stated=stated, seed=seed, together=together)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
-from hdassist.belief.evidence import evidence_of
+from hdassist.belief.evidence import evidence_of, measured_errors
 from hdassist.belief.influence import Influence, influences_on
 from hdassist.belief.measure import MeasurementGain, gains_for
 from hdassist.belief.prior import prior_of
@@ -27,7 +27,7 @@ from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.curve import curve_states, mounting_curve
-from hdassist.mounting.losses import LEAST_TURNED_GAIN, Criterion, PositionStatistics
+from hdassist.mounting.losses import LEAST_TURNED_GAIN, PositionStatistics
 from hdassist.mounting.positions import Choice, MountingCurve, Position, usable_positions
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
@@ -44,13 +44,12 @@ MountingOrder = str  # turn, leave; or none, where what is not known could rever
 class Advice:
     """Advice on one drive.
 
-    curve of the drive as the preset has it, with unknown deviations as 0; samples of what is not known exactly, as many
-    as `check` takes, None where there is nothing to draw or nothing was drawn; positions over them; gain_probability,
-    that of the best other position to be better than the present one, from these and further samples, all_draws in
-    number; stay_probability, that the present one is nearly as good as the best; measured: wheels in place of first
-    harmonics, for which there is the curve alone; unknown: deviations that are not known; open_: fields, by path, that
-    are not known exactly; as_given: whether to order by the values as given where nothing was drawn; needed:
-    probability of a gain for which a turn is ordered.
+    curve of the drive as the preset has it, with unknown deviations as 0; samples of what is not known exactly, None
+    where there is nothing to draw or nothing was drawn; positions over them; gain_probability, that of the best other
+    position to be better than the present one; stay_probability, that the present one is nearly as good as the best;
+    measured: wheels in place of first harmonics, for which there is the curve alone; unknown: deviations that are not
+    known; open_: fields, by path, that are not known exactly; as_given: whether to order by the values as given where
+    nothing was drawn; needed: probability of a gain for which a turn is ordered.
     """
 
     drive: Drive
@@ -59,7 +58,6 @@ class Advice:
     positions: PositionStatistics | None = None
     gain_probability: Probability | None = None
     stay_probability: Probability | None = None
-    all_draws: int = 0
     measured: MeasuredTeeth | None = None
     unknown: tuple[Unknown, ...] = ()
     open_: tuple[str, ...] = ()
@@ -90,8 +88,9 @@ class Advice:
 
     @property
     def any_hole(self) -> bool:
-        """Whether nothing is known of the direction that decides: any hole may then be the best one."""
-        return bool(self.unknown and self.deciding and not self.no_hole_better)
+        """Whether nothing is known of the direction that decides, nor F'_ior measured: any hole may be the best one."""
+        is_known = self.no_hole_better or measured_errors(self.drive)
+        return bool(self.unknown and self.deciding and not is_known)
 
     @property
     def no_hole_better(self) -> str:
@@ -135,8 +134,10 @@ class Advice:
 
     @property
     def to_try(self) -> tuple[Position, ...]:
-        """Usable positions, three that lie apart as far as they can, in which trials would tell."""
+        """Usable positions, three that lie apart as far as they can, in which trials would tell; none measured yet."""
+        tried = {each.rotation_deg for each in measured_errors(self.drive)}
         usable = sorted(self.choice.ranked, key=lambda p: p.rotation_deg)
+        usable = [p for p in usable if p.rotation_deg not in tried] or usable
         wanted = [120.0 * k for k in range(FIRST_TRIALS)]
         near = [min(usable, key=lambda p: abs((p.rotation_deg - at + 180) % 360 - 180)) for at in wanted]
         return tuple({p.rotation_deg: p for p in near}.values())
@@ -185,19 +186,12 @@ class Advice:
 
 
 def advice_states(
-    drive: Drive,
-    torques: Sequence[float],
-    rotations: Sequence[float],
-    *,
-    every_state: bool,
-    draws: int,
-    measured: MeasuredTeeth | None = None,
+    drive: Drive, torques: int, positions: int, *, draws: int, measured: MeasuredTeeth | None = None
 ) -> int:
-    """Number of states that an advice solves, about, for a progress bar."""
+    """Number of states that an advice at so many torques and positions solves, about, for a progress bar."""
     sampled = 0 if measured or not searchable(drive) or not prior_of(drive).fields else draws
-    curve = curve_states(drive, torques, rotations, every_state=every_state, measured=measured, searched=sampled > 0)
-    each = SAMPLE_STATES + TURNED_STATES * len(usable_positions(drive.mounting.holes, drive.mounting.allowed))
-    return curve + sampled * len(torques) * each
+    curve = curve_states(drive, torques, positions, drawn=sampled > 0, measured=measured)
+    return curve + sampled * torques * (SAMPLE_STATES + TURNED_STATES * positions)
 
 
 def advise(
@@ -206,82 +200,56 @@ def advise(
     rotations_deg: Sequence[float],
     *,
     measured: MeasuredTeeth | None = None,
-    every_state: bool = False,
-    weights: Sequence[float] | None = None,
     draws: int = EFFECTIVE_SAMPLES,
-    criterion: str = "expected",
     needed: float = SURE,
     run: Run = Run(),
 ) -> Advice:
     """Find the position in which to mount the fixed wheel of a drive.
 
     Arguments: torques [N*m]; rotations_deg, positions of the curve [deg], 0 first, where the wheel stands; measured,
-    wheels in place of first harmonics, for which nothing is drawn; every_state, solve all states of the curve instead
-    of searching; weights of the torques, one each; draws, effective samples of what is not known at least, 0 for none,
-    and the criterion that chooses among positions in them: expected, worst or quantile=Q; needed, probability of a gain
-    for which a turn is ordered, to which that of keeping a limit is drawn too, as `check` does. An interrupt ends the
-    work early: the advice has the curve that was done. Raises UsageError for invalid positions, weights or criterion,
-    UntrustedError where an answer cannot be trusted, or the preset's catalogue contradicts its other values.
+    wheels in place of first harmonics, for which nothing is drawn; draws, effective samples of what is not known at
+    least, 0 for none; needed, probability of a gain for which a turn is ordered, to which that of keeping a limit is
+    drawn too, as `check` does. Raises UsageError for invalid positions, UntrustedError where an answer cannot be
+    trusted, or the preset's catalogue contradicts its other values.
     """
-    Criterion.of(criterion)  # wrong before anything is computed, and without samples too
     known = measured.without_harmonics(drive) if measured else drive
     prior = prior_of(known)
     drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
-    positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
-    turns = sorted({0.0, *positions})
-    curve = mounting_curve(
-        drive,
-        torques,
-        rotations_deg,
-        measured=measured,
-        every_state=every_state,
-        proposed_from=0 if drawn else None,
-        weights=weights,
-        run=run,
-    )
+    curve = mounting_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)
     # of a wheel that was measured nothing is open
     open_ = tuple(each.path for each in prior.fields if known.value(each.path) == drive.value(each.path))
     advice = Advice(
         drive, curve, measured=measured, unknown=unknowns(known), open_=open_, as_given=not draws, needed=needed
     )
-    if curve.interrupted or not drawn:
+    if not drawn:
         return advice
-    shares = None if weights is None else tuple(weights)
+    positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
     left = limits_left(drive, torques)
-    effort, evidence = SamplingEffort.of(draws), evidence_of(drive)
-    draw = partial(draw_samples, prior, torques, evidence=evidence, effort=effort, run=run)
-    as_check = partial(limits_settled, left, sure=needed)  # the same samples as `check` with the same sureness
-    first = draw(rotations_deg=turns, enough=as_check)
-    found = PositionStatistics.of(first.of_ranges, positions, criterion, shares)
-    now, place = found.place(0.0), found.challenger
-    advice = replace(advice, samples=first, positions=found, all_draws=first.draws)
 
-    def with_odds(samples: Samples) -> Advice:
-        """The advice with probabilities over samples, which may have fewer turns."""
-        gain = stay = None
-        if place is not None:
-            gain = PositionStatistics.of(samples, (positions[place],), criterion, shares).probability_gain(0)
-        if now is not None:
-            every = {*positions} <= {*samples.rotations_deg}
-            stay = PositionStatistics.of(samples if every else first, positions, criterion, shares).probability_close(
-                now
-            )
-        return replace(advice, gain_probability=gain, stay_probability=stay, all_draws=samples.draws)
+    def with_samples(samples: Samples) -> Advice:
+        """The advice with positions over the samples, and the probabilities that an order rests on."""
+        found = PositionStatistics.of(samples.of_ranges, positions)
+        now, place = found.place(0.0), found.challenger
 
-    def is_open(odds: Probability | None) -> bool:
-        return odds is not None and not is_settled(odds.low, odds.high, needed)
+        def of(stage: Samples) -> PositionStatistics:
+            return PositionStatistics.of(stage, positions)
+
+        gain = None if place is None else samples.probability(lambda stage: of(stage).is_better(place), needed)
+        stay = None if now is None else samples.probability(lambda stage: of(stage).is_close(now), needed)
+        return replace(advice, samples=samples, positions=found, gain_probability=gain, stay_probability=stay)
 
     def enough(samples: Samples) -> bool:
-        odds = with_odds(samples)
-        unsettled = [each for each in (odds.gain_probability, odds.stay_probability) if each and is_open(each)]
-        if advice.any_hole or odds.gain_probability not in unsettled:
+        if not limits_settled(left, samples, needed):  # as many samples as check takes
+            return False
+        odds = with_samples(samples)
+        every = filter(None, (odds.gain_probability, odds.stay_probability))
+        open_ = [each for each in every if not is_settled(each.low, each.high, needed)]
+        if advice.any_hole or odds.gain_probability not in open_:
             return True
-        return not any(could_be_sure(each, samples.effective, GAIN_DRAWS * draws, needed) for each in unsettled)
+        return not any(could_be_sure(each, samples.effective, GAIN_DRAWS * draws, needed) for each in open_)
 
-    advice = with_odds(first)
-    if place is None or enough(first):
-        return advice
-    # a gain needs two positions; whether the present one is nearly as good as the best needs all, unless it is known
-    two = first.rotations_deg if is_open(advice.stay_probability) else sorted({0.0, positions[place]})
-    more = draw(rotations_deg=two, begun=first, enough=enough)
-    return replace(with_odds(more), samples=replace(first, certificate=more.certificate))
+    samples = draw_samples(
+        prior, torques, rotations_deg=sorted({0.0, *positions}), evidence=evidence_of(drive), enough=enough,
+        effort=SamplingEffort.of(draws), run=run,
+    )  # fmt: skip
+    return with_samples(samples)

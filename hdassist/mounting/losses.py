@@ -6,44 +6,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.belief.samples import Samples
-from hdassist.belief.statistics import Probability, probability_of, weighted_quantile
-from hdassist.errors import UsageError
+from hdassist.belief.statistics import weighted_quantile
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
-from hdassist.mounting.positions import Choice, Position, hole_of, merit, phase_deg, rotated
-from hdassist.numerals import number_of
+from hdassist.mounting.positions import NO_ERROR, Choice, Position, hole_of, phase_deg, rotated
 from hdassist.preset.fields import Drive
 
 GOOD = 0.05  # loss against the best position below which a position is as good
 LEAST_TURNED_GAIN = 0.01  # of the error: a smaller one is not worth a turn
-TIE = 0.999  # of the merit: positions this near to the best of a sample share it
-
-
-@dataclass(frozen=True)
-class Criterion:
-    """What decides over samples: a quantile of the losses, 1 for the worst, or their mean where there is none."""
-
-    name: str
-    quantile: float | None = None
-
-    @classmethod
-    def of(cls, text: str) -> Criterion:
-        """Read expected, worst or quantile=0.9. Raises UsageError for anything else."""
-        if text in ("expected", "worst"):
-            return cls(text, 1.0 if text == "worst" else None)
-        name, _, number = text.partition("=")
-        quantile = number_of(number)
-        if name != "quantile" or not 0 < quantile < 1:
-            raise UsageError(f"invalid criterion {text!r}: expected, worst, or quantile=0.9")
-        return cls(text, quantile)
-
-    def over(self, losses: Array, weights: Array) -> Array:
-        """One number a position from losses, shape (samples, positions), and weights of the samples."""
-        if self.quantile is None:
-            return np.asarray(weights @ losses / weights.sum())
-        return np.array([weighted_quantile(each, weights, self.quantile) for each in losses.T])
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,28 +24,22 @@ class PositionStatistics:
     """Positions that may be chosen, over weighted samples.
 
     rotations_deg; F_ior_arcsec at the torques that decide, shape (torques, samples, positions), and now_arcsec, at
-    rotation 0, shape (torques, samples); sample_weights, shape (samples,); criterion over the losses; weights of the
-    torques; against_now: F'_ior counts against that at rotation 0 of its sample, else against the least of its sample,
-    as where the wheel stands by chance.
+    rotation 0, shape (torques, samples); sample_weights, shape (samples,); against_now: F'_ior counts against that at
+    rotation 0 of its sample, else against the least of its sample, as where the wheel stands by chance.
     """
 
     rotations_deg: tuple[float, ...]
     F_ior_arcsec: Array
     now_arcsec: Array
     sample_weights: Array
-    criterion: Criterion
-    weights: tuple[float, ...] | None = None
     against_now: bool = False
 
     @classmethod
-    def of(
-        cls, samples: Samples, rotations_deg: tuple[float, ...], criterion: str, weights: tuple[float, ...] | None
-    ) -> PositionStatistics:
+    def of(cls, samples: Samples, rotations_deg: tuple[float, ...]) -> PositionStatistics:
         """Statistics of samples that were drawn at these rotations, against how the wheel stands."""
         columns = [samples.rotations_deg.index(each) for each in rotations_deg]
         F_ior = np.moveaxis(samples.turned_arcsec[..., columns], 0, 1)
-        now, how = samples.F_ior_arcsec.T, Criterion.of(criterion)
-        return cls(rotations_deg, F_ior, now, samples.weights, how, weights, against_now=True)
+        return cls(rotations_deg, F_ior, samples.F_ior_arcsec.T, samples.weights, against_now=True)
 
     def place(self, rotation_deg: float) -> int | None:
         """Which of the positions a rotation is, None where it is none."""
@@ -102,9 +69,9 @@ class PositionStatistics:
 
     @cached_property
     def merits(self) -> Array:
-        """F'_ior over what it counts against, for the torque served worst, by weights, shape (samples, positions)."""
+        """F'_ior over what it counts against, for the torque served worst, shape (samples, positions)."""
         against = self.now_arcsec[:, :, None] if self.against_now else self.F_ior_arcsec.min(axis=2, keepdims=True)
-        return merit(self.F_ior_arcsec / np.maximum(against, 1e-9), np.ones(len(self.F_ior_arcsec)), self.weights)
+        return np.asarray((self.F_ior_arcsec / np.maximum(against, NO_ERROR)).max(axis=0))
 
     @cached_property
     def losses(self) -> Array:
@@ -126,15 +93,9 @@ class PositionStatistics:
         return self._mean((self.losses < GOOD).astype(float))
 
     @cached_property
-    def probability_best(self) -> Array:
-        """Probability of each position to be the best one, ties shared, shape (positions,)."""
-        first = self.losses <= 1 / TIE - 1
-        return self._mean(first / first.sum(axis=1, keepdims=True))
-
-    @cached_property
     def ranked(self) -> list[int]:
-        """Places of the positions, best first by the criterion."""
-        return [int(p) for p in self.criterion.over(self.losses, self.sample_weights).argsort(kind="stable")]
+        """Places of the positions, the least expected loss first."""
+        return [int(p) for p in self.expected_loss.argsort(kind="stable")]
 
     @property
     def best(self) -> int:
@@ -153,27 +114,25 @@ class PositionStatistics:
 
     def gains(self, place: int) -> Array:
         """Share of F'_ior at rotation 0 that a position takes off at the torque served worst, shape (samples,)."""
-        return np.asarray(1 - (self.at(place) / np.maximum(self.now_arcsec, 1e-9)).max(axis=0))
+        return np.asarray(1 - (self.at(place) / np.maximum(self.now_arcsec, NO_ERROR)).max(axis=0))
 
     @property
     def best_gains(self) -> Array:
         """The same of the position that is best in each sample: what turning may bring at most, shape (samples,)."""
-        rows = np.arange(len(self.merits))
-        F_ior = self.F_ior_arcsec[:, rows, self.merits.argmin(axis=1)]
-        return np.asarray(1 - (F_ior / np.maximum(self.now_arcsec, 1e-9)).max(axis=0))
+        return np.asarray(1 - self.merits.min(axis=1))
 
     def range_of(self, values: Array) -> tuple[float, float, float]:
         """5th percentile, median and 95th percentile of values, shape (samples,)."""
         low, middle, high = (weighted_quantile(values, self.sample_weights, share) for share in (0.05, 0.5, 0.95))
         return low, middle, high
 
-    def probability_gain(self, place: int) -> Probability:
-        """Probability that a position is better than rotation 0 by more than LEAST_GAIN."""
-        return probability_of(self.gains(place) > LEAST_TURNED_GAIN, self.sample_weights)
+    def is_better(self, place: int) -> NDArray[np.bool_]:
+        """Whether a position is better than rotation 0 by more than LEAST_TURNED_GAIN, shape (samples,)."""
+        return self.gains(place) > LEAST_TURNED_GAIN
 
-    def probability_close(self, place: int) -> Probability:
-        """Probability that a position loses less than GOOD against the best one."""
-        return probability_of(self.losses[:, place] < GOOD, self.sample_weights)
+    def is_close(self, place: int) -> NDArray[np.bool_]:
+        """Whether a position loses less than GOOD against the best one, shape (samples,)."""
+        return np.asarray(self.losses[:, place] < GOOD)
 
     @property
     def ratios(self) -> Array:

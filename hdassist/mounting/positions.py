@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.errors import UsageError
 from hdassist.model.deviations import carried, tooth_phases
 from hdassist.model.geometry import Array
 from hdassist.model.wheels import MeasuredTeeth
@@ -63,11 +62,6 @@ class Choice:
     ranked: tuple[Position, ...]
 
     @property
-    def second(self) -> Position | None:
-        """The best of the other usable positions, None without one."""
-        return next((p for p in self.ranked if p.rotation_deg != self.chosen.rotation_deg), None)
-
-    @property
     def target(self) -> Position:
         """Where the wheel is to be."""
         return self.chosen if self.turn else self.current
@@ -80,8 +74,7 @@ class MountingCurve:
     torques [N*m]; rotation_deg, shape (rotations,), counter-clockwise seen from the cam side, the present
     position first; phase_deg, the same positions as phases; F_ior_arcsec, shape (torques, rotations);
     every_state, same shape: where all states were solved, not searched; holes of the seat, 0 for a free angle;
-    allowed: hole numbers that may be used, None for all; weights of the torques; missing: positions asked for that
-    an interrupt left undone.
+    allowed: hole numbers that may be used, None for all.
     """
 
     torques: tuple[float, ...]
@@ -93,9 +86,6 @@ class MountingCurve:
     every_state: NDArray[np.bool_]
     holes: int = 0
     allowed: tuple[int, ...] | None = None
-    weights: tuple[float, ...] | None = None
-    missing: int = 0
-    interrupted: bool = False
 
     def at(self, place: int) -> Position:
         """One of the positions."""
@@ -105,11 +95,8 @@ class MountingCurve:
 
     @property
     def relative(self) -> Array:
-        """Greatest over the torques of F'_ior against that of the present position, shape (rotations,).
-
-        Each torque counts by its weight, the greatest weight being 1.
-        """
-        return merit(self.F_ior_arcsec, self.F_ior_arcsec[:, 0], self.weights)
+        """Greatest over the torques of F'_ior against that of the present position, shape (rotations,)."""
+        return merit(self.F_ior_arcsec, self.F_ior_arcsec[:, 0])
 
     @property
     def usable(self) -> NDArray[np.bool_]:
@@ -149,19 +136,9 @@ class MountingCurve:
 NO_ERROR = 1e-9  # arcsec: a drive without deviations has less
 
 
-def merit(F_ior: Array, now: Array, weights: Sequence[float] | None = None) -> Array:
-    """Greatest over the torques of F'_ior against now, each counted by its weight; shape (...,).
-
-    Arguments: F_ior, shape (torques, ...); now, shape (torques,).
-    """
-    share = np.ones(len(now)) if weights is None else np.array(weights) / max(weights)
-    return np.asarray(np.max(np.moveaxis(F_ior, 0, -1) / np.maximum(now, NO_ERROR) * share, axis=-1))
-
-
-def require_weights(weights: Sequence[float] | None, count: int) -> None:
-    """Raise UsageError unless weights of torques are so many positive numbers, or none are given."""
-    if weights is not None and (len(weights) != count or not all(0 < w < np.inf for w in weights)):
-        raise UsageError(f"weights must be {count} positive numbers, one for each torque")
+def merit(F_ior: Array, now: Array) -> Array:
+    """Greatest over the torques of F'_ior, shape (torques, ...), against now, shape (torques,); shape (...,)."""
+    return np.asarray(np.max(np.moveaxis(F_ior, 0, -1) / np.maximum(now, NO_ERROR), axis=-1))
 
 
 def hole_of(rotation_deg: float, holes: int) -> int | None:

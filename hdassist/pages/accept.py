@@ -12,10 +12,10 @@ from hdassist.acceptance.decision import GUARD, Decision
 from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.lot import Lot
 from hdassist.acceptance.predictions import Belief, Predictions
-from hdassist.acceptance.replay import RELATIVE, answer_differences
-from hdassist.acceptance.statistics import QUANTILES, lot_summary
+from hdassist.acceptance.replay import answer_differences
+from hdassist.acceptance.statistics import lot_summary, yield_of_lot
 from hdassist.errors import DataError
-from hdassist.json_parts import Json
+from hdassist.json_parts import attributes
 from hdassist.pages.check import fitted_words
 from hdassist.preset.fields import Drive
 from hdassist.preset.yamltext import shown
@@ -26,7 +26,7 @@ from hdassist.terminal.answers import csv_text, together
 from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import influence_words, measure_words, samples_words
 from hdassist.terminal.wheels import WHEEL_WORDS
-from hdassist.verdict import SEVERITY
+from hdassist.verdict import SEVERITY, percent_text
 from hdassist.version import __version__
 
 RULE_WORDS = {
@@ -35,7 +35,6 @@ RULE_WORDS = {
 }
 CHECK_FIELDS = tuple(each.name for each in fields(Decision) if each.name != "belief")
 BELIEF_FIELDS = tuple(each.name for each in fields(Belief))
-LOT_HEADINGS = ("check", "values", "least", "5 %", "50 %", "95 %", "greatest", "limit")
 NAMED_CHECKS = 2  # reasons below the verdict
 
 
@@ -142,7 +141,7 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
     yield "remarks", f"hdassist explain {codes}" if codes else ""
     first = by_severity(answer.checks)[0]
     measured = first.basis == "predicted" and first.verdict != "FAIL"
-    yield "next", f"{again('accept', drive)} {measured_option(first)}" if measured else to_explain(answer.checks)
+    yield "next", f"{again('accept', drive)} {first.option}" if measured else to_explain(answer.checks)
 
 
 def sentence(check: Decision) -> str:
@@ -160,15 +159,6 @@ def is_open(check: Decision) -> bool:
     return check.verdict == "INCONCLUSIVE" and check.basis == "predicted"
 
 
-def measured_option(check: Decision) -> str:
-    """The option of accept that gives a check its measured value."""
-    torque = "" if check.M_g_Nm is None else f"{check.M_g_Nm:g}"
-    if check.check.measured and torque:
-        return f"--measured {torque}=FILE"
-    name = check.check.field if check.per_cam_rev is None else f"order_{check.per_cam_rev:g}"
-    return f"--value {name}{torque and f'@{torque}'}=VALUE±U"
-
-
 def to_explain(checks: Iterable[Decision]) -> str:
     """The command that explains what failed, or is open where it was measured; empty where nothing is."""
     codes = [each.code for each in checks if each.verdict in ("FAIL", "INCONCLUSIVE") and not is_open(each)]
@@ -176,32 +166,28 @@ def to_explain(checks: Iterable[Decision]) -> str:
 
 
 def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
-    """Counts, yield, each drive with the check that decides, the spread of values, and what to do about the rest."""
+    """Counts, yield, each drive with the check that decides, and what to do about the rest."""
     found = lot_summary(answers)
-    counts = [f"{n} {verdict}" for verdict, n in found["verdicts"].items() if n]
-    counts += [f"{found['broken']} broken ({100 * found['broken_share']:.3g} %)"] * bool(found["broken"])
-    rows, why = found["checks"], "no drive has an answer: each line says what is wrong with its row"
-    if decided := found["yield"]["with_verdict"]:
-        low, high = (100 * end for end in found["yield"]["interval_95"])
-        share = f"{found['yield']['passed']} of {decided} drives with a verdict, {100 * found['yield']['share']:.1f} %"
-        why = f"yield: {share} (95 % interval after Wilson: {low:.1f} to {high:.1f})"
+    counts = [f"{count} {verdict}" for verdict, count in found["verdicts"].items() if count]
+    why, (decided, share) = "no drive is decided: each line says why", yield_of_lot(answers)
+    if share:
+        among = f"of {decided} drives that pass or fail, {percent_text(share.value, share.low, share.high)}"
+        why = f"yield: {round(share.value * decided)} {among}"
     drives = tuple((title(answer), answer.status, _deciding(answer)) for answer in answers)
-    cells = tuple(_cells(row, several=len({row["preset"] for row in rows}) > 1) for row in rows)
     return Report(
         command="accept",
         drive=None,
-        head=f"{lot.file}, {_drives(found['drives'])}",
+        head=f"{lot.file}, {_drives(len(answers))}",
         verdict=", ".join(counts),
         why=(why,),
         blocks=(
             Table("", ("drive", "verdict", "decided by"), drives, words=(0, 1, 2)),
-            Table("values of each check", LOT_HEADINGS, cells),
-            Facts.of(_lot_facts(rows, answers)),
+            Facts.of(_lot_facts(answers)),
         ),
         details=(Facts((("version", __version__), ("lot", f"{lot.file}, sha256 {lot.sha256[:12]}"))),),
         values={
             **together("accept", [answer_json(answer) for answer in answers]),
-            "lot": {"name": lot.file, "sha256": lot.sha256, "rows": len(lot.rows), "notes": list(lot.notes)},
+            "lot": {"name": lot.file, "sha256": lot.sha256, "rows": len(lot.rows)},
             "summary": found,
         },
         line="\n".join(f"{name} {status}" for name, status, _ in drives),
@@ -216,25 +202,14 @@ def _deciding(answer: AcceptAnswer) -> str:
     return first + (f" (and {len(more)} more)" if more else "")
 
 
-def _lot_facts(rows: Sequence[Json], answers: Sequence[AcceptAnswer]) -> Iterator[tuple[str, str]]:
-    """Values left out, remarks, what to measure and the next command, a label and a text each."""
-    part = sum(row["of_part_only"] for row in rows)
-    yield "left out", f"{part} values of part of the cycle, or none" if part else ""
+def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[tuple[str, str]]:
+    """Remarks, what to measure and the next command, a label and a text each."""
     remarks = Counter(code for answer in answers for code in {remark.code for remark in answer.remarks})
     yield "remarks", "; ".join(f"{code}: {_drives(remarks[code])}" for code in sorted(remarks))
     checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
     open_ = sorted({check.label for check in checks if is_open(check)})
     yield "measure", f"{'; '.join(open_)}: open by its prediction" if open_ else ""
     yield "next", to_explain(checks)
-
-
-def _cells(row: Json, several: bool) -> tuple[str, ...]:
-    """A cell for each of LOT_HEADINGS; several: whether the lot has drives of several presets."""
-    limit = Limit(row["code"], row["limit_greatest"], row["M_g_Nm"], row["per_cam_rev"])
-    ends = dict.fromkeys(f"{row[key]:.6g}" for key in ("limit_least", "limit_greatest"))
-    found = [NO_VALUE if row[key] is None else number(row[key], limit) for key in QUANTILES]
-    name = f"{row['preset']}: " * several + f"{limit.label}, {row['unit']}, {row['basis'] or 'no value'}"
-    return name, str(row["values"]), *found, f"{bound(limit)[0]} {' to '.join(ends)}"
 
 
 def _drives(count: int) -> str:
@@ -248,7 +223,6 @@ def replay_report(recorded: AcceptAnswer, now: AcceptAnswer | None, fault: DataE
     if fault:
         outcome, code = "cannot be replayed", fault.exit_code
     by = f", by version {recorded.version}" * (recorded.version != __version__)
-    before = answer_json(recorded)
     return Report(
         command="accept-replay",
         drive=None,
@@ -256,13 +230,11 @@ def replay_report(recorded: AcceptAnswer, now: AcceptAnswer | None, fault: DataE
         verdict=outcome,
         why=(fault.message,) if fault else tuple(map(str, found)),
         values={
-            "preset": before["preset"],
+            "preset": recorded.preset,
             "serial": recorded.serial,
             "agrees": now and not found,
-            "recorded": {key: before[key] for key in ("version", "time", "verdict", "exit_code")},
+            "recorded": attributes(recorded, "version", "time", "verdict", "exit_code"),
             "verdict": now and now.verdict,
-            "time": now and now.time,
-            "tolerance_relative": RELATIVE,
             "differences": [asdict(each) for each in found],
             **({"error": {"code": fault.fault, "message": fault.message, "hint": fault.hint}} if fault else {}),
         },

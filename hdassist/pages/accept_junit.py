@@ -2,8 +2,8 @@
 
 A case's class is its drive, its name the limit; remarks on a drive stand once, in the output of its suite. FAIL and
 INCONCLUSIVE are failures of that type: neither may look green. A drive without an answer is an error, a limit
-that was left out is skipped. Numbers are properties of the suite, where every reader looks for them: test cases have
-none in the strict schema. There are no durations and no machine names; the time of an answer is a property.
+that was left out is skipped. What an answer rests on are properties of the suite, where every reader looks for them.
+There are no durations and no machine names; the time of an answer is a property.
 """
 
 from __future__ import annotations
@@ -13,12 +13,10 @@ from collections.abc import Sequence
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from hdassist.acceptance.answer import AcceptAnswer, provenance
-from hdassist.acceptance.decision import Decision
-from hdassist.pages.accept import figures, is_open, measured_option, sentence
+from hdassist.pages.accept import is_open, sentence
 from hdassist.visible import visible
 
 SUITES_HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<!-- hdassist accept -->\n'
-ERRORS = {1: "INTERNAL", 4: "DATA", 5: "UNTRUSTED"}  # by exit code
 COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
 
 
@@ -42,8 +40,6 @@ def _suite(root: Element, answer: AcceptAnswer, lot_sha256: str) -> None:
     place = SubElement(suite, "properties")
     known = {"serial": serial, "preset": preset, "status": answer.status, **provenance(answer)}
     known["lot_sha256"] = lot_sha256
-    for check in answer.checks:
-        known |= {f"{_key(check)}.{key}": value for key, value in figures(check).items()}
     for key, value in known.items():
         if value is not None and value != "":
             SubElement(place, "property", name=key, value=visible(str(value)))
@@ -56,26 +52,18 @@ def _suite(root: Element, answer: AcceptAnswer, lot_sha256: str) -> None:
     if error := answer.error:
         hint = f"hint: {error.hint}" if error.hint else ""
         code = f"what it means: hdassist explain {error.code}" if error.code else ""
-        message, kind = f"{answer.status}: {error.message.splitlines()[0]}", ERRORS.get(answer.exit_code, "DATA")
-        case("no answer", "error", message, kind, error.message, hint, code)
+        message = f"{answer.status}: {error.message.splitlines()[0]}"
+        case("no answer", "error", message, error.code or "INTERNAL", error.message, hint, code)
     for check in answer.checks:
         words = f"{check.verdict}: {sentence(check)}"
         because = f"because: {check.reason}" if check.reason else ""
         if check.verdict == "PASS":
             case(check.label, "system-out", "", "", words, because)
         else:
-            todo = f"measure it, {measured_option(check)}" if is_open(check) else f"hdassist explain {check.code}"
+            todo = f"measure it, {check.option}" if is_open(check) else f"hdassist explain {check.code}"
             case(check.label, "failure", words, str(check.verdict), words, because, f"what to do: {todo}")
     for label in answer.left_out:
         case(label, "skipped", "not tested: nothing was measured", "")
     remarks = [f"remark {remark.code}: {remark.text}" for remark in answer.remarks]
-    if remarks and answer.request and answer.request.fail_on == "warn":
-        case("remarks", "failure", f"FAIL: {remarks[0]}", "REMARK", *remarks)
-    elif remarks:
+    if remarks:
         SubElement(suite, "system-out").text = visible("\n".join(remarks))
-
-
-def _key(check: Decision) -> str:
-    """Name of a check in properties: F_IOR@80, ORDER_2@80, K_1."""
-    order = "" if check.per_cam_rev is None else f"_{check.per_cam_rev:g}"
-    return f"{check.code}{order}" + ("" if check.M_g_Nm is None else f"@{check.M_g_Nm:g}")

@@ -82,7 +82,7 @@ def allocate_report(found: Allocated) -> Report:
             ],
             "allocations": [
                 {
-                    **attributes(way, "turned", "fits", "classes", "cost", "probability", "verdict"),
+                    **attributes(way, "turned", "fits", "cost", "probability", "verdict"),
                     "tolerances": way.values,
                     "yield": yield_range(way.tried),
                     "drives": way.tried.drives.sum(),
@@ -107,8 +107,6 @@ def allocate_report(found: Allocated) -> Report:
 def _words(way: Allocation, found: Allocated) -> str:
     """Whether a way to build reaches the yield, at which cost, and how sure that is."""
     how = "with the wheel in its best hole" if way.turned else "as built"
-    if way.classes:
-        how += ", classes " + ", ".join(f"{path.split('.')[1]} {grade}" for path, grade in way.classes.items())
     none = "no tolerances reach it" if way.verdict is Verdict.FAIL else "none recommended: not sure enough"
     return (
         f"{how}: {f'cost {way.cost:.2f}' if way.fits else none}; {100 * way.tried.share:.1f} % of "
@@ -151,4 +149,4 @@ def _table(found: Allocated) -> Table:
 
 
 def _column(way: Allocation) -> str:
-    return ("best hole" if way.turned else "as built") + (", classes" if way.classes else "")
+    return "best hole" if way.turned else "as built"

@@ -1,9 +1,9 @@
-"""The assembly card: what the assembler at the bench needs of an advice, in the language of the reader."""
+"""The assembly card: an advice for the assembler at the bench, in the language of the reader."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import date
 
 from hdassist.belief.statistics import Probability
@@ -22,17 +22,16 @@ from hdassist.version import __version__
 WARNINGS = 4  # that a card has room for
 LETTERS_OF_WARNINGS = 240  # of one of them
 DIGITS = 12  # of a SHA-256
-MOST_TORQUES = 12  # that a card has room for
 CARD_TRIALS = 8  # that a card has room for
 
 
 @dataclass(frozen=True)
 class CardFacts:
-    """What a card tells, whoever advises.
+    """Contents of a card, of any advice.
 
     choice; cam_deg, direction of the cam offset, None where it has none that is known; measured wheels; gain_range: 5th
     percentile, median and 95th percentile of the gain, and gain_probability, that the best other position is better
-    than the present one, None where nothing was drawn; good: probability that the position is good after trials; open_:
+    than the present one, None without samples; good: probability that the position is good after trials; open_:
     number of values that were drawn; warnings, in the reader's language; tried, where the advice comes of trials: then
     the wheel lies in the last of them, and turns count from before the first.
     """
@@ -52,13 +51,13 @@ class CardFacts:
 class Card:
     """One page for the bench.
 
-    torques: before and after, the last column empty for what is measured; sign: lines to write on.
+    torques: before and after, the last column empty for measured values; sign: lines to write on.
     """
 
     language: str
     title: str
     subject: Facts
-    instruction: str
+    instruction: Paragraph
     seat: Seat
     directions: Lines
     torques: Table
@@ -72,8 +71,7 @@ class Card:
     @property
     def blocks(self) -> tuple[Block, ...]:
         """All of it below the title, one after the other."""
-        head = (self.subject, Paragraph(self.instruction), self.seat, self.directions, self.torques, self.others)
-        return (*head, self.chance, self.checks, self.warnings, self.sign, self.foot)
+        return tuple(getattr(self, each.name) for each in fields(self)[2:])
 
 
 def card_of(facts: CardFacts, say: Texts, *, serial: str = "", made: date) -> Card:
@@ -88,8 +86,8 @@ def card_of(facts: CardFacts, say: Texts, *, serial: str = "", made: date) -> Ca
     return Card(
         language=say.language,
         title=say("card.title"),
-        subject=Facts(tuple(_subject(facts, say, serial))),
-        instruction=after_trials(choice, say, gains=False) if facts.tried else instruction(choice, say, gains=False),
+        subject=_subject(facts, say, serial),
+        instruction=Paragraph((after_trials if facts.tried else instruction)(choice, say, gains=False)),
         seat=seat,
         directions=Lines(
             "", tuple(f"{p.letter}: {p.words}, {say.angle(round(p.angle_deg, 1))}" for p in seat.pointers)
@@ -104,28 +102,29 @@ def card_of(facts: CardFacts, say: Texts, *, serial: str = "", made: date) -> Ca
     )
 
 
-def _subject(facts: CardFacts, say: Texts, serial: str) -> Iterator[tuple[str, str]]:
+def _subject(facts: CardFacts, say: Texts, serial: str) -> Facts:
     drive = facts.choice.drive
-    gears, mounting, fixed = drive.gears, drive.mounting, wheel(drive, say)
-    symbol, deviation = ("xi_b", "F'_i2") if mounting.fixed == "rigid" else ("xi_g", "F'_i1")
-    kind = mounting.mark_kind if drive.value(f"phases.{symbol}") is not None else "unknown"
-    mark = say(f"card.mark_{kind}", wheel=fixed, symbol=symbol, deviation=deviation)
-    if measured := facts.measured and facts.measured.fixed(drive):
-        mark = say("card.mark_tooth", wheel=fixed, tooth=measured.pitch.mark)
-    seat = say("card.seat_free")
-    if mounting.holes:
-        seat = say("card.seat_holes", holes=say.holes(mounting.holes), angle=say.angle(360 / mounting.holes))
-    yield say("card.drive"), drive.name
-    yield say("card.serial"), serial
-    yield say("card.teeth"), say("card.teeth_are", z_g=gears.z_g, z_b=gears.z_b, module=say.number(gears.m))
-    yield say("card.fixed"), fixed
-    yield say("card.seat"), seat
-    yield say("card.mark"), mark
-    yield say("card.sense"), say("card.sense_is")
+    gears, holes, fixed = drive.gears, drive.mounting.holes, wheel(drive, say)
+    symbol, deviation = ("xi_b", "F'_i2") if drive.mounting.fixed == "rigid" else ("xi_g", "F'_i1")
+    measured = facts.measured and facts.measured.fixed(drive)
+    known = drive.mounting.mark_kind if drive.value(f"phases.{symbol}") is not None else "unknown"
+    kind = "tooth" if measured else known
+    tooth = measured.pitch.mark if measured else None
+    angle = say.angle(360 / holes) if holes else ""
+    rows = {
+        "drive": drive.name,
+        "serial": serial,
+        "teeth": say("card.teeth_are", z_g=gears.z_g, z_b=gears.z_b, module=say.number(gears.m)),
+        "fixed": fixed,
+        "seat": say("card.seat_holes" if holes else "card.seat_free", holes=say.holes(holes), angle=angle),
+        "mark": say(f"card.mark_{kind}", wheel=fixed, symbol=symbol, deviation=deviation, tooth=tooth),
+        "sense": say("card.sense_is"),
+    }
+    return Facts(tuple((say(f"card.{name}"), text) for name, text in rows.items()))
 
 
 def after_trials(choice: Choice, say: Texts = ENGLISH, *, gains: bool = True) -> str:
-    """What to do after trials: the wheel lies in the last of them, and the first position is one to go to."""
+    """The order after trials: the wheel lies in the last of them, and the first position is one to go to."""
     if not choice.turn:
         return say("instruction.first", wheel=wheel(choice.drive, say))
     return f"{instruction(choice, say, gains=gains)} {say('instruction.from_first')}"
@@ -152,13 +151,10 @@ def _torques(choice: Choice, say: Texts) -> Table:
     """A row a torque: F'_ior now and, where the wheel is turned, afterwards; the last column is left to write in."""
     names = ("torque", "now", *(("after", "change") if choice.turn else ()), "measured")
     rows = []
-    values = zip(choice.torques, choice.current.F_ior_arcsec, choice.chosen.F_ior_arcsec, strict=True)
-    for M_g, now, new in list(values)[:MOST_TORQUES]:
+    for M_g, now, new in zip(choice.torques, choice.current.F_ior_arcsec, choice.chosen.F_ior_arcsec, strict=True):
         after = (say.number(new, ".2f"), say.percent(new / now - 1, "+")) if choice.turn else ()
         rows.append((say.number(M_g), say.number(now, ".2f"), *after, ""))
-    more = len(choice.torques) - MOST_TORQUES
-    notes = (say("torques.more", count=more),) if more > 0 else ()
-    return Table(say("torques.title"), tuple(say(f"torques.{name}") for name in names), tuple(rows), notes=notes)
+    return Table(say("torques.title"), tuple(say(f"torques.{name}") for name in names), tuple(rows))
 
 
 def _other_positions(choice: Choice, say: Texts) -> Table:
@@ -180,43 +176,30 @@ def _other_positions(choice: Choice, say: Texts) -> Table:
 
 
 def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
-    choice, gain = facts.choice, facts.gain_probability
-    if facts.gain_range and gain and choice.turn:
-        low, middle, high = map(say.percent, facts.gain_range)
-        yield say("chance.turn", count=facts.open_, low=low, middle=middle, high=high, gain=say.percent(gain.value))
-    elif gain:
-        yield say("chance.leave", count=facts.open_, gain=say.percent(gain.value))
+    if gain := facts.gain_probability:
+        shares = dict(zip(("low", "middle", "high"), map(say.percent, facts.gain_range or ()), strict=False))
+        name = "chance.turn" if shares and facts.choice.turn else "chance.leave"
+        yield say(name, count=facts.open_, gain=say.percent(gain.value), **shares)
     if facts.good is not None:
         yield say("chance.good", good=say.percent(facts.good))
-    kinds = origin_counts(choice.drive)
+    kinds = origin_counts(facts.choice.drive)
     yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
 
 
-def _checks(facts: CardFacts, say: Texts) -> Iterator[str]:
-    chosen = facts.choice.chosen
-    yield say("checks.clean")
-    yield say("checks.pilot")
+def _checks(facts: CardFacts, say: Texts) -> list[str]:
+    chosen, place = facts.choice.chosen, ["place_first"] if facts.tried else []
     if facts.choice.turn:
-        name = "checks.place_angle" if chosen.hole is None else "checks.place_hole"
-        yield say(name, turn=turn(chosen, say), hole=chosen.hole)
-    elif facts.tried:
-        yield say("checks.place_first")
-    for name in ("free", "screws", "mesh"):
-        yield say(f"checks.{name}")
+        place = ["place_angle" if chosen.hole is None else "place_hole"]
+    names = ("clean", "pilot", *place, "free", "screws", "mesh")
+    return [say(f"checks.{name}", turn=turn(chosen, say), hole=chosen.hole) for name in names]
 
 
 def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:
-    """Warnings of a preset, as they are; in another language than theirs what was taken as 0, and how many more."""
+    """Warnings of a preset, as they are; in another language than theirs how many there are."""
     origin = drive.origin
     if say.language == HOME:
         return origin.warnings
-    told, more = [], len(origin.warnings)
-    if origin.zeros:
-        told.append(say("warning.zeros", count=len(origin.zeros)))
-        more -= 1
-    if more:
-        told.append(say("warning.preset", count=more))
-    return tuple(told)
+    return (say("warning.preset", count=len(origin.warnings)),) if origin.warnings else ()
 
 
 def _warnings(found: tuple[str, ...], say: Texts) -> Iterator[str]:

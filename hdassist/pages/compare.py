@@ -24,7 +24,6 @@ _PLOTTED_ROWS = 6
 PLOTTED_TURNS = 1.0  # of the cam, to either side of the largest difference
 TABLED_ORDERS = 12  # the greatest
 SHORT_PAGE = 5  # numbers on a short page
-MOST_OPTIONS = 6  # words of options in a short page's command
 _VERDICT_WORDS = {
     "agrees": "agrees, no change of the preset is needed",
     "mirrored": "mirrored, the file fits clearly better read the other way round",
@@ -74,7 +73,7 @@ def comparison_report(result: Comparison) -> Report:
         verdict=_VERDICT_WORDS[result.conclusion.kind],
         why=(_why(result),),
         blocks=(shown, Facts.of(_facts(result)), _curves(result)),
-        details=(Table.by_column("", (FILE, *COMPARED_NUMBERS), [result]), *_tables(result), Facts.of(_more(result))),
+        details=(Table.by_column("", (FILE, *COMPARED_NUMBERS), [result]), *_tables(result), Facts.of(_starts(result))),
         certificate=result.certificate,
         values=_values(result),
         csv=_csv(result),
@@ -133,7 +132,7 @@ def _why(result: Comparison) -> str:
 
 def _facts(result: Comparison) -> Iterator[tuple[str, str]]:
     """Where the record begins, other explanations, what is left and the next command, a label and a text each."""
-    best, joint, options = result.conclusion.best, result.joint, _options(result)
+    best, joint = result.conclusion.best, result.joint
     yield from (each for each in _starts(result) if not each[1].endswith("given"))
     if best and result.conclusion.kind == "one":
         others = [other.deviations[0] for other in equally_good(best, result.singles)]
@@ -147,8 +146,9 @@ def _facts(result: Comparison) -> Iterator[tuple[str, str]]:
     yield "measure", f"the full cycle, {cycle} cam turns: the record has {turns:.2f}" if result.sweep.is_bound else ""
     yield "assumed", on_what(result.drive)
     yield "unknown", not_known(result.drive)
-    many = len(options) > MOST_OPTIONS
-    yield "next", "hdassist mount with the new values: --details has the command" if many else _next(result)
+    file, mirrored = result.measurement.trace.file, result.conclusion.kind == "mirrored"
+    words = ("compare", "-" if file == STDIN else file) if mirrored else ("mount",)
+    yield "next", again(words[0], result.drive, *words[1:], *_options(result))
 
 
 def _starts(result: Comparison) -> Iterator[tuple[str, str]]:
@@ -157,24 +157,6 @@ def _starts(result: Comparison) -> Iterator[tuple[str, str]]:
         sure = "given" if u is None else f"fitted, u = {u:.1f}"
         is_known = u is None or u < UNIDENTIFIABLE_ANGLE
         yield name, f"{angle:.4g}°, {sure}" if is_known else "the record does not determine it"
-
-
-def _next(result: Comparison) -> str:
-    """The command with what follows from the conclusion."""
-    file = result.measurement.trace.file
-    other = ["compare", "-" if file == STDIN else file] if result.conclusion.kind == "mirrored" else ["mount"]
-    return again(other[0], result.drive, *other[1:], *_options(result))
-
-
-def _more(result: Comparison) -> Iterator[tuple[str, str]]:
-    """How the file was read and the whole command, a label and a text each."""
-    alignment = result.unchanged.alignment
-    same = "cam/ratio - output, as F_kpp" if alignment.sign > 0 else "output - cam/ratio, against F_kpp"
-    sense = "counter-clockwise" if alignment.sense > 0 else "clockwise"
-    yield from _starts(result)
-    yield "read as", f"error: {same}; cam angle: {sense}, seen from the cam side; phases are the file's"
-    yield "notes", "; ".join(result.measurement.notes)
-    yield "command", _next(result)
 
 
 def _curves(result: Comparison) -> TwoCurves:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from string import ascii_uppercase
 
 from hdassist.comparing.drives import DriveChanges, DrivesComparison, ErrorChange
@@ -12,21 +12,19 @@ from hdassist.design.check import OperatingPoint
 from hdassist.json_parts import Json
 from hdassist.model.unknown import unknown_names
 from hdassist.pages import check as check_page
-from hdassist.pages.check import BELIEF, POINT_QUANTITIES
 from hdassist.pages.mount import mount_warnings
 from hdassist.pages.seat import hole_place
-from hdassist.pages.stiffness import WHOLE_QUANTITIES, segment_objects, segments_table, stiffness_warnings
+from hdassist.pages.stiffness import stiffness_warnings
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import ResolvedField, value_text
 from hdassist.report.blocks import Facts, Table
-from hdassist.report.quantities import NO_VALUE, as_object
+from hdassist.report.quantities import NO_VALUE
 from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import measure_words
 
 NAMED_PATHS = 6  # in a line
-ERROR_QUANTITIES = (*POINT_QUANTITIES[:6], *BELIEF)
 DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "most by")
 
 
@@ -34,18 +32,18 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
     """Drives beside each other, the first as what the others are held against; seed, of draws and samples."""
     names = ", ".join(f"{letter} {sheet.drive.origin.file}" for letter, sheet in _lettered(result).items())
     rows = tuple(_drive_rows(result))
+    verdict = _verdict(rows, len(result.torques) > 1)
     differing = ((f"{row[0].path}, {row[0].unit}".removesuffix(", "), *map(_cell, row)) for row in result.differing)
     return Report(
         command="compare-presets",
         drive=result.sheets[0].drive,
         head=names,
-        verdict=_verdict(rows, len(result.torques) > 1),
+        verdict=verdict,
         blocks=(
             Table("F'_ior, ″; 5 to 95 % where inputs are unknown", DRIVE_HEADS, rows, words=(0, 5)),
             Facts.of(_facts(result)),
         ),
         details=(
-            *_side_by_side(result),
             *_changes(result),
             Table("fields that differ", ("", *_lettered(result)), tuple(differing)),
         ),
@@ -53,7 +51,7 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
         cross_checks=tuple(cross for sheet in result.sheets for cross in sheet.cross_checks),
         values=_values(result, seed),
         csv=_csv(result),
-        line="\n".join(map(_line, rows)),
+        line=verdict,
         about=", ".join(sheet.drive.name for sheet in result.sheets),
     )
 
@@ -112,13 +110,6 @@ def _verdict(rows: Sequence[tuple[str, ...]], several: bool) -> str:
     return "; ".join(f"{letter} {', '.join(changes)}" for letter, changes in found.items() if letter != "A")
 
 
-def _line(row: tuple[str, ...]) -> str:
-    """A drive at a torque in words."""
-    letter, torque, built, best, change, field = row
-    words = f"{letter}, {torque}: F'_ior {built}″, mounted best {best}"
-    return words if letter == "A" else f"{words}, {change}, most by {field}"
-
-
 def _changes(result: DrivesComparison) -> Iterator[Table]:
     """The change that each field that differs makes alone, by drive."""
     torques = [f"{M_g:g} N·m" for M_g in result.torques]
@@ -129,19 +120,6 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
         paths = _some(changes.not_alone)
         notes += [f"no drive that can be computed, or one that leaves more unknown: {paths}"] * bool(paths)
         yield Table(title, ("", *torques), tuple(rows), notes=tuple(notes))
-
-
-def _side_by_side(result: DrivesComparison) -> Iterator[Table]:
-    """Error at each torque, and stiffness, a column for each drive."""
-    heads = ("", *_lettered(result))
-    for k, M_g in enumerate(result.torques):
-        points = [sheet.check.points[k] for sheet in result.sheets]
-        yield replace(Table.by_column(f"side by side at {M_g:g} N·m", ERROR_QUANTITIES, points), heads=heads)
-    stiffnesses = [sheet.stiffness for sheet in result.sheets]
-    yield replace(Table.by_column("", (WHOLE_QUANTITIES[0], *WHOLE_QUANTITIES), stiffnesses), heads=heads)
-    for letter, sheet in _lettered(result).items():
-        table = segments_table(sheet.drive, sheet.stiffness)
-        yield replace(table, title=f"{letter}: {table.title}")
 
 
 def _cell(field: ResolvedField) -> str:
@@ -192,7 +170,7 @@ def _values(result: DrivesComparison, seed: int) -> Json:
 
 
 def _drive_object(sheet: DriveSheet, seed: int) -> Json:
-    """What `check`, `mount` and `stiffness` say of a drive in their JSON, as far as it is compared."""
+    """What `check` and `mount` say of a drive in their JSON, as far as it is compared."""
     check, best = report_object(check_page.check_report(sheet.check, seed)), sheet.advice.choice.target
     ordered = {"hole": best.hole, "rotation_deg": best.rotation_deg, "F_ior_arcsec": list(best.F_ior_arcsec)}
     return {
@@ -201,8 +179,6 @@ def _drive_object(sheet: DriveSheet, seed: int) -> Json:
         **{key: check[key] for key in ("operating_points", "unknown", "influence")},
         "order": sheet.advice.order,
         "best": None if sheet.advice.order == "none" else ordered,
-        **as_object(WHOLE_QUANTITIES, sheet.stiffness),
-        "stiffness": segment_objects(sheet.stiffness.positive),
     }
 
 

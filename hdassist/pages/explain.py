@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from hdassist.acceptance.checks import CODES, Check
+from hdassist.acceptance.checks import CODES
 from hdassist.explaining.lookup import Entry, entries
-from hdassist.json_parts import Json, attributes
+from hdassist.json_parts import attributes
 from hdassist.report.blocks import Facts, Paragraph, ReportSection
 from hdassist.report.report import Report
 
@@ -22,19 +22,16 @@ def explain_report(found: Sequence[Entry]) -> Report:
     """What each name stands for; all names, by kind, where none is asked for."""
     first, *others = found or [Entry("section", ("hdassist explain NAME",), "any of these, English or Russian")]
     listed = [ReportSection(f"{each.names[0]}: {each.words}", (_facts(each),)) for each in others]
-    shown = found or entries()
     return Report(
         command="explain",
         drive=None,
         head=f"{first.names[0]}: {first.words}",
         blocks=(_facts(first), *listed) if found else tuple(_all_names()),
         values={
-            "codes": [_code(each.names[0]) for each in shown if each.kind in ("check", "remark")],
             "names": [
                 {"name": each.names[0], **attributes(each, "kind", "words"), "facts": dict(each.facts)}
-                for each in shown
-                if each.kind not in ("check", "remark")
-            ],
+                for each in found or entries()
+            ]
         },
     )
 
@@ -49,15 +46,3 @@ def _all_names() -> Iterator[ReportSection]:
     for kind, title in KIND_TITLES.items():
         names = ", ".join(entry.names[0] for entry in entries() if entry.kind == kind)
         yield ReportSection(title, (Paragraph(names),))
-
-
-def _code(code: str) -> Json:
-    """A check or remark as a JSON object."""
-    item = CODES[code]
-    return {
-        **attributes(item, "code", "words", "tests", "change"),
-        "kind": "check" if isinstance(item, Check) else "remark",
-        "limit": f"acceptance.{item.field}" if isinstance(item, Check) else None,
-        "unit": item.unit if isinstance(item, Check) else None,
-        "goes_wrong": item.wrong,
-    }

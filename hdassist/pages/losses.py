@@ -12,7 +12,7 @@ from hdassist.preset.fields import Drive
 from hdassist.report.blocks import Table
 
 LEVELS = {"expected": 0.5, "low": 0.05, "high": 0.95}  # quantiles
-SHARES = ("probability_good", "probability_best", "expected_loss")  # of a position
+SHARES = ("probability_good", "expected_loss")  # of a position
 
 
 def losses_table(found: PositionStatistics, holes: int, torques: Sequence[float], title: str, most: int) -> Table:
@@ -61,9 +61,8 @@ def position_object(found: PositionStatistics, drive: Drive, cam_deg: float, pla
 
 
 def positions_object(found: PositionStatistics, drive: Drive, cam_deg: float) -> Json:
-    """The positions in their order, what chooses among them, and how much worse the worst is than the best."""
+    """The positions in their order, and how much worse the worst is than the best."""
     return {
-        "criterion": found.criterion.name,
         "positions": [position_object(found, drive, cam_deg, place) for place in range(len(found.rotations_deg))],
         "worst_over_best": [found.range_of(each)[::2] for each in found.ratios],
     }

@@ -44,13 +44,8 @@ NO_HOLE_BETTER = {
 
 def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
     """What a reader should know beside the numbers, in the language of the texts."""
-    result, found = advice.curve, list(warnings_of(advice.drive, say))
-    done = len(result.rotation_deg)
-    if result.missing:
-        found.append(f"interrupted: {done} of {result.missing + done} positions were done")
-    elif result.interrupted:
-        found.append("interrupted: positions were searched, but every state was not yet solved at the advised one")
-    if advice.open_ and not advice.as_given and not advice.positions and not result.interrupted:
+    found = list(warnings_of(advice.drive, say))
+    if advice.open_ and not advice.as_given and not advice.positions:
         found.append(say("warning.not_drawn", count=len(advice.open_)))
     if advice.measured and not advice.drive.mounting.holes:
         found.append(say("warning.steps"))
@@ -84,15 +79,8 @@ def mount_report(
         csv=_csv(advice),
         line="unknown" if advice.order == "none" else bare(advice.choice.target.rotation_deg, advice.curve.holes),
         warnings=mount_warnings(advice),
-        exit_code=mount_exit_code(advice),
+        exit_code=Verdict.INCONCLUSIVE.exit_code if advice.order == "none" else 0,
     )
-
-
-def mount_exit_code(advice: Advice) -> int:
-    """Exit code of the command: 130 where it was interrupted, 6 where nothing can be ordered."""
-    if advice.curve.interrupted:
-        return 130
-    return Verdict.INCONCLUSIVE.exit_code if advice.order == "none" else 0
 
 
 def what_to_do(advice: Advice) -> str:
@@ -120,7 +108,7 @@ def what_to_do(advice: Advice) -> str:
 def _samples_table(advice: Advice) -> Iterator[Table]:
     """The positions over the samples, if there are such."""
     if found := advice.positions:
-        title = f"all positions over the samples, best first ({found.criterion.name})"
+        title = "all positions over the samples, best first"
         yield losses_table(found, advice.curve.holes, advice.curve.torques, title, LISTED_POSITIONS)
 
 
@@ -153,8 +141,7 @@ def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
     """More to be known beside the positions, a label and a text each."""
     if samples := advice.samples:
         yield "unknown", unknown_names(advice.unknown)
-        more = f"; the order from {advice.all_draws} drawn" if advice.all_draws > samples.draws else ""
-        yield "samples", samples_words(samples) + more
+        yield "samples", samples_words(samples)
 
 
 def _measure(advice: Advice) -> str:
@@ -233,14 +220,12 @@ def _values(advice: Advice, seed: int) -> Json:
     named = {
         "current": choice.current,
         "best_bet": choice.chosen,
-        "second": choice.second,
         "worst": choice.ranked[-1],
         "gain": advice.gain,
         "gain_range": _percentiles(advice.gain_range),
         "probability_gain": advice.gain_probability,
     }
     return {
-        "complete": not result.interrupted,
         "pitch": pitch_object(advice.measured),
         "instruction": what_to_do(advice),
         "order": advice.order,
@@ -256,7 +241,6 @@ def _values(advice: Advice, seed: int) -> Json:
         "rotation_deg": result.rotation_deg,
         "recommended": choice.chosen if advice.order != "none" else None,
         **{name: value if known else None for name, value in named.items()},
-        "weights": result.weights,
         "belief": _belief(advice),
         "unknown": unknown_objects(advice.unknown),
         "best_gain_range": _percentiles(advice.best_gain_range),

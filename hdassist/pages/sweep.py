@@ -11,24 +11,22 @@ from hdassist.design.sweep import Sweep, SweepRow, Swept, largest
 from hdassist.design.vary import TORQUE, Axis
 from hdassist.json_parts import attributes, unknown_objects
 from hdassist.model.unknown import unknowns
-from hdassist.report.blocks import Curve, Facts, Table
-from hdassist.report.quantities import NO_VALUE
+from hdassist.report.blocks import Curve, Facts
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again
 from hdassist.verdict import worst_exit_code
 
-TABLE_ROWS, TABLE_COLUMNS = 16, 6  # of two fields, at most: others are left out evenly, and stand in the CSV
+ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")
 
 
-def columns(sweep: Sweep) -> dict[str, type]:
-    """Name and type of each column of the rows: a field in its own unit, then what came of it."""
-    fields = {axis.path: type(axis.values[0]) for axis in sweep.axes}
-    return {**fields, "M_g_Nm": float, "F_ior_arcsec": float, "max_residual": float, "reason": str}
+def columns(sweep: Sweep) -> list[str]:
+    """Names of the columns of the rows: a field in its own unit, then the result."""
+    return [*(axis.path for axis in sweep.axes), *ROW_COLUMNS]
 
 
 def cells(record: SweepRow) -> list[Any]:
     """A record as a row of those columns."""
-    return [*record.values.values(), record.M_g_Nm, record.F_ior_arcsec, record.max_residual, record.reason]
+    return [*record.values.values(), *attributes(record, *ROW_COLUMNS).values()]
 
 
 def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
@@ -47,10 +45,7 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
         certificate=swept,
         values={
             "unknown": unknown_objects(unknowns(largest(drive, sweep.axes))),
-            "vary": [
-                {"field": axis.path, **attributes(axis, "unit", "values"), "effect_arcsec": swept.effect(k)}
-                for k, axis in enumerate(sweep.axes)
-            ],
+            "vary": [{"field": axis.path, **attributes(axis, "unit", "values")} for axis in sweep.axes],
             "least": least and dict(zip(("row", "F_ior_arcsec"), least, strict=True)),
             "greatest": greatest and dict(zip(("row", "F_ior_arcsec"), greatest, strict=True)),
             "rows": list(records),
@@ -63,14 +58,11 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
 
 
 def _facts(swept: Swept) -> Iterator[tuple[str, str]]:
-    """Least and greatest F'_ior, effect of each field, rows without an answer, and the next command."""
+    """Least and greatest F'_ior, rows without an answer, and the next command."""
     least, greatest = swept.end(False), swept.end(True)
     if least and greatest:
         yield "least", _at(swept, *least)
         yield "greatest", _at(swept, *greatest)
-    effects = [(swept.effect(k), axis.path) for k, axis in enumerate(swept.sweep.axes)]
-    moved = sorted(((effect, path) for effect, path in effects if effect is not None), reverse=True)
-    yield "effect", ", ".join(f"{path} {effect:.2f}″" for effect, path in moved)
     if swept.failed:
         yield "no answer", f"{swept.failed} of {swept.sweep.rows} rows; the first: {swept.reason}"
     if least:
@@ -95,29 +87,16 @@ def _at(swept: Swept, row: int, F_ior: float) -> str:
     return f"{F_ior:.2f}″ at {', '.join(values + torque)}"
 
 
-def _figures(swept: Swept) -> Iterator[Curve | Table]:
-    """A curve of one field or a table of two at each torque; none of more fields."""
-    sweep = swept.sweep
-    if len(sweep.axes) > 2:
-        return
-    orders = [np.argsort(axis.values) for axis in sweep.axes]
-    labels = [f"{axis.path}, {_unit(axis)}".removesuffix(", ") for axis in sweep.axes]
-    values = [np.array(axis.values, dtype=float)[order] for axis, order in zip(sweep.axes, orders, strict=True)]
-    for k in range(sweep.shape[-1]):
-        F_ior = swept.F_ior_arcsec[..., k][np.ix_(*orders)]
+def _figures(swept: Swept) -> Iterator[Curve]:
+    """F'_ior over one field at each torque; none of more fields, or of fewer than two rows with an answer."""
+    axis, *others = swept.sweep.axes
+    order = np.argsort(axis.values)
+    values, label = np.array(axis.values, dtype=float)[order], f"{axis.path}, {_unit(axis)}".removesuffix(", ")
+    for k, M_g in enumerate([] if others else swept.sweep.torques or [None]):
+        F_ior = swept.F_ior_arcsec[order, k]
         solved = np.isfinite(F_ior)
-        at = f"F'_ior at {sweep.torques[k]:g} N·m, ″" if sweep.torques else "F'_ior, ″"
-        if len(orders) == 1 and solved.sum() > 1:
-            at += "" if solved.all() else f", {np.sum(~solved)} points without an answer left out"
-            yield Curve(values[0][solved], F_ior[solved], labels[0], at)
-        elif len(orders) == 2 and solved.any():
-            x, y = (_some(len(each), most) for each, most in zip(values, (TABLE_ROWS, TABLE_COLUMNS), strict=True))
-            rows = tuple(
-                (f"{values[0][i]:g}", *(f"{F_ior[i, j]:.2f}" if solved[i, j] else NO_VALUE for j in y)) for i in x
-            )
-            yield Table(f"{at}, over {labels[1]}", (labels[0], *(f"{values[1][j]:g}" for j in y)), rows)
-
-
-def _some(count: int, most: int) -> list[int]:
-    """At most so many of count places, the first and the last among them."""
-    return sorted(set(np.rint(np.linspace(0, count - 1, min(count, most))).astype(int).tolist()))
+        words = "F'_ior, ″" if M_g is None else f"F'_ior at {M_g:g} N·m, ″"
+        if not solved.all():
+            words += f", {np.sum(~solved)} points without an answer left out"
+        if solved.sum() > 1:
+            yield Curve(values[solved], F_ior[solved], label, words)

@@ -186,22 +186,18 @@ def _values(advice: TrialAdvice) -> Json:
     """One shape, whatever was given."""
     drive, rig, losses, (best, good) = advice.drive, advice.prior.rig, advice.losses, advice.losses.chosen
     then, after = advice.to_measure_next
-    first, second = losses.ranked[0], (*losses.ranked, None)[1]
-    named = {"best_bet": first, "second": second, "worst": losses.ranked[-1]}
     positions = positions_object(losses, drive, advice.offset[2])
-    found = {name: None if place is None else positions["positions"][place] for name, place in named.items()}
+    first, worst = (positions["positions"][losses.ranked[place]] for place in (0, -1))
     return {
-        "complete": True,
         "instruction": trials_instruction(advice),
         "turn": advice.settled and advice.choice.turn,
         "M_g_Nm": drive.operation.M_g,
-        "weights": losses.weights,
         **positions,
-        **found,
+        "best_bet": first,
+        "worst": worst,
         "current": position_object(losses, drive, advice.offset[2], None),
-        "gain": losses.range_of(losses.gains(first))[1],
-        "probability_gain": losses.probability_gain(first).value,
-        "recommended": found["best_bet"] if advice.settled else None,
+        "gain": losses.range_of(losses.gains(losses.best))[1],
+        "recommended": first if advice.settled else None,
         "unknown": unknown_objects(unknowns(drive)),
         "probability_needed": advice.needed,
         "next": _place(advice, rotation_deg=then, probability_after=after),

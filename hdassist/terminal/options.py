@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, fields
 from functools import partial
 from importlib.resources import files
 from inspect import get_annotations
-from math import isfinite, isnan
+from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_origin
 
 import typer
@@ -33,13 +33,7 @@ GroupT = TypeVar("GroupT", bound="OptionGroup")
 DECLARED = tomllib.loads(files("hdassist.terminal").joinpath("options.toml").read_text("utf-8"))
 
 # options by the section of the help in which they stand (cli/help.py orders the sections)
-answer_option = partial(typer.Option, rich_help_panel="Answer")
-advanced_option = partial(typer.Option, rich_help_panel="Advanced")
-drive_option = partial(typer.Option, rich_help_panel="Drive")
 trace_option = partial(typer.Option, rich_help_panel="Measured trace")
-archive_option = partial(typer.Option, rich_help_panel="Archive")
-lot_option = partial(typer.Option, rich_help_panel="Lot")
-trials_option = partial(typer.Option, rich_help_panel="Trials")
 
 # types of fields that options.toml declares for any class
 Preset = str
@@ -60,14 +54,14 @@ VerdictProbability = float
 
 
 def declared_parameter(
-    field: str, kind: object, *, is_argument: bool = False, section: str | None = None, names: Sequence[str] = (),
-    **words: Any,
+    field: str, kind: object, *, is_argument: bool = False, is_required: bool = False, names: Sequence[str] = (),
+    section: str | None = None, **words: Any,
 ) -> Any:  # fmt: skip
-    """The type of a field together with its option, or argument, as options.toml declares that; a list may be empty."""
+    """The type of a field together with its option, or argument, as options.toml declares that."""
+    if get_origin(kind) is list and not is_required:
+        words = {"default_factory": list, "show_default": False} | words
     if is_argument:
         return Annotated[kind, typer.Argument(**words)]
-    if get_origin(kind) is list:
-        words |= {"default_factory": list, "show_default": False}
     names = names or (f"--{field.replace('_', '-')}",)
     return Annotated[kind, typer.Option(*names, rich_help_panel=section, **words)]
 
@@ -86,6 +80,12 @@ class OptionGroup:
     def only(self, group: type[GroupT]) -> GroupT:
         """The options of one of the groups that a command is made of."""
         return group(**{each.name: getattr(self, each.name) for each in fields(group)})
+
+    def words(self) -> list[str]:
+        """The options as a shell takes them, where they are not the usual ones."""
+        values = ((f"--{one.name.replace('_', '-')}", getattr(self, one.name), one.default) for one in fields(self))
+        given = [(name, f"{value}".removesuffix(".0")) for name, value, usual in values if value != usual]
+        return [word for pair in given for word in pair]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -277,25 +277,6 @@ class SignOptions(OptionGroup):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChoiceOptions(OptionGroup):
-    """How positions are chosen."""
-
-    weights: str | None = None
-    criterion: str = "expected"
-
-    def numbers(self) -> list[float] | None:
-        """The weights as numbers. Raises UsageError for anything else."""
-        if self.weights is None:
-            return None
-        weights = [number_of(word) for word in self.weights.split(",")]
-        if any(map(isnan, weights)):
-            raise UsageError(
-                f"--weights must be numbers with commas between, not {self.weights!r}", "like --weights 2,1"
-            )
-        return weights
-
-
-@dataclass(frozen=True, kw_only=True)
 class CardOptions(OptionGroup):
     """An assembly card beside the answer."""
 
@@ -315,11 +296,6 @@ class TrialOptions(OptionGroup):
     def torque_of(self, torques: Sequence[float]) -> float:
         """Torque of the trials [N*m], of a drive with such torques."""
         return min(torques, key=abs) if self.trial_torque is None else self.trial_torque
-
-    def words(self) -> list[str]:
-        """The options as a shell takes them, where they are not the usual ones."""
-        values = ((f"--{one.name.replace('_', '-')}", getattr(self, one.name), one.default) for one in fields(self))
-        return [word for name, value, usual in values if value != usual for word in (name, f"{value:g}")]
 
 
 def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, ...]:

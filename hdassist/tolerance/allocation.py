@@ -8,15 +8,13 @@ reject it, and the search is repeated from them until two sets agree.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
 
 from hdassist.belief.statistics import Probability, weighted_quantile
 from hdassist.model.geometry import Array
-from hdassist.model.unknown import pitch_deviation
-from hdassist.preset.deviations import COMPOSITES
 from hdassist.preset.fields import CostLaw, Drive
 from hdassist.tolerance.law import ProductionLaw
 from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive
@@ -29,7 +27,6 @@ SLOPE_STEP = 0.1  # of the logarithms of tolerances, over which slopes are taken
 AIM = 0.98  # of the limit: a margin for the error of the linear model
 STRICTER = 0.93  # times the aim, where drives did not prove the tolerances that were sought with it
 LIMIT_AGREES = 0.06  # of the limit: margin that may remain
-ISO_CLASSES = range(1, 12)  # of ISO 1328-1:2013
 LEAST_SHARE_LEFT = 1e-2  # of F'_ior of a drive, that is left of it whatever its sizes are scaled by
 
 
@@ -67,8 +64,7 @@ class Allocation:
     """Tolerances, by path in the field's unit, their cost, and the yield of random drives with them.
 
     turned: whether each wheel is turned to its best position; tried: yield of drives other than those it was sought on;
-    probability that it reaches the yield that is wanted, and the verdict on it; classes: accuracy classes of
-    ISO 1328-1 that the tolerances stand for.
+    probability that it reaches the yield that is wanted, and the verdict on it.
     """
 
     turned: bool
@@ -77,7 +73,6 @@ class Allocation:
     tried: YieldBelief
     probability: Probability
     verdict: Verdict
-    classes: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def fits(self) -> bool:
@@ -107,51 +102,28 @@ class Allocator:
         """Tolerances that may be chosen."""
         return tolerances(self.production.drive, self.production.law)
 
-    def cheapest(self, turned: bool, fixed: Mapping[str, float] | None = None) -> Allocation:
-        """The cheapest tolerances, the wheel being turned to its best position or not; fixed, those that are given.
+    def cheapest(self, turned: bool) -> Allocation:
+        """The cheapest tolerances, the wheel being turned to its best position or not.
 
         Where none are proven, the last ones that were tried.
         """
-        fixed = dict(fixed or {})
-        open_ = [choice for choice in self.choices if choice.path not in fixed]
-        values, aim = {choice.path: choice.now for choice in open_} | fixed, AIM
+        values, aim = {choice.path: choice.now for choice in self.choices}, AIM
         records, found = self._tried(turned, values, 0)
         proven = [found] if found.fits else []
-        for attempt in range(1, self.rounds + 1 if open_ else 1):
-            sought = self._sought(records, values, open_, aim)
+        for attempt in range(1, self.rounds + 1):
+            sought = self._sought(records, values, aim)
             if all(abs(np.log(sought[path] / values[path])) < LIMIT_AGREES / 2 for path in values):
                 break
             values = sought
             records, found = self._tried(turned, values, attempt)
             proven += [found] if found.fits else []
             below = self._ratio_of(records, values)(values)
-            at_most = all(values[choice.path] >= choice.most * (1 - LIMIT_AGREES) for choice in open_)
-            at_least = all(values[choice.path] <= choice.least * (1 + LIMIT_AGREES) for choice in open_)
+            at_most = all(values[choice.path] >= choice.most * (1 - LIMIT_AGREES) for choice in self.choices)
+            at_least = all(values[choice.path] <= choice.least * (1 + LIMIT_AGREES) for choice in self.choices)
             if (found.fits and (below > aim - LIMIT_AGREES or at_most)) or (at_least and not found.fits):
                 break
             aim *= 1.0 if found.fits else STRICTER
         return min(proven, key=lambda each: each.cost, default=found)
-
-    def in_classes(self, found: Allocation) -> Allocation:
-        """The cheapest tolerances near those found with F'_i1 and F'_i2 of whole accuracy classes."""
-        composites = [each.size for each in COMPOSITES.values()]
-        wheels = [choice for choice in self.choices if choice.path in composites]
-        if not wheels:
-            return found
-        drive, grades = self.production.drive, {}
-        for choice in wheels:
-            sizes = {grade: pitch_deviation(drive, grade) for grade in ISO_CLASSES}
-            finer = [
-                grade for grade, size in sizes.items() if choice.least <= size <= found.values[choice.path] * 1.0001
-            ]
-            grades[choice.path] = max(finer, default=min(ISO_CLASSES))
-        tries = [grades, *({**grades, path: grade + 1} for path, grade in grades.items() if grade + 1 in ISO_CLASSES)]
-        answers = []
-        for chosen in tries:
-            fixed = {path: pitch_deviation(drive, grade) for path, grade in chosen.items()}
-            if all(fixed[choice.path] <= choice.most for choice in wheels):
-                answers.append(replace(self.cheapest(found.turned, fixed), classes=chosen))
-        return min(answers, key=lambda answer: (not answer.fits, answer.cost), default=found)
 
     def _tried(self, turned: bool, values: Mapping[str, float], attempt: int) -> tuple[list[RandomDrive], Allocation]:
         """Random drives with given tolerances, other drives at each attempt, and their allocation."""
@@ -170,19 +142,17 @@ class Allocator:
         chance = tried.probability(self.wanted)
         return records, Allocation(turned, dict(values), cost, tried, chance, summary.verdict)
 
-    def _sought(
-        self, records: Sequence[RandomDrive], now: Mapping[str, float], open_: Sequence[Tolerance], aim: float
-    ) -> dict[str, float]:
-        """The cheapest open tolerances for which drives, with sizes scaled, would stay below an aim.
+    def _sought(self, records: Sequence[RandomDrive], now: Mapping[str, float], aim: float) -> dict[str, float]:
+        """The cheapest tolerances for which drives, with sizes scaled, would stay below an aim.
 
         The least ones where none are.
         """
-        low, high = (np.log([getattr(choice, of) for choice in open_]) for of in ("least", "most"))
-        share, k, first = np.array([(choice.law.share, choice.law.k, np.log(choice.now)) for choice in open_]).T
+        low, high = (np.log([getattr(choice, of) for choice in self.choices]) for of in ("least", "most"))
+        share, k, first = np.array([(choice.law.share, choice.law.k, np.log(choice.now)) for choice in self.choices]).T
         ratio = self._ratio_of(records, now)
 
         def values(at: Array) -> dict[str, float]:
-            return dict(now) | {choice.path: float(v) for choice, v in zip(open_, np.exp(at), strict=True)}
+            return {choice.path: float(v) for choice, v in zip(self.choices, np.exp(at), strict=True)}
 
         def left(at: Array) -> float:
             return float(-np.log(ratio(values(at)) / aim))
@@ -191,7 +161,7 @@ class Allocator:
             return values(low)
         found = minimize(
             lambda x: float(np.sum(share * np.exp(k * (first - x)))),
-            np.clip(np.log([now[choice.path] for choice in open_]), low, high),
+            np.clip(np.log([now[choice.path] for choice in self.choices]), low, high),
             jac=lambda x: -share * k * np.exp(k * (first - x)),
             bounds=list(zip(low, high, strict=True)),
             constraints={"type": "ineq", "fun": left},

@@ -30,10 +30,9 @@ RAYLEIGH_TAIL = (
 
 @dataclass(frozen=True)
 class TolerancedSize(FieldPrior):
-    """Size of a deviation in a production: by a law between 0 and its tolerance `high`, or one of measured sizes."""
+    """Size of a deviation in a production, by a law between 0 and its tolerance `high`."""
 
-    law: Literal["rayleigh", "uniform", "fixed", "measured"] = "rayleigh"
-    measured: tuple[float, ...] = ()
+    law: SizeLaw = "rayleigh"
 
     def value(self, share: Array) -> Array:
         """Sizes [the field's unit] that shares of the parts stay below."""
@@ -43,9 +42,6 @@ class TolerancedSize(FieldPrior):
             return np.asarray(
                 self.high / RAYLEIGH_TAIL * np.sqrt(-2 * np.log1p(share * np.expm1(-(RAYLEIGH_TAIL**2) / 2)))
             )
-        if self.law == "measured":
-            place = np.minimum((share * len(self.measured)).astype(np.int64), len(self.measured) - 1)
-            return np.asarray(self.measured)[place]
         return super().value(share)
 
 
@@ -66,7 +62,7 @@ class ProductionLaw:
     @property
     def tolerances(self) -> tuple[TolerancedSize, ...]:
         """Sizes that are drawn up to a tolerance of the preset."""
-        return tuple(each for each in self.own if isinstance(each, TolerancedSize) and each.law != "measured")
+        return tuple(each for each in self.own if isinstance(each, TolerancedSize))
 
     @property
     def not_given(self) -> tuple[str, ...]:
@@ -89,28 +85,27 @@ def production_law(
     drive: Drive,
     law: SizeLaw = "rayleigh",
     *,
-    by_field: Mapping[str, SizeLaw | Sequence[float]] | None = None,
+    chosen: bool = False,
     known: Sequence[str] = (),
 ) -> ProductionLaw:
     """The law of a preset's production.
 
-    Arguments: drive; law of sizes up to their tolerance; by_field, another one of some sizes, or values measured of
-    them, in the field's unit; known, directions that are as the preset has them. Raises UsageError for a field that is
-    none, or a direction that is called known and is not.
+    Arguments: drive; law of sizes up to their tolerance; chosen, whether sizes that are assumed are tolerances too;
+    known, directions that are as the preset has them. Raises UsageError for a direction that is none, or is called
+    known and is not.
     """
-    prior, left, left_known = prior_of(drive), dict(by_field or {}), set(known)
+    if none := {*known} - {each.direction for each in DEVIATIONS}:
+        raise UsageError(f"{min(none)} is no direction of a deviation")
+    prior = prior_of(drive)
     priors = {each.path: each for each in prior.fields}
+    assumed = {each.path for each in assumptions(drive)} if chosen else set()
     own: list[FieldPrior] = []
     for each in DEVIATIONS:
-        left_known.discard(each.direction)
-        wanted, open_ = left.pop(each.size, None), priors.get(each.size)
-        high = open_.high if open_ and drive.value(each.size) is None else drive.number(each.size)
-        if wanted is None and open_:
-            own.append(open_)
-        elif wanted is not None and not isinstance(wanted, str):
-            own.append(_size(each.size, max(wanted), "measured", tuple(wanted)))
+        high = drive.number(each.size)
+        if each.size in priors and not (each.size in assumed and high):
+            own.append(priors[each.size])
         elif high > 0:
-            own.append(_size(each.size, high, wanted or law))
+            own.append(TolerancedSize(each.size, "even", 0.0, high, "drive", each.size, "its tolerance", law))
         else:
             continue
         given = drive.value(each.direction) is not None
@@ -121,21 +116,7 @@ def production_law(
         elif each.direction not in known:
             reason = "parts are put together as they come"
             own.append(FieldPrior(each.direction, "even", 0.0, 360.0 / each.order, "drive", each.size, reason))
-    for path in (*left, *left_known):
-        raise UsageError(f"{path} is no {'size' if path in left else 'direction'} of a deviation")
     others = [each for each in prior.fields if each.path not in DEVIATION_FIELDS]
     clearances = tuple(f for f in others if f.distribution == "normal" and f.owner != "design")
     shared = tuple(f for f in others if f not in clearances)
     return ProductionLaw(drive, shared, (*own, *clearances), prior.fitted)
-
-
-def _size(
-    path: str, high: float, law: Literal[SizeLaw, "measured"], measured: tuple[float, ...] = ()
-) -> TolerancedSize:
-    return TolerancedSize(path, "even", 0.0, high, "drive", path, "its tolerance", law, measured)
-
-
-def assumed_sizes(drive: Drive) -> list[str]:
-    """Sizes of deviations that the preset assumes, with a value and a range."""
-    sizes = {each.size for each in DEVIATIONS}
-    return [each.path for each in assumptions(drive) if each.path in sizes and drive.value(each.path)]

@@ -7,7 +7,7 @@ best; there, and where it stands, the extremes are searched on a finer one, solv
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Annotated, Any
@@ -32,7 +32,6 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.certificate import Residual
 from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.window import in_wide_enough_window
 from hdassist.tolerance.law import ProductionLaw
 
 PRODUCTION_FREE_STEP = 30.0  # deg between positions where the seat has no holes
@@ -40,6 +39,8 @@ CHOOSING, PROVING = 12, 24  # positions of each wheel: 3 % of F'_ior may be miss
 CHOSEN = 2  # positions of the fixed wheel that are searched, beside the present one
 TIGHTER_STEP = 0.8  # of a tolerance: one step tighter
 DRAWS_PER_DESIGN = 64  # draws of a design, at most, for each that agrees with the evidence
+
+MapsOf = Callable[[Drive], list[ErrorMap]]  # of a drive, one a torque
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +147,14 @@ class Production:
 
     def records(self, first: int, last: int) -> list[RandomDrive]:
         """Records of drives first to last - 1, whatever else is or was computed."""
-        found, maps = [], _Maps(self.torques)
+        found = []
+        made: list[tuple[Drive, list[ErrorMap]]] = []
+
+        def maps(drive: Drive) -> list[ErrorMap]:
+            if not made or made[0][0] != drive:  # drives of a design share a contact system
+                made[:] = [(drive, error_maps(drive, self.torques))]
+            return made[0][1]
+
         for k in range(first, last):
             design, weight = self.designs[self.design_of(k)]
             own = self.law.values(self.seed, k)
@@ -174,31 +182,31 @@ class Production:
             "shared": [asdict(each) for each in self.law.shared],
         }
 
-    def _answer(self, values: dict[str, float], maps: _Maps) -> dict[str, Any]:
+    def _answer(self, values: dict[str, float], maps: MapsOf) -> dict[str, Any]:
         """F'_ior as built and best, with its proof: fields of a record."""
         moved = self.drive.with_values({p: value for p, value in values.items() if p not in DEVIATION_FIELDS})
         if (conflict := first_conflict(moved)) is not None:
             raise UntrustedError(f"no such drive: {conflict.path}: {conflict.message}")
-        return in_wide_enough_window(moved, partial(self._solved, values, maps))
+        return self._solved(values, maps, moved)
 
-    def _solved(self, values: Mapping[str, float], maps: _Maps, drive: Drive) -> dict[str, Any]:
+    def _solved(self, values: Mapping[str, float], maps: MapsOf, drive: Drive) -> dict[str, Any]:
         turns, turned = np.array(self.rotations), carried(drive)
         columns = {p: np.full(len(turns), value) for p, value in values.items() if p in DEVIATION_FIELDS}
         batch = Batch(drive, columns | {p: columns.get(p, drive.number(p)) + turns for p in turned})
         rows, proof = np.zeros(1, dtype=np.int64), EMPTY
         if len(turns) > 1:
-            coarse = [each.estimated_ranges(batch, CHOOSING) for each in maps.of(drive)]
+            coarse = [each.estimated_ranges(batch, CHOOSING) for each in maps(drive)]
             F_ior = np.array([ranges for ranges, _ in coarse])
             proof = sum((part for _, part in coarse), EMPTY)
             rows = np.union1d([0], np.argsort(self._merit(F_ior, F_ior[:, 0]), kind="stable")[:CHOSEN])
         chosen = batch.take(rows)
-        found = [each.many_extremes(chosen, grid=PROVING) for each in maps.of(drive)]
+        found = [each.many_extremes(chosen, grid=PROVING) for each in maps(drive)]
         proof = sum((each.certificate for each in found), proof)
         exact = np.array([each.F_ior_arcsec for each in found])
         best = int(np.argmin(self._merit(exact, exact[:, 0])))
         tighter = None
         if self.steps:
-            tighter, part = self._tighter(chosen.take(np.array([best])), best, found, maps.of(drive))
+            tighter, part = self._tighter(chosen.take(np.array([best])), best, found, maps(drive))
             proof += part
         return {
             "F_ior_arcsec": tuple(exact[:, 0].tolist()),
@@ -238,18 +246,3 @@ class Production:
     def _merit(self, F_ior: Array, now: Array) -> Array:
         """Figure of merit of each position, least in the best one, shape (rotations,)."""
         return merit(F_ior, now if self.limits is None else np.array(self.limits))
-
-
-class _Maps:
-    """Maps of the error at each torque [N*m] of the last design that was asked for."""
-
-    def __init__(self, torques: Sequence[float]) -> None:
-        self._torques = torques
-        self._drive: Drive | None = None
-        self._maps: list[ErrorMap] = []
-
-    def of(self, drive: Drive) -> list[ErrorMap]:
-        """Maps of a drive."""
-        if self._drive != drive:
-            self._drive, self._maps = drive, error_maps(drive, self._torques)
-        return self._maps

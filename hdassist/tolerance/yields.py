@@ -15,9 +15,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betainc
-from scipy.stats import beta, betabinom
+from scipy.stats import betabinom
 
-from hdassist.belief.statistics import Probability, effective_number, weighted_quantile
+from hdassist.belief.statistics import Probability, effective_number, probability_by_share, weighted_quantile
 from hdassist.model.geometry import Array
 from hdassist.tolerance.production import RandomDrive
 from hdassist.verdict import SURE, Verdict, verdict_by_probability
@@ -61,10 +61,9 @@ class YieldBelief:
             return Probability(value, value, value)
         a, b, chance = self._posterior(*self._kinds())
         shares = 1 - betainc(a, b, wanted)
-        hits = value * (count := effective_number(self.weights))
-        low, high = beta.ppf([YIELD_TAIL, 1 - YIELD_TAIL], hits + 0.5, count - hits + 0.5)
-        ends = [weighted_quantile(shares, chance, share) for share in (YIELD_TAIL, 1 - YIELD_TAIL)]
-        return Probability(value, min(float(low), value, ends[0]), max(float(high), value, ends[1]))
+        of_designs = probability_by_share(value, effective_number(self.weights))
+        low, high = (weighted_quantile(shares, chance, share) for share in (YIELD_TAIL, 1 - YIELD_TAIL))
+        return Probability(value, min(of_designs.low, value, low), max(of_designs.high, value, high))
 
     @cached_property
     def _below(self) -> Array:

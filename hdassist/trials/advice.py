@@ -11,10 +11,10 @@ import numpy as np
 from scipy.stats import chi2, circmean, circstd
 
 from hdassist.belief.evidence import measured_errors
-from hdassist.errors import UntrustedError
-from hdassist.mounting.losses import Criterion, PositionStatistics
-from hdassist.mounting.positions import Choice, hole_words, require_weights, usable_positions
-from hdassist.mounting.trial import Trial
+from hdassist.errors import UntrustedError, UsageError
+from hdassist.mounting.losses import PositionStatistics
+from hdassist.mounting.positions import Choice, hole_words, usable_positions
+from hdassist.mounting.trial import TRIAL_HINT, Trial
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.trials.posterior import (
@@ -189,8 +189,6 @@ def advise_from_trials(
     rig: Rig,
     *,
     outcome: Trial | None = None,
-    criterion: str = "expected",
-    weights: Sequence[float] | None = None,
     needed: float = NEEDED,
     effort: TrialEffort = TRIAL_EFFORT,
     run: Run = Run(),
@@ -198,13 +196,12 @@ def advise_from_trials(
     """Infer the cam offset from trials and choose the position of the fixed wheel, at the torques of the drive.
 
     Arguments: trials, measured on the rig, beside those that the preset has at its torque; outcome, a last one, that of
-    an advice by the others; criterion and weights as in learnt; needed, probability that settles; effort and run as in
-    trial_prior. Raises what those do, UsageError for weights that cannot be meant.
+    an advice by the others; needed, probability that settles; effort and run as in trial_prior. Raises what those do.
     """
     torques, positions = drive.operation.M_g, usable_positions(drive.mounting.holes, drive.mounting.allowed)
-    Criterion.of(criterion)  # wrong before anything is computed
-    require_weights(weights, len(torques))
     trials = (*_of_preset(drive, rig, (*trials, outcome)), *trials)
+    if not trials:
+        raise UsageError(f"no trials at {rig.M_g:g} N·m: expected HOLE=VALUE, or measured.F_ior", TRIAL_HINT)
     every = (*trials, outcome) if outcome else tuple(trials)
     if not drive.mounting.holes:
         positions = sorted({*positions, *(trial.rotation_deg for trial in every)})
@@ -215,7 +212,7 @@ def advise_from_trials(
 
     prior = trial_prior(drive, torques, rig, effort=effort, enough=enough, run=run)
     prior = weeded(prior, every)
-    teach = partial(learnt, prior, rotations_deg=positions, torques=torques, criterion=criterion, weights=weights)
+    teach = partial(learnt, prior, rotations_deg=positions, torques=torques)
     predictions = tuple(prediction(prior, every[:k], every[k]) for k in range(1, len(every)))
     try:
         draws, losses = teach(every)

@@ -30,7 +30,7 @@ from hdassist.belief.misfit import (
 )
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
-from hdassist.mounting.losses import GOOD, Criterion, PositionStatistics
+from hdassist.mounting.losses import GOOD, PositionStatistics
 from hdassist.mounting.positions import hole_words
 from hdassist.mounting.trial import Trial
 from hdassist.trials.prior import Places, Prior
@@ -103,16 +103,12 @@ def learnt(
     prior: Prior,
     trials: Sequence[Trial],
     rotations_deg: Sequence[float],
-    *,
     torques: Sequence[float] = (),
-    criterion: str = "expected",
-    weights: Sequence[float] | None = None,
 ) -> tuple[Draws, PositionStatistics]:
     """What trials teach of the positions that may be chosen [deg].
 
-    Arguments: torques [N*m] that decide, that of the trials without them, and their weights; criterion over the losses.
-    At another torque the scale is that of the trials; the misfit is as large, but another. Raises UsageError for an
-    unknown criterion, UntrustedError where no sample explains the trials.
+    Argument: torques [N*m] that decide, that of the trials without them. At another torque the scale is that of the
+    trials; the misfit is as large, but another. Raises UntrustedError where no sample explains the trials.
     """
     require_reachable(prior, trials)
     everywhere, rng = [*rotations_deg, 0.0], np.random.default_rng([prior.seed, 1])
@@ -126,10 +122,8 @@ def learnt(
         smooth = smooth_misfits(everywhere, rng.standard_normal((len(f), SMOOTH_NUMBERS)))
         return np.asarray(np.maximum(f * draws.scale[:, None] + spread * smooth, LEAST_SHOWN * f))
 
-    decide, shares = torques or [prior.M_g], None if weights is None else tuple(weights)
-    every, weights_of_draws = np.array([at(M_g) for M_g in decide]), np.ones(len(draws.places))
-    rotations, how = tuple(rotations_deg), Criterion.of(criterion)
-    return draws, PositionStatistics(rotations, every[..., :-1], every[..., -1], weights_of_draws, how, shares)
+    every, weights = np.array([at(M_g) for M_g in torques or [prior.M_g]]), np.ones(len(draws.places))
+    return draws, PositionStatistics(tuple(rotations_deg), every[..., :-1], every[..., -1], weights)
 
 
 def require_effective(prior: Prior, trials: Sequence[Trial], draws: Draws, needed: float) -> None:

@@ -17,7 +17,6 @@ from hdassist.belief.evidence import ACCURACY, evidence_of, measured_errors, val
 from hdassist.belief.misfit import log_likelihood_of_errors
 from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
 from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
-from hdassist.belief.statistics import effective_number
 from hdassist.belief.tabled import (
     COARSE_POINTS,
     TabledErrors,
@@ -36,7 +35,6 @@ from hdassist.mounting.trial import Trial
 from hdassist.preset.fields import Drive, measures
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.window import in_wide_enough_window
 
 Places = NDArray[np.int64]
 
@@ -100,7 +98,7 @@ class Prior:
 
     F_ior_by_torque [arcsec] by M_g [N*m], and weight, which sums to 1, of shape (samples, directions) each;
     read_error, relative standard deviation of it, by M_g; values of the offset that stands with the wheel by field,
-    shape (samples, directions); systems, effective number of them; seed.
+    shape (samples, directions); seed.
     """
 
     drive: Drive
@@ -109,7 +107,6 @@ class Prior:
     weight: Array
     values: Mapping[str, Array]
     read_error: Mapping[float, float]
-    systems: float = 0.0
     seed: int = 0
     certificate: Certificate = EMPTY
 
@@ -201,12 +198,8 @@ def _tabled(
     values: Mapping[str, float],
 ) -> TabledErrors | None:
     """F'_ior of a system by its number, with values of its fields, and many deviations; None where it has none."""
-
-    def tabled(moved: Drive) -> TabledErrors:
-        return tabled_errors(error_maps(moved, torques), prior, effort, [seed, number])
-
     try:
-        return in_wide_enough_window(prior.drive.with_values(values), tabled)
+        return tabled_errors(error_maps(prior.drive.with_values(values), torques), prior, effort, [seed, number])
     except HdassistError:
         return None
 
@@ -229,11 +222,10 @@ def _collected(
         weight[:, 1:] = 0
     F_ior *= np.exp(log_missed.mean(axis=1))[:, None, None]
     values = {path: np.concatenate([each.values[path] for each in kept]) for path in standing_offset(drive)}
-    of_systems = effective_number(weight.reshape(len(kept), -1).sum(axis=1))
     proof = sum((each.certificate for each in kept), systems.certificate)
     prior = Prior(
         drive, rig, dict(zip(torques, F_ior, strict=True)), weight / weight.sum(), values,
-        dict(zip(torques, log_missed.std(axis=1).tolist(), strict=True)), of_systems, systems.seed, proof,
+        dict(zip(torques, log_missed.std(axis=1).tolist(), strict=True)), systems.seed, proof,
     )  # fmt: skip
     return _weighed(prior)
 

@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from hdassist.acceptance.answer import answer_json, exit_code
+from hdassist.acceptance.answer import answer_json
 from hdassist.acceptance.checks import CHECKS, CODES, ORDER_CHECK
 from hdassist.acceptance.decision import GUARD, AcceptedValue, decide
 from hdassist.acceptance.limits import Limit, LimitText, limits_of
@@ -312,14 +312,12 @@ def test_no_width_cuts_a_number():
 
 def test_remarks_that_count():
     drive = small("F_ior@4=50", overrides=("operation.rated=3",))
-    noisy = accept(drive, {4.0: measure(rig(CYCLE, noise=15.0), drive=drive)})
+    noisy = accept(drive, {4.0: measure(rig(CYCLE, noise=12.0), drive=drive)})
     codes = [note.code for note in noisy.remarks]
     assert "UNCERTAINTY" in codes
     assert "RATED" in codes
-    assert [exit_code(noisy.verdict, bool(noisy.remarks), how) for how in ("warn", "never")] == [3, 0]
-    assert exit_code(noisy.verdict, True, "fail") == noisy.verdict.exit_code
     clean = accept(drive, stated={limits_of(drive)[0]: stated(20.0, 0.1)})
-    assert exit_code(clean.verdict, bool(clean.remarks), "fail") == 0
+    assert clean.exit_code == 0
 
 
 def test_an_order_that_the_cycle_has_not_is_the_fault_of_who_asked(tmp_path):
@@ -363,7 +361,7 @@ def test_a_limit_of_an_order_at_one_torque_wins_over_that_at_each():
     with pytest.raises(PresetError) as caught:
         load_text(preset, "own.yaml")
     assert [(f.path, f.message) for f in caught.value.findings] == [
-        ("acceptance.order_amplitude.2.0@4.0", "the same order twice"),
+        ("acceptance.order_amplitude.2.0@4.0", "given twice"),
         ("acceptance.order_amplitude.0@4", "must be an order per cam turn, or ORDER@TORQUE in N*m"),
         ("acceptance.order_amplitude.x@4", "must be an order per cam turn, or ORDER@TORQUE in N*m"),
     ]
@@ -384,7 +382,6 @@ def test_words_of_limits():
     for bad in (
         "",
         "F_ior",
-        "4:30",
         "@4=30",
         "F_ior=",
         "F_iro=3",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.acceptance.answer import AcceptAnswer, read_answers, to_lines
+from hdassist.acceptance.answer import AcceptAnswer, answer_json, read_answers
 from hdassist.acceptance.lot import LotRow, read_lot
 from hdassist.acceptance.replay import answer_differences
 from hdassist.acceptance.request import Request
@@ -74,7 +74,7 @@ def test_each_fault_is_said_of_its_cell(told: list[AcceptAnswer]) -> None:
 
 
 def test_a_row_with_a_fault_replays_in_the_words_of_options(told: list[AcceptAnswer]) -> None:
-    Path("a.jsonl").write_text(to_lines(told), encoding="utf-8")
+    Path("a.jsonl").write_text(json.dumps({"results": list(map(answer_json, told))}), encoding="utf-8")
     recorded = read_answers("a.jsonl")
     assert [answer.serial for answer in recorded if answer.request is None] == ["j", "n"]
     rows = [LotRow(each.request, each.place) for each in recorded if each.request]

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.process import SMALL, run
+from tests.process import SMALL, TINY, run
 from tests.rigs import drive_error, text, whole_range
 
 ROOT = Path(__file__).parents[2]
@@ -68,8 +68,8 @@ def test_json_has_all_that_it_takes_to_do_it_again(rig):
     ("args", "code", "words"),
     [
         (["--measured", "4=run.csv", "--limit", f"F_ior@4={TRUE + 3}"], 0, "PASS"),
-        (["--measured", "4=part.csv", "--limit", "F_ior@4=900", "--fail-on", "warn"], 3, "INCONCLUSIVE"),
-        (["--measured", "4=run.csv", "--limit", "F_ior@4=1", "--fail-on", "never"], 0, "FAIL"),
+        (["--measured", "4=part.csv", "--limit", "F_ior@4=900"], 6, "INCONCLUSIVE"),
+        (["--measured", "4=run.csv", "--limit", "F_ior@4=1"], 3, "FAIL"),
         (["--value", "F_ior@4=8±1", "--limit", "F_ior@4=8.5", "--set", "acceptance.rule=simple"], 0, "PASS"),
         (["--value", "F_ior@4=8±1", "--limit", "F_ior@4=8.5"], 6, "INCONCLUSIVE"),
     ],
@@ -156,3 +156,20 @@ def test_figures_of_several_drives_and_the_worst_code(rig, tmp_path):
     assert again.returncode == 2
     both = run("accept", SMALL, SMALL, "--measured", "4=run.csv", "--limit", "F_ior=3", cwd=rig)
     assert (both.returncode, "belongs to one drive" in both.stderr) == (2, True)
+
+
+def test_a_limit_that_nothing_predicts_asks_for_its_own_value():
+    done = run("accept", TINY, "--limit", "repeatability=5")
+    assert done.returncode == 4
+    assert "hint: --value repeatability=VALUE±U (hdassist" in done.stderr
+
+
+def test_positions_are_no_trace(tmp_path):
+    rows = "".join(f"{30 * k},{k % 5},{side}\n" for side in (1, -1) for k in range(12))
+    (tmp_path / "positions.csv").write_text(f"target_deg,error_arcsec,side\n{rows}")
+    done = run(
+        "accept", TINY, "--limit", "F_ior@4=60", "--measured", "4=positions.csv", "--measured-only", cwd=tmp_path
+    )
+    assert done.returncode == 4
+    assert "positions.csv: approached positions or a torque loop, which is no trace" in done.stderr
+    assert "--value NAME=VALUE±U" in done.stderr

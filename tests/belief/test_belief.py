@@ -20,7 +20,7 @@ from hdassist.belief.statistics import (
     probability_of,
     weighted_quantile,
 )
-from hdassist.calibration.quantities import REPORTING, TargetQuantities
+from hdassist.calibration.quantities import predictions
 from hdassist.calibration.targets import CalibrationTarget
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
@@ -140,12 +140,11 @@ def test_a_catalogue_is_evidence():
 def test_a_stiffness_is_that_of_the_weaker_side_for_evidence_and_targets():
     drive = tiny("bearing.beta=0.25")  # balls beside the axes: the two sides differ
     found, figures = stiffness(drive, points=1), stiffness_figures(drive)[0]
-    targets = TargetQuantities(drive, REPORTING)
     for k in (1, 2, 3):
         one, other = (side[k - 1].stiffness for side in (found.positive, found.negative))
         assert abs(one / other - 1) > 0.01
         asked = CalibrationTarget(f"K_{k}", {}, one, one, one, 1.0)
-        assert [figures[f"K_{k}"], targets.predict(asked)[0]] == pytest.approx([min(one, other)] * 2)
+        assert [figures[f"K_{k}"], *predictions(drive, [asked])] == pytest.approx([min(one, other)] * 2)
 
 
 def test_samples_are_the_same_from_any_number_of_workers_and_the_first_of_more():

@@ -53,7 +53,7 @@ def test_a_report_has_it() -> None:
 @pytest.mark.parametrize(
     ("limit", "words"),
     [
-        ("4:30", "--limit F_ior@4=30"),
+        ("4:30", "must be a number (got 4:30"),
         ("F_iro@4=30", "NAME one of F_ior"),
         ("F_ior@4=", "expected [NAME[@TORQUE]=]VALUE"),
         ("lost_motion=30", "hdassist accept holds the others"),

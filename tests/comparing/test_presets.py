@@ -86,17 +86,10 @@ def test_the_numbers_are_those_of_the_drives_alone(better):
     assert report_object(drives_report(better, 0))["presets"][0]["best"]["hole"] == holes.recommended.hole
 
 
-def test_the_answer_alone_has_each_drive_as_built_and_mounted_best(better):
+def test_the_answer_alone_is_the_change_of_each_drive(better):
     values = [sheet.check.points[0].error.F_ior_arcsec for sheet in better.sheets]
-    best = [sheet.advice.chosen for sheet in better.sheets]
-    share = 100 * (1 - values[1] / values[0])
     report = drives_report(better, 0)
-    assert report.verdict == f"B {share:.0f} % less"
-    assert report.line.splitlines() == [
-        f"A, 4 N·m: F'_ior {values[0]:.2f}″, mounted best {best[0].F_ior_arcsec[0]:.2f}, hole {best[0].hole}",
-        f"B, 4 N·m: F'_ior {values[1]:.2f}″, mounted best {best[1].F_ior_arcsec[0]:.2f}, hole {best[1].hole}, "
-        f"{share:.0f} % less, most by tolerances.F_i2",
-    ]
+    assert report.verdict == report.line == f"B {100 * (1 - values[1] / values[0]):.0f} % less"
 
 
 def test_a_direction_is_a_verdict_only_where_it_is_sure():
@@ -148,7 +141,6 @@ def test_what_one_preset_does_not_know_makes_ranges_and_no_verdict(files):
     result = run("compare", "a.yaml", "b.YML", "--torque", "3", "--draws", "4", "--json", *fast, cwd=files)
     assert result.returncode == 0, result.stderr
     told = json.loads(result.stdout)
-    assert [preset["rated_Nm"] for preset in told["presets"]] == [3, 3]  # the one asked for, as in report
     assert (told["schema"], told["M_g_Nm"]) == ("hdassist.compare-presets/1", [3])
     assert [preset["file"] for preset in told["presets"]] == ["a.yaml", "b.YML"]
     known, open_ = told["presets"]
@@ -191,7 +183,7 @@ def test_what_cannot_be_meant_is_refused(files, args, code, words):
 def test_three_presets_are_held_against_the_first(better):
     three = replace(better, sheets=(*better.sheets, better.sheets[0]), changes=better.changes * 2)
     report = drives_report(three, 0)
-    assert [line[:2] for line in report.line.splitlines()] == ["A,", "B,", "C,"]
+    assert report.line == "; ".join(f"{letter} {report.line[2:].partition(';')[0]}" for letter in "BC")
     assert len(report_object(report)["changes"]) == 2
     assert report.csv is not None
     assert len(report.csv[1]) == 3
@@ -219,6 +211,6 @@ def test_the_rest_stands_in_the_details(better):
     short, long = (on_paper(report, ascii=True, details=details) for details in (False, True))
     plain = re.sub(r"\s+", " ", short)
     assert "differs gears.j_n, tolerances.F_i2 next hdassist report" in plain
-    for words in ("side by side", "fields that differ", "25 (override)", "equilibrium", "each field alone from A to B"):
+    for words in ("fields that differ", "25 (override)", "equilibrium", "each field alone from A to B"):
         assert words in long
         assert words not in short

@@ -80,21 +80,11 @@ def test_a_row_without_a_drive_stays_with_its_reason(few):
     assert swept.states == 4 * 1860
 
 
-def test_what_moves_it_most_is_told_along_one_field_alone(few):
+def test_the_ends_are_those_of_the_rows(few):
     _, records, swept = few
     values = [record.F_ior_arcsec for record in records[:4]]
-    assert swept.effect(0) is None  # no two rows that differ in nothing else have an answer
-    assert swept.effect(1) == max(abs(values[2] - values[0]), abs(values[3] - values[1]))
     assert swept.end(False) == (int(np.argmin(values)), min(values))
     assert swept.end(True) == (int(np.argmax(values)), max(values))
-
-
-def test_a_window_that_was_too_narrow_is_widened_and_said():
-    sweep, drive = sweep_of("numerics.window=8,40", overrides=("operation.M_g=[4]",))
-    swept = collect(sweep, drive, records := sweep(0, 2))
-    assert records[0].window_deg > 8
-    assert records[1].window_deg == 40
-    assert any("1 rows were computed in a wider flank window" in text for text in swept.warnings)
 
 
 def test_in_a_pipe_rows_are_csv_and_what_is_taken_as_0_is_said():
@@ -107,14 +97,14 @@ def test_in_a_pipe_rows_are_csv_and_what_is_taken_as_0_is_said():
     assert done.stderr == "warning: small: not known, and computed as 0: harmonics.xi_b2\n"
 
 
-def test_json_has_rows_ends_and_effects(tmp_path):
+def test_json_has_rows_and_ends(tmp_path):
     options = ("--vary", "gears.x_b=1.8,4", "--torque", "4", "--jobs", "1", "--json")
     done = run("sweep", SMALL, *options, "-o", "rows.jsonl", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "wrote rows.jsonl\n")
     told = json.loads(done.stdout, parse_constant=pytest.fail)
     kept = [json.loads(line) for line in (tmp_path / "rows.jsonl").read_text().splitlines()]
     assert told["schema"] == "hdassist.sweep/1"
-    assert told["vary"] == [{"field": "gears.x_b", "unit": "", "values": [1.8, 4.0], "effect_arcsec": None}]
+    assert told["vary"] == [{"field": "gears.x_b", "unit": "", "values": [1.8, 4.0]}]
     assert [{"item": k, **row} for k, row in enumerate(told["rows"])] == [
         {key: value for key, value in row.items() if key != "checksum"} for row in kept[1:]
     ]
@@ -123,17 +113,12 @@ def test_json_has_rows_ends_and_effects(tmp_path):
     assert kept[0]["options"] == {"vary": ["gears.x_b=1.8,4"], "set": ["operation.M_g=[4.0]"]}
 
 
-def test_a_table_of_two_fields(tmp_path):
+def test_rows_of_two_fields(tmp_path):
     fields = ("--vary", "tolerances.e_hb=30,60", "--vary", "gears.x_b=1.6,4", "--torque", "4", "--jobs", "1")
     done = run("sweep", SMALL, *fields, "--csv", "rows.csv", cwd=tmp_path)
     assert done.returncode == 0
-    lines = [line.split() for line in done.stdout.splitlines()]
-    head = lines.index(["tolerances.e_hb,", "um", "1.6", "4"])
-    assert " ".join(lines[head - 1]) == "F'_ior at 4 N·m, ″, over gears.x_b"
-    rows = {row[0]: row[1:] for row in lines[head + 2 : head + 4]}
     in_csv = list(csv.DictReader(io.StringIO((tmp_path / "rows.csv").read_text())))
-    solved = [f"{float(row['F_ior_arcsec']):.2f}" for row in in_csv if row["F_ior_arcsec"]]
-    assert rows == {"30": [solved[0], "-"], "60": [solved[1], "-"]}  # there are no such drives
+    assert [bool(row["F_ior_arcsec"]) for row in in_csv] == [True, False] * 2  # there are no such drives
     words = " ".join(done.stdout.split())
     assert words.startswith(
         "small, F'_ior over tolerances.e_hb (30 to 60 um) and gears.x_b (1.6 to 4), 4 rows: 22.10 to "

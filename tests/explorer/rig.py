@@ -14,12 +14,10 @@ from hdassist.errors import HdassistError
 from hdassist.explorer.app import Explorer
 from hdassist.explorer.compute import Effort
 from hdassist.explorer.service import Failed, Question
-from hdassist.explorer.state import USUAL, Session, opened_state
-from hdassist.terminal.options import TrialOptions
-from hdassist.trials.prior import TrialEffort
+from hdassist.explorer.state import Session, opened_state
 from tests.process import TINY, no_processes
 
-QUICK = Effort(draws=8, trials=TrialEffort.of(8), jobs=1)
+QUICK = Effort(draws=8, jobs=1)
 FEW = ("operation.M_g=[4.0]", "mounting.holes=6")  # states
 LONGEST = 60.0  # s
 
@@ -31,7 +29,7 @@ class Recorded:
         self.asked: list[Question] = []
         resource_tracker.ensure_running()  # inherits a stream that the screen takes away
 
-    async def ask(self, question: Question) -> AsyncIterator[object]:
+    async def ask(self, question: Question) -> AsyncIterator[tuple[str, object]]:
         self.asked.append(question)
         for each in _answers(pickle.dumps(question)):
             await asyncio.sleep(0)
@@ -42,19 +40,19 @@ class Recorded:
 
 
 @cache
-def _answers(pickled: bytes) -> list[object]:
-    found: list[object] = []
+def _answers(pickled: bytes) -> list[tuple[str, object]]:
+    found: list[tuple[str, object]] = []
     try:
         with no_processes():
-            pickle.loads(pickled)(found.append)
+            pickle.loads(pickled)(lambda *answer: found.append(answer))
     except HdassistError as error:
-        found.append(Failed(error.message, error.hint))
+        found.append(("failed", Failed(error.message, error.hint)))
     return found
 
 
-def tiny(*overrides: str, rig: TrialOptions = USUAL) -> Session:
+def tiny(*overrides: str) -> Session:
     """The tiny drive at one torque, with six holes, and more on top."""
-    return opened_state(TINY, (*FEW, *overrides), rig)
+    return opened_state(TINY, (*FEW, *overrides))
 
 
 def explored(

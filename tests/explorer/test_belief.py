@@ -36,7 +36,7 @@ def believed(*overrides: str, typical: Mapping[str, float] = MappingProxyType({}
     """Answers about the tiny drive, the page of its check last."""
     told: list[object] = []
     with no_processes():
-        drive_answers(load_preset(TINY, overrides), typical, QUICK, told.append)
+        drive_answers(load_preset(TINY, overrides), typical, QUICK, lambda _, answer: told.append(answer))
     pages = [isinstance(each, Report) and each.command == "check" for each in told]
     return told[: pages.index(True) + 1]
 
@@ -89,7 +89,7 @@ def text_of_headline(known: Known) -> str:
     """The headline as a person reads it."""
     style = Style(ascii=False, codes=False, width=120)
     stream = StringIO()
-    console(stream, style).print(headline(tiny(), known, None, 0))
+    console(stream, style).print(headline(tiny(), known, None, 0, 118))
     return stream.getvalue()
 
 
@@ -110,7 +110,9 @@ def test_levers_move_a_typical_drive_with_what_is_unknown_of_it() -> None:
     assert isinstance(found, DesignCheck)
     typical, _ = typical_of(found)
     with no_processes():
-        lever_effects(drive, load_preset(TINY, [*open_, "gears.j_n=8"]), typical, QUICK, told.append)
+        lever_effects(
+            drive, load_preset(TINY, [*open_, "gears.j_n=8"]), typical, QUICK, lambda _, answer: told.append(answer)
+        )
     effects = told[-1]
     assert isinstance(effects, LeverEffects) and typical["tolerances.e_hb"] > 0
     by, (change,) = effects.steps["tolerances.e_hb"]

@@ -26,7 +26,7 @@ def service() -> Iterator[Service]:
 
 
 async def told(service: Service, question: Question) -> list[object]:
-    return [answer async for answer in service.ask(question)]
+    return [answer async for _, answer in service.ask(question)]
 
 
 def turn(*overrides: str) -> Question:
@@ -46,7 +46,7 @@ def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Servi
 def test_an_answer_that_is_there_comes_before_the_next_is_computed(service: Service) -> None:
     async def first(question: Question) -> object:
         async with contextlib.aclosing(service.ask(question)) as answers:
-            return await anext(answers)
+            return (await anext(answers))[1]
 
     assert isinstance(asyncio.run(first(partial(drive_answers, tiny().drive, {}, LONG))), FirstErrors)
 

@@ -9,13 +9,12 @@ import pytest
 from hdassist.error.cycle import kinematic_error
 from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.explorer import state
-from hdassist.explorer.state import Session, Step
+from hdassist.explorer.state import Session
 from hdassist.loading.load import load_text
 from hdassist.measuring.measure import measure
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.run.run import UNCHECKED
-from hdassist.terminal.options import TrialOptions
-from tests.explorer.rig import FEW, tiny
+from tests.explorer.rig import tiny
 from tests.process import TINY
 
 
@@ -47,40 +46,38 @@ def test_an_empty_value_takes_the_change_back(session: Session) -> None:
     assert state.edited(state.edited(session, "gears.j_n", "8"), "gears.j_n", " ").changes == ()
 
 
-def test_undo_and_redo_go_over_edits_and_trials_but_not_turns(session: Session) -> None:
+def test_undo_and_redo_go_over_edits_and_evidence_but_not_turns(session: Session) -> None:
     steps = [state.edited(session, "gears.j_n", "8")]
-    steps.append(state.with_trials(state.turned_state(steps[-1], 2), "28.1"))
+    steps.append(state.with_evidence(state.turned_state(steps[-1], 2), "h2=28.1"))
     last = steps[-1]
-    assert last.trials == ("h2=28.1",)
+    assert dict(last.changes)["measured.F_ior.h2@1"] == "28.1 ± 2"
     back = state.undone(last)
-    assert (back.step, back.turn_deg) == (steps[0].step, 60)
-    assert state.undone(back).step == Step() and state.undone(state.undone(back)).step == Step()
-    assert state.redone(state.redone(state.undone(back))).step == last.step
+    assert (back.changes, back.turn_deg) == (steps[0].changes, 60)
+    assert state.undone(back).changes == state.undone(state.undone(back)).changes == ()
+    assert state.redone(state.redone(state.undone(back))).changes == last.changes
     assert state.edited(back, "gears.j_n", "9").future == ()  # what was undone is forgotten
 
 
-def test_a_value_alone_is_a_trial_where_the_wheel_is_looked_at(session: Session) -> None:
-    looked = state.turned_state(session, -1)
-    assert state.with_trials(looked, "17.3 h4=20").trials == ("h11=17.3", "h4=20")
-    assert state.without_trial(state.with_trials(looked, "17.3 h4=20")).trials == ("h11=17.3",)
-
-
 @pytest.mark.parametrize("text", ["", "h12=3", "abc", "h1:", "h1=-3", "17:3"])
-def test_what_is_no_trial_is_refused(session: Session, text: str) -> None:
-    with pytest.raises(UsageError):
-        state.with_trials(session, text)
+def test_evidence_that_cannot_be_is_refused(session: Session, text: str) -> None:
+    with pytest.raises(HdassistError):
+        state.with_evidence(session, text)
 
 
-def test_fewer_holes_are_refused_while_a_trial_is_in_another(session: Session) -> None:
-    tried = state.with_trials(session, "h11=20")
+def test_fewer_holes_are_refused_while_one_beyond_is_measured(session: Session) -> None:
+    tried = state.with_evidence(session, "h11=20")
     with pytest.raises(UsageError, match="h0 to h5"):
         state.edited(tried, "mounting.holes", "6")
 
 
-def test_the_command_of_trials_says_how_they_were_measured() -> None:
-    tried = state.with_trials(tiny(rig=TrialOptions(trial_torque=1.0, noise=0.5)), "h0=28.1 h4=17.3")
-    opened = f"hdassist trials {TINY} --torque=4 --set {FEW[1]}"
-    assert tried.command() == f"{opened} h0=28.1 h4=17.3 --trial-torque 1 --noise 0.5"
+def test_several_positions_at_the_lightest_torque_are_trials(session: Session) -> None:
+    one = state.with_evidence(session, "h0=28.1")
+    assert one.command().startswith("hdassist mount ")
+    assert state.with_evidence(one, "h4@4=17.3").command().startswith("hdassist mount ")
+    two = state.with_evidence(one, "h4=17.3 ± 1")
+    sets = "--set 'measured.F_ior.h0@1=28.1 ± 2' --set 'measured.F_ior.h4@1=17.3 ± 1'"
+    assert two.command() == f"hdassist trials {TINY} {sets}"
+    assert state.with_evidence(two, "h4=").command() == one.command()
 
 
 def test_a_trace_is_of_the_wheel_as_it_is_looked_at(session: Session) -> None:
@@ -92,9 +89,7 @@ def test_a_trace_is_of_the_wheel_as_it_is_looked_at(session: Session) -> None:
 def test_turning_goes_round_and_free_angles_go_by_steps() -> None:
     assert state.turned_state(tiny(), -1).turn_deg == 300
     free = tiny("mounting.holes=0")
-    assert state.turned_state(free, 1).turn_deg == 5 and state.with_trials(
-        state.turned_state(free, 1), "20"
-    ).trials == ("5=20",)
+    assert state.turned_state(free, 1).turn_deg == 5 and state.turned_state(free, 1).here == "5"
 
 
 def test_of_two_values_of_a_field_the_last_one_counts() -> None:

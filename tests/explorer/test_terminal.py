@@ -25,6 +25,7 @@ from tests.explorer.test_service import needs_proc, processes, vanished
 from tests.process import CLEAN, COMMAND, LONGEST, TINY, run
 
 SETS = [word for text in FEW for word in ("--set", text)]
+MEASURED = "--set 'measured.F_ior.h0@4=28.1 ± 2'"
 COLUMNS, ROWS = 80, 24
 
 
@@ -117,19 +118,19 @@ def test_a_session_in_a_terminal() -> None:
     before = processes()
     with explorer() as terminal:
         seen = terminal.wait_for("Turn the rigid wheel")
-        assert "7 advice" in seen and "F'_ior in each hole, ″" in seen and "hole 0 (0°), where it stands" in seen
+        assert "7 advice" in seen and "F'_ior by hole, ″" in seen and "hole 0 (0°), where it stands" in seen
         terminal.press("\x1b[C")
         terminal.wait_for("hole 1 (60°)")
-        terminal.press("t")
-        terminal.wait_for("add trials")
+        terminal.press("e")
+        terminal.wait_for("what is known")
         terminal.press("h9=3\r")
-        terminal.wait_for("h0 to h5")
+        terminal.wait_for("the seat's holes")
         terminal.press("\x1b")
-        while "add trials" in terminal.read():  # an escape and a letter at once would be another key
+        while "what is known" in terminal.read():  # an escape and a letter at once would be another key
             pass
-        terminal.press("t")
-        terminal.wait_for("add trials")
-        terminal.press("28.1\r")
+        terminal.press("e")
+        terminal.wait_for("what is known")
+        terminal.press("h1=28.1\r")
         terminal.wait_for("undo")
         terminal.press("q")
         terminal.wait_for("comes back to this session")
@@ -137,28 +138,29 @@ def test_a_session_in_a_terminal() -> None:
         assert terminal.end() == 0
         assert terminal.as_it_was
         left = terminal.sent.rpartition(b"\x1b[?1049l")[2].decode()
-        assert f"back to it: hdassist explore {TINY} --torque=4 --set {FEW[1]} h1=28.1\r\n" in left
-        assert f"its numbers: hdassist check {TINY} --torque=4 --set {FEW[1]}\r\n" in left
+        assert (
+            f"back to it: hdassist explore {TINY} --torque=4 --set {FEW[1]} {MEASURED.replace('h0', 'h1')}\r\n" in left
+        )
+        assert (
+            f"its numbers: hdassist check {TINY} --torque=4 --set {FEW[1]} {MEASURED.replace('h0', 'h1')}\r\n" in left
+        )
     assert vanished(before)
 
 
 @needs_proc
 @pytest.mark.parametrize(("stop", "code"), [(signal.SIGTERM, 143), (signal.SIGKILL, -9)])
-def test_a_killed_explorer_gives_the_terminal_back_and_leaves_no_process(stop: signal.Signals, code: int) -> None:
+def test_a_killed_explorer_leaves_no_process_and_the_command_that_goes_on(stop: signal.Signals, code: int) -> None:
     before = processes()
     with explorer() as terminal:
         terminal.wait_for("7 advice")  # what computes has begun
-        terminal.press("t")
-        terminal.wait_for("add trials")
-        terminal.press("28.1\r")
+        terminal.press("e")
+        terminal.wait_for("what is known")
+        terminal.press("h0=28.1\r")
         terminal.wait_for("undo")
         os.kill(terminal.process.pid, stop)
         assert terminal.end() == code
-        end = time.monotonic() + 10
-        while not terminal.as_it_was and time.monotonic() < end:
-            terminal.read()
-        assert terminal.as_it_was
-        assert terminal.kept == f"hdassist explore {TINY} --torque=4 --set {FEW[1]} h0=28.1"
+        assert terminal.as_it_was == (stop == signal.SIGTERM)
+        assert terminal.kept == f"hdassist explore {TINY} --torque=4 --set {FEW[1]} {MEASURED}"
     assert vanished(before)
 
 
@@ -171,13 +173,13 @@ def test_an_explorer_ends_with_its_terminal(is_ignored: bool) -> None:
     terminal = Terminal("explore", TINY, *SETS, command=ignoring)
     try:
         terminal.wait_for("7 advice")
-        terminal.press("t")
-        terminal.wait_for("add trials")
-        terminal.press("28.1\r")
+        terminal.press("e")
+        terminal.wait_for("what is known")
+        terminal.press("h0=28.1\r")
         terminal.wait_for("undo")
         terminal.hang_up()
         assert terminal.process.wait(timeout=20) > 128
-        assert terminal.kept == f"hdassist explore {TINY} --torque=4 --set {FEW[1]} h0=28.1"
+        assert terminal.kept == f"hdassist explore {TINY} --torque=4 --set {FEW[1]} {MEASURED}"
     finally:
         terminal.close()
     assert vanished(before)
@@ -201,7 +203,7 @@ def test_without_a_terminal_it_is_refused_with_the_command_for_scripts() -> None
     done = run("explore", TINY, "h0=28.1", "--set", "gears.j_n=7")
     assert done.returncode == 2 and done.stdout == ""
     assert "the explorer needs a terminal" in done.stderr
-    assert f"hdassist trials {TINY} --set gears.j_n=7 h0=28.1" in done.stderr
+    assert f"hdassist mount {TINY} --set gears.j_n=7 --set 'measured.F_ior.h0@1=28.1 ± 2'" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -210,8 +212,7 @@ def test_without_a_terminal_it_is_refused_with_the_command_for_scripts() -> None
         (("explore", "-"), 2, "needs standard input for its keys"),
         (("explore", "nosuch"), 4, "no such preset"),
         (("explore", TINY, "--set", "gears.j_n=-1"), 2, "out of range"),
-        (("explore", TINY, "h99=3"), 2, "the seat's holes"),
-        (("explore", TINY, "--noise", "0"), 2, "noise"),
+        (("explore", TINY, "h99=3"), 2, "h0 to h11"),
     ],
 )
 def test_what_cannot_be_opened_is_refused_before_the_screen(args: tuple[str, ...], code: int, words: str) -> None:

@@ -73,10 +73,10 @@ CASES = {
     for case in (
         _case("lot", "accept lot.csv --jsonl a.jsonl --resume --junit a.xml --csv a.csv -o a.json --json --force "
               "--jobs 2", "a.xml a.csv a.json", "a.jsonl"),
-        _case("accept", "accept tiny.yaml --limit F_ior@4=600 --jsonl a.jsonl --junit a.xml --csv a.csv -o a.json "
-              "--json --force --jobs 2", "a.xml a.csv a.json a.jsonl"),
-        _case("calibrate", "calibrate tiny.yaml --targets targets.yaml --state s.jsonl --write found.yaml -o a.json "
-              "--json --force --evaluations 8 --jobs 2", "found.yaml a.json", "s.jsonl"),
+        _case("accept", "accept tiny.yaml --limit F_ior@4=600 --junit a.xml --csv a.csv -o a.json "
+              "--json --force --jobs 2", "a.xml a.csv a.json"),
+        _case("calibrate", "calibrate tiny.yaml --targets targets.yaml --write found.yaml -o a.json "
+              "--json --force --evaluations 8 --jobs 2", "found.yaml a.json"),
         _case("tolerance", "tolerance tiny.yaml -n 96 --results t.jsonl -o a.json --json --force --jobs 2", "a.json",
               "t.jsonl"),
         _case("sweep", "sweep tiny.yaml --vary gears.j_n=10:20:81 -o s.jsonl --jobs 2", grows="s.jsonl"),
@@ -91,7 +91,6 @@ CASES = {
         _case("stiffness", "stiffness tiny.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
         _case("stiffness", "stiffness tiny.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
         _case("new", "presets new mine -o mine.yaml --force", "mine.yaml"),
-        _case("schema", "presets schema -o schema.json --force", "schema.json"),
     )
 }  # fmt: skip
 LONG = (
@@ -100,8 +99,7 @@ LONG = (
     _case("tolerance", "tolerance vzp160 -n 4000 --jobs 2 --results a.jsonl", grows="a.jsonl"),
     _case("sweep", "sweep vzp160 --vary gears.j_n=0:10:401 --jobs 2 -o a.jsonl", grows="a.jsonl"),
     _case("sensitivity", "sensitivity vzp160 -n 512 --jobs 2"),
-    _case("calibrate", "calibrate tiny.yaml --targets targets.yaml --state a.jsonl --evaluations 4000 --jobs 1",
-          grows="a.jsonl"),
+    _case("calibrate", "calibrate tiny.yaml --targets targets.yaml --evaluations 4000 --jobs 1"),
     _case("accept", "accept many.csv --jsonl a.jsonl --jobs 2", grows="a.jsonl"),
 )  # fmt: skip
 

@@ -23,7 +23,6 @@ with atheris.instrument_imports(include=["hdassist"]):
     from hdassist.acceptance.limits import LimitText
     from hdassist.acceptance.lot import read_lot
     from hdassist.acceptance.request import Request
-    from hdassist.calibration.evaluations import evaluations_kind
     from hdassist.calibration.targets import read_targets
     from hdassist.errors import HdassistError
     from hdassist.loading.load import load_text
@@ -33,11 +32,10 @@ with atheris.instrument_imports(include=["hdassist"]):
     from hdassist.mounting.trial import read_trial
     from hdassist.readers.pitch import read_pitch
     from hdassist.readers.trace import TraceForm, read_trace
-    from hdassist.run.kept import read_kept
 
 from tests.fuzz import mutate
 from tests.fuzz.inputs import MOST_MEMORY, MOST_SECONDS
-from tests.fuzz.seeds import DRIVE, LOTS, PITCH, TARGETS, TRACES, answers, presets, state
+from tests.fuzz.seeds import DRIVE, LOTS, PITCH, TARGETS, TRACES, answers, presets
 
 KEPT = Path(tempfile.mkdtemp())
 THE_DRIVE = load_text(DRIVE, "drive.yaml")
@@ -84,16 +82,14 @@ READERS: dict[str, Callable[[bytes], object]] = {
     "lot": lambda data: read_lot(str(_as_file("lot.csv", data)), Request("drive.yaml")),
     "options": _options,
     "replay": lambda data: read_answers(str(_as_file("answers.json", data))),
-    "state": lambda data: read_kept(data, "state.jsonl", evaluations_kind(WANTED)),
 }
 SEEDS: dict[str, tuple[str, ...]] = {
     "preset": presets(), "targets": (TARGETS,), "trace": tuple(text for text, _ in TRACES),
     "pitch": tuple(text for text, _ in PITCH), "lot": LOTS, "options": OPTIONS, "replay": answers(),
-    "state": (state(),),
 }  # fmt: skip
 CHANGES: dict[str, Callable[[str, mutate.Rng], bytes]] = {
     "preset": mutate.yaml_text, "targets": mutate.yaml_text, "trace": mutate.table_text, "pitch": mutate.table_text,
-    "lot": mutate.table_text, "replay": mutate.json_text, "state": mutate.json_text,
+    "lot": mutate.table_text, "replay": mutate.json_text,
 }  # fmt: skip
 NAMES = list(READERS)
 

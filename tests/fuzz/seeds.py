@@ -12,11 +12,7 @@ from tempfile import TemporaryDirectory
 
 from typer.main import get_command
 
-from hdassist.calibration.evaluations import Evaluation, evaluations_kind, evaluations_owner
-from hdassist.calibration.targets import read_targets
 from hdassist.cli.main import app
-from hdassist.loading.load import load_text
-from hdassist.run.kept import open_kept
 from tests.fuzz import mutate
 from tests.fuzz.drives import preset, toothed
 from tests.fuzz.mutate import Rng, pick
@@ -87,12 +83,11 @@ schema: hdassist.targets/1
 name: rig, drive 17
 unknowns:
   gears.j_n: {low: 0, high: 20}
-  supports.C_2: {low: 5e3, high: 1e5, scale: log}
+  supports.C_2: {low: 5e3, high: 1e5}
 targets:
   - {quantity: F_ior, M_g: 1, phase: 180, value: 20.1, tolerance: 0.5}
   - {quantity: self_error, M_g: 1, low: 0.25, high: 2.0}
-  - {quantity: torsional_stiffness, from: -1, to: 1 N*m, value: 5e3, tolerance: 10 %}
-  - {quantity: trace, M_g: 1, file: run.csv, tolerance: 1 arcsec}
+  - {quantity: K_2, T_1: 0.5, T_2: 1 N*m, value: 5e3, tolerance: 10 %}
 """
 LOADED = {"drive.yaml": DRIVE.encode(), "run.csv": TRACES[0][0].encode()}
 MEASURED = ("--measured-only", *JOBS)
@@ -128,20 +123,6 @@ def answers() -> Args:
             run("accept", "drive.yaml", *JOBS, "--json", cwd=folder).stdout,
             run("accept", "drive.yaml", "none", *JOBS, "--json", cwd=folder).stdout,
         )
-
-
-@cache
-def state() -> str:
-    """A file of a calibration that has computed a few drives."""
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "run.csv").write_bytes(LOADED["run.csv"])
-        drive = load_text(DRIVE, "drive.yaml")
-        wanted = read_targets(TARGETS.encode(), str(folder / "targets.yaml"), drive)
-        owner, kind = evaluations_owner(drive, wanted), evaluations_kind(wanted)
-        with open_kept(str(folder / "state.jsonl"), owner, kind) as kept:
-            kept.append(Evaluation((k, 5e3 + k), (0.5, 0.25, k, *[0.125] * 181)) for k in range(4))
-        return (folder / "state.jsonl").read_text()
 
 
 RUNS: tuple[Args, ...] = (
@@ -239,11 +220,6 @@ def kept_input(rng: Rng) -> Input:
     return _kept("kept", args, files, "kept.jsonl", answers()[0], rng)
 
 
-def state_input(rng: Rng) -> Input:
-    args = ("calibrate", "drive.yaml", "--targets", "targets.yaml", "--state", "state.jsonl", "--evaluations", "8")
-    return _kept("state", (*args, *JOBS), LOADED | {"targets.yaml": TARGETS.encode()}, "state.jsonl", state(), rng)
-
-
 def results_input(rng: Rng) -> Input:
     args = pick(rng, RUNS)
     return _kept("results", args, {"drive.yaml": DRIVE.encode()}, "kept.jsonl", results(args), rng)
@@ -276,7 +252,6 @@ LINES: dict[str, Args] = {
     "explore": ("drive.yaml",), "report": ("drive.yaml",), "plan": ("drive.yaml", "--limit", "60"),
     "compensate": ("drive.yaml",),
     "presets list": (), "presets show": ("drive.yaml",), "presets validate": ("drive.yaml",), "presets new": ("x",),
-    "presets schema": (),
 }  # fmt: skip
 MEANT: dict[str, Args] = {
     "--set": ("cam.W_0=1.1", "gears.j_n=5 um", "operation.M_g=[1, 2]", "tolerances.F_i2=±3"), "--torque": ("1", "2.5"),
@@ -285,11 +260,11 @@ MEANT: dict[str, Args] = {
     "--csv": ("-", "new.csv", "mine.txt"), "--output": ("new.txt", "mine.txt"), "-o": ("new.txt", "-"),
     "--card": ("card.html", "card.txt", "-"), "--pitch-b": ("pitch.csv",), "--pitch-g": ("pitch.csv",),
     "--step": ("5", "30"), "--vary": ("cam.W_0=1:1.1:3", "operation.M_g=1,2"), "--results": ("new.jsonl", "mine.txt"),
-    "--scatter": ("tolerances.e_hb=uniform", "tolerances.F_i2=lot.csv"), "--known": ("phases.xi_b",),
+    "--known": ("phases.xi_b",),
     "-n": ("3", "20"), "--yield": ("0.9",),
     "--verify": ("h5=16.2", "h0=run.csv"), "--jsonl": ("new.jsonl", "mine.txt"), "--junit": ("new.xml",),
     "--lang": ("ru",),
-    "--replay": ("lot.csv",), "--write": ("new.yaml",), "--state": ("new.jsonl", "mine.txt"),
+    "--replay": ("lot.csv",), "--write": ("new.yaml",),
     "--preset": ("drive.yaml",),
 }  # fmt: skip
 
@@ -335,6 +310,6 @@ def _name(rng: Rng) -> str:
 
 KINDS: dict[str, Callable[[Rng], Input]] = {
     "preset": preset_input, "targets": targets_input, "trace": trace_input, "pitch": pitch_input, "lot": lot_input,
-    "options": options_input, "replay": replay_input, "kept": kept_input, "state": state_input,
+    "options": options_input, "replay": replay_input, "kept": kept_input,
     "results": results_input,
 }  # fmt: skip

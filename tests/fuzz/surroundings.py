@@ -134,7 +134,7 @@ def _wrong(surrounding: Surrounding, code: int, out: str, err: str, known: Usual
     return [] if code == known.code else [f"exit {code}: {err[-300:]}"]
 
 
-def two_at_once(names: Sequence[str] = ("lot", "calibrate"), leads: Sequence[float] = LEADS) -> Tally:
+def two_at_once(names: Sequence[str] = ("lot", "sweep"), leads: Sequence[float] = LEADS) -> Tally:
     """Two runs on one file that grows: one writes it whole, the other is refused, or comes after it.
 
     leads: of the usual time, by which one begins before the other.

@@ -103,7 +103,6 @@ OPENED = {  # every place where a file is named to be read
     "measured": ("accept", TINY, "--limit", "F_ior@4=60", "--measured"),
     "pitch": ("mount", TINY, "--pitch-b"),
     "targets": ("calibrate", TINY, "--targets"),
-    "state": ("calibrate", TINY, "--targets", "targets.yaml", "--state"),
     "replay": ("accept", "--replay"),
     "resume": ("accept", "lot.csv", "--resume", "--jsonl"),
 }
@@ -115,7 +114,7 @@ def test_a_device_without_end_and_a_pipe_without_a_writer_are_refused(folder, al
     require_refused(run(*OPENED[place], file), file)
 
 
-@pytest.mark.parametrize("place", ["targets", "state", "replay"])
+@pytest.mark.parametrize("place", ["targets", "replay"])
 def test_a_device_without_end_takes_no_memory(folder, place):
     require_refused(soon(*OPENED[place], "/dev/zero", cwd=folder), "/dev/zero")
 
@@ -148,7 +147,6 @@ WRITTEN = {  # every place where a file is named to be written
     "beside a card": ("mount", TINY, "--card", "card.txt", "-o"),
     "figures beside a card": ("mount", TINY, "--card", "card.txt", "--csv"),
     "lines": ("accept", "lot.csv", "--jsonl"),
-    "lines of one": ("accept", TINY, "--jsonl"),
     "suite": ("accept", "lot.csv", "--junit"),
     "found": ("calibrate", TINY, "--targets", "targets.yaml", "--write"),
     "new": ("presets", "new", "mine", "-o"),

@@ -1,4 +1,4 @@
-"""The advice on where to mount the fixed wheel: holes, weights, free angles, uncertainty, words."""
+"""The advice on where to mount the fixed wheel: holes, uncertainty, words."""
 
 from dataclasses import replace
 
@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.error.error_map import ErrorMap
-from hdassist.errors import UsageError
+from hdassist.belief.statistics import probability_of
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.curve import mounting_curve
-from hdassist.mounting.losses import Criterion, PositionStatistics
-from hdassist.mounting.positions import MountingCurve, rotated, seat_positions
+from hdassist.mounting.losses import PositionStatistics
+from hdassist.mounting.positions import MountingCurve, seat_positions
 from hdassist.pages.mount import mount_report
 from hdassist.pages.seat import instruction, seat_of, turn
-from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.terminal.texts import texts
@@ -50,32 +47,6 @@ def test_positions_between_the_holes_are_shown_and_not_recommended():
     curve = curve_of([20.0, 1.0, 9.0, 2.0, 8.0, 3.0], holes=3)
     assert curve.recommended.rotation_deg == 240
     assert curve.F_ior_arcsec[0].argmin() == 1 and curve.at(1).hole is None
-
-
-def test_weights_decide_between_torques():
-    light, heavy = [20.0, 10.0, 18.0], [10.0, 12.0, 5.0]
-    assert curve_of(light, heavy, holes=3).recommended.hole == 2
-    assert curve_of(light, heavy, holes=3, weights=(2.0, 1.0)).recommended.hole == 1
-    assert curve_of(light, heavy, holes=3, weights=(20.0, 10.0)).recommended.hole == 1
-
-
-@pytest.mark.parametrize("weights", [[1.0], [1.0, 0.0], [1.0, -1.0], [1.0, float("nan")]])
-def test_bad_weights(weights):
-    with pytest.raises(UsageError, match="weights"):
-        mounting_curve(load_preset(SMALL), [1.0, 4.0], [0.0], weights=weights)
-
-
-def test_a_free_angle_is_as_good_as_brute_force_in_one_degree_steps():
-    drive = load_preset(SMALL, ["mounting.holes=0"])
-    curve = mounting_curve(drive, [4.0], seat_positions(drive, free_step=15.0), run=UNCHECKED)
-    search = ErrorMap(drive, 4.0)
-    around = np.arange(-20, 21) + round(curve.recommended.rotation_deg)
-    brute = min(search.extremes(rotated(drive, float(r))).first for r in around)
-    assert curve.recommended.F_ior_arcsec[0] <= brute + 0.05
-    # no position of the coarse curve is better, and the bottom of the valley is none of them
-    assert curve.recommended.F_ior_arcsec[0] <= curve.F_ior_arcsec[0, :24].min()
-    assert curve.recommended.rotation_deg % 15 != 0
-    assert curve.recommended.hole is None
 
 
 def test_no_gain_means_stay():
@@ -129,41 +100,32 @@ def statistics(*rows: list[float], now: float = 10.0, weights: list[float] | Non
     F_ior = np.array([[now, *row] for row in rows])[None]
     rotations = tuple(360.0 * k / F_ior.shape[2] for k in range(F_ior.shape[2]))
     return PositionStatistics(
-        rotations, F_ior, F_ior[..., 0], np.array(weights or [1.0] * len(rows)), Criterion.of("expected"),
-        against_now=True,
+        rotations, F_ior, F_ior[..., 0], np.array(weights or [1.0] * len(rows)), against_now=True
     )  # fmt: skip
 
 
-def test_probabilities_and_criteria_are_those_of_the_weighted_samples():
+def test_probabilities_are_those_of_the_weighted_samples():
     rng = np.random.default_rng(0)
     rows, weights = rng.uniform(5, 15, (40, 3)), rng.uniform(0.1, 1, 40)
     found = statistics(*rows.tolist(), weights=weights.tolist())
     share, F_ior = weights / weights.sum(), found.F_ior_arcsec[0]
     lost = F_ior / F_ior.min(axis=1, keepdims=True) - 1
-    best = np.argmin(lost, axis=1)
-    assert found.probability_best == pytest.approx(np.bincount(best, share, minlength=4), abs=0.03)
-    assert found.probability_best.sum() == pytest.approx(1)
     assert found.best == np.argmin(share @ lost)
     assert found.gains(2) == pytest.approx(1 - F_ior[:, 2] / 10)
     assert found.best_gains == pytest.approx(1 - F_ior.min(axis=1) / 10)
-    assert found.probability_gain(2).value == pytest.approx(share @ (F_ior[:, 2] < 9.9))
-    assert found.probability_close(0).value == pytest.approx(share @ (lost[:, 0] < 0.05))
-    assert replace(found, criterion=Criterion.of("worst")).best == np.argmin(lost.max(axis=0))
+    assert found.is_better(2).tolist() == (F_ior[:, 2] < 9.9).tolist()
+    assert found.is_close(0).tolist() == (lost[:, 0] < 0.05).tolist()
+    assert found.probability_good == pytest.approx(share @ (lost < 0.05))
     equal = replace(found, sample_weights=np.ones(40))
     middle = np.quantile(F_ior[:, 1], 0.5, method="hazen")
     assert equal.quantile(0.5, 1) == pytest.approx((middle,))
-    quantiles = Criterion.of("quantile=0.9").over(lost, np.ones(40))
-    assert quantiles == pytest.approx(np.quantile(lost, 0.9, axis=0, method="hazen"))
 
 
 def test_the_torque_served_worst_decides_over_samples_too():
     light, heavy = np.array([[20.0, 10.0, 18.0]]), np.array([[10.0, 12.0, 5.0]])
     F_ior = np.stack([light, heavy])
-    found = PositionStatistics(
-        (0.0, 120.0, 240.0), F_ior, F_ior[..., 0], np.ones(1), Criterion.of("expected"), against_now=True
-    )
+    found = PositionStatistics((0.0, 120.0, 240.0), F_ior, F_ior[..., 0], np.ones(1), against_now=True)
     assert found.rotations_deg[found.best] == 240
-    assert replace(found, weights=(20.0, 10.0)).rotations_deg[replace(found, weights=(20.0, 10.0)).best] == 120
     assert found.gains(1) == pytest.approx([-0.2])
 
 
@@ -182,14 +144,9 @@ def test_an_order_takes_the_probability_that_the_verdicts_take(rows, order):
     found = statistics(*rows)
     curve = curve_of([10.0, 9.0], holes=2)
     advice = Advice(
-        load_preset(SMALL), curve, positions=found, gain_probability=found.probability_gain(found.challenger),
-        stay_probability=found.probability_close(0),
+        load_preset(SMALL), curve, positions=found,
+        gain_probability=probability_of(found.is_better(found.challenger), found.sample_weights),
+        stay_probability=probability_of(found.is_close(0), found.sample_weights),
     )  # fmt: skip
     assert advice.order == order
     assert advice.choice.turn == (order == "turn")
-
-
-@pytest.mark.parametrize("text", ["", "best", "quantile=2", "quantile=", "quantile:0.9", "quantile=x"])
-def test_unknown_criteria(text):
-    with pytest.raises(UsageError, match="invalid criterion"):
-        Criterion.of(text)

@@ -7,7 +7,7 @@ from datetime import date
 
 import pytest
 
-from tests.process import TINY, interrupted, run
+from tests.process import TINY, run
 
 QUICK = ("mount", TINY, "--set", "mounting.holes=4", "--torque", "4", "--set", "numerics.n_max=8", "--jobs", "1")
 
@@ -86,11 +86,3 @@ def test_a_folder_that_cannot_be_written(tmp_path):
         result = run("mount", "none", "--card", str(tmp_path / folder / "card.html"))
         assert result.returncode == 4
         assert "there is no directory" in result.stderr
-
-
-def test_interrupted_work_leaves_no_card(tmp_path):
-    done = interrupted("mount", TINY, "--torque", "4", "--step", "0.1", "--card", str(tmp_path / "card.html"), after=1)
-    assert done.returncode == 130
-    assert "Traceback" not in done.stderr
-    assert "no card" in done.stderr
-    assert not list(tmp_path.iterdir())

@@ -1,7 +1,5 @@
 """Turning the fixed wheel on its seat."""
 
-from concurrent.futures import Executor
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,7 @@ from hdassist.errors import UsageError
 from hdassist.mounting import curve as making
 from hdassist.mounting.curve import mounting_curve
 from hdassist.mounting.positions import MountingCurve, phase_deg, rotated
-from hdassist.run.run import UNCHECKED, Run
+from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
 from tests.process import SMALL
 from tests.support import changed
@@ -88,7 +86,7 @@ def every_state():
 
 
 def test_searched_curves_are_those_of_every_state(every_state):
-    searched = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, proposed_from=0, run=UNCHECKED)
+    searched = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, drawn=True, run=UNCHECKED)
     assert searched.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec, abs=0.01)
     # what the advice rests on is proven: the present and the recommended position
     for torque in range(2):
@@ -102,35 +100,6 @@ def test_a_search_that_missed_is_not_used(every_state, monkeypatch):
     real = making._searched
     monkeypatch.setattr(making, "_searched", lambda *task: (real(*task)[0] - 0.5, real(*task)[1]))
     some = slice(None, None, 3)
-    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS[some], proposed_from=0, run=UNCHECKED)
+    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS[some], drawn=True, run=UNCHECKED)
     assert curve.every_state.all()
     assert curve.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec[:, some], abs=1e-9)
-
-
-class Impatient(Executor):
-    """Someone presses Ctrl-C after so many tasks."""
-
-    def __init__(self, patience):
-        self.patience = patience
-
-    def map(self, function, *columns):
-        for task in zip(*columns, strict=True):
-            if self.patience == 0:
-                raise KeyboardInterrupt
-            self.patience -= 1
-            yield function(*task)
-
-
-def test_an_interrupt_keeps_what_is_done_for_all_torques(every_state):
-    curve = mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, run=Run(Impatient(7), cross_check=None))
-    assert curve.interrupted
-    assert (len(curve.rotation_deg), curve.missing) == (3, 9)
-    # spread over the turn, not its first part
-    assert curve.rotation_deg.tolist() == [0, 120, 240]
-    kept = [ROTATIONS.index(r) for r in curve.rotation_deg]
-    assert curve.F_ior_arcsec == pytest.approx(every_state.F_ior_arcsec[:, kept], abs=1e-9)
-
-
-def test_an_interrupt_with_nothing_done_is_just_that():
-    with pytest.raises(KeyboardInterrupt):
-        mounting_curve(load_preset(SMALL), [1.0, 4.0], ROTATIONS, run=Run(Impatient(1), cross_check=None))

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="ne
 DRIVE = ("vzp160", "--set", "numerics.stations=1")  # a long cycle, soon begun
 LONG = [
     ("check", *DRIVE),
-    ("mount", *DRIVE, "--step", "1", "--every-state"),
+    ("mount", *DRIVE, "--step", "1"),
     ("accept", *DRIVE, "--limit", "F_ior=1"),
     ("tolerance", *DRIVE, "-n", "400"),
     ("calibrate", SMALL, "--targets", "targets.yaml", "--evaluations", "4000"),

@@ -1,14 +1,12 @@
 """What random drives are drawn from: laws against their densities, drives the same whatever is drawn beside them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from hdassist import Drive, load_preset
 from hdassist.belief.prior import prior_of
 from hdassist.errors import UsageError
-from hdassist.tolerance.law import RAYLEIGH_TAIL, TolerancedSize, assumed_sizes, production_law
+from hdassist.tolerance.law import RAYLEIGH_TAIL, TolerancedSize, production_law
 from tests.process import ASSUMED, TINY
 
 
@@ -20,9 +18,9 @@ def tiny() -> Drive:
 EVEN = (np.arange(20_000) + 0.5) / 20_000
 
 
-def size(law: str, high: float, measured: tuple[float, ...] = ()) -> TolerancedSize:
+def size(law: str, high: float) -> TolerancedSize:
     path = "tolerances.e_hb"
-    return TolerancedSize(path, "even", 0.0, high, "drive", path, "its tolerance", law, measured)
+    return TolerancedSize(path, "even", 0.0, high, "drive", path, "its tolerance", law)
 
 
 def test_a_rayleigh_size_ends_at_the_tolerance_and_has_the_density_of_two_normal_parts() -> None:
@@ -34,11 +32,6 @@ def test_a_rayleigh_size_ends_at_the_tolerance_and_has_the_density_of_two_normal
     assert values.mean() == pytest.approx(parts.mean(), rel=3e-3)
     for share in (0.1, 0.5, 0.9):
         assert np.quantile(values, share) == pytest.approx(np.quantile(parts, share), rel=6e-3)
-
-
-def test_measured_sizes_come_as_often_as_they_were_measured() -> None:
-    values = size("measured", 9.0, (9.0, 3.0, 3.0, 5.0)).value(EVEN)
-    assert {float(v): int((values == v).sum()) for v in np.unique(values)} == {3.0: 10_000, 5.0: 5_000, 9.0: 5_000}
 
 
 def test_a_drive_is_the_same_whatever_is_drawn_beside_it(tiny: Drive) -> None:
@@ -72,7 +65,11 @@ def test_what_has_no_tolerance_is_drawn_as_check_draws_it() -> None:
         assert own[path] == prior[path]
     assert set(law.not_given) == {"tolerances.e_b", "harmonics.a_b2", "tolerances.F_i2"}
     assert own["harmonics.xi_b2"].high == 180
-    assert assumed_sizes(drive) == ["tolerances.F_i2"]
+    assert "tolerances.F_i2" not in {f.path for f in law.tolerances}
+    # where tolerances are to be chosen a size that is assumed is one of them
+    assert {f.path for f in production_law(drive, chosen=True).tolerances} - {f.path for f in law.tolerances} == {
+        "tolerances.F_i2"
+    }
 
 
 def test_designs_share_what_is_not_known_of_them_and_drives_have_clearances_of_their_own() -> None:
@@ -92,8 +89,6 @@ def test_a_known_direction_stays(tiny: Drive) -> None:
     [
         ({"known": ["phases.xi_x"]}, "phases.xi_x is no direction"),
         ({"known": ["tolerances.e_hb"]}, "tolerances.e_hb is no direction"),
-        ({"by_field": {"phases.xi_b": "uniform"}}, "phases.xi_b is no size"),
-        ({"by_field": {"gears.j_n": "uniform"}}, "gears.j_n is no size"),
     ],
 )
 def test_other_fields_are_refused(tiny: Drive, arguments: dict, words: str) -> None:
@@ -104,9 +99,3 @@ def test_other_fields_are_refused(tiny: Drive, arguments: dict, words: str) -> N
 def test_a_direction_that_the_preset_does_not_give_cannot_be_known() -> None:
     with pytest.raises(UsageError, match="does not give it"):
         production_law(load_preset(TINY, ["phases.xi_b=unknown"]), known=["phases.xi_b"])
-
-
-def test_a_law_of_one_field_counts_for_that_alone(tiny: Drive) -> None:
-    found = {f.path: f for f in production_law(tiny, by_field={"tolerances.e_hb": "uniform"}).own}
-    assert found["tolerances.e_hb"] == replace(size("uniform", 30.0))
-    assert found["tolerances.F_i1"].law == "rayleigh"

@@ -15,7 +15,7 @@ from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.belief.tabled import TableEffort
 from hdassist.error.error_map import ErrorMap
-from hdassist.mounting.losses import Criterion, PositionStatistics
+from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import rotated
 from hdassist.mounting.trial import Trial
 from hdassist.pages.trials import trials_card_facts, trials_instruction, trials_report, trials_warnings
@@ -41,12 +41,10 @@ from tests.trials.drives import (
 )
 
 
-def statistics_of(values: np.ndarray, criterion: str = "expected", weights=None) -> PositionStatistics:
+def statistics_of(values: np.ndarray) -> PositionStatistics:
     """Positions 30 deg apart with such F'_ior, shape (torques, samples, positions)."""
     rotations = tuple(POSITIONS[: values.shape[2]])
-    return PositionStatistics(
-        rotations, values, values[..., 0], np.ones(values.shape[1]), Criterion.of(criterion), weights
-    )
+    return PositionStatistics(rotations, values, values[..., 0], np.ones(values.shape[1]))
 
 
 def losses_of(*F_ior: float, spread: float = 0.02) -> PositionStatistics:
@@ -64,14 +62,12 @@ def test_losses_and_what_decides_between_positions() -> None:
     # a position that is mostly the best and at times far off
     values = np.full((1, 100, 2), 10.0)
     values[0, :, 1], values[0, :3, 1] = 9.5, 12.0
-    by = {c: statistics_of(values, c).best for c in ("expected", "worst", "quantile=0.9")}
-    assert by == {"expected": 1, "worst": 0, "quantile=0.9": 1}
+    assert statistics_of(values).best == 1
 
 
-def test_the_torque_served_worst_decides_and_weights_move_it() -> None:
+def test_the_torque_served_worst_decides() -> None:
     values = np.array([[[10.0, 12.0]], [[5.0, 4.0]]])
     assert statistics_of(values).best == 1
-    assert statistics_of(values, weights=(2.0, 1.0)).best == 0
 
 
 def as_json(of: TrialAdvice) -> dict[str, Any]:
@@ -280,7 +276,7 @@ def test_measured_errors_in_three_holes_mean_the_same_to_check_and_mount_as_to_t
     drive, holes = load_preset(TINY, [*OPEN, *SEAT, f"measured.F_ior={{{readings}}}"]), (0.0, 60.0, 120.0, 240.0)
     draw = partial(draw_samples, prior_of(drive), (4.0,), evidence=evidence_of(drive))
     samples = draw(rotations_deg=holes, effort=SamplingEffort(16, 16, 512, 32))
-    found = PositionStatistics.of(samples, holes, "expected", None)
+    found = PositionStatistics.of(samples, holes)
     tried = [Trial(60.0 * hole, value) for hole, value in values.items()]
     losses = advise_from_trials(load_preset(TINY, [*OPEN, *SEAT]), tried, Rig(4.0, 1.0)).losses
     for hole in values:  # 5th percentile, median and 95th percentile

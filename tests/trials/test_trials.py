@@ -126,7 +126,6 @@ def test_a_hidden_offset_is_recovered(cloud: Prior, size: float, direction: floa
     found = cloud.offset(draws.places)[0]
     assert abs(found.mean() - size) < 2 * found.std()
     assert values[losses.best] < 1.05 * min(values)
-    assert losses.probability_best.sum() == pytest.approx(1)
 
 
 @pytest.mark.slow
