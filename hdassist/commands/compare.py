@@ -32,8 +32,8 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.SignOptions, o.TraceO
     then all together, through the contact model; what the record does not tell is said.
 
     A FILE that is a name of the library, or ends in .yaml or .yml, is a preset; anything else is a trace (./NAME for
-    one that is called like a preset). Presets are compared with the first: fields that differ, F'_ior, best hole,
-    stiffness; which field does most, each changed alone. --torque, --set, --draws, --seed, --jobs are theirs too.
+    one that is called like a preset). Presets are compared with the first: fields that differ, F'_ior, best hole;
+    which field does most, each changed alone. --torque, --set, --draws, --seed, --jobs are theirs too.
     Exit codes: 0, 4 bad file, 5 orders or a range that the record does not tell, or no trustworthy answer.
     """
 

@@ -214,7 +214,7 @@ def test_a_controllers_file_is_written_with_what_it_leaves(tmp_path):
     assert answer.returncode == 0
     assert f"wrote {name}" in answer.stderr
     text = name.read_text()
-    assert "# preset tiny, sha256 96506937" in text and "axis 3" in text and "reads 12.5 deg" in text
+    assert "# preset tiny, sha256 c29803ff" in text and "axis 3" in text and "reads 12.5 deg" in text
     assert "# at 1 N*m: expected range 15.79 arcsec" in text and "expected range 15.79" in answer.stderr
     assert len([line for line in text.splitlines() if line[0] != "#"]) == 92
 
