@@ -47,14 +47,13 @@ def corrected(number: int, draws: int, seed: int) -> dict[str, CorrectedDrive]:
     from hdassist.readers.sweeps import sweeps
     from hdassist.readers.trace import MeasuredTrace
     from hdassist.run.run import UNCHECKED, Run
-    from hdassist.solve.window import in_wide_enough_window
 
     rng = np.random.default_rng([seed, number])
     forms = (CorrectionForm(None), CorrectionForm("output", POINTS), CorrectionForm("cam", CAM_POINTS))
     try:
         preset, there, teeth = hidden_drive(rng)
         M_g = preset.operation.M_g[0]
-        error = in_wide_enough_window(there, lambda wide: kinematic_error(wide, M_g, teeth=teeth, run=UNCHECKED))
+        error = kinematic_error(there, M_g, teeth=teeth, run=UNCHECKED)
         turns, actual = error.states.phi_h / (2 * np.pi), -error.error_arcsec
         rows = np.arange(round(OVERLAP * len(turns)))
         cam_deg = 360 * rows * turns[1]

@@ -81,9 +81,8 @@ def true_F_ior(drive, M_g: float, teeth) -> float:
     """F'_ior [arcsec] of a hidden drive at a torque M_g [N*m]."""
     from hdassist.error.cycle import kinematic_error
     from hdassist.run.run import UNCHECKED
-    from hdassist.solve.window import in_wide_enough_window
 
-    found = in_wide_enough_window(drive, lambda wide: kinematic_error(wide, M_g, teeth=teeth, run=UNCHECKED))
+    found = kinematic_error(drive, M_g, teeth=teeth, run=UNCHECKED)
     return found.F_ior_arcsec
 
 
@@ -96,7 +95,6 @@ def hidden_drive(rng: np.random.Generator):
     from hdassist.loading.write import similar_preset
     from hdassist.model.rules import first_conflict
     from hdassist.preset.requirements import read_requirements
-    from hdassist.solve.window import in_wide_enough_window
 
     like = load_preset("vzp160")
     ratio, diameter = float(rng.choice([50, 80, 100, 120])), float(rng.choice([42, 63.5, 90, 160]))
@@ -113,7 +111,7 @@ def hidden_drive(rng: np.random.Generator):
     )
     numerics = {"stations": int(rng.choice([1, 3, 5, 9])), "nominal_curve": str(rng.choice(["linear", "inextensible"]))}
     there = there.model_copy(update={"numerics": there.numerics.model_copy(update=numerics)})
-    figures, _ = in_wide_enough_window(there, stiffness_figures)
+    figures, _ = stiffness_figures(there)
     stiffness = [figures[name] * np.exp(MISREAD * rng.standard_normal()) for name in ("K_1", "K_2", "K_3")]
     text = similar_preset("own", like, requirements(stiffness=",".join(f"{K:.5g}" for K in sorted(stiffness))))
     preset = load_text(text, "own.yaml", [f"catalogue.lost_motion={ROOM * figures['lost_motion']:.4g}"])

@@ -31,6 +31,7 @@ def start_of(name: str) -> dict[str, float]:
 
     from hdassist import load_preset
     from hdassist.calibration.targets import read_targets
+    from hdassist.preset.yamltext import read_yaml
 
     drive = load_preset("vzp160")
     unknowns = read_targets(TARGETS.read_bytes(), str(TARGETS), drive).unknowns
@@ -39,7 +40,8 @@ def start_of(name: str) -> dict[str, float]:
     if name == "reference":
         drive = load_preset(str(ROOT / "tests/validation/vzp160_reference.yaml"))
     elif name != "preset":
-        drive = drive.with_values(drive.alternatives[int(name) - 1])
+        others = read_yaml((ROOT / "tests/validation/vzp160_alternatives.yaml").read_bytes(), name).data
+        drive = drive.with_values(others[int(name) - 1])
     return {u.path: drive.number(u.path) for u in unknowns}
 
 

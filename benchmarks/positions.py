@@ -44,12 +44,11 @@ def tested(number: int, seed: int, asked: int, draws: int) -> Tested:
     from hdassist.model.kinematics import Kinematics
     from hdassist.planning.plan import choose_plan
     from hdassist.run.run import UNCHECKED, Run
-    from hdassist.solve.window import in_wide_enough_window
 
     rng = np.random.default_rng([seed, number])
     preset, there, teeth = hidden_drive(rng)
     M_g = preset.operation.M_g[0]
-    found = in_wide_enough_window(there, lambda wide: kinematic_error(wide, M_g, teeth=teeth, run=UNCHECKED))
+    found = kinematic_error(there, M_g, teeth=teeth, run=UNCHECKED)
     error, F_ior, kinematics = found.error_arcsec, found.F_ior_arcsec, Kinematics.of(preset)
     turn = kinematics.teeth_fixed * abs(kinematics.u)  # states in an output turn
     tests = {f"{N} positions": np.arange(N) * turn / N for N in POSITIONS}

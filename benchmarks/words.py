@@ -42,11 +42,9 @@ REASONS = {
     "conflicts of fields a third, and the rest is numpy and Python around 18 batches of few states. Next: flanks "
     "and balls of the self error by a Schur complement; climbs in C.",
     "check own.yaml": "64 drives drawn from what is not known, deviations too, 69 %: of it coarse grids of states "
-    "half, climbs and what is around extremes three tenths, contacts, references and conflicts of fields the rest; "
-    "of 40 drives 15 need a wider window of flanks than 30 deg, 8 of them one of 67 in place of 45, which takes a "
-    "quarter of the drives' time. No bound by clearance and wave height told which: gaps at the window's edge "
-    "without force are the same in both. The cross-check with the import of cvxpy is 16 %, the self error 10 %. "
-    "Again, from kept samples, it is 1.8 times. Next: a window by the forces of the state without deviations.",
+    "half, climbs and what is around extremes three tenths, contacts, references and conflicts of fields the rest. "
+    "The cross-check with the import of cvxpy is 16 %, the self error 10 %. "
+    "Again, from kept samples, it is 1.8 times.",
     "mount": "64 drives, each in twelve holes at both torques, are 70 %: 0.54 of 0.7 million states, 354 a search, 196 "
     "of them its grid, the others climbs and what is around the extremes. Three quarters of that time are in C, where "
     "a state of the grid takes two to three times one of the cycle, because contacts of one and the next differ more. "

@@ -45,7 +45,7 @@ def schema_of(command: str) -> str:
 def certificate_object(found: object, cross_checks: Iterable[CrossCheck | None] = ()) -> Json:
     """Certificate, cross-check and engine as JSON, the worst of all torques; of kept states their residual alone.
 
-    found: certificate of states, or what is kept of one; the engine is that of states that no --solver was asked for.
+    found: certificate of states, or a kept one; the engine is that of states that no --solver was asked for.
     """
     from hdassist.solve.answers import Certificate
     from hdassist.solve.walk import walk_library

@@ -32,6 +32,11 @@ def delta_p_of(drive: Drive, system: ContactSystem, states: States, teeth: Tooth
     return system.delta_p_of(state_gaps(drive, system, states, teeth))
 
 
+def compliance(system: ContactSystem) -> Array:
+    """Compliance [mm/N] between candidates, shape (M, M)."""
+    return system.compliance[np.ix_(system.place, system.place)] + np.diag(system.local)
+
+
 def load_case(formulation: Formulation, torque: float, like: LoadCase | None = None, **options: Any) -> LoadCase:
     """Load case at a torque in N*mm."""
     return LoadCase(formulation, torque / N_MM, like=like, **options)

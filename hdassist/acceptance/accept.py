@@ -24,7 +24,6 @@ from hdassist.json_parts import Json
 from hdassist.measuring.measure import Measurement
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.unknown import unknown_names
-from hdassist.solve.window import with_window
 from hdassist.verdict import SEVERITY, worst
 from hdassist.version import __version__
 
@@ -44,8 +43,8 @@ def accept(
     nothing measured where nothing is predicted, or an order that the full cycle does not have; UsageError: such an
     order on the command line.
     """
-    drive = with_window(inputs.drive, predictions.prior.drive.numerics.window) if predictions else inputs.drive
-    limits, measured, rule = limits_of(drive), inputs.measurements, drive.acceptance.rule
+    drive, measured = inputs.drive, inputs.measurements
+    limits, rule = limits_of(drive), drive.acceptance.rule
     left = inputs.unmeasured
     if predictions is None and len(left) == len(limits):
         raise DataError(

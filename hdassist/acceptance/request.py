@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from math import isnan
 from typing import Annotated
 
@@ -26,7 +25,6 @@ from hdassist.preset.overrides import is_overridden
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
-from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE
 
 
@@ -144,8 +142,7 @@ class Request(ClosedRecord):
         if self.measured_only or not limits:
             return None
         run = replace(run, seed=self.seed, cross_check=self.cross_check)
-        analysis = partial(predict, limits=limits, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
-        return in_wide_enough_window(drive, analysis)
+        return predict(drive, limits=limits, wheels=wheels, draws=self.draws, sure=self.sure, run=run)
 
 
 def torque_and_file(text: str) -> tuple[str, str]:

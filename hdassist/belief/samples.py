@@ -47,7 +47,6 @@ from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.window import in_wide_enough_window
 from hdassist.verdict import SURE, is_settled
 
 FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
@@ -274,19 +273,18 @@ def _solved(
         return Draw(refused=f"{conflict.path}: {conflict.message}")
     try:
         if any(each.figure in STIFFNESS_FIGURES for each in evidence):
-            figures, proof = in_wide_enough_window(moved, stiffness_figures)
+            figures, proof = stiffness_figures(moved)
             probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / density / KEPT_LIKELIHOOD)
         if chance >= probability:
             return Draw(figures=figures, proof=astuple(proof))
         if near:
-            nearer, its_shares, its_density, found = in_wide_enough_window(moved, partial(near.drawn, number=number))
+            nearer, its_shares, its_density, found = near.drawn(moved, number=number)
             moved, density, proof = moved.with_values(nearer), density * its_density, proof + found
             of_fields = [its_shares.get(f.path, share) for f, share in zip(prior.fields, of_fields, strict=True)]
         measured = [each for each in evidence if each.M_g]
         places = [(each.M_g, each.rotation_deg) for each in measured]
-        search = partial(errors_by_turn, torques=torques, rotations_deg=rotations_deg, measured=places)
-        F_ior, turned, there, found = in_wide_enough_window(moved, search)
-        more, more_proof = in_wide_enough_window(moved, further) if further else ({}, EMPTY)
+        F_ior, turned, there, found = errors_by_turn(moved, torques, rotations_deg, places)
+        more, more_proof = further(moved) if further else ({}, EMPTY)
     except HdassistError as error:
         return Draw(refused=str(error.fault))
     figures = {**figures, **more, **{each.figure: float(F) for each, F in zip(measured, there, strict=True)}}
@@ -349,10 +347,7 @@ def errors_by_turn(
     F_ior, found = np.empty(len(torques)), np.empty((len(torques), len(rotations_deg)))
     at_measured = np.empty(len(measured))
     every = list(dict.fromkeys((*torques, *(torque for torque, _ in measured))))
-    # where the window of flanks is too narrow the greatest torque says so at once
-    falling = sorted(range(len(every)), key=lambda k: -abs(every[k]))
-    maps = error_maps(drive, [every[k] for k in falling])
-    for k, M_g, error_map in zip(falling, (every[k] for k in falling), maps, strict=True):
+    for k, (M_g, error_map) in enumerate(zip(every, error_maps(drive, every), strict=True)):
         now = error_map.many_extremes(Batch.of(drive), grid=COARSE_POINTS)
         proof += now.certificate
         if k < len(torques):

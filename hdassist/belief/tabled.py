@@ -99,7 +99,6 @@ def tabled_errors(maps: Sequence[ErrorMap], prior: DrivePrior, effort: TableEffo
     sizes = {path: float(column.max()) for path, column in columns.items() if path in deviation_sizes()}
     reach, rows = Reach.of(drive.with_values(sizes)), np.arange(effort.compared)
     some = {path: column[rows, (number + 5 * rows) % shape[1]] for path, column in columns.items()}
-    # first, for it tells soon where the flank window is too narrow
     exact = [each.many_extremes(Batch(drive, some), grid=COARSE_POINTS) for each in maps if len(rows)]
     tables = [error_table(each, reach, effort.mesh) for each in maps]
     read = [log_error(table.F_ior(some)) for table in tables if len(rows)]

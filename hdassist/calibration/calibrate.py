@@ -23,7 +23,6 @@ from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import plain, short, unit_of
 from hdassist.run.run import Run
-from hdassist.solve.window import in_wide_enough_window
 
 DISTANT = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
 DIFFERENCE_STEP = 0.02  # of the range: step of difference quotients, above the roughness of a search for extremes
@@ -195,7 +194,7 @@ def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
     try:
         if (conflict := first_conflict(there)) is not None:
             raise DataError(f"{conflict.path}: {conflict.message}", conflict.hint)
-        return Fit(values, in_wide_enough_window(there, lambda wider: predictions(wider, targets.targets)))
+        return Fit(values, predictions(there, targets.targets))
     except HdassistError as error:
         return Fit(values, (np.nan,) * len(targets.targets), error.message)
 

@@ -5,18 +5,15 @@ from __future__ import annotations
 import platform
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, astuple, dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.run.processes import count
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal import options as o
 from hdassist.version import __version__
-
-if TYPE_CHECKING:
-    from hdassist.report.report import Report
 
 PRESET, M_G, STORED_F_IOR, AGREES = "vzp160", 800.0, 7.706924145663, 1e-6  # arcsec: what every state gave, and how near
 CROSS = "HIGHS"
@@ -46,38 +43,27 @@ class DoctorCommand(o.PageOptions):
 
     def run(self) -> int:
         """Examine the installation; returns the exit code."""
+        from hdassist.report.blocks import Table
+        from hdassist.report.report import Report
         from hdassist.terminal.runs import give_report
 
         out = self.open()
         found = [*packages(), surroundings(), engine(), cache(), self_test()]
-        broken = any(finding.status == "broken" for finding in found)
-        code = UntrustedError.exit_code if broken else 0
-        give_report(doctor_report(found, code), out, json=self.json)
+        found.sort(key=lambda each: ("broken", "note", "ok").index(each.status))
+        broken = ", ".join(each.what for each in found if each.status == "broken")
+        error = UntrustedError(
+            f"answers of this installation cannot be trusted: {broken}",
+            "install hdassist anew into a fresh environment",
+        )
+        report = Report(
+            "doctor", None, "this installation", f"broken: {broken}" if broken else "fine",
+            blocks=(Table("", ("part", "status", "found"), tuple(map(astuple, found)), words=(0, 1, 2)),),
+            values={"findings": list(map(asdict, found))}, exit_code=error.exit_code if broken else 0,
+        )  # fmt: skip
+        give_report(report, out, json=self.json)
         if broken:
-            wrong = ", ".join(finding.what for finding in found if finding.status == "broken")
-            raise UntrustedError(
-                f"answers of this installation cannot be trusted: {wrong}",
-                "install hdassist anew into a fresh environment",
-            )
-        return code
-
-
-def doctor_report(found: Sequence[DoctorFinding], exit_code: int) -> Report:
-    """Whether an installation can be relied on: what is broken first, then what is to be noted."""
-    from hdassist.report.blocks import Table
-    from hdassist.report.report import Report
-
-    broken = ", ".join(each.what for each in found if each.status == "broken")
-    worst = sorted(found, key=lambda each: ("broken", "note", "ok").index(each.status))
-    return Report(
-        command="doctor",
-        drive=None,
-        head="this installation",
-        verdict=f"broken: {broken}" if broken else "fine",
-        blocks=(Table("", ("part", "status", "found"), tuple(map(astuple, worst)), words=(0, 1, 2)),),
-        values={"findings": list(map(asdict, found))},
-        exit_code=exit_code,
-    )
+            raise error
+        return 0
 
 
 def packages() -> Iterator[DoctorFinding]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from inspect import unwrap
 from typing import Any, TypeAlias, get_args, get_type_hints
@@ -36,7 +36,8 @@ class Command(TyperCommand):
         kinds = get_type_hints(unwrap(options["callback"]))
         parameter: Any
         for parameter in self.params:
-            if _is_numeric(kinds.get(parameter.name)):
+            kind = kinds.get(parameter.name)
+            if {int, float} & {kind, *get_args(kind)}:
                 parameter.process_value = partial(_process, parameter, parameter.process_value)
 
     def invoke(self, ctx: Context) -> None:
@@ -55,21 +56,20 @@ class Command(TyperCommand):
 
     def format_options(self, ctx: Context, formatter: Formatter) -> None:
         """Write arguments and options in their sections."""
-        help_sections(formatter, (with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
+        help_sections(self, ctx, formatter)
 
 
 class Commands(TyperGroup):
-    """A command of commands whose help has a section for each group of them."""
+    """A command of commands."""
+
+    def rows(self) -> Iterator[Row]:
+        """Commands and their summaries, with their sections."""
+        for name, command in self.commands.items():
+            yield "Commands", (name, command.get_short_help_str(LONGEST_SENTENCE))
 
     def format_options(self, ctx: Context, formatter: Formatter) -> None:
         """Write the commands, then the options."""
-        shown = [command for name in self.list_commands(ctx) if not (command := self.commands[name]).hidden]
-        help_sections(formatter, ((_panel(c, "Commands"), (str(c.name), _summary(c))) for c in shown))
-        help_sections(formatter, (with_panel(parameter, ctx) for parameter in self.get_params(ctx)))
-
-
-def _is_numeric(hint: Any) -> bool:
-    return bool({int, float} & {hint, *get_args(hint)})
+        help_sections(self, ctx, formatter, self.rows())
 
 
 def _process(parameter: Any, process: Callable[[Context, Any], Any], ctx: Context, value: Any) -> Any:
@@ -80,14 +80,10 @@ def _process(parameter: Any, process: Callable[[Context, Any], Any], ctx: Contex
     return process(ctx, value)
 
 
-def _summary(command: Any) -> str:
-    return str(command.short_help or command.get_short_help_str(LONGEST_SENTENCE))
+Row = tuple[str, tuple[str, str] | None]  # section of a help text; what stands to the left and to the right in it
 
 
-Record = tuple[str, str]  # what stands to the left and to the right in a help text
-
-
-def with_panel(parameter: Any, ctx: Context) -> tuple[str, Record | None]:
+def _row(parameter: Any, ctx: Context) -> Row:
     """The row of a parameter in a help text, with its section: of its default and range the default alone.
 
     Three dots stand behind an option that may be given several times.
@@ -97,23 +93,19 @@ def with_panel(parameter: Any, ctx: Context) -> tuple[str, Record | None]:
     if kind != OTHERS:
         return kind, record and (record[0].partition(" <")[0], _NOTE.sub("", record[1]))
     dots = " ..." * bool(getattr(parameter, "multiple", False))
-    return _panel(parameter, kind), record and (record[0] + dots, _NOTE.sub(_default, record[1]))
+    return parameter.rich_help_panel or kind, record and (record[0] + dots, _NOTE.sub(_default, record[1]))
 
 
 def _default(note: re.Match[str]) -> str:
     return "" if note[1] == "-" or "<=" in note[1] else note[0] if note[1] == "required" else f" [{note[1]}]"
 
 
-def _panel(thing: Any, other: str) -> str:
-    return getattr(thing, "rich_help_panel", None) or other
-
-
-def help_sections(formatter: Formatter, records: Iterable[tuple[str, Record | None]]) -> None:
-    """Write rows of a help text, each with the section that it belongs to."""
-    panels: dict[str, list[Record]] = {}
-    for panel, record in records:
+def help_sections(command: Any, ctx: Context, formatter: Formatter, rows: Iterable[Row] = ()) -> None:
+    """Write a help text: rows, then the parameters of a command, each in its section."""
+    panels: dict[str, list[tuple[str, str]]] = {}
+    for panel, record in (*rows, *(_row(parameter, ctx) for parameter in command.get_params(ctx))):
         if record:
             panels.setdefault(panel, []).append(record)
-    for panel, rows in sorted(panels.items(), key=lambda one: SECTIONS.index(one[0]) if one[0] in SECTIONS else -1):
+    for panel, records in sorted(panels.items(), key=lambda one: SECTIONS.index(one[0]) if one[0] in SECTIONS else -1):
         with formatter.section(panel):
-            formatter.write_dl(rows, col_max=WIDEST)
+            formatter.write_dl(records, col_max=WIDEST)

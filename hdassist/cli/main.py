@@ -7,27 +7,20 @@ import io
 import os
 import sys
 import traceback
-from difflib import get_close_matches
 from typing import Annotated
 
 import typer
 
-from hdassist.cli.commands import REMOVED_COMMANDS, REMOVED_OPTIONS, RootCommands
+from hdassist.cli.commands import REMOVED_OPTIONS, RootCommands
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
 from hdassist.runfiles import begin_run
 from hdassist.version import __version__
 
-BUG = 1
 # What typer makes of a wrong command line, click's or its own copy of it: nothing but its subclasses is public.
 ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
-DEVICE_FAULTS = (
-    errno.ENOSPC,
-    errno.EDQUOT,
-    errno.EFBIG,
-    errno.EIO,
-    errno.EBADF,
-)  # of a device that takes no more, or none
-SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)  # of which a system gives no more
+# faults of the system: of a device that takes no more, or none; of what it gives no more of
+DEVICE_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
@@ -39,21 +32,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-
-@app.command("help", hidden=True)
-def _help(
-    ctx: typer.Context,
-    name: Annotated[str | None, typer.Argument(metavar="[COMMAND]", help="What to explain; without it, all.")] = None,
-) -> None:
-    """The help of a command: hdassist help mount is hdassist mount --help."""
-    whole = ctx.find_root()
-    commands = whole.command.commands  # type: ignore[attr-defined]
-    if name is not None and name not in commands:
-        near = get_close_matches(name, commands, 1)
-        hint = REMOVED_COMMANDS.get(name) or (f"did you mean {near[0]}?" if near else "hdassist lists them")
-        raise UsageError(f"no command {name!r}", hint)
-    typer.echo(whole.get_help() if name is None else commands[name].make_context(name, ["--help"], parent=whole))
 
 
 def _version(wanted: bool) -> None:
@@ -91,42 +69,39 @@ def run_command_line() -> None:
     except ClickException as error:
         shown = io.StringIO()
         error.show(shown)
-        lines, hint = (
-            shown.getvalue().replace(": Value error, ", ": "),
-            REMOVED_OPTIONS.get(getattr(error, "option_name", ""), ""),
-        )
+        lines = shown.getvalue().replace(": Value error, ", ": ")
+        hint = REMOVED_OPTIONS.get(getattr(error, "option_name", ""), "")
         _say(lines, hint, Fault.USAGE if "Error: " in lines else None)  # a group without a command shows its help
         sys.exit(error.exit_code)
-    except HdassistError as error:
-        _trace_if_asked()
+    except Exception as error:
+        if "--debug" in sys.argv:
+            _say(traceback.format_exc())
         from hdassist.terminal.output import complain
 
-        complain(error)
-        sys.exit(error.exit_code)
-    except MemoryError:
-        _say("error: there is not memory enough for an answer", "fewer --jobs take less of it", Fault.MEMORY_SHORT)
-        sys.exit(UntrustedError.exit_code)
-    except Exception as error:
-        if (
-            isinstance(error, OSError) and error.errno in DEVICE_FAULTS
-        ):  # typer writes help and version; files say it themselves
-            from hdassist.terminal.console import silence
+        known = _as_known(error)
+        complain(known)
+        sys.exit(known.exit_code)
 
-            silence()  # or what is left in the buffer fails once more at the end
-            hint = "is standard output closed, or on a full device?"
-            _say(f"error: cannot write: {error.strerror}", hint, Fault.FILE_UNWRITABLE)
-            sys.exit(DataError.exit_code)
-        if isinstance(error, OSError) and error.errno in SCARCE:
-            _say(
-                f"error: the system refuses: {error.strerror}",
-                "ulimit -a shows what a process may have",
-                Fault.SYSTEM_LIMITS,
-            )
-            sys.exit(DataError.exit_code)
-        _trace_if_asked()
-        words = f"internal error: {type(error).__name__}: {error}"
-        _say(words, "this is a bug in hdassist; --debug shows where", Fault.BUG)
-        sys.exit(BUG)
+
+def _as_known(error: Exception) -> HdassistError:
+    """An error with the words and the exit code that it ends the command with."""
+    if isinstance(error, HdassistError):
+        return error
+    if isinstance(error, MemoryError):
+        words, hint = "there is not memory enough for an answer", "fewer --jobs take less of it"
+        return UntrustedError(words, hint, Fault.MEMORY_SHORT)
+    number = error.errno if isinstance(error, OSError) else None
+    if number in DEVICE_FAULTS:  # typer writes help and version; files say it themselves
+        from hdassist.terminal.console import silence
+
+        silence()  # or what is left in the buffer fails once more at the end
+        words, hint = f"cannot write: {os.strerror(number)}", "is standard output closed, or on a full device?"
+        return DataError(words, hint, Fault.FILE_UNWRITABLE)
+    if number in SCARCE:
+        words, hint = f"the system refuses: {os.strerror(number)}", "ulimit -a shows what a process may have"
+        return DataError(words, hint, Fault.SYSTEM_LIMITS)
+    words = f"internal error: {type(error).__name__}: {error}"
+    return HdassistError(words, "this is a bug in hdassist; --debug shows where")
 
 
 def _require_lines(arguments: list[str]) -> None:
@@ -152,8 +127,3 @@ def _open_streams() -> None:
         if getattr(sys, name) is None:
             mode = os.O_RDONLY if name == "stdout" else os.O_WRONLY
             setattr(sys, name, os.fdopen(os.open(os.devnull, mode), "w", encoding="utf-8"))
-
-
-def _trace_if_asked() -> None:
-    if "--debug" in sys.argv:
-        _say(traceback.format_exc())

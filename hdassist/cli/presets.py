@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-import shutil
 import sys
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -16,7 +14,9 @@ from hdassist.errors import HdassistError, PresetError
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
+    from hdassist.json_parts import Json
     from hdassist.preset.schema import ResolvedField
+    from hdassist.report.report import Report
 
 presets_app = typer.Typer(
     name="presets",
@@ -27,8 +27,8 @@ presets_app = typer.Typer(
     rich_markup_mode=None,
 )
 
+VALIDATE = "presets-validate"
 PIPED_COLUMNS = 10_000  # whoever reads a pipe has the room that a table needs
-PIPE = (80, 24)  # but not more than COLUMNS for what people page through
 
 
 @presets_app.command("list", cls=Command)
@@ -49,7 +49,10 @@ class PresetsListCommand(o.PageOptions):
         from hdassist.loading.load import load_preset
         from hdassist.preset.library import preset_names
         from hdassist.preset.schema import origin_counts
-        from hdassist.terminal.answers import envelope, json_text
+        from hdassist.report.blocks import Table
+        from hdassist.report.report import Report
+        from hdassist.terminal.answers import envelope
+        from hdassist.terminal.runs import give_report
 
         rows, values = [], []
         for name in preset_names():
@@ -59,13 +62,12 @@ class PresetsListCommand(o.PageOptions):
             known = envelope("presets-list", drive)["preset"]
             values.append({"preset": known, **about, "description": drive.description})
             numbers = ", ".join(map(str, counts.values()))
-            teeth = f"{gears.z_g}/{gears.z_b}"
-            rows.append((name, teeth, f"{gears.m!r} mm", numbers, _first_sentence(drive.description)))
-        if self.json:
-            self.open().text(json_text(envelope("presets-list", None) | {"presets": values}))
-        else:
-            head = ("name", "teeth", "module", "given,\nidentified,\nassumed", "description")
-            _print_table(head, rows, self, shutil.get_terminal_size(PIPE).columns)
+            sentence = re.split(r"(?<=[.!?])\s", drive.description, maxsplit=1)[0]
+            rows.append((name, f"{gears.z_g}/{gears.z_b}", f"{gears.m!r} mm", numbers, sentence))
+        heads = ("name", "teeth", "module", "given,\nidentified,\nassumed", "description")
+        table = Table("", heads, tuple(rows), words=range(len(heads)))
+        report = Report("presets-list", None, "presets of hdassist", blocks=(table,), values={"presets": values})
+        give_report(report, self.open(), json=self.json)
         return 0
 
 
@@ -90,36 +92,41 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
     def run(self) -> int:
         """Show the preset; returns the exit code."""
         from hdassist.preset.library import read_preset
-        from hdassist.terminal.answers import envelope, json_text
+        from hdassist.preset.schema import resolved_fields, value_text
+        from hdassist.report.blocks import Table
+        from hdassist.report.report import Report
         from hdassist.terminal.files import give_stdout
         from hdassist.terminal.output import warn
+        from hdassist.terminal.runs import give_report
 
+        out = self.open()
         if not (self.resolved or self.json or self.overrides):
-            text, out = read_preset(self.preset)[0], self.open()
+            text = read_preset(self.preset)[0]
             if sys.stdout.isatty() or self.output != "-":
                 out.text(text.decode("utf-8", "backslashreplace"))
             else:
                 give_stdout(text)
             return 0
-        from hdassist.preset.schema import resolved_fields, value_text
-
         drive = self.load(self.preset)
         rows = resolved_fields(drive)
-        if self.json:
-            answer = envelope("presets-show", drive, warnings=drive.origin.warnings)
-            whole = answer | {"description": drive.description, "fields": list(map(asdict, rows))}
-            self.open().text(json_text(whole))
-        else:
-            cells = [(row.path, value_text(row.value), row.unit, row.kind, _reference(row)) for row in rows]
-            _print_table(("field", "value", "unit", "origin", "reference"), cells, self)
-        for warning in drive.origin.warnings:
+        cells = tuple((row.path, value_text(row.value), row.unit, row.kind, _reference(row)) for row in rows)
+        heads = ("field", "value", "unit", "origin", "reference")
+        report = Report(
+            "presets-show", drive, drive.name, blocks=(Table("", heads, cells, words=range(len(heads))),),
+            values={"description": drive.description, "fields": list(map(asdict, rows))},
+            warnings=drive.origin.warnings,
+        )  # fmt: skip
+        if not sys.stdout.isatty():
+            out = replace(out, style=replace(out.style, width=PIPED_COLUMNS))
+        give_report(report, out, json=self.json)
+        for warning in report.warnings:
             warn(warning)
         return 0
 
 
 @presets_app.command("validate", cls=Command)
 @dataclass(frozen=True, kw_only=True)
-class PresetsValidateCommand(o.PageOptions, o.DriveOptions):
+class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
     """Check presets: everything that is wrong with each, at once, and how much of it is still assumed.
 
     \b
@@ -130,46 +137,44 @@ class PresetsValidateCommand(o.PageOptions, o.DriveOptions):
     Exit codes: 0 all are valid, 4 one is not, 2 a bad --set.
     """
 
-    presets: o.Presets
+    presets: list[str]
 
     def run(self) -> int:
         """Validate the presets; returns the exit code."""
-        from hdassist.preset.schema import origin_counts
-        from hdassist.terminal.answers import combine, envelope, failure, json_text
-        from hdassist.terminal.output import complain, warn
+        from hdassist.terminal.runs import give, run_each
 
-        answers, out, lines = [], self.open(), []
-        for name in self.presets:
-            try:
-                origin = (drive := self.load(name)).origin
-                answer = envelope("presets-validate", drive, warnings=origin.warnings)
-                values = origin_counts(drive)
-                answers.append(answer | {"file": name, "valid": True, "values": values, "findings": []})
-                verdict = f"OK, {values['assumed']} values still assumed" if values["assumed"] else "OK"
-            except HdassistError as error:
-                findings = [asdict(finding) for finding in error.findings] if isinstance(error, PresetError) else []
-                answer = failure("presets-validate", error, preset=name)
-                answers.append(answer | {"file": name, "valid": False, "findings": findings})
-                verdict = "invalid"
-                if not self.json:
-                    complain(error)
-            if not self.json:
-                lines.append(out.style.text(f"{name}: {verdict}\n"))
-                for warning in answers[-1]["warnings"]:
-                    warn(warning)
-        exit_code: int = max(answer["exit_code"] for answer in answers)  # of 0, 2 and 4 the greatest is the worst
-        whole = combine("presets-validate", answers) | {"exit_code": exit_code}
-        out.text(json_text(whole) if self.json else "".join(lines))
-        return exit_code
+        out = self.open()
+        reports = run_each(VALIDATE, self.presets, self._report, self, failed=_invalid, keep_failures=True)
+        return give(VALIDATE, reports, replace(self, quiet=True), out)
+
+    def _report(self, name: str) -> Report:
+        """The verdict on a preset. Raises the errors of loading it."""
+        from hdassist.preset.schema import origin_counts
+        from hdassist.report.report import Report
+
+        drive = self.load(name)
+        values = origin_counts(drive)
+        verdict = f"OK, {values['assumed']} values still assumed" if values["assumed"] else "OK"
+        found = {"file": name, "valid": True, "values": values, "findings": []}
+        line, warnings = f"{name}: {verdict}", drive.origin.warnings
+        return Report(VALIDATE, drive, name, verdict, values=found, line=line, about=name, warnings=warnings)
+
+
+def _invalid(name: str, error: HdassistError) -> Json:
+    """The answer about a preset that is not valid."""
+    from hdassist.terminal.answers import failure
+
+    findings = [asdict(finding) for finding in error.findings] if isinstance(error, PresetError) else []
+    return failure(VALIDATE, error, preset=name) | {"file": name, "valid": False, "findings": findings}
 
 
 @dataclass(frozen=True, kw_only=True)
 class TextOptions(o.OptionGroup):
     """Where a text goes."""
 
-    output: o.Target = "-"
-    force: o.Force = False
-    debug: o.Debug = False
+    output: str = "-"
+    force: bool = False
+    debug: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,42 +231,6 @@ class PresetsNewCommand(TextOptions, WishOptions):
         return 0
 
 
-@presets_app.command("schema", cls=Command)
-@dataclass(frozen=True, kw_only=True)
-class PresetsSchemaCommand(TextOptions):
-    """JSON Schema of presets, for editors that complete and check YAML.
-
-    \b
-    Examples:
-      hdassist presets schema -o preset.schema.json
-    """
-
-    def run(self) -> int:
-        """Write the schema; returns the exit code."""
-        from hdassist.preset.schema import preset_schema
-        from hdassist.terminal.answers import json_text
-        from hdassist.terminal.files import write_text
-
-        write_text(self.output, json_text(preset_schema()), self.force)
-        return 0
-
-
-def _print_table(
-    head: Sequence[str], rows: Sequence[Sequence[str]], options: o.PageOptions, piped: int = PIPED_COLUMNS
-) -> None:
-    """Print a table; piped: columns that it has in a pipe, those of PIPE at least."""
-    from rich.console import Group
-
-    from hdassist.report.blocks import Table
-    from hdassist.terminal.page import tables
-
-    out = options.open()
-    if not sys.stdout.isatty():
-        out = replace(out, style=replace(out.style, width=max(piped, PIPE[0])))
-    table = Table("", tuple(head), tuple(map(tuple, rows)), words=range(len(head)))
-    out.human(Group(*tables(table, out.style)))
-
-
 def _reference(row: ResolvedField) -> str:
     """Where a value comes from, its plausible range first."""
     from hdassist.preset.schema import value_text
@@ -270,8 +239,3 @@ def _reference(row: ResolvedField) -> str:
         return row.ref
     bounds = f"{value_text(row.range[0])} to {value_text(row.range[1])}"
     return f"{bounds}; {row.ref}" if row.ref else bounds
-
-
-def _first_sentence(text: str) -> str:
-    found = re.match(r"(.*?[.!?])(\s|$)", text, re.DOTALL)
-    return " ".join((found[1] if found else text).split())

@@ -76,10 +76,10 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
             with out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run:
                 result = calibrate(drive, wanted, points=self.evaluations, run=run)
             if self.write is not None:
-                best, *others = (wanted.by_path(fit.values) for fit in result.fits)
+                best = wanted.by_path(result.fits[0].values)
                 ref = f"hdassist calibrate, {wanted.name or self.targets.name}"
                 model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
-                changed = with_found_values(given, name, best, ref, others, model)
+                changed = with_found_values(given, name, best, ref, model)
             return calibrate_report(result)
 
         code = give("calibrate", run_each("calibrate", [self.preset], one, self), self, out)

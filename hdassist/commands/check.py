@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 from hdassist.terminal import options as o
@@ -55,13 +54,11 @@ class CheckCommand(o.FigureOptions, o.SamplingOptions, o.PitchOptions, o.Limited
                 progress.expect(words := f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m")
                 from hdassist.design.check import check, check_states
                 from hdassist.pages.check import check_report
-                from hdassist.solve.window import in_wide_enough_window
 
                 with out.run(words, check_states(drive, measured, self.draws), self, progress) as run:
-                    analysis = partial(
-                        check, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run
+                    result = check(
+                        drive, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run
                     )
-                    result = in_wide_enough_window(drive, analysis)
-            return check_report(result, self.seed)
+            return check_report(result, self.seed, self.only(o.SamplingOptions).words())
 
         return give("check", run_each("check", self.presets, one, self), self, out)

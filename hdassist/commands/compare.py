@@ -58,13 +58,10 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
 
     def _compare_traces(self) -> int:
         """Compare measured traces with the drive; returns the exit code."""
-        from functools import partial
-
         from hdassist.comparing.compare import FIT_STATES, compare, torque_of, zero_of
         from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment
         from hdassist.pages.compare import comparison_report
         from hdassist.run.run import Run
-        from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.answers import failure
         from hdassist.terminal.runs import give, run_each
 
@@ -81,8 +78,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.TraceOptions, o.Drive
             zero = given_zero if self.zero else zero_of(found.trace, drive, start)
             asked = Alignment(start or 0.0, zero or 0.0, sign, sense, (start is None, zero is None))
             with out.progress(f"{drive.name}, {found.trace.file}", FIT_STATES) as progress:
-                analysis = partial(compare, found, M_g=M_g, asked=asked, run=Run(progress=progress))
-                result = in_wide_enough_window(drive, analysis)
+                result = compare(found, drive, M_g=M_g, asked=asked, run=Run(progress=progress))
             return comparison_report(result)
 
         answers = run_each("compare", self.files, one, self, failed=lambda name, e: failure("compare", e, file=name))

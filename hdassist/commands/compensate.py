@@ -101,12 +101,9 @@ class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o
 
     def run(self) -> int:
         """Compute corrections of the drive; returns the exit code."""
-        from functools import partial
-
         from hdassist.correction.correct import correct
         from hdassist.design.check import check_states
         from hdassist.pages.compensate import compensate_report
-        from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.files import write_text
         from hdassist.terminal.output import note
         from hdassist.terminal.runs import give, run_each
@@ -119,8 +116,7 @@ class CompensateCommand(ControllerOptions, o.FigureOptions, o.SamplingOptions, o
             drive = self.load(name)
             records = self.records(drive)
             with out.run(drive.name, 2 * check_states(drive, draws=self.draws), self) as run:
-                corrected = partial(correct, form=form, records=records, draws=self.draws, run=run)
-                result = in_wide_enough_window(drive, corrected)
+                result = correct(drive, form=form, records=records, draws=self.draws, run=run)
             if target and not result.chosen.is_refused:
                 text, about = self.controller_texts(result, target[0])
                 note(about.rstrip())

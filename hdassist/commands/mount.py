@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 from hdassist.commands.card import CardFile, give_with_card
@@ -32,9 +31,8 @@ class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOpt
     worst gains most, among the holes that mounting.allowed leaves; mounting.holes: 0 means a free angle. All that the
     preset does not know exactly is drawn jointly, as check draws it (docs/unknown.md): what is assumed with a range,
     has an uncertainty (k = 2), or is not given. A turn is ordered where it gains more than 1 % with the --probability;
-    else there is no order, no card, and exit code 6, and the page says what to measure. --assume-phases takes
-    deviations that are not known as 0, on your word. -q prints the hole (or the angle) alone, 0 for "leave it", unknown
-    where nothing can be ordered.
+    else there is no order, no card, and exit code 6, and the page says what to measure. -q prints the hole (or the
+    angle) alone, 0 for "leave it", unknown where nothing can be ordered.
 
     Where the direction of the cam offset is not known, hdassist trials finds it from measurements in a few positions.
 
@@ -45,17 +43,14 @@ class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOpt
     preset: o.Preset
     step: float | None = None
     probability: float = 0.95
-    assume_phases: bool = False
     plot: o.Plot = True
     details: o.Details = False
     cross_check: o.CrossCheckOption = "highs"
 
     def run(self) -> int:
         """Find the position; returns the exit code."""
-        from hdassist.model.unknown import with_zeros
         from hdassist.mounting.advice import advice_states, advise
         from hdassist.pages.mount import mount_card_facts, mount_report
-        from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.runs import note_time
         from hdassist.terminal.wheels import pitch_files, read_teeth
 
@@ -63,13 +58,12 @@ class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOpt
         card = CardFile.asked(self, self, out)
         files = pitch_files([self.preset], self)
         drive = self.load(self.preset)
-        drive = with_zeros(drive) if self.assume_phases else drive
         measured = read_teeth(files, drive)
         torques, rotations, begun = drive.operation.M_g, _rotations(drive, self.step), time.monotonic()
         states = advice_states(drive, len(torques), len(rotations), draws=self.draws, measured=measured)
         with out.run(drive.name, states, self) as run:
-            analysis = partial(
-                advise,
+            advice = advise(
+                drive,
                 torques=torques,
                 rotations_deg=rotations,
                 measured=measured,
@@ -77,7 +71,6 @@ class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOpt
                 needed=self.probability,
                 run=run,
             )
-            advice = in_wide_enough_window(drive, analysis)
         facts = None if advice.order == "none" else lambda say: mount_card_facts(advice, say)
         report = mount_report(advice, self.seed, carded=card is not None)
         if self.verbose:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
@@ -60,7 +59,6 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
         from hdassist.design.check import check_states
         from hdassist.pages.plan import plan_report
         from hdassist.planning.plan import PlanDemands, choose_plan
-        from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.runs import give, run_each
 
         out, asked = self.open(), self.plan()
@@ -69,7 +67,6 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
         def one(name: str) -> Report:
             drive = self.load(name)
             with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
-                chosen = partial(choose_plan, asked=asked, demands=demands, draws=self.draws, run=run)
-                return plan_report(in_wide_enough_window(drive, chosen))
+                return plan_report(choose_plan(drive, asked=asked, demands=demands, draws=self.draws, run=run))
 
         return give("plan", run_each("plan", [self.preset], one, self, keep_failures=False), self, out)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
-    from hdassist.preset.fields import Drive
     from hdassist.report.report import Report
 
 
@@ -22,45 +19,34 @@ class StiffnessCommand(o.FigureOptions, o.DriveOptions):
     Examples:
       hdassist stiffness vzp160
       hdassist stiffness my-drive.yaml --t1 29 --t2 108 --to 250
-      hdassist stiffness my-drive.yaml --at 20 --at 60
       hdassist stiffness my-drive.yaml --csv curve.csv -q
 
     Mesh, rings and balls of the contact model in series with the shell as a tube, without deviations and without
     friction. The segments end at T_1 and T_2 of the preset's catalogue, else where catalogues end them, by the cube of
     the pitch diameter, unless --t1 and --t2 say otherwise. K1, K2, K3 are chords, beside those of the
-    preset's catalogue; the tangent stiffness is the slope at one torque, which counts for small moves about it. Without
-    --at it is told at the torques of the preset that the curve reaches.
+    preset's catalogue.
     """
 
     preset: o.Preset
-    t1: Annotated[float | None, typer.Option("--t1", metavar="N*M", help="End of the first segment.")] = None
-    t2: Annotated[float | None, typer.Option("--t2", metavar="N*M", help="End of the second segment.")] = None
-    to: Annotated[float | None, typer.Option("--to", metavar="N*M", help="End of the curve, on both sides.")] = None
-    at: Annotated[
-        list[float],
-        typer.Option(metavar="N*M", default_factory=list, show_default="the preset's", help="Torque of a tangent."),
-    ]
+    t1: float | None = None
+    t2: float | None = None
+    to: float | None = None
     plot: o.Plot = True
     details: o.Details = False
     cross_check: o.CrossCheckOption = "highs"
 
     def run(self) -> int:
         """Compute the twist over torque; returns the exit code."""
-        from hdassist.error.stiffness import curve_end, stiffness, stiffness_states
+        from hdassist.error.stiffness import stiffness, stiffness_states
         from hdassist.pages.stiffness import stiffness_report
-        from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.runs import give, run_each
 
         out = self.open()
 
         def one(name: str) -> Report:
-            return in_wide_enough_window(self.load(name), of)
-
-        def of(drive: Drive) -> Report:
-            end = curve_end(drive, self.t2, self.to)
-            torques = self.at or [M_g for M_g in drive.operation.M_g if abs(M_g) <= end]
+            drive = self.load(name)
             with out.run(drive.name, stiffness_states(), self) as run:
-                result = stiffness(drive, T_1=self.t1, T_2=self.t2, T_max=self.to, tangents_at=torques, run=run)
+                result = stiffness(drive, T_1=self.t1, T_2=self.t2, T_max=self.to, run=run)
             return stiffness_report(drive, result)
 
         return give("stiffness", run_each("stiffness", [self.preset], one, self), self, out)

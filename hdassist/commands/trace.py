@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
-    from hdassist.model.wheels import MeasuredTeeth
-    from hdassist.preset.fields import Drive
     from hdassist.report.report import Report
 
 
@@ -31,10 +27,8 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
 
     preset: o.Preset
     torque: o.OneTorque = None
-    start: Annotated[float, typer.Option("--phi-g0", metavar="DEG", help="Angle of the moving wheel at phi_h = 0.")] = (
-        0.0
-    )
-    revolutions: Annotated[int, typer.Option("--revolutions", "-n", metavar="N", min=1, help="Cam revolutions.")] = 1
+    start: float = 0.0
+    revolutions: int = 1
     plot: o.Plot = True
     details: o.Details = False
     solver: o.Solver = None
@@ -51,7 +45,6 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
         from hdassist.error.trace import trace
         from hdassist.model.kinematics import Kinematics
         from hdassist.pages.trace import trace_report
-        from hdassist.solve.window import in_wide_enough_window
         from hdassist.terminal.runs import give, run_each
         from hdassist.terminal.wheels import pitch_files, read_teeth
 
@@ -61,9 +54,6 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
         def one(name: str) -> Report:
             drive = self.load(name)
             measured = read_teeth(files, drive)
-            return in_wide_enough_window(drive, lambda drive: of(drive, measured))
-
-        def of(drive: Drive, measured: MeasuredTeeth | None) -> Report:
             with out.run(drive.name, self.revolutions * Kinematics.of(drive).teeth_fixed, self) as run:
                 result = trace(
                     drive,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from hdassist.error.waves import SLOPE_WAVE_POINTS, Complex, ErrorWaves
-from hdassist.errors import Fault, UntrustedError
+from hdassist.errors import UntrustedError
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 
@@ -41,9 +41,7 @@ def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()
             continue
         try:
             less, more = moved(path, low), moved(path, high)
-        except UntrustedError as error:
-            if error.fault == Fault.EDGE_OF_WINDOW:
-                raise
+        except UntrustedError:
             continue
         changes += [(more - less) / 2, (more + less) / 2]
     return np.reshape(changes, (len(changes), len(own)))

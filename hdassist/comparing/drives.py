@@ -15,13 +15,12 @@ from hdassist.error.error_map import SEARCHED, extremes_of, searchable
 from hdassist.errors import HdassistError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
-from hdassist.model.unknown import listed, unknowns
+from hdassist.model.unknown import unknowns
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import UNKNOWN
 from hdassist.preset.schema import ResolvedField, resolved_fields
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.window import in_wide_enough_window
 
 DRAWN_PAIRS = 16  # pairs of drives drawn from the unknown fields
 SCREENED_PAIRS = 2  # of them on which every field is tried, before the largest are searched on all
@@ -215,7 +214,10 @@ def paired_draws(drives: Sequence[Drive], count: int, seed: int = 0) -> list[lis
         return [[drive] for drive in drives]
     shares = dict(zip(paths, np.random.default_rng(seed).random((count, len(paths))).T, strict=True))
     columns = [{path: u.low + (u.high - u.low) * shares[path] for path, u in own.items()} for own in open_]
-    return [listed(drive, own, count) for drive, own in zip(drives, columns, strict=True)]
+    return [
+        [drive.with_values({path: float(values[k]) for path, values in own.items()}) for k in range(count)]
+        for drive, own in zip(drives, columns, strict=True)
+    ]
 
 
 def _is_drive(moved: Drive, before: Drive) -> bool:
@@ -226,7 +228,7 @@ def _is_drive(moved: Drive, before: Drive) -> bool:
 def _searched(task: tuple[Drive, float, bool]) -> tuple[float, Certificate]:
     drive, M_g, required = task
     try:
-        (extremes,) = in_wide_enough_window(drive, lambda wider: extremes_of(wider, [M_g]))
+        (extremes,) = extremes_of(drive, [M_g])
     except HdassistError:
         if required:
             raise

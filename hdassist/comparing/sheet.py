@@ -13,7 +13,6 @@ from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.solve.window import in_wide_enough_window
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,16 +50,6 @@ def sheet_of(drive: Drive, *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()) 
 
     Argument: draws, from the unknown fields. Raises UntrustedError where an answer cannot be trusted.
     """
-
-    def checked(wider: Drive) -> DesignCheck:
-        samples = advice.samples if advice.drive == wider else None  # not those of a wider window
-        return check(wider, draws=draws, samples=samples, run=run)
-
-    advice = in_wide_enough_window(
-        drive, lambda wider: advise(wider, wider.operation.M_g, seat_positions(wider), draws=draws, run=run)
-    )
-    return DriveSheet(
-        in_wide_enough_window(drive, checked),
-        advice,
-        in_wide_enough_window(drive, lambda wider: stiffness(wider, run=run)),
-    )
+    advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=draws, run=run)
+    checked = check(drive, draws=draws, samples=advice.samples, run=run)
+    return DriveSheet(checked, advice, stiffness(drive, run=run))

@@ -22,7 +22,6 @@ from hdassist.planning.lines import POINTS_A_TURN, ErrorLines, error_lines
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.window import in_wide_enough_window
 
 REPORTED_SHARES = (0.05, 0.5, 0.95)
 PHASORS = CorrectionForm(None)
@@ -210,9 +209,7 @@ def loaded_error(
     The first of them is solved in each state of its cycle, for what lines leave out, and for F'_ior where that is None.
     """
     lines = error_lines(drive, M_g, drives, run)
-    solved = in_wide_enough_window(
-        drive.with_values(drives[0]), lambda wide: kinematic_error(wide, M_g, run=replace(run, cross_check=None))
-    )
+    solved = kinematic_error(drive.with_values(drives[0]), M_g, run=replace(run, cross_check=None))
     curves = -lines.curves
     ranges = np.maximum(np.ptp(curves, axis=1), np.finfo(float).tiny)
     scales = (solved.F_ior_arcsec / ranges[0] if F_ior is None else F_ior / ranges) * np.ones(len(ranges))

@@ -59,7 +59,7 @@ class OperatingPoint:
 
     @property
     def F_ior_arcsec(self) -> float | None:
-        """F'_ior [arcsec]: the median over what is not known exactly; None where that was not drawn."""
+        """F'_ior [arcsec]: the median over the unknown inputs; None where they were not drawn."""
         if self.belief:
             return self.belief.p50
         return None if self.open_ else self.error.F_ior_arcsec
@@ -83,7 +83,7 @@ class OperatingPoint:
 
     @property
     def left_arcsec(self) -> float | None:
-        """What the limit leaves F'_ior beside the self error [arcsec], None without a limit."""
+        """Limit less self error [arcsec], None without a limit."""
         return None if self.limit_arcsec is None else self.limit_arcsec - self.self_error.range_arcsec
 
     @property
@@ -170,7 +170,7 @@ class DesignCheck:
 
     @cached_property
     def to_measure(self) -> tuple[MeasurementGain, ...]:
-        """What to measure next, for the torque that is least sure, the largest gain first."""
+        """Measurements to make next, for the torque that is least sure, the largest gain first."""
         if not self.samples:
             return ()
         point = self.points[self.least_sure]

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -20,7 +18,6 @@ from hdassist.model.unknown import unknown_notes
 from hdassist.preset.fields import Drive
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.solve.certificate import Residual
-from hdassist.solve.window import in_wide_enough_window
 
 _PLACE = re.compile(r"^--set:\d+:\d+: ", re.MULTILINE)  # of an override, which here nobody has written
 
@@ -36,7 +33,6 @@ class SweepRow(ClosedRecord):
     values: Mapping[str, Number]
     M_g_Nm: Number
     F_ior_arcsec: Magnitude | None = None
-    window_deg: Magnitude | None = None
     states: Count | None = None
     max_residual: Residual | None = None
     reason: str | None = None
@@ -70,7 +66,7 @@ class Sweep:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Values of each axis, and torques: the shape of what the rows tell."""
+        """Values of each axis, and torques: the shape of the results of the rows."""
         return (*(len(axis.values) for axis in self.axes), max(1, len(self.torques)))
 
     def values(self, row: int) -> dict[str, float]:
@@ -88,14 +84,21 @@ class Sweep:
         return RecordKind(TypeAdapter(SweepRow))
 
     def __call__(self, first: int, last: int) -> list[SweepRow]:
-        """Records of the rows first ... last - 1; a row depends on nothing but itself."""
+        """Records of the rows first ... last - 1; a row depends on its own number alone."""
         return [self._record(row) for row in range(first, last)]
 
     def _record(self, row: int) -> SweepRow:
         values, M_g = self.values(row), self.torque(row)
         try:
-            found = in_wide_enough_window(self._drive(values), partial(_solved, M_g))
-            return SweepRow(values=values, M_g_Nm=M_g, **found)
+            (found,) = extremes_of(self._drive(values), [M_g])
+            proof = found.certificate
+            return SweepRow(
+                values=values,
+                M_g_Nm=M_g,
+                F_ior_arcsec=found.first,
+                states=proof.states,
+                max_residual=proof.max_residual,
+            )
         except HdassistError as error:
             reason = _PLACE.sub("", error.message).replace("\n", "; ")
             code = DataError.exit_code if isinstance(error, UsageError) else error.exit_code
@@ -107,25 +110,12 @@ class Sweep:
         return load_text(self.text, self.file, [*self.overrides, *sets])
 
 
-def _solved(M_g: float, drive: Drive) -> dict[str, Any]:
-    """F'_ior of a drive at a torque, with its proof: as `check` has it, searched where that is worth it."""
-    (found,) = extremes_of(drive, [M_g])
-    proof = found.certificate
-    return {
-        "F_ior_arcsec": found.first,
-        "window_deg": drive.numerics.window,
-        "states": proof.states,
-        "max_residual": proof.max_residual,
-    }
-
-
 @dataclass(frozen=True, eq=False)
 class Swept:
     """Results of a sweep.
 
     F_ior_arcsec, NaN where a row has no answer, shape (values of each axis, torques); states and max_residual of all
-    rows; failed, rows without an answer; reason, of the first of them; exit_codes of all of them; widened, rows
-    computed in a wider flank window than the preset's.
+    rows; failed, rows without an answer; reason, of the first of them; exit_codes of all of them.
     """
 
     sweep: Sweep
@@ -136,15 +126,6 @@ class Swept:
     failed: int
     reason: str
     exit_codes: frozenset[int]
-    widened: int
-
-    def effect(self, axis: int) -> float | None:
-        """How far F'_ior moves [arcsec] along an axis, all else unchanged, where it moves most; None if unknown."""
-        there = np.isfinite(self.F_ior_arcsec)
-        high = np.where(there, self.F_ior_arcsec, -np.inf).max(axis=axis)
-        low = np.where(there, self.F_ior_arcsec, np.inf).min(axis=axis)
-        moves = (high - low)[there.sum(axis=axis) > 1]
-        return float(moves.max()) if moves.size else None
 
     def end(self, greatest: bool) -> tuple[int, float] | None:
         """The row with the least or the greatest F'_ior, and that [arcsec]; None where no row has an answer."""
@@ -156,12 +137,7 @@ class Swept:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about the numbers."""
-        wider = f"{self.widened} rows were computed in a wider flank window than the preset's: window_deg says which"
-        return (
-            *self.drive.origin.warnings,
-            *unknown_notes(largest(self.drive, self.sweep.axes)),
-            *([wider] * (self.widened > 0)),
-        )
+        return *self.drive.origin.warnings, *unknown_notes(largest(self.drive, self.sweep.axes))
 
 
 def largest(drive: Drive, axes: Iterable[Axis]) -> Drive:
@@ -172,7 +148,7 @@ def largest(drive: Drive, axes: Iterable[Axis]) -> Drive:
 def collect(sweep: Sweep, drive: Drive, records: Iterable[SweepRow]) -> Swept:
     """Results from the records of all rows, in their order; each record is read once."""
     F_ior = np.full(sweep.rows, np.nan)
-    states, residual, failed, reason, codes, widened = 0, 0.0, 0, "", set[int](), 0
+    states, residual, failed, reason, codes = 0, 0.0, 0, "", set[int]()
     for row, record in enumerate(records):
         if record.F_ior_arcsec is None:
             failed, reason = failed + 1, reason or record.reason or ""
@@ -180,6 +156,5 @@ def collect(sweep: Sweep, drive: Drive, records: Iterable[SweepRow]) -> Swept:
             continue
         F_ior[row] = record.F_ior_arcsec
         states, residual = states + (record.states or 0), max(residual, record.max_residual or 0.0)
-        widened += (record.window_deg or 0.0) > record.values.get("numerics.window", drive.numerics.window)
     shaped = F_ior.reshape(sweep.shape)
-    return Swept(sweep, drive, shaped, states, residual, failed, reason, frozenset(codes), widened)
+    return Swept(sweep, drive, shaped, states, residual, failed, reason, frozenset(codes))

@@ -22,7 +22,6 @@ from hdassist.model.kinematics import (
     ball_phase,
     neighbours_together,
     pitch_locked_states,
-    turns_and_degrees,
 )
 from hdassist.preset.fields import Drive
 from hdassist.run.run import CROSS_SOLVER, Run
@@ -111,15 +110,13 @@ def kinematic_error(
     states: States | None = None,
     teeth: ToothDeviations | None = None,
     solver: str | None = None,
-    sample: int = CHECKED,
     run: Run = Run(),
 ) -> KinematicError:
     """Kinematic error of a drive at a torque M_g [N*m], over the full cycle unless states are given.
 
     Deviations that are not known count as 0 here; the room `belief` has what they may come to.
     Arguments: teeth, measured tooth deviations in place of first harmonics; solver, a name that cvxpy
-    knows, to send each state through cvxpy instead of the engine; sample, states beside the extremes that the other
-    solver solves again.
+    knows, to send each state through cvxpy instead of the engine.
     Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted.
     """
     for name in filter(None, (solver, run.cross_check)):
@@ -142,7 +139,7 @@ def kinematic_error(
     result = KinematicError(kinematics, M_g, states, rotation, share, force, certificate, None)
     if not run.cross_check:
         return result
-    return replace(result, cross_check=cross_check_of(drive, result.sampled(sample, run.seed), teeth, run))
+    return replace(result, cross_check=cross_check_of(drive, result.sampled(seed=run.seed), teeth, run))
 
 
 def _formulations(drive: Drive, states: States) -> Iterator[tuple[NDArray[np.int64], Formulation]]:
@@ -176,4 +173,6 @@ def cross_check_of(
 def state_place(states: States, M_g: float, k: int) -> str:
     """Words for where state k of some states is, at a torque [N*m]."""
     phi_h, phi_g, phi_b = (float(np.degrees(x[k])) for x in (states.phi_h, states.phi_g, states.phi_b))
-    return f"phi_h = {turns_and_degrees(phi_h)}, phi_g = {phi_g:.3f}°, phi_b = {phi_b:.3f}°, M_g = {M_g:g} N*m"
+    turns, rest = divmod(round(phi_h, 1), 360.0)
+    cam = f"{turns:.0f} turn{'s' * (turns != 1)} + {rest:.1f}°"
+    return f"phi_h = {cam}, phi_g = {phi_g:.3f}°, phi_b = {phi_b:.3f}°, M_g = {M_g:g} N*m"

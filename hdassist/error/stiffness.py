@@ -6,7 +6,6 @@ the curve is the same on the way up and on the way down: there is no hysteresis 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -14,11 +13,13 @@ from itertools import pairwise
 import numpy as np
 
 from hdassist.errors import UsageError
+from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Array
 from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Progress, Run
 from hdassist.solve.answers import ARCSEC, N_MM, Certificate
+from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.throughcvxpy import CrossCheck, solve_again
 
@@ -29,8 +30,6 @@ NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist 
 T_58, D_58 = (168.0, 598.0), 147.32
 CURVE_BEYOND = 1.5  # of T_2: how far the curve goes by default
 CURVE_POINTS = 40  # torques to each side by default
-# of a torque, to both sides: the twist is straight between changes of contact, and its proof holds ten digits
-TORQUE_STEP = 1e-4
 
 
 @dataclass(frozen=True)
@@ -43,20 +42,12 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class Tangent:
-    """The slope dT/dphi of the curve at a torque [N*m]: stiffness [N*m/rad]."""
-
-    torque: float
-    stiffness: float
-
-
-@dataclass(frozen=True)
 class Stiffness:
     """Twist of a drive over torques.
 
     torque [N*m], shape (points,), ascending, without 0; contact_arcsec and tube_arcsec, the twist of mesh and
     rings and that of the shell, same shape; rated [N*m]; segments: K1, K2, K3 to the positive, then to the
-    negative side, those the curve reaches; tangents, slopes at the torques asked for.
+    negative side, those the curve reaches.
     """
 
     torque: Array
@@ -67,7 +58,6 @@ class Stiffness:
     negative: tuple[Segment, ...]
     certificate: Certificate
     cross_check: CrossCheck | None
-    tangents: tuple[Tangent, ...] = ()
 
     @property
     def twist_arcsec(self) -> Array:
@@ -111,11 +101,6 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
     return T_1, T_2
 
 
-def curve_end(drive: Drive, T_2: float | None, T_max: float | None) -> float:
-    """End of the curve [N*m]: T_max, by default 1.5 T_2, by default the catalogues'."""
-    return CURVE_BEYOND * (catalogue_torques(drive)[1] if T_2 is None else T_2) if T_max is None else T_max
-
-
 def stiffness_states(points: int = CURVE_POINTS) -> int:
     """Number of states that a stiffness curve with so many torques to each side solves, about, for a progress bar."""
     return 2 * (points + 5)
@@ -128,27 +113,23 @@ def stiffness(
     T_2: float | None = None,
     T_max: float | None = None,
     points: int = CURVE_POINTS,
-    tangents_at: Sequence[float] = (),
     run: Run = Run(),
 ) -> Stiffness:
     """Twist of a drive without deviations over torques to both sides, at tooth phase 0 and its ball phase.
 
     Arguments: T_1, T_2, ends of the first two segments, by default as catalogues have them for the size;
     T_max, end of the curve, by default 1.5 T_2 [N*m]; points, torques to each side, besides those that have a name;
-    tangents_at, torques [N*m] of either sign at which the slope is wanted: the mean slope across the corner where a
-    contact closes or opens within TORQUE_STEP of one; run, whose other solver solves the ends of the segments again.
+    run, whose other solver solves the ends of the segments again.
     Raises UsageError for torques that cannot be meant, UntrustedError where an answer cannot be trusted.
     """
-    T_max, rated, defaults = curve_end(drive, T_2, T_max), rated_torque(drive), catalogue_torques(drive)
+    rated, defaults = rated_torque(drive), catalogue_torques(drive)
     T_1, T_2 = defaults[0] if T_1 is None else T_1, defaults[1] if T_2 is None else T_2
+    T_max = CURVE_BEYOND * T_2 if T_max is None else T_max
     least = NEAR_ZERO * rated
     hint = f"any finite torque above {least:g} N*m, a hundred-thousandth of the rated one"
     for name, value in (("T_1", T_1), ("T_2", T_2), ("the end of the curve", T_max)):
         if not least < value < np.inf:
             raise UsageError(f"{name} cannot be {value:g} N*m", hint)
-    for value in tangents_at:
-        if not least < abs(value) < np.inf:
-            raise UsageError(f"no tangent stiffness at {value:g} N*m", hint)
     if not T_1 < T_2:
         raise UsageError(
             f"T_1, {T_1:g} N*m, must be below T_2, {T_2:g} N*m",
@@ -158,12 +139,8 @@ def stiffness(
     ends = [least, *(T for T in (T_1, T_2) if T_max >= T), *([T_max] if T_max > T_2 else [])]
     side = np.unique([*ends, LOST_MOTION_SHARE * rated, *np.linspace(0, T_max, points + 1)[1:]])
     torque = np.concatenate([-side[::-1], side])
-    steps = np.outer(tangents_at, [1 - TORQUE_STEP, 1 + TORQUE_STEP]).ravel()
     twist = Twist(drive)
-    every_contact, every_tube, proof = twist.at(np.concatenate([torque, steps]), run.solved)
-    contact, tube = every_contact[: len(torque)], every_tube[: len(torque)]
-    changes = np.diff((every_contact + every_tube)[len(torque) :].reshape(-1, 2))[:, 0] / ARCSEC
-    slopes = (2 * TORQUE_STEP * np.array(tangents_at) / changes).tolist()
+    contact, tube, proof = twist.at(torque, run.solved)
     check = None
     if run.cross_check:
         again = np.isin(np.abs(torque), ends)
@@ -179,15 +156,14 @@ def stiffness(
         )
         for sign in (1, -1)
     )
-    tangents = tuple(map(Tangent, tangents_at, slopes))
-    return Stiffness(torque, contact, tube, rated, positive, negative, proof, check, tangents)
+    return Stiffness(torque, contact, tube, rated, positive, negative, proof, check)
 
 
 class Twist:
     """Twist of a drive without deviations, at tooth phase 0 and its ball phase."""
 
     def __init__(self, drive: Drive) -> None:
-        self.case = LoadCase.of(drive, rated_torque(drive))
+        self.case = LoadCase(formulate(contact_system(drive)), rated_torque(drive))
         self._tube = shell_twist_stiffness(drive, self.case.system.geometry)
 
     def at(self, torque: Array, progress: Progress | None = None) -> tuple[Array, Array, Certificate]:

@@ -35,7 +35,6 @@ from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.run.processes import workers
 from hdassist.run.run import UNCHECKED, Run
-from hdassist.solve.window import in_wide_enough_window
 from hdassist.trials.advice import advise_from_trials
 from hdassist.trials.prior import Rig, TrialEffort
 
@@ -117,16 +116,16 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     """
     here, has_typical = with_typical(drive, typical), bool(typical or not unknowns(drive))
     if searchable(drive) and has_typical:
-        tell("first", FirstErrors(in_wide_enough_window(here, partial(_searched, (0.0,)))[:, 0].tolist()))
+        tell("first", FirstErrors(_searched((0.0,), here)[:, 0].tolist()))
     if searchable(drive) and not unknowns(drive):
         rotations = tuple(seat_positions(drive))
-        F_ior = in_wide_enough_window(drive, partial(_searched, rotations))
+        F_ior = _searched(rotations, drive)
         tell("curve", SeatCurve(rotations, np.stack([F_ior] * 3), (SURE_REFINED,) * len(rotations)))
     with workers(effort.jobs) as executor:
         run = Run(executor, seed=SEED)
         if has_typical:
-            tell("first", in_wide_enough_window(here, partial(_every_state, run=run)))
-        in_wide_enough_window(drive, partial(_checked, effort=effort, run=run, tell=tell))
+            tell("first", _every_state(here, run))
+        _checked(drive, effort, run, tell)
         if is_tried(drive):
             tried = advise_from_trials(
                 drive, (), Rig(TRIALS.torque_of(drive.operation.M_g)), effort=TrialEffort.of(effort.draws // 2), run=run
@@ -135,9 +134,7 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
             tell("report", trials_report(tried))
             tell("advice", tried)
             return
-        torques, rotations_deg = drive.operation.M_g, seat_positions(drive)
-        mounting = partial(advise, torques=torques, rotations_deg=rotations_deg, draws=effort.draws, run=run)
-        advice = in_wide_enough_window(drive, mounting)
+        advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=effort.draws, run=run)
     if advice.positions or not advice.unknown:
         tell("curve", _mount_curve(advice))
     tell("report", mount_report(advice, SEED))
@@ -166,7 +163,7 @@ def cam_turn(drive: Drive, typical: Mapping[str, float], rotation_deg: float, M_
     """
     there = rotated(drive.with_values(dict(typical)), rotation_deg)
     turns = Kinematics.of(there).cycle_cam_revolutions
-    found = in_wide_enough_window(there, partial(trace, M_g=M_g, revolutions=turns, run=UNCHECKED))
+    found = trace(there, M_g, revolutions=turns, run=UNCHECKED)
     tell("turn", trace_report(there, found, SEED))
 
 

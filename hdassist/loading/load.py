@@ -22,10 +22,9 @@ from hdassist.preset.fields import (
     Origin,
     field_table,
     measures,
-    read_range,
     sections,
 )
-from hdassist.preset.kinds import choices_of, plain, range_of, read_value, unit_of
+from hdassist.preset.kinds import Section, choices_of, plain, range_of, read_value, unit_of
 from hdassist.preset.knowledge import implausible
 from hdassist.preset.units import UnitError, is_spread, read_spread
 from hdassist.preset.yamltext import OVERRIDE, Document, InvalidValue, Path, near_miss, ordered_findings, shown
@@ -51,8 +50,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
     """
     parsed = [sets.parse(override, index) for index, override in enumerate(overrides, 1)]
     document = yamltext.read_yaml(text, file)
-    if document.complete:
-        sets.apply(document, parsed)
+    sets.apply(document, parsed)
     drive = _drive(document)
     if document.findings or drive is None:
         findings = ordered_findings(document.findings)
@@ -74,16 +72,14 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
 
 def _drive(document: Document) -> Drive | None:
     """The drive of a document, None where there is none; faults are added to its findings."""
-    if not document.complete:
+    if isinstance(document.data, InvalidValue):
         return None
     if not isinstance(document.data, dict):
-        if not isinstance(document.data, InvalidValue):
-            message, got = (
-                ("the preset is empty", "") if document.data is None else ("a preset must be a table of keys", None)
-            )
-            document.add((), message, "hdassist presets new NAME prints one to start from", got)
+        message = "the preset is empty" if document.data is None else "a preset must be a table of keys"
+        got = "" if document.data is None else None
+        document.add((), message, "hdassist presets new NAME prints one to start from", got)
         return None
-    data = dict(document.data)
+    data = {key: value for key, value in document.data.items() if value is not None}
     _check_schema(document, data)
     _settle_spreads(document, data)
     drive = None
@@ -95,24 +91,24 @@ def _drive(document: Document) -> Drive | None:
             _translate(problem["loc"], problem["type"], problem["input"], document)
     if drive and _follows_coupling(drive, document):
         drive = coupling.with_cam_support(drive)
-        data["source"] = {path: e for path, e in (data.get("source") or {}).items() if path != "supports.C_3"}
-    valid = _valid(drive, data, document)
-    _check_ranges(valid, data, document)
-    for conflict, involved in conflicts(valid):
+    for conflict, involved in conflicts(_valid(drive, data, document)):
         paths = [tuple(path.split(".", 2)) for path in (conflict.path, *involved)]
         path = next((p for p in paths if document.is_override(p)), paths[0])
         document.add(path, conflict.message, conflict.hint, conflict.got)
-    for field in drive.uncertainty if drive else ():
-        if drive and drive.value(field) is None:
-            document.add(("uncertainty", field), "an uncertainty of a value that is not given", f"give {field} as well")
+    if drive:
+        _check_tables(drive, document)
     return drive
 
 
 def _follows_coupling(drive: Drive, document: Document) -> bool:
     """Whether the cam's support is that of its coupling: not given, or the coupling alone is on the command line."""
-    places = {path: document.places.get(tuple(path.split("."))) for path in ("supports.C_3", *coupling.COUPLING_FIELDS)}
-    tried = {path for path, place in places.items() if place and place.file == OVERRIDE}
-    return drive.supports.C_3 is None or (bool(tried) and "supports.C_3" not in tried)
+
+    def is_tried(path: str) -> bool:
+        place = document.places.get(tuple(path.split(".")))
+        return place is not None and place.file == OVERRIDE
+
+    tried = any(map(is_tried, coupling.COUPLING_FIELDS)) and not is_tried(coupling.SUPPORT_FIELD)
+    return tried or drive.supports.C_3 is None
 
 
 def _check_schema(document: Document, data: dict[str, Any]) -> None:
@@ -120,22 +116,21 @@ def _check_schema(document: Document, data: dict[str, Any]) -> None:
         document.add(("schema",), "missing key", f"write schema: {PRESET_SCHEMA}")
     elif not isinstance(given := data.pop("schema"), InvalidValue) and given != PRESET_SCHEMA:
         document.add(("schema",), f"must be {PRESET_SCHEMA}")
+    if data.pop("alternatives", None):
+        document.warn(("alternatives",), "no command reads them any more", "leave them out")
 
 
 def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
     """Put uncertainties beside values ("260 ± 10") into their table; of two the one on the command line counts."""
-    table = data.get("uncertainty") or {}
-    beside = [
-        (section, name, value)
-        for section, values in data.items()
-        for name, value in (values.items() if isinstance(values, dict) else ())
-    ]
-    for section, name, value in beside if isinstance(table, dict) else ():
-        path = f"{section}.{name}"
-        if path not in measures() or not isinstance(value, str) or not is_spread(value):
+    table = data.get("uncertainty", {})
+    for path, info in measures().items() if isinstance(table, dict) else ():
+        section, name = path.split(".")
+        values = data.get(section)
+        value = values.get(name) if isinstance(values, dict) else None
+        if not isinstance(value, str) or not is_spread(value):
             continue
         with suppress(UnitError):  # the value itself is refused
-            spread = read_spread(value, unit_of(measures()[path]))[1]
+            spread = read_spread(value, unit_of(info))[1]
             own_wins, beside_wins = (document.is_override(p) for p in (("uncertainty", path), (section, name)))
             if path in table and beside_wins == own_wins:
                 words = f"the value has an uncertainty of {spread:g} beside it"
@@ -144,83 +139,75 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
                 data["uncertainty"] = table = table | {path: spread}
 
 
-def _check_ranges(valid: dict[str, Any], data: dict[str, Any], document: Document) -> None:
-    """A value lies in the range that its source calls plausible; one on the command line is tried, and need not."""
-    table = data.get("source")
-    for path, entry in table.items() if isinstance(table, dict) else ():
-        place = ("source", path, "range")
-        bounds = read_range(path, entry.get("range")) if isinstance(entry, dict) and path in measures() else None
-        tried = document.is_override(tuple(path.split(".")))
-        value = None if tried or document.is_bad(place) else valid.get(path)
-        if isinstance(bounds, tuple) and value is not None and not bounds[0] <= value <= bounds[1]:
-            got = f"{plain(bounds[0])} to {plain(bounds[1])}"
-            document.add(place, f"the value {plain(value)} lies outside its range", "correct one of them", got)
+def _check_tables(drive: Drive, document: Document) -> None:
+    """An uncertainty needs a value, and a value lies in its plausible range; one on the command line is tried."""
+    for path in drive.uncertainty:
+        if drive.value(path) is None:
+            document.add(("uncertainty", path), "an uncertainty of a value that is not given", f"give {path} as well")
+    for path, source in drive.source.items():
+        value, bounds = drive.value(path), source.range
+        is_tried = document.is_override(tuple(path.split(".")))
+        if bounds and value is not None and not is_tried and not bounds[0] <= value <= bounds[1]:
+            words = f"the value {plain(value)} lies outside its range"
+            place = ("source", path, "range")
+            document.add(place, words, "correct one of them", f"{plain(bounds[0])} to {plain(bounds[1])}")
 
 
 def _translate(path: Path, kind: str, value: Any, document: Document) -> None:
     """Add a finding for a fault that pydantic reports, in words for an author of presets."""
     if document.is_bad(path):
         return  # it has a finding
-    if kind == "missing":
-        document.add(path, *_missing(path), got="")
-        return
-    if path not in document.places:
+    if kind != "missing" and path not in document.places:
         path = path[:2]  # the only item of a list, or the limit for all torques, written as one value
-    info = field_table().get(".".join(map(str, path[:2]))) or Drive.model_fields.get(str(path[0]))
-    if path[0] in BY_PATH and len(path) > 2:
-        info = BY_PATH[str(path[0])].model_fields.get(str(path[2]))
-    if kind == "extra_forbidden":
-        hint = "" if len(document.findings) > yamltext.MAX_FINDINGS else _unknown_hint(path, value)
-        document.add(path, "unknown key", hint, "", key=True)
-    elif isinstance(value, InvalidValue):
+    section, field = str(path[0]), ".".join(map(str, path[:2]))
+    model = BY_PATH.get(section) or dict(sections()).get(section)  # whose keys the table has
+    info = field_table().get(field) or Drive.model_fields.get(section)
+    if section in BY_PATH and len(path) > 2:
+        info = BY_PATH[section].model_fields.get(str(path[2]))
+    if isinstance(value, InvalidValue):
         document.refuse(path, value)
+    elif kind == "extra_forbidden":
+        hint = "" if len(document.findings) > yamltext.MAX_FINDINGS else _unknown_hint(path, value, model)
+        document.add(path, "unknown key", hint, "", key=True)
+    elif kind == "missing" and model and len(path) == 1:
+        needed = [name for name, each in model.model_fields.items() if each.is_required()]
+        document.add(path, "missing section", f"it needs {', '.join(needed)}", "")
     elif kind in ("model_type", "dict_type"):
-        document.add(path, "must be a table of keys")
-    elif kind == "literal_error" and info is not None:
+        document.add(path, "must be a table of keys", f"its keys: {', '.join(model.model_fields)}" if model else "")
+    elif info is None:
+        document.add(path, "invalid value")
+    elif kind == "missing":
+        unit = unit_of(info)
+        document.add(path, "missing key", f"{info.description}, in {unit}" if unit else str(info.description), "")
+    elif kind == "literal_error":
         choices = choices_of(info)
         document.add(path, f"must be one of {', '.join(choices)}", near_miss(str(value), choices))
     elif kind == "string_type":
         document.add(path, "must be text", "put it in quotes" if isinstance(value, int | float) else "")
-    elif path == ("name",) and kind == "value_error":
-        document.add(path, "must be one line", "what is longer stands in description")
-    elif kind.startswith("string_too"):
-        document.add(path, "must have 1 to 200 characters")
-    elif info is not None:
-        unit = unit_of(field_table().get(str(path[1]), info) if path[0] == "uncertainty" else info)
+    elif path == ("name",):
+        words = "must be one line of 1 to 200 characters"
+        document.add(path, words, "what is longer stands in description" * bool(value))
+    else:
+        unit = unit_of(field_table().get(str(path[1]), info) if section == "uncertainty" else info)
         converted = isinstance(yamltext.scalar_value(document.written(path)), str)  # written in another unit
         hint = f"that is {value:g} {unit}" if converted else ""
         document.add(path, f"out of range: {range_of(info, unit)}", hint)
 
 
-def _unknown_hint(path: Path, value: Any) -> str:
-    """A hint for an unknown key."""
+def _unknown_hint(path: Path, value: Any, model: type[Section] | None) -> str:
+    """A hint for an unknown key of a table, whose keys are those of a model; of the whole preset without one."""
     if removed := REMOVED.get(".".join(map(str, path))):
         return removed
-    key, table = str(path[-1]), str(path[0])
+    key = str(path[-1])
     if value is None and ":" in key:
         return "a space is missing behind the colon"
     if value is None and key.replace(".", "").isdigit():
         return "a comma in a number? write a decimal point"
-    home = next((section for section, model in sections() if key in model.model_fields), "")
-    if home and table not in BY_PATH:
+    home = next((section for section, each in sections() if key in each.model_fields), "")
+    if home and path[0] not in BY_PATH:
         return f"{key} belongs to {home}"
-    options = ["schema", *Drive.model_fields]
-    if len(path) > 1:
-        options = list((BY_PATH[table] if table in BY_PATH else dict(sections())[table]).model_fields)
+    options = list(model.model_fields) if model else ["schema", *Drive.model_fields]
     return near_miss(key, options) or f"known: {', '.join(options)}"
-
-
-def _missing(path: Path) -> tuple[str, str]:
-    tables = dict(sections())
-    if len(path) == 1 and path[0] in tables:
-        needed = [name for name, info in tables[str(path[0])].model_fields.items() if info.is_required()]
-        return "missing section", f"it needs {', '.join(needed)}"
-    info = field_table().get(".".join(map(str, path)))
-    unit = unit_of(info) if info is not None else ""
-    if info is None:
-        info = BY_PATH.get(str(path[0]), Drive).model_fields.get(str(path[-1]))
-    meaning = str(info.description) if info is not None else ""
-    return "missing key", f"{meaning}, in {unit}" if unit else meaning
 
 
 def _valid(drive: Drive | None, data: dict[str, Any], document: Document) -> dict[str, Any]:
@@ -231,7 +218,7 @@ def _valid(drive: Drive | None, data: dict[str, Any], document: Document) -> dic
     bad = {path[:2] for path in document.bad}
     for path, info in field_table().items():
         section, name = path.split(".")
-        given = data.get(section) or {}
+        given = data.get(section, {})
         if (section,) in bad or (section, name) in bad:
             continue
         if name in given:

@@ -108,32 +108,21 @@ def _quoted(text: str) -> str:
 
 
 def with_found_values(
-    text: str,
-    file: str,
-    values: Mapping[str, float],
-    ref: str,
-    alternatives: Sequence[Mapping[str, float]] = (),
-    model: Mapping[str, str | int] | None = None,
+    text: str, file: str, values: Mapping[str, float], ref: str, model: Mapping[str, str | int] | None = None
 ) -> str:
     """Text of a preset with identified values, its comments and order as they are.
 
     Arguments: text; file, its name in messages; values, by path, of fields that the text gives or leaves out; ref,
-    where they come from; alternatives, other sets of such values; model, the fields of numerics that they were
-    identified with, which are written into the text. Raises the errors of loading the text; DataError where it cannot
-    be changed in place.
+    where they come from; model, the fields of numerics that they were identified with, which are written into the
+    text. Raises the errors of loading the text; DataError where it cannot be changed in place.
     """
     before, tables = load_text(text, file), _tables(text)
     for path, value in values.items():
-        section, name = path.split(".")
-        _table(tables, section)[name] = value
+        _set_value(tables, path, value)
         _table(tables, "source")[path] = _source("identified", ref, before.source.get(path), value)
     for name, setting in (model or {}).items():
         _table(tables, "numerics").setdefault(name, setting)
-    tables.pop("alternatives", None)
-    if alternatives:
-        tables["alternatives"] = [dict(each) for each in alternatives]
-    wanted = before.with_values(values)
-    return _written(tables, file, wanted.model_copy(update={"alternatives": tuple(map(dict, alternatives))}), model)
+    return _written(tables, file, before.with_values(values), model)
 
 
 def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
@@ -151,8 +140,7 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
         if path not in field_table():
             raise DataError(f"--set {override} cannot be saved", "only single fields can: write it into the file")
         changes.add(path)
-        section, name = path.split(".")
-        _table(tables, section)[name] = _tables(written)
+        _set_value(tables, path, _tables(written))
         source, value = before.source.get(path), wanted.value(path)
         if source is not None and value != before.value(path):
             ref = f"changed by hand; was {source.kind}"
@@ -186,6 +174,11 @@ def _table(tables: Any, name: str) -> Any:
     return tables[name]
 
 
+def _set_value(tables: Any, path: str, value: Any) -> None:
+    section, name = path.split(".")
+    _table(tables, section)[name] = value
+
+
 def _source(kind: str, ref: str, before: Source | None, value: Any) -> Any:
     """A source in one line, with the range of the one before as far as the value lies in it."""
     bounds = before.range if before else None
@@ -202,6 +195,6 @@ def _written(tables: Any, file: str, wanted: Drive, model: Mapping[str, str | in
     with suppress(DataError):
         read = load_text(text, file)
         same = all(read.value(path) == wanted.value(path) for path in field_table() if path not in loose)
-        if same and (read.uncertainty, read.alternatives) == (wanted.uncertainty, wanted.alternatives):
+        if same and read.uncertainty == wanted.uncertainty:
             return text
     raise DataError(f"{file} cannot be changed in place", "change it by hand; hdassist presets new shows the form")

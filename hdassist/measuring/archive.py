@@ -30,7 +30,6 @@ ARCHIVE_FILE = "archive.jsonl"
 MAX_ARCHIVE_BYTES = 1_000_000_000
 WRITERS_WAIT = 30.0  # s, for each other
 CHANGED = 0.05  # probability: a spread of less, over all comparisons of a drive together, is a change
-DAYS_A_YEAR = 365.25
 Arcsec = Annotated[float, Field(strict=True, ge=0, le=1e7)]
 CONDITIONS = {
     "hole": "hole",
@@ -78,15 +77,13 @@ OWNER = KeptOwner(command="archive", version="", inputs={})
 class DriveHistory:
     """What a drive showed in one hole, at one torque [N*m], the cam turning one way, over whole cycles; by date.
 
-    chi_square of no change, and its probability; trend [arcsec a year] with its standard uncertainty, None on one day.
+    chi_square of no change, and its probability.
     """
 
     entries: tuple[ArchiveEntry, ...]
     chi_square: float
     probability: float
     is_changed: bool
-    trend_arcsec_per_year: float | None
-    trend_uncertainty_arcsec_per_year: float | None
 
 
 def read_conditions(serial: str, texts: Sequence[str]) -> Json:
@@ -167,16 +164,8 @@ def histories(entries: Iterable[ArchiveEntry]) -> tuple[DriveHistory, ...]:
 def _history(own: Sequence[ArchiveEntry], comparisons: int) -> DriveHistory:
     """The history of entries that are alike but for their dates, one of so many comparisons."""
     y, u = np.array([(each.F_ior_arcsec, each.standard_uncertainty_arcsec) for each in own]).T
-    years = np.array([date.fromisoformat(each.date).toordinal() for each in own]) / DAYS_A_YEAR
     weight, freedom = u**-2, len(own) - 1
-    since = years - np.average(years, weights=weight)
     chi_square = float(weight @ (y - np.average(y, weights=weight)) ** 2)
     probability = float(chdtrc(freedom, chi_square))
-    trend = unsure = None
-    if np.ptp(years):
-        square = float(weight @ since**2)
-        trend = float(weight @ (since * y)) / square
-        excess = max(1.0, (chi_square - trend**2 * square) / max(freedom - 1, 1))  # of a straight line
-        unsure = float(np.sqrt(excess / square))
     is_changed = probability < CHANGED / comparisons
-    return DriveHistory(tuple(own), chi_square, probability, is_changed, trend, unsure)
+    return DriveHistory(tuple(own), chi_square, probability, is_changed)

@@ -13,7 +13,6 @@ from hdassist.readers.sweeps import AngleSweep
 from hdassist.readers.trace import MeasuredTrace
 
 PER_PERIOD = 40  # bins in a period of the highest order: its amplitude falls by 0.1 %
-SPEED_ROWS = 3  # rows: resolution of the encoder and of the time stamps is noise of a speed
 HEAVIEST = 4.0  # times the median weight: a shaft that stands still does not outweigh the rest
 
 
@@ -55,16 +54,6 @@ def travel_of(trace: MeasuredTrace) -> Array:
     return np.asarray(np.concatenate([[0.0], np.cumsum(np.abs(np.diff(trace.cam_deg)))]) / 360)
 
 
-def speed_of(trace: MeasuredTrace, rows: slice) -> Array:
-    """Speed of the cam [turns/s] in rows of one sweep, over SPEED_ROWS to either side; 0 without time stamps."""
-    turns = trace.cam_deg[rows] / 360
-    if trace.time_s is None:
-        return np.zeros(len(turns))
-    at = np.arange(len(turns))
-    before, after = np.maximum(at - SPEED_ROWS, 0), np.minimum(at + SPEED_ROWS, len(turns) - 1)
-    return np.asarray((turns[after] - turns[before]) / (trace.time_s[rows][after] - trace.time_s[rows][before]))
-
-
 def bins_of(trace: MeasuredTrace, sweeps: Sequence[AngleSweep], highest: float) -> Bins:
     """Average the rows of some sweeps over bins of 1/(PER_PERIOD highest) of a turn; highest, order per cam turn."""
     travel, per_turn = travel_of(trace), PER_PERIOD * highest
@@ -73,9 +62,10 @@ def bins_of(trace: MeasuredTrace, sweeps: Sequence[AngleSweep], highest: float) 
     for number, sweep in enumerate(sweeps):
         rows = slice(sweep.start, sweep.stop)
         turns = trace.cam_deg[rows] / 360
+        speed = np.zeros(len(turns)) if trace.time_s is None else np.gradient(turns, trace.time_s[rows])
         _, place = np.unique(np.floor(turns * per_turn), return_inverse=True)
         count = np.bincount(place).astype(float)
-        values = turns, trace.error_arcsec[rows], travel[rows], speed_of(trace, rows), load[rows]
+        values = turns, trace.error_arcsec[rows], travel[rows], speed, load[rows]
         means = [np.bincount(place, each) / count for each in values]
         parts.append((*means, count, np.full(len(count), number)))
     turns, error, path, speed, loads, count, index = (np.concatenate(column) for column in zip(*parts, strict=True))

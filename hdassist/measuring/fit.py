@@ -17,9 +17,11 @@ from math import factorial
 import numpy as np
 from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.bins import Bins
+from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.geometry import Array
 
 OrderIndices = NDArray[np.int64]
@@ -32,6 +34,8 @@ FLOOR_SHORTEST = 2.0  # cam turns: below, there is no room for noise between the
 FLOOR_APART = 0.75  # of the resolution: how far from fitted orders the noise is read
 FLOOR_AROUND = 0.5  # orders to either side
 FLOOR_FEWEST = 8  # places, nearest to the order
+FLOOR_WAVES = 32  # of such places, by which the share of the noise is known that a fit has taken there
+STUDENT_SHARE = 0.97725  # of a normal distribution, below two standard deviations
 RESOLVED_GAP = 0.75  # of the resolution: least distance at which a line and an order are resolved
 MOMENTS = 3  # of where readings lie in their places
 SLOWEST_ORDER = 0.5  # per cam turn: lower ones are of the output, or drift
@@ -146,7 +150,8 @@ class TraceFit:
     """Coefficients of a trace.
 
     design: of the least squares; coefficients: of the cosines, then of the sines [arcsec], shape (2 orders,); factor:
-    shape (2 orders, columns), whose product with unit noise is an error of the coefficients; lines: those of the orders
+    shape (2 orders, columns), whose product with unit noise is an error of the coefficients; student: factor of an
+    interval of each order, shape (orders,); lines: those of the orders
     that were found in the residuals, rising; level: shape (sweeps,);
     drift: coefficients, shape (degree,); slopes: over columns of the bins by name, each with its standard uncertainty:
     over speed [arcsec s/turn], over the load; residual: shape (bins,). correlated: bins that err
@@ -156,6 +161,7 @@ class TraceFit:
     design: TraceDesign
     coefficients: Array
     factor: Array
+    student: Array
     lines: Array
     level: Array
     drift: Array
@@ -217,7 +223,12 @@ class TraceFit:
             order = float(np.sqrt(slope @ square @ slope / max(coefficients @ square @ coefficients, 1e-300)))
         amplitude = float(np.sqrt(coefficients @ square @ coefficients))
         along = square @ coefficients / max(amplitude, 1e-300) @ self.factor[pair]
-        return order, amplitude, float(np.linalg.norm(along)), float(np.degrees(np.angle((a - 1j * b).sum())))
+        return (
+            order,
+            amplitude,
+            float(np.linalg.norm(along) * self.student[own].max()),
+            float(np.degrees(np.angle((a - 1j * b).sum()))),
+        )
 
     def joint_wave(self, own: OrderIndices) -> tuple[float, float, float, float]:
         """The wave of an order and its beats without the part that noise adds to its mean square.
@@ -241,7 +252,8 @@ class TraceFit:
     @property
     def clear_of_noise(self) -> bool:
         """Whether the orders together have more power than noise alone would leave in them, but once in thousands."""
-        power = float((2 * self.amplitude**2 / np.maximum(self.noise_power, 1e-300)).sum())
+        covariance = self.factor @ self.factor.T
+        power = float(self.coefficients @ np.linalg.solve(covariance, self.coefficients))
         freedom = 2 * len(self.orders)
         return power > freedom + POWER_CLEAR * float(np.sqrt(2 * freedom))
 
@@ -268,14 +280,16 @@ def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: 
     correlated, unmodelled = _memory(residual, variance, columns, bins)
     coefficients, level, drift = design.split(solution)
     floor = noise_floor(design, residual, variance)
-    wide = np.full(len(coefficients), correlated) if floor is None else np.tile(floor, 2)
-    factor = design.root[: len(coefficients)] * np.sqrt(variance * wide)[:, None]
+    power, student = floor or (np.full(len(orders), correlated), np.ones(len(orders)))
+    factor = design.root[: len(coefficients)] * np.sqrt(variance * np.tile(power, 2))[:, None]
     unsure = np.linalg.norm(design.root, axis=1) * np.sqrt(variance * max(correlated, 1.0))
     last = [(float(value), float(spread)) for value, spread in zip(solution, unsure, strict=True)][
         columns - len(slow.over) :
     ]
     slopes = dict(zip(slow.over, last, strict=True))
-    return TraceFit(design, coefficients, factor, lines, level, drift, slopes, residual, correlated, unmodelled)
+    return TraceFit(
+        design, coefficients, factor, student, lines, level, drift, slopes, residual, correlated, unmodelled
+    )
 
 
 def linear_drift(design: TraceDesign, residual: Array) -> tuple[float, float]:
@@ -343,25 +357,32 @@ def distance(probes: Array, orders: Array) -> Array:
     return np.minimum(np.abs(probes - orders[after - 1]), np.abs(probes - orders[np.minimum(after, len(orders) - 1)]))
 
 
-def noise_floor(design: TraceDesign, residual: Array, variance: float) -> Array | None:
+def noise_floor(design: TraceDesign, residual: Array, variance: float) -> tuple[Array, Array] | None:
     """Power of the noise at each order, over that of independent residuals of the same variance, shape (orders,).
+
+    And the Student factor of an interval of k = 2 where that power is of few places.
 
     Residuals of a real trace are not white: slow ones weigh on low orders more than on high ones. Their power halfway
     between fitted orders, and on both sides of a group of them, stands for the power of the noise at the orders.
+    The fit has taken a share of the noise there too: where rows are lost, all of its columns take some everywhere.
     Arguments: residual, shape (bins,) [arcsec]; variance, of the residuals at weight 1. None: the record is too short.
     """
     bins, orders = design.bins, design.orders
     if bins.span < FLOOR_SHORTEST or not variance:
         return None
     probes, power = residual_power(bins, residual, variance)
+    resolved = probes[0] * bins.span  # places for each probe
     free = probes >= design.slow.periods / bins.span
     free &= (distance(probes, orders) >= FLOOR_APART / bins.span) & (probes <= orders[-1] + 1)
     probes, power = probes[free], power[free]
     if len(probes) < FLOOR_FEWEST:
         return None
+    waves = order_columns(bins.turns, probes[:: max(1, len(probes) // FLOOR_WAVES)])
+    power /= (bins.weight @ design.residual(waves) ** 2).mean() / (bins.weight @ waves**2).mean()
     total = np.concatenate([[0.0], np.cumsum(power)])
     first, last = np.searchsorted(probes, orders - FLOOR_AROUND), np.searchsorted(probes, orders + FLOOR_AROUND)
     few = last - first < FLOOR_FEWEST
     middle = np.clip(np.searchsorted(probes, orders) - FLOOR_FEWEST // 2, 0, len(probes) - FLOOR_FEWEST)
     first, last = np.where(few, middle, first), np.where(few, middle + FLOOR_FEWEST, last)
-    return np.asarray((total[last] - total[first]) / (last - first))
+    student = stdtrit(np.maximum(1.0, 2 * resolved * (last - first)), STUDENT_SHARE) / COVERAGE_FACTOR
+    return (total[last] - total[first]) / (last - first), np.asarray(student)

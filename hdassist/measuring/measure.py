@@ -10,7 +10,7 @@ import numpy as np
 
 from hdassist.errors import DataError, Fault, UntrustedError, UsageError
 from hdassist.measuring.bins import Bins, bins_of, travel_of
-from hdassist.measuring.cycle import Coverage, Gearing, coverage, gearing_of
+from hdassist.measuring.cycle import Coverage, Gearing, gearing_of
 from hdassist.measuring.fit import BINS_PER_COLUMN, SlowTerms, TraceDesign, TraceFit, fit_orders, linear_drift
 from hdassist.measuring.lag import EncoderLag, encoder_lag, speed_changes
 from hdassist.measuring.lines import with_lines
@@ -19,8 +19,7 @@ from hdassist.measuring.orders import (
     WHOLE_TURN,
     MeasuredOrder,
     order_grid,
-    order_table,
-    orders_of_cam,
+    order_tables,
     slow_terms,
 )
 from hdassist.measuring.range import Range, ranges_of, visited_angles
@@ -34,7 +33,7 @@ from hdassist.measuring.uncertainty import (
     budget,
     combined,
 )
-from hdassist.measuring.windup import RecordedTorque, load_of, tells_compliance
+from hdassist.measuring.windup import RecordedTorque, tells_compliance
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.readers.sweeps import AngleSweep
@@ -141,14 +140,14 @@ class Reversal:
     """Error in growing minus error in falling direction at the same angles [arcsec]: mean, and greatest departure."""
 
     mean_arcsec: float
-    greatest_arcsec: float
+    greatest_departure_arcsec: float
 
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
     """Answers from a measured trace: directions, that of the greatest F'_ior first; seed of the bootstrap.
 
-    lag: between the encoders, None without time stamps or a ratio; torque: None where it was not recorded.
+    lag: between the encoders, None where it is not known; torque: None where it was not recorded.
     """
 
     trace: MeasuredTrace
@@ -190,51 +189,47 @@ def measure(
     require_drift(drift)
     gearing = gearing_of(drive, ratio)
     notes, warnings = list(trace.notes), []
-    directions: list[SweepResult] = []
-    cleaned, torque, degree = trace, None, DRIFTS[drift]
-    if trace.load is not None:
-        load, torque = load_of(trace.load, drive)
-        cleaned = replace(trace, load=load)
+    cleaned, directions = trace, []
+    torque = None if trace.load is None else RecordedTorque.of(trace.load)
     for sign in (0,) if together else (1, -1):
-        sweeps = [sweep for sweep in trace.sweeps if together or sweep.direction == sign]
+        sweeps = _sweeps_of(cleaned, sign)
         longest = max((abs(trace.cam_deg[s.stop - 1] - trace.cam_deg[s.start]) / 360 for s in sweeps), default=0.0)
         if longest < SHORTEST_TURNS - 0.01:
             if sweeps:
                 notes.append(f"{'growing' if sign > 0 else 'falling'} angles left out: {longest:.2g} of a cam turn")
             continue
         while True:
-            sweeps = [sweep for sweep in cleaned.sweeps if together or sweep.direction == sign]
+            sweeps = _sweeps_of(cleaned, sign)
             declared, finest = _declared(cleaned, sweeps, orders, notes)
             bins = bins_of(cleaned, sweeps, declared[-1])
-            slow = SlowTerms(degree) if together else slow_terms(bins.span, gearing.ratio if gearing else None, degree)
-            if trace.time_s is not None and not together:
-                slow = replace(slow, over=("speed",) * speed_changes(bins))
+            slow = SlowTerms(DRIFTS[drift])
+            if not together:
+                slow = slow_terms(bins.span, gearing.ratio if gearing else None, slow.degree)
+                slow = replace(slow, over=("speed",) * (trace.time_s is not None and speed_changes(bins)))
             fit = _fit(bins, declared, gearing, slow, notes)
             if torque and torque.changes and torque.by != "catalogue":
                 if tells_compliance(fit):
                     slow = replace(slow, over=(*slow.over, "load"))
                     fit = _fit(bins, declared, gearing, slow, notes)
-                elif torque.has_catalogue:
-                    cleaned, torque = torque.by_catalogue(cleaned)
+                    torque = torque.fitted(*fit.slopes["load"])
+                elif without := torque.by_catalogue(cleaned, drive):
+                    cleaned, torque = without
                     continue
                 else:
                     warnings.append(WIND_UP_LEFT)
             cleaned, spikes = without_spikes(cleaned, sweeps, fit)
             if not spikes:
                 break
-            warnings += spikes
+            warnings.append(spikes)
         drift_left = 0.0
         if not together:  # a comparison looks for drift in the difference, and counts lines as noise
             fit, drift_left = _with_lines_or_drift(fit, finest)
             if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
                 warnings.append(DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
-                fit, drift_left = _with_lines_or_drift(
-                    _fit(bins, declared, gearing, replace(slow, degree=1), notes), finest
-                )
+                fit = _fit(bins, declared, gearing, replace(slow, degree=1), notes)
+                fit, drift_left = _with_lines_or_drift(fit, finest)
             elif drift_left:
                 warnings.append(DRIFT_LEFT.format(drift_left))
-        if torque and "load" in fit.slopes:
-            torque = torque.fitted(fit, load)
         result = _sweep_result(
             sign, cleaned, sweeps, fit, declared, drift_left, gearing, drive, stated or {}, seed, torque
         )
@@ -246,12 +241,15 @@ def measure(
         hint = "F'_ior is looked for over whole turns; check that the angle is that of the cam, and its unit"
         raise DataError(f"{trace.file}: less than one cam turn in one direction", hint)
     reversal = _reversal(*directions) if len(directions) == 2 else None
-    lag = None
-    if gearing and trace.time_s is not None and not together:
-        lag = encoder_lag([each.fit for each in directions], gearing.ratio, trace.sense)
+    lag = encoder_lag([each.fit for each in directions], gearing.ratio, trace.sense) if gearing else None
     directions.sort(key=lambda each: -each.range.value)
     notes, warnings = list(dict.fromkeys(notes)), list(dict.fromkeys(warnings))
     return Measurement(trace, gearing, tuple(directions), reversal, lag, tuple(notes), tuple(warnings), seed, torque)
+
+
+def _sweeps_of(trace: MeasuredTrace, sign: int) -> list[AngleSweep]:
+    """Sweeps of a trace in a direction; 0 for both."""
+    return [sweep for sweep in trace.sweeps if sweep.direction == sign or not sign]
 
 
 def require_drift(kind: str) -> None:
@@ -330,9 +328,18 @@ def _sweep_result(
     drift_left: linear drift [arcsec] that the fit has in it.
     """
     bins = fit.design.bins
-    again = gearing is not None and bins.span >= WHOLE_TURN * gearing.ratio and not len(fit.lines)
-    cycle = gearing.cycle if gearing and again else None
-    grid = visited_angles(bins, float(fit.orders[-1]), cycle)
+    places, per_turn = visited_angles(bins, float(fit.orders[-1]))
+    rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in sweeps])
+    visits = None
+    if gearing:
+        cycle = gearing.cycle * per_turn
+        visited = np.unique(np.mod(places, cycle))
+        steps = int(np.isin(np.mod(visited + 1, cycle), visited).sum())  # from one visited place to the next
+        step = float(np.median(np.abs(np.diff(trace.cam_deg[rows]))))
+        visits = Coverage(steps / per_turn, steps / cycle, step)
+        if bins.span >= WHOLE_TURN * gearing.ratio and not len(fit.lines):
+            places = visited
+    grid = places / per_turn
     extent, revolution = ranges_of(fit, grid, np.random.default_rng([seed, sign + 1]))
     cam = extent
     slow = fit.design.drift_at(fit.drift, bins.turns, bins.travel)
@@ -356,17 +363,11 @@ def _sweep_result(
         message = f"F'_ior of {max(extent.value, 0.0):.3g}″ is not clear of its noise, u = {alone:.3g}″"
         hint = "it drifts: --drift linear" if drift_left else "record longer or with less noise; check the column"
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
-    rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in sweeps])
-    raw = float(
-        np.ptp(
-            trace.error_arcsec[rows] - fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
-        )
-    )
-    visits = coverage(grid, trace.cam_deg[rows] / 360, gearing) if gearing else None
-    table, ratio = order_table(fit, declared, drive, gearing), gearing.ratio if gearing else None
+    drifted = fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
+    raw = float(np.ptp(trace.error_arcsec[rows] - drifted))
     return SweepResult(
-        sign, fit, grid, extent, revolution, cam, float(np.ptp(slow)), _cost_of_slow(fit), raw, table,
-        orders_of_cam(fit, declared, ratio, table), visits, sources,
+        sign, fit, grid, extent, revolution, cam, float(np.ptp(slow)), _cost_of_slow(fit), raw,
+        *order_tables(fit, declared, drive, gearing), visits, sources,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import stdtrit
@@ -106,20 +106,19 @@ def order_grid(
     return np.asarray(every[np.concatenate([[True], np.diff(every) > step / 2])])
 
 
-def order_table(
+def order_tables(
     fit: TraceFit, declared: Sequence[float], drive: Drive | None, gearing: Gearing | None
-) -> tuple[MeasuredOrder, ...]:
-    """Orders of a fit, rising, with the simplest causes of each that lie nearest to it.
+) -> tuple[tuple[MeasuredOrder, ...], tuple[MeasuredOrder, ...]]:
+    """Orders of a fit with their simplest causes, rising; and each declared order with its beats, as one wave.
 
     A line and the orders that the record does not resolve from it are one entry. Over a part of an output turn a line
-    among the beats of a declared order is none.
+    among the beats of a declared order is none, and the beats that it leaves open are part of the uncertainty.
     """
-    orders, span = fit.orders, fit.design.bins.span
+    orders, span, ratio = fit.orders, fit.design.bins.span, gearing.ratio if gearing else USUAL_RATIO
+    is_part = span < WHOLE_TURN * ratio
     fitted = orders[~np.isin(orders, fit.lines)]
     width = float(np.diff(fitted).min()) / 2 if len(fitted) > 1 else 0.5
-    ratio = gearing.ratio if gearing else USUAL_RATIO
-    near = distance(fit.lines, np.asarray(declared)) <= BEATS / ratio + LINE_WIDTH / span
-    is_beat = near & (span < WHOLE_TURN * ratio)
+    is_beat = is_part & (distance(fit.lines, np.asarray(declared)) <= BEATS / ratio + LINE_WIDTH / span)
     causes: list[list[tuple[int, str]]] = [[] for _ in orders]
     for (k_g, k_b), (order, words) in (known_causes(drive) if drive else {}).items():
         place = int(np.abs(orders - order).argmin())
@@ -130,9 +129,8 @@ def order_table(
         known = [each for place in own for each in causes[place]]
         words = [text for degree, text in known if degree == min(known)[0]]
         if gearing:
-            reach = min(width * gearing.ratio, 0.5)
-            per_output = orders[own] * gearing.ratio
-            words += [text for often, text in RIG_CAUSES.items() if (abs(per_output - often) < reach).any()]
+            reach = min(width * ratio, 0.5)
+            words += [text for often, text in RIG_CAUSES.items() if (abs(orders[own] * ratio - often) < reach).any()]
             words += [CAM_CAUSE] * bool((abs(orders[own] - 1) < 1e-9).any())
         if np.isin(orders[own], fit.lines[is_beat]).any():
             words.append(BEAT_CAUSE)
@@ -140,57 +138,65 @@ def order_table(
             words.append(LINE_CAUSE if len(own) == 1 else TOGETHER_CAUSE.format(orders[own[0]], orders[own[-1]]))
         return "; ".join(dict.fromkeys(words)) or (NO_CAUSE if drive else "")
 
-    rows = []
+    table = []
     for own in fit.groups:
         is_line = bool(np.isin(orders[own], fit.lines[~is_beat]).any())
-        rows.append(MeasuredOrder(*fit.wave(own), cause(own), is_line))
-    return tuple(rows)
-
-
-def orders_of_cam(
-    fit: TraceFit, declared: Sequence[float], ratio: float | None, table: Sequence[MeasuredOrder]
-) -> tuple[MeasuredOrder, ...]:
-    """Each declared order together with its beats, as a wave of the same mean square; table: of the orders, for causes.
-
-    Over a part of an output turn the beats that it leaves open are part of the uncertainty.
-    """
-    causes = {order.per_cam_rev: order.cause for order in table}
-    ratio = ratio or USUAL_RATIO
-    rows = []
+        table.append(MeasuredOrder(*fit.wave(own), cause(own), is_line))
+    together = []
     for order in declared:
-        off = np.abs(fit.orders - order)
+        off = np.abs(orders - order)
         near = off <= np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2) + 1e-9
-        if len(own := np.flatnonzero(near & ~fit.is_slow)):
-            _, amplitude, uncertainty, phase = fit.joint_wave(own)
-            if fit.design.bins.span < WHOLE_TURN * ratio:
-                uncertainty = float(np.hypot(uncertainty, _unseen_beats(fit, own, amplitude, order, ratio)))
-            centre = float(fit.orders[off.argmin()])
-            rows.append(MeasuredOrder(order, amplitude, uncertainty, phase, causes.get(centre, "")))
-    return tuple(rows)
+        if not len(own := np.flatnonzero(near & ~fit.is_slow)):
+            continue
+        joint = MeasuredOrder(order, *fit.joint_wave(own)[1:], "")
+        place = next((k for k, group in enumerate(fit.groups) if off.argmin() in group), 0)
+        if is_part:
+            beats = OpenBeats.of(fit, own, joint, ratio)
+            joint, table[place] = beats.widened(joint, BEATS), beats.widened(table[place], 0)
+        together.append(replace(joint, cause=table[place].cause))
+    return tuple(table), tuple(together)
 
 
-def _unseen_beats(fit: TraceFit, own: OrderIndices, amplitude: float, order: float, ratio: float) -> float:
-    """Standard uncertainty [arcsec] of the amplitude of an order with its beats over a whole turn of the output.
+@dataclass(frozen=True)
+class OpenBeats:
+    """Cosines, then sines, of an order and its beats over whole turns of the output, as a part of one leaves them open.
 
-    Arguments: own, places of the order in the fit; its amplitude in the record. Cosine and sine of each beat c are
-    drawn from a normal distribution, those next to the order as large as the order itself and those further off smaller
-    by half from one to the next; the coefficients of the record are B c and noise. Their common size is found by
-    expectation and maximisation.
+    mean: [arcsec], shape (2 (2 BEATS + 1),); covariance: its matrix; student: factor of an interval, for their common
+    size is found by so few.
     """
-    away = np.tile(np.arange(-BEATS, BEATS + 1), 2)
-    pair, beats = np.concatenate([own, own + len(fit.orders)]), order + away[: len(away) // 2] / ratio
-    turns = fit.design.bins.turns
-    record = fit.design.project(lambda rows: order_columns(turns[rows], beats))[pair]
-    noise = fit.factor[pair] @ fit.factor[pair].T
-    share = 4.0 ** -np.maximum(np.abs(away) - 1.0, 0)
-    variance = amplitude**2 / share.sum() + np.trace(noise)
-    for _ in range(SIZE_ITERATIONS):
-        prior = record * (variance * share)
-        gain = np.linalg.lstsq(prior @ record.T + noise, prior, rcond=None)[0].T
-        mean, spread = gain @ fit.coefficients[pair], np.diag(variance * share) - gain @ prior
-        variance = float(np.mean((mean**2 + np.diag(spread)) / share))
-    square = float(mean @ mean + np.trace(spread))
-    scatter = float(np.sqrt(2 * np.trace(spread @ spread) + 4 * mean @ spread @ mean))
-    freedom = len(away) - float((np.diag(spread) / (variance * share)).sum())  # of that size
-    student = float(stdtrit(max(freedom, 1.0), 0.975)) / COVERAGE_FACTOR
-    return UNSEEN_FACTOR * student * float(np.hypot(np.sqrt(square) - amplitude, scatter / (2 * np.sqrt(square))))
+
+    mean: Array
+    covariance: Array
+    student: float
+
+    @classmethod
+    def of(cls, fit: TraceFit, own: OrderIndices, joint: MeasuredOrder, ratio: float) -> OpenBeats:
+        """Beats by the places of an order and its beats in a fit, which are a joint wave over the record.
+
+        Cosine and sine of each beat c are drawn from a normal distribution, those next to the order as large as the
+        order itself and those further off smaller by half from one to the next; the coefficients of the record are B c
+        and noise. Their common size is found by expectation and maximisation.
+        """
+        away = np.tile(np.arange(-BEATS, BEATS + 1), 2)
+        pair = np.concatenate([own, own + len(fit.orders)])
+        beats, turns = joint.per_cam_rev + away[: len(away) // 2] / ratio, fit.design.bins.turns
+        record = fit.design.project(lambda rows: order_columns(turns[rows], beats))[pair]
+        noise = fit.factor[pair] @ fit.factor[pair].T
+        share = 4.0 ** -np.maximum(np.abs(away) - 1.0, 0)
+        variance = joint.amplitude_arcsec**2 / share.sum() + np.trace(noise)
+        for _ in range(SIZE_ITERATIONS):
+            prior = record * (variance * share)
+            gain = np.linalg.lstsq(prior @ record.T + noise, prior, rcond=None)[0].T
+            mean, covariance = gain @ fit.coefficients[pair], np.diag(variance * share) - gain @ prior
+            variance = float(np.mean((mean**2 + np.diag(covariance)) / share))
+        freedom = len(away) - float((np.diag(covariance) / (variance * share)).sum())  # of that size
+        return cls(mean, covariance, float(stdtrit(max(freedom, 1.0), 0.975)) / COVERAGE_FACTOR)
+
+    def widened(self, order: MeasuredOrder, beats: int) -> MeasuredOrder:
+        """An order of the record with the uncertainty of its amplitude over whole turns, with so many of its beats."""
+        kept = np.flatnonzero(np.abs(np.tile(np.arange(-BEATS, BEATS + 1), 2)) <= beats)
+        mean, covariance = self.mean[kept], self.covariance[np.ix_(kept, kept)]
+        size = float(np.sqrt(mean @ mean + np.trace(covariance)))
+        scatter = float(np.sqrt(2 * np.trace(covariance @ covariance) + 4 * mean @ covariance @ mean)) / (2 * size)
+        room = UNSEEN_FACTOR * self.student * float(np.hypot(size - order.amplitude_arcsec, scatter))
+        return replace(order, uncertainty_arcsec=float(np.hypot(order.uncertainty_arcsec, room)))

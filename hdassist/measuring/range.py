@@ -49,8 +49,8 @@ class Range:
         return BIAS_SHARE * self.bias
 
 
-def visited_angles(bins: Bins, highest: float, cycle: int | None) -> Array:
-    """Cam angles [turns] of a fine grid that lie between neighbouring readings, once in a cycle (None: no cycle)."""
+def visited_angles(bins: Bins, highest: float) -> tuple[Array, int]:
+    """Places of a fine grid of cam angles that lie between neighbouring readings, rising, and the places in a turn."""
     per_turn = POINTS_PER_PERIOD * int(np.ceil(highest))
     visited = []
     for index in range(bins.sweeps):
@@ -58,10 +58,7 @@ def visited_angles(bins: Bins, highest: float, cycle: int | None) -> Array:
         grid = np.arange(np.ceil(turns[0] * per_turn), np.floor(turns[-1] * per_turn) + 1)
         after = np.clip(np.searchsorted(turns, grid / per_turn), 1, len(turns) - 1)
         visited.append(grid[turns[after] - turns[after - 1] <= GAP_PERIODS / highest])
-    every = np.concatenate(visited)
-    if cycle is not None:
-        every = np.mod(every, cycle * per_turn)
-    return np.asarray(np.unique(every) / per_turn)
+    return np.unique(np.concatenate(visited)), per_turn
 
 
 def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator, *, draws: int = 200) -> tuple[Range, Range]:

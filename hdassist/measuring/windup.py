@@ -1,8 +1,7 @@
 """Torque that changes along a record: its wind-up is taken off, so that F'_ior is that of the mean torque.
 
 By the record itself, a slope over the torque that is fitted together with the orders, where the torque does not go with
-them, as gravity goes with the turn of the output; else by K_1 to K_3 of the drive's catalogue. Where those are known
-the slope is over their twist, which is not straight.
+them, as gravity goes with the turn of the output; else by K_1 to K_3 of the drive's catalogue.
 """
 
 from __future__ import annotations
@@ -29,61 +28,53 @@ class RecordedTorque:
     """Torque of a record [N*m]: its mean, least and greatest, and the wind-up that was taken off.
 
     by: "record", "catalogue", or empty where none was; wind_up_arcsec: its range; uncertainty_arcsec: standard
-    uncertainty of that; of a fit, with its standard uncertainty, times_catalogue, how often the catalogue's twist it
-    is, or stiffness_Nm_rad without one. has_catalogue: whether the drive is known with K_1 to K_3.
+    uncertainty of that; stiffness_Nm_rad: by the record, with its standard uncertainty.
     """
 
     mean_Nm: float
     least_Nm: float
     greatest_Nm: float
-    has_catalogue: bool
     by: str = ""
     wind_up_arcsec: float = 0.0
     uncertainty_arcsec: float = 0.0
-    times_catalogue: tuple[float, float] | None = None
     stiffness_Nm_rad: tuple[float, float] | None = None
+
+    @classmethod
+    def of(cls, torque: Array) -> RecordedTorque:
+        """The torque of rows [N*m] in figures."""
+        return cls(float(torque.mean()), float(torque.min()), float(torque.max()))
 
     @property
     def changes(self) -> bool:
         """Whether it changes by enough to wind up anything."""
         return self.greatest_Nm - self.least_Nm > LEAST_CHANGE * max(abs(self.least_Nm), abs(self.greatest_Nm))
 
-    def fitted(self, fit: TraceFit, load: Array) -> RecordedTorque:
-        """The same with what a fit has taken off; load: see load_of."""
-        slope, unsure = fit.slopes["load"]
-        size, reach = abs(slope), float(np.ptp(load))
-        found = replace(self, by="record", wind_up_arcsec=size * reach, uncertainty_arcsec=unsure * reach)
-        if self.has_catalogue:
-            return replace(found, times_catalogue=(size, unsure))
-        stiffness = ARCSEC_PER_RAD / max(size, 1e-300)
-        return replace(found, stiffness_Nm_rad=(stiffness, stiffness * unsure / max(size, 1e-300)))
+    def fitted(self, slope: float, uncertainty: float) -> RecordedTorque:
+        """The same with the slope over the torque that a fit has taken off, and its uncertainty [arcsec/(N*m)]."""
+        size, reach = max(abs(slope), 1e-300), self.greatest_Nm - self.least_Nm
+        stiffness = ARCSEC_PER_RAD / size
+        own = stiffness, stiffness * uncertainty / size
+        return replace(
+            self, by="record", wind_up_arcsec=size * reach, uncertainty_arcsec=uncertainty * reach, stiffness_Nm_rad=own
+        )
 
-    def by_catalogue(self, trace: MeasuredTrace) -> tuple[MeasuredTrace, RecordedTorque]:
-        """A trace less its load, the wind-up by a catalogue; towards growing angles where its sense is not clear."""
-        load = np.zeros(0) if trace.load is None else trace.load
+    def by_catalogue(self, trace: MeasuredTrace, drive: Drive | None) -> tuple[MeasuredTrace, RecordedTorque] | None:
+        """A trace less the twist by K_1 to K_3 of a drive, towards growing angles where its sense is not clear.
+
+        None without all three.
+        """
+        K = [drive.catalogue.K_1, drive.catalogue.K_2, drive.catalogue.K_3] if drive else []
+        stiffness = [each for each in K if each]
+        if trace.load is None or drive is None or len(stiffness) < len(K):
+            return None
+        T_1, T_2 = catalogue_torques(drive)
+        knees = np.array([0.0, T_1, T_2, T_2 + float(np.abs(trace.load).max())])
+        twist = np.cumsum([0.0, *(np.diff(knees) / stiffness)]) * ARCSEC_PER_RAD
+        load = np.sign(trace.load) * np.interp(np.abs(trace.load), knees, twist)
         sense = -1.0 if float(np.corrcoef(load, trace.error_arcsec)[0, 1]) < -CLEAR_SENSE else 1.0
         size = float(np.ptp(load))
         found = replace(self, by="catalogue", wind_up_arcsec=size, uncertainty_arcsec=CATALOGUE_SHARE * size)
         return replace(trace, error_arcsec=trace.error_arcsec - sense * load), found
-
-
-def load_of(torque: Array, drive: Drive | None) -> tuple[Array, RecordedTorque]:
-    """The load of torques [N*m]: their twist [arcsec] by K_1 to K_3 of a drive's catalogue less that at the mean.
-
-    Without a catalogue the torques less their mean. And the torques in figures.
-    """
-    K = [drive.catalogue.K_1, drive.catalogue.K_2, drive.catalogue.K_3] if drive else []
-    known = [each for each in K if each]
-    found = RecordedTorque(
-        float(torque.mean()), float(torque.min()), float(torque.max()), drive is not None and len(known) == len(K)
-    )
-    every = np.append(torque, found.mean_Nm)
-    if drive and found.has_catalogue:
-        T_1, T_2 = catalogue_torques(drive)
-        knees = np.array([0.0, T_1, T_2, T_2 + float(np.abs(torque).max())])
-        twist = np.cumsum([0.0, *(np.diff(knees) / known)]) * ARCSEC_PER_RAD
-        every = np.sign(every) * np.interp(np.abs(every), knees, twist)
-    return np.asarray(every[:-1] - every[-1]), found
 
 
 def tells_compliance(fit: TraceFit) -> bool:

@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from hdassist.model.unknown import Unknown
 from hdassist.preset.fields import Drive, measures
 from hdassist.preset.knowledge import LAWS
 from hdassist.preset.overrides import is_overridden
 
 
-@dataclass(frozen=True)
-class Assumption:
-    """A field whose value is assumed, by path: the plausible range of it, in its unit, and why."""
-
-    path: str
-    low: float
-    high: float
-    reason: str
-
-
-def assumptions(drive: Drive) -> tuple[Assumption, ...]:
+def assumptions(drive: Drive) -> tuple[Unknown, ...]:
     """Fields of a drive that are assumed, or left to a default, and have a plausible range.
 
     A field that the preset's `source` calls assumed has the range that stands there.
@@ -31,9 +20,9 @@ def assumptions(drive: Drive) -> tuple[Assumption, ...]:
         if value is None or path == drive.unused_tooth_field or is_overridden(path, drive.origin.overrides):
             continue  # not known, without effect, or wanted so
         if source is not None and source.kind == "assumed" and source.range:
-            found.append(Assumption(path, *source.range, source.ref))
+            found.append(Unknown(path, *source.range, source.ref))
         elif source is None and name not in getattr(drive, section).model_fields_set and path in LAWS:
             law, g = LAWS[path], drive.gears
             if law.assumed and (bounds := law.range_at(g.pitch_diameter, g.m, value)):
-                found.append(Assumption(path, *bounds, law.why))
+                found.append(Unknown(path, *bounds, law.why))
     return tuple(a for a in found if a.low < a.high and drive.allows(a.path, a.low) and drive.allows(a.path, a.high))

@@ -71,7 +71,6 @@ class ContactSystem:
 
     geometry: Geometry
     flanks: Flanks
-    bore_theta: Array
     ball_theta: Array
     compliance: Array
     local: Array
@@ -100,11 +99,6 @@ class ContactSystem:
     def first(self) -> NDArray[np.int64]:
         """First candidate at each place, shape (m,)."""
         return np.searchsorted(self.place, np.arange(len(self.compliance)))
-
-    @property
-    def D(self) -> Array:
-        """Compliance [mm/N] between candidates, shape (M, M)."""
-        return np.asarray(self.compliance[np.ix_(self.place, self.place)] + np.diag(self.local))
 
     def at_places(self, forces: Array) -> Array:
         """Force at each place [N], all its candidates together, shape (states, m), of forces, shape (states, M)."""
@@ -152,12 +146,6 @@ class ContactSystem:
             delta_p[:, : self.n_flanks] += gaps.at_flanks
         return np.asarray(delta_p)
 
-    def load(self, torque: float) -> Array:
-        """Load b of a torque [N*mm] on the flexspline, counter-clockwise positive, shape (9,)."""
-        b = np.zeros(len(FREEDOMS))
-        b[ROTATION] = torque
-        return b
-
 
 def contact_system(drive: Drive, tau: float = 0.0, beta: float | None = None) -> ContactSystem:
     """Contact system of a drive at tooth phase tau [tooth pitches] and ball phase beta [ball pitches].
@@ -195,39 +183,36 @@ class ContactSystems:
         """
         drive, geometry, bore = self._drive, self._geometry, self._bore
         if tau not in self._flexspline:
-            pairs = flank_candidates(geometry, float(np.radians(drive.numerics.window)), tau)
+            pairs = flank_candidates(geometry, tau)
             flanks = pairs.repeated(len(self._face.fall))
             compliance = _flexspline_compliance(drive, geometry, pairs, bore)
-            self._flexspline[tau] = flanks, compliance, _flank_part(geometry, flanks, self._face)
+            self._flexspline = {tau: (flanks, compliance, _flank_part(geometry, flanks, self._face))}  # the last one
         if beta not in self._ring:
             balls = 2 * np.pi * (np.arange(drive.bearing.N) + beta) / drive.bearing.N
             gaps = drive.bearing.g_b * 1e-3 - geometry.W_0 * np.cos(2 * balls)
             part = _Part(_between(RING, CAM, balls), gaps, np.full(len(balls), drive.contact.c_ball))
-            self._ring[beta] = balls, _ring_compliance(drive, geometry, bore, balls), part
+            ring = outer_ring(drive, geometry)
+            compliance = _compliance_of(ring, np.vstack([-ring.radial(bore), ring.radial(balls)]))
+            self._ring[beta] = balls, compliance, part
         flanks, flexspline, at_flanks = self._flexspline[tau]
-        balls, ring, at_balls = self._ring[beta]
-        parts = at_flanks, self._nodes, at_balls
+        balls, of_ring, at_balls = self._ring[beta]
+        inside = len(flexspline) - len(bore)
+        D = np.pad(flexspline, (0, len(balls)))
+        D[inside:, inside:] += of_ring  # both see the bore
+        parts, supports = (at_flanks, self._nodes, at_balls), np.zeros(len(FREEDOMS))
+        supports[RIGID], supports[FLEX] = drive.supports.C_1, drive.supports.C_2
+        supports[CAM] = drive.number("supports.C_3")
         return ContactSystem(
             geometry=geometry,
             flanks=flanks,
-            bore_theta=bore,
             ball_theta=balls,
-            compliance=_compliance(flexspline, ring, len(bore)),
+            compliance=D,
             local=np.concatenate([part.local for part in parts]),
             G=np.concatenate([part.G for part in parts]),
-            C=_supports(drive),
+            C=supports,
             delta_p=np.concatenate([part.delta_p for part in parts]),
             face=self._face,
         )
-
-
-def _compliance(flexspline: Array, ring: Array, bore: int) -> Array:
-    """Compliance between flanks, bore and balls of flexspline and outer ring together; both see the bore."""
-    flanks = len(flexspline) - bore
-    D = np.zeros((flanks + len(ring), flanks + len(ring)))
-    D[: len(flexspline), : len(flexspline)] = flexspline
-    D[flanks:, flanks:] += ring
-    return D
 
 
 def _flexspline_compliance(drive: Drive, geometry: Geometry, flanks: Flanks, bore: Array) -> Array:
@@ -238,12 +223,6 @@ def _flexspline_compliance(drive: Drive, geometry: Geometry, flanks: Flanks, bor
     at_flank += push[1][:, None] * flexspline.radial(flanks.theta)
     # the rigid wheel pushes the tooth inwards, the outer ring pushes the bore outwards, and so on
     return _compliance_of(flexspline, np.vstack([-at_flank, flexspline.radial(bore)]))
-
-
-def _ring_compliance(drive: Drive, geometry: Geometry, bore: Array, balls: Array) -> Array:
-    """Compliance of the outer ring between bore and balls."""
-    ring = outer_ring(drive, geometry)
-    return _compliance_of(ring, np.vstack([-ring.radial(bore), ring.radial(balls)]))
 
 
 def _compliance_of(ring: Ring, loads: Array) -> Array:
@@ -278,12 +257,6 @@ def _normal(flanks: Flanks) -> Array:
     along = np.stack([-np.sin(flanks.theta), np.cos(flanks.theta)], axis=1)
     s_cos, sin = flanks.side * np.cos(flanks.alpha), np.sin(flanks.alpha)
     return np.asarray(s_cos[:, None] * along + sin[:, None] * _radial(flanks.theta))
-
-
-def _supports(drive: Drive) -> Array:
-    C = np.zeros(len(FREEDOMS))
-    C[RIGID], C[FLEX], C[CAM] = drive.supports.C_1, drive.supports.C_2, drive.number("supports.C_3")
-    return C
 
 
 def _radial(theta: Array) -> Array:

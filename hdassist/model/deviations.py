@@ -23,7 +23,6 @@ from hdassist.preset.fields import Drive
 
 MARK_TO_PHASE = {"xi": 0.0, "runout": 180.0, "pitch": -90.0}  # deg: a mark is not a phase
 
-FieldValue = Callable[[str], Array | float]
 Waves = dict[tuple[int, str, int], Array]
 
 
@@ -92,7 +91,7 @@ def deviation_scalars(drive: Drive, alpha_g: Array, alpha_b: Array) -> Array:
     return scalars_of(waves_of(drive.number, drive.mounting.mark_kind), alpha_g, alpha_b)
 
 
-def waves_of(value: FieldValue, mark_kind: str) -> Waves:
+def waves_of(value: Callable[[str], Array | float], mark_kind: str) -> Waves:
     """Amplitudes [mm] of deviations where the wheels have not turned, by column, part and order, as complex numbers.
 
     Arguments: value, sizes [um] and directions [deg] by the path of their field; mark_kind, what xi_g and xi_b are.

@@ -42,18 +42,14 @@ class Wheel:
         """Radius of the base circle [mm]."""
         return self.m * self.z * float(np.cos(self.alpha)) / 2
 
-    @cached_property
-    def _half_angle_at_base(self) -> float:
-        shift = (np.pi / 2 + 2 * self.x * np.tan(self.alpha)) / self.z
-        return float(shift + involute(self.alpha))
-
     def pressure_angle(self, radius: Array) -> Array:
         """Pressure angle [rad] of the flank at radii [mm] outside the base circle."""
         return np.asarray(np.arccos(self.base_radius / radius))
 
     def half_angle(self, radius: Array) -> Array:
         """Half angle psi [rad] of an external tooth, and of an internal wheel's space, at radii [mm]."""
-        return self._half_angle_at_base - involute(self.pressure_angle(radius))
+        at_base = (np.pi / 2 + 2 * self.x * np.tan(self.alpha)) / self.z + involute(self.alpha)
+        return np.asarray(at_base - involute(self.pressure_angle(radius)))
 
 
 @dataclass(frozen=True)
@@ -110,7 +106,6 @@ class Flanks:
     gap: Array  # nominal gap without the clearance j_n [mm]
     alpha: Array  # pressure angle of the contact normal [rad]
     h_c: Array  # height of the contact above the mid-line [mm]
-    edge: NDArray[np.bool_]  # outermost tooth of its zone's window
 
     def repeated(self, times: int) -> Flanks:
         """Each entry so many times, one after the other."""
@@ -118,26 +113,20 @@ class Flanks:
 
 
 def flank_candidates(
-    geometry: Geometry,
-    window: float,
-    tau: float = 0.0,
-    samples: int = FLANK_SAMPLES,
-    zones: tuple[int, ...] = (0, 1),
+    geometry: Geometry, tau: float = 0.0, samples: int = FLANK_SAMPLES, zones: tuple[int, ...] = (0, 1)
 ) -> Flanks:
-    """Every flank pair within the window of a mesh zone, with its least gap over the active height.
+    """Every flank pair of a mesh zone that can touch, with its least gap over the active height.
 
-    Arguments: geometry; window [rad] on each side of a zone's axis, ends included; tau, the tooth phase in
-    tooth pitches; samples, heights tried on each flank; zones, of which flanks are wanted. Pairs whose teeth do not
-    overlap radially cannot touch and are left out.
+    Arguments: geometry; tau, the tooth phase in tooth pitches; samples, heights tried on each flank; zones, of which
+    flanks are wanted. Pairs whose teeth do not overlap radially cannot touch and are left out.
     """
     z_g = geometry.flexspline.z
     index = np.arange(-z_g, 2 * z_g)
     angle = 2 * np.pi * (index + tau) / z_g
-    near = [index[np.abs(angle - zone * np.pi) <= window + 1e-9] for zone in zones]
+    near = [index[np.abs(angle - zone * np.pi) <= np.pi / 2 + 1e-9] for zone in zones]
     tooth = np.repeat(np.concatenate(near), 2)
     zone = np.repeat(np.repeat(zones, [len(teeth) for teeth in near]), 2)
     side = np.tile([1.0, -1.0], len(tooth) // 2)
-    edge = np.concatenate([np.isin(teeth, (teeth.min(), teeth.max())) for teeth in near]).repeat(2)
     theta = 2 * np.pi * (tooth + tau) / z_g
 
     shape = nominal_shape(theta, geometry.W_0, geometry.r_m, geometry.curve)  # once: it takes most of the time
@@ -146,8 +135,8 @@ def flank_candidates(
         raise UntrustedError(
             "no tooth of the flexspline reaches the rigid wheel", "raise cam.W_0 or gears.h_a", Fault.NO_MESH
         )
-    tooth, zone, edge = tooth[reaches], zone[reaches], edge[reaches]
-    side, theta, lowest = side[reaches], theta[reaches], lowest[reaches]
+    tooth, zone, side = tooth[reaches], zone[reaches], side[reaches]
+    theta, lowest = theta[reaches], lowest[reaches]
     w, v, chi = (part[reaches][:, None] for part in shape)
     rows, height = np.arange(len(theta)), np.linspace(0, 1, samples)
 
@@ -169,7 +158,6 @@ def flank_candidates(
         gap=gap,
         alpha=geometry.rigid.pressure_angle(rho),
         h_c=r_y - geometry.r_m,
-        edge=edge,
     )
 
 

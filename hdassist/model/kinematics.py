@@ -112,12 +112,6 @@ def neighbours_together(kinematics: Kinematics, states: States) -> NDArray[np.in
     return np.lexsort((np.where(step % 2, -row, row), step, strip))
 
 
-def turns_and_degrees(degrees: float) -> str:
-    """An angle as whole turns and degrees, to a tenth of a degree."""
-    turns, rest = divmod(round(degrees, 1), 360.0)
-    return f"{turns:.0f} turn{'s' * (turns != 1)} + {rest:.1f}°"
-
-
 def ball_phase(drive: Drive, phi_h: Array) -> Array:
     """Ball phase beta [ball pitches, in 0..1) at cam angles [rad]: constant, or that of a rolling cage.
 

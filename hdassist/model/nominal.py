@@ -30,10 +30,8 @@ def nominal_shape(theta: Array, W_0: float, r_m: float, curve: NominalCurve = "l
     r_0 + A cos 2 phi that has the length of the undeformed mid-line and stands off by W_0 at the major axis;
     sections keep their arc length and stay normal to it.
     """
-    return _linear(theta, W_0, r_m) if curve == "linear" else _inextensible(theta, W_0, r_m)
-
-
-def _linear(theta: Array, W_0: float, r_m: float) -> Shape:
+    if curve == "inextensible":
+        return _inextensible(theta, W_0, r_m)
     w = W_0 * np.cos(2 * theta)
     v = -W_0 / 2 * np.sin(2 * theta)
     chi = (v + 2 * W_0 * np.sin(2 * theta)) / r_m

@@ -36,7 +36,7 @@ class Ring:
         angle = np.outer(theta, self.order[1:])
         return np.hstack([np.ones((len(theta), 1)), np.cos(angle), np.sin(angle)])
 
-    def tangential(self, theta: Array, height: Array | float = 0.0) -> Array:
+    def tangential(self, theta: Array, height: Array | float) -> Array:
         """Tangential displacement v + h chi at angles theta [rad] for a unit of each mode, shape (points, modes).
 
         Arguments: height, h [mm] of the points above the mid-line.

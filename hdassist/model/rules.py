@@ -29,8 +29,6 @@ MESH_FIELDS = (*ROOTS, *WARMTH, "flexspline.h_1", "gears.alpha", "gears.j_n", "n
 RIM_FIELDS = ("gears.m", "gears.z_g", "gears.x_g", "gears.h_f", "flexspline.h_1")
 BEARING_FIELDS = (*RIM_FIELDS, "bearing.ring_h", "bearing.d_ball", "bearing.N")
 
-FoundConflict = tuple[Conflict, tuple[str, ...]]
-
 
 def first_conflict(drive: Drive) -> Conflict | None:
     """First conflict between the fields of a drive; None where they go together."""
@@ -38,7 +36,7 @@ def first_conflict(drive: Drive) -> Conflict | None:
     return next((conflict for conflict, _ in conflicts(values)), None)
 
 
-def conflicts(values: Mapping[str, Any]) -> Iterator[FoundConflict]:
+def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, ...]]]:
     """Conflicts between fields, of the rules whose fields are all there.
 
     Arguments: values, the valid fields by their path ("gears.z_g").
@@ -135,7 +133,7 @@ def _least_gap(geometry: Geometry) -> tuple[float, float]:
     """Least nominal gap of all flanks [mm], without the clearance, and how far from the major axis it is [rad]."""
     zones = (0,) if geometry.flexspline.z % 2 == 0 else (0, 1)  # of an even number of teeth both are the same
     try:
-        flanks = flank_candidates(geometry, np.pi / 2, zones=zones)
+        flanks = flank_candidates(geometry, zones=zones)
     except UntrustedError:  # the tips just reach each other, the flanks do not
         return np.inf, 0.0
     least = int(np.argmin(flanks.gap))

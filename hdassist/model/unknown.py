@@ -5,12 +5,11 @@ A size that is not given may be anything up to what its part may have; a directi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 from hdassist.model.deviations import fixed_part, standing_offset
-from hdassist.model.geometry import Array
 from hdassist.preset.deviations import COMPOSITES, DEVIATIONS, Deviation
 from hdassist.preset.fields import Drive
 from hdassist.preset.knowledge import (
@@ -26,7 +25,7 @@ from hdassist.preset.knowledge import (
 
 @dataclass(frozen=True)
 class Unknown:
-    """A field that a preset does not give, by path: what it lies between, in the field's unit, and why."""
+    """A field that is assumed or not given, by path: what it may really lie between, in the field's unit, and why."""
 
     path: str
     low: float
@@ -87,23 +86,6 @@ def _sides(drive: Drive) -> tuple[list[Deviation], list[Deviation]]:
     return sides
 
 
-def with_zeros(drive: Drive) -> Drive:
-    """The drive with what is not known of its deviations taken as 0, and a warning that says so."""
-    open_ = unknowns(drive)
-    if not open_:
-        return drive
-    known = drive.with_values({u.path: 0.0 for u in open_})
-    zeros = tuple(u.path for u in open_)
-    told = f"assumed to be 0, not known: {', '.join(zeros)}"
-    known._origin = replace(drive.origin, warnings=(*drive.origin.warnings, told), zeros=zeros)
-    return known
-
-
-def listed(drive: Drive, columns: Mapping[str, Array], count: int) -> list[Drive]:
-    """A drive with one value after the other of some fields, shape (count,) each."""
-    return [drive.with_values({path: float(values[k]) for path, values in columns.items()}) for k in range(count)]
-
-
 def unknown_notes(drive: Drive) -> tuple[str, ...]:
     """A warning for what computes with 0 where a deviation is not known; none where all are."""
     open_ = unknowns(drive)
@@ -116,15 +98,11 @@ def unknown_names(fields: Sequence[Unknown], most: int = 4) -> str:
     return f"{paths} and {len(fields) - most} more" if len(fields) > most else paths
 
 
-def pitch_deviation(drive: Drive, grade: int) -> float:
-    """Total cumulative pitch deviation F_p [um] of a drive's wheels in an accuracy class. Source: ISO 1328-1:2013."""
-    return F_p(drive.gears.pitch_diameter, drive.gears.m, grade)
-
-
 def _largest(drive: Drive, deviation: Deviation) -> tuple[float, str]:
     """Greatest size [um] that a deviation is taken to have, and why."""
     if deviation.kind == "composite":
-        return pitch_deviation(drive, COARSEST_CLASS), f"F_p of class {COARSEST_CLASS}, ISO 1328-1:2013"
+        grade = F_p(drive.gears.pitch_diameter, drive.gears.m, COARSEST_CLASS)
+        return grade, f"F_p of class {COARSEST_CLASS}, ISO 1328-1:2013"
     if deviation.kind in ("cam", "centre"):
         share = STANDING_OFFSET if deviation.size == standing_offset(drive)[0] else TURNING_OFFSET
         share = CENTRE_OFFSET if deviation.kind == "centre" else share

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
-from hdassist.model.deviations import ToothDeviations
+from hdassist.model.deviations import ToothDeviations, fixed_part
 from hdassist.preset.deviations import IN_TEETH
 from hdassist.preset.fields import Drive
 
@@ -66,10 +66,8 @@ class MeasuredTeeth:
     def rotated(self, drive: Drive, rotation_deg: float) -> MeasuredTeeth:
         """The same with the fixed wheel turned on its seat [deg], counter-clockwise seen from the cam side."""
         wheel = self.fixed(drive)
-        if wheel is None:
-            return self
-        turned = replace(wheel, mark_deg=wheel.mark_deg + rotation_deg)
-        return replace(self, b=turned) if drive.mounting.fixed == "rigid" else replace(self, g=turned)
+        turned = wheel and replace(wheel, mark_deg=wheel.mark_deg + rotation_deg)
+        return replace(self, **{fixed_part(drive): turned})
 
     def without_harmonics(self, drive: Drive) -> Drive:
         """The drive with its measured wheels as if they had no deviation: what else it has, and leaves open."""

@@ -2,40 +2,36 @@
 
 from __future__ import annotations
 
-import shlex
-
 from hdassist.acceptance.checks import CHECKS
 from hdassist.measuring.bench import PlaceLoop, StatedQuantity, loop_quantities, place_loops, position_quantities
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
+from hdassist.pages.measure import ends_text
 from hdassist.preset.fields import Drive
 from hdassist.readers.bench import LoopRecord, PositionRecord
 from hdassist.report.blocks import Facts, Lines, Table
 from hdassist.report.quantities import Quantity, as_object
 from hdassist.report.report import Report
+from hdassist.terminal.brief import again
 from hdassist.textfile import STDIN
 
 _CHECKS = {check.field: check for check in CHECKS}
 
 
-def _interval(value: float, unsure: float | None) -> list[float] | None:
-    reach = COVERAGE_FACTOR * (unsure or 0.0)
-    return None if unsure is None else [max(0.0, value - reach), value + reach]
-
-
-def _ends(ends: list[float]) -> str:
-    return "{:.2f} to {:.2f}".format(*ends)
+def _interval(found: StatedQuantity) -> list[float] | None:
+    reach = _expanded(found)
+    return None if found.uncertainty_arcsec is None else [max(0.0, found.arcsec - reach), found.arcsec + reach]
 
 
 _QUANTITIES: tuple[Quantity[StatedQuantity], ...] = (
-    Quantity("name", "quantity", "", "", lambda q: q.name),
-    Quantity("value_arcsec", "value", "″", ".2f", lambda q: q.arcsec),
-    Quantity("standard_uncertainty_arcsec", "u", "″", ".2f", lambda q: q.uncertainty_arcsec),
-    Quantity("interval_arcsec", "95 %", "″", _ends, lambda q: _interval(q.arcsec, q.uncertainty_arcsec)),
-    Quantity("of", "of", "", "", lambda q: q.of),
+    Quantity("name", "quantity", "", ""),
+    Quantity("value_arcsec", "value", "″", ".2f", "arcsec"),
+    Quantity("standard_uncertainty_arcsec", "u", "″", ".2f", "uncertainty_arcsec"),
+    Quantity("interval_arcsec", "95 %", "″", ends_text, _interval),
+    Quantity("of", "of", "", ""),
 )
 _ON_PAGE = (Quantity("", "", "", "", lambda q: _CHECKS[q.name].words), *_QUANTITIES[1:2], *_QUANTITIES[3:])
 _PLACES: tuple[Quantity[PlaceLoop], ...] = (
-    Quantity("place", "place", "", "g", lambda p: p.place),
+    Quantity("place", "place", "", "g"),
     Quantity("hysteresis_loss_arcsec", "hysteresis loss", "″", ".2f", lambda p: p.hysteresis[0]),
     Quantity("hysteresis_loss_uncertainty_arcsec", "u", "″", ".2f", lambda p: p.hysteresis[1]),
     Quantity("lost_motion_arcsec", "lost motion", "″", ".2f", lambda p: p.lost_motion[0]),
@@ -51,8 +47,10 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
         found = position_quantities(record, seed=seed)
     else:
         greatest = float(abs(record.torque_Nm).max())
-        rated = drive.operation.rated if drive and drive.operation.rated else greatest
-        by = "the preset" if drive and drive.operation.rated else "the greatest of the loop (--drive PRESET)"
+        rated, by = drive.operation.rated if drive else None, "the preset"
+        if rated is None:
+            hint = f"{drive.name} has no operation.rated" if drive else "--drive PRESET for its own"
+            rated, by = greatest, f"the greatest of the loop; {hint}"
         table.notes.append(f"rated torque {rated:g} N·m: {by}")
         places = place_loops(record, rated)
         found = loop_quantities(places)
@@ -69,7 +67,7 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
             *(Table.by_row("places", _PLACES, each, words=()) for each in [places] * (len(places) > 1)),
             Facts.of([
                 ("read as", "; ".join(table.notes)),
-                ("next", shlex.join(["hdassist", "accept", "PRESET", *words]) if words and table.file != STDIN else ""),
+                ("next", again("accept", drive, *words) if words and table.file != STDIN else ""),
             ]),
         ),
         details=(Lines("what they are", tuple(f"{_CHECKS[q.name].words}: {_CHECKS[q.name].tests}" for q in found)),),

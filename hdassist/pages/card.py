@@ -1,4 +1,4 @@
-"""The assembly card: what the assembler at the bench needs of an advice, in the language of the reader."""
+"""The assembly card: an advice for the assembler at the bench, in the language of the reader."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ CARD_TRIALS = 8  # that a card has room for
 
 @dataclass(frozen=True)
 class CardFacts:
-    """What a card tells, whoever advises.
+    """Contents of a card, of any advice.
 
     choice; cam_deg, direction of the cam offset, None where it has none that is known; measured wheels; gain_range: 5th
     percentile, median and 95th percentile of the gain, and gain_probability, that the best other position is better
-    than the present one, None where nothing was drawn; good: probability that the position is good after trials; open_:
+    than the present one, None without samples; good: probability that the position is good after trials; open_:
     number of values that were drawn; warnings, in the reader's language; tried, where the advice comes of trials: then
     the wheel lies in the last of them, and turns count from before the first.
     """
@@ -51,7 +51,7 @@ class CardFacts:
 class Card:
     """One page for the bench.
 
-    torques: before and after, the last column empty for what is measured; sign: lines to write on.
+    torques: before and after, the last column empty for measured values; sign: lines to write on.
     """
 
     language: str
@@ -124,7 +124,7 @@ def _subject(facts: CardFacts, say: Texts, serial: str) -> Facts:
 
 
 def after_trials(choice: Choice, say: Texts = ENGLISH, *, gains: bool = True) -> str:
-    """What to do after trials: the wheel lies in the last of them, and the first position is one to go to."""
+    """The order after trials: the wheel lies in the last of them, and the first position is one to go to."""
     if not choice.turn:
         return say("instruction.first", wheel=wheel(choice.drive, say))
     return f"{instruction(choice, say, gains=gains)} {say('instruction.from_first')}"
@@ -195,17 +195,11 @@ def _checks(facts: CardFacts, say: Texts) -> list[str]:
 
 
 def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:
-    """Warnings of a preset, as they are; in another language than theirs what was taken as 0, and how many more."""
+    """Warnings of a preset, as they are; in another language than theirs how many there are."""
     origin = drive.origin
     if say.language == HOME:
         return origin.warnings
-    told, more = [], len(origin.warnings)
-    if origin.zeros:
-        told.append(say("warning.zeros", count=len(origin.zeros)))
-        more -= 1
-    if more:
-        told.append(say("warning.preset", count=more))
-    return tuple(told)
+    return (say("warning.preset", count=len(origin.warnings)),) if origin.warnings else ()
 
 
 def _warnings(found: tuple[str, ...], say: Texts) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -97,7 +97,7 @@ MONTE_CARLO: tuple[Quantity[OperatingPoint], ...] = (
         for end in ("low", "high")
     ),
 )  # fmt: skip
-OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of what is not known exactly too
+OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of the unknown inputs too
 HELD: Quantity[OperatingPoint] = Quantity("held_arcsec", "F'_ior + self error, 5 to 95 %", "″", "")
 
 
@@ -107,12 +107,12 @@ _ON_PAGE: tuple[Quantity[OperatingPoint], ...] = (
     Quantity("belief", "5 to 95 %", "", lambda belief: f"{belief.p5:.1f} to {belief.p95:.1f}"),
     Quantity("self_error", "self error", "", ".2f", "self_error.range_arcsec"),
     Quantity("limit_arcsec", "limit", "", "g"),
-    POINT_QUANTITIES[5],
+    Quantity("verdict", "verdict", "", "", lambda p: p.verdict if p.limit_arcsec is not None else None),
 )
 
 
-def check_report(check: DesignCheck, seed: int) -> Report:
-    """A design check; seed, of its sample that was solved again."""
+def check_report(check: DesignCheck, seed: int, sampling: Sequence[str] = ()) -> Report:
+    """A design check; seed, of its sample that was solved again; sampling, options that the next command keeps."""
     least_sure = check.points[check.least_sure]
     first = spread_curve(check, check.samples) if check.unknown and check.samples else error_curve(check, least_sure)
     others = [point for point in check.points if check.unknown or point is not least_sure]
@@ -123,7 +123,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         head=f"{check.drive.name}, {k.z_g}/{k.z_b} teeth, {fixed} fixed{heading(check.measured)}",
         verdict=str(check.verdict),
         why=tuple(filter(None, map(verdict_reason, check.points))),
-        blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
+        blocks=(F_ior_table(check), Facts.of(_facts(check, sampling)), first),
         details=(*error_tables(check), Facts.of(_more_facts(check)), *(error_curve(check, each) for each in others)),
         certificate=check.certificate,
         cross_checks=check.cross_checks,
@@ -137,14 +137,11 @@ def check_report(check: DesignCheck, seed: int) -> Report:
 
 def F_ior_table(check: DesignCheck) -> Table:
     """F'_ior by torque, with its range over all that is not known exactly and its limit where there are such."""
-    empty = {"belief"} if not check.samples else set()
-    if all(point.limit_arcsec is None for point in check.points):
-        empty |= {"limit_arcsec", "verdict"}
     title = "kinematic error F'_ior over the full cycle, ″" + ", unknown as 0" * bool(check.unknown)
     if check.samples and check.prior:
         fitted = f" ({len(check.prior.fitted)} others as fitted)" if check.prior.fitted else ""
         title = f"F'_ior, ″: median and range over {len(check.prior.fields)} uncertain inputs{fitted}"
-    return Table.by_row(title, [q for q in _ON_PAGE if q.key not in empty], check.points, words=())
+    return Table.by_row(title, _ON_PAGE, check.points, words=())
 
 
 def verdict_reason(point: OperatingPoint) -> str:
@@ -152,12 +149,12 @@ def verdict_reason(point: OperatingPoint) -> str:
     found = point.probability
     if found is None:
         return ""
-    kept = f"F'_ior + self error keep {point.limit_arcsec:g}″"
     needed = point.sure if point.verdict is Verdict.INCONCLUSIVE else None
-    return f"{point.M_g:g} N·m: {kept}, probability {probability_words(found, needed)}"
+    words = probability_words(found, needed)
+    return f"{point.M_g:g} N·m: F'_ior + self error ≤ {point.limit_arcsec:g}″: {words}"
 
 
-def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
+def _facts(check: DesignCheck, sampling: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Largest influences, the next measurement and the next command, a label and a text each."""
     least_sure = check.points[check.least_sure]
     at = f" at {least_sure.M_g:g} N·m"
@@ -166,8 +163,8 @@ def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
     if check.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE) and not check.unknown:
         yield "coupling", _coupling(check)
-    step = "tolerance" if check.verdict is Verdict.PASS else "mount"
-    yield "next", again(step, check.drive, pitch=check.measured)
+    step = ("tolerance",) if check.verdict is Verdict.PASS else ("mount", *sampling)
+    yield "next", again(step[0], check.drive, *step[1:], pitch=check.measured)
 
 
 def _more_facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
@@ -200,15 +197,15 @@ def fitted_words(prior: DrivePrior) -> str:
 
 def error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
     """The error over the full cycle at a torque."""
-    taken = ", unknown as 0" if check.unknown else ""
+    taken = ", unknown as 0" if check.unknown else ", as given" if check.samples else ""
+    beside = f": F'_ior {point.error.F_ior_arcsec:.1f}″, not the median" if check.samples else ""
     return Curve(
         np.asarray(point.error.states.phi_h / (2 * np.pi)),
         point.error.error_arcsec,
         x_label="cam angle phi_h, turns",
         y_label=f"error at {point.M_g:g} N·m{taken}, ″: least and greatest around each cam turn",
-        caption=f"Error over the full cycle at {point.M_g:g} N·m{taken}",
+        caption=f"Error over the full cycle at {point.M_g:g} N·m{beside}{taken}",
         over=1.0,
-        rows=8,
     )
 
 
@@ -222,7 +219,6 @@ def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
         y_label=f"F'_ior at {point.M_g:g} N·m, ″, of the drives that it may be{held}",
         caption=f"F'_ior at {point.M_g:g} N·m over all that is not known exactly{held}",
         limit=point.left_arcsec,
-        rows=8,
     )
 
 

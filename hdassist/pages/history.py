@@ -9,7 +9,6 @@ import numpy as np
 
 from hdassist.json_parts import as_json
 from hdassist.measuring.archive import ArchiveEntry, DriveHistory, histories
-from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.pages.measure import DIRECTION_NAMES
 from hdassist.report.blocks import Curve, Facts, Table
 from hdassist.report.quantities import Quantity
@@ -58,11 +57,7 @@ def _sentence(found: DriveHistory) -> str:
     """The change of a history in words."""
     values = [each.F_ior_arcsec for each in found.entries]
     words = f"{_place(found)}: {min(values):.2f} to {max(values):.2f}″"
-    words += f"; unchanged drives spread so in {100 * found.probability:.2g} % of cases"
-    if found.trend_arcsec_per_year is None or found.trend_uncertainty_arcsec_per_year is None:
-        return words
-    reach = COVERAGE_FACTOR * found.trend_uncertainty_arcsec_per_year
-    return f"{words}; trend {found.trend_arcsec_per_year:+.2f} ± {reach:.2f}″ a year"
+    return f"{words}; unchanged drives spread so in {100 * found.probability:.2g} % of cases"
 
 
 def _facts(entries: Sequence[ArchiveEntry]) -> Iterator[tuple[str, str]]:

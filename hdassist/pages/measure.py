@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -10,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from hdassist.json_parts import Json
-from hdassist.measuring.cycle import Coverage, Gearing
+from hdassist.measuring.cycle import Gearing
 from hdassist.measuring.fit import SLOWEST_ORDER
-from hdassist.measuring.lag import EncoderLag
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import MeasuredOrder
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED, UncertaintySource
@@ -30,69 +28,71 @@ _LISTED_ORDERS, _NAMED_ORDERS = 12, 3  # in the table, and in a line: the greate
 DIRECTION_NAMES = {1: "growing", -1: "falling"}
 
 ORDER_COLUMNS: tuple[Quantity[MeasuredOrder], ...] = (
-    Quantity("per_cam_rev", "order", "1/turn", ".2f", lambda o: o.per_cam_rev),
-    Quantity("amplitude_arcsec", "amplitude", "″", ".3f", lambda o: o.amplitude_arcsec),
-    Quantity("amplitude_uncertainty_arcsec", "±", "″", ".3f", lambda o: o.uncertainty_arcsec),
-    Quantity("phase_deg", "phase", "deg", ".1f", lambda o: o.phase_deg),
+    Quantity("per_cam_rev", "order", "1/turn", ".2f"),
+    Quantity("amplitude_arcsec", "amplitude", "″", ".3f"),
+    Quantity("amplitude_uncertainty_arcsec", "±", "″", ".3f", "uncertainty_arcsec"),
+    Quantity("phase_deg", "phase", "deg", ".1f"),
     Quantity("cause", "cause", "", "", lambda o: o.cause or None),
 )
-_COVERAGE: tuple[Quantity[Coverage], ...] = (
-    Quantity("share", "share of the cycle visited", "%", lambda share: f"{100 * share:.1f}", lambda c: c.share),
-    Quantity("visited_cam_revolutions", "visited", "cam turns", ".4g", lambda c: c.cam_turns),
-    Quantity("step_cam_deg", "a reading every", "deg of the cam", ".3g", lambda c: c.step_deg),
-    Quantity("visited_cells", "cells visited", "", "", lambda c: c.visited),
-    Quantity("cells", "  cells of the cycle", "", "", lambda c: c.cells),
-    Quantity("cell_cam_deg", "  size of a cell", "deg of the cam", "g", lambda c: c.cam_deg),
-    Quantity("cell_output_deg", "  and", "deg of the output", "g", lambda c: c.output_deg),
+_CYCLE: tuple[Quantity[Gearing], ...] = (
+    Quantity("ratio", "ratio", "", "g"),
+    Quantity("cam_revolutions", "full cycle", "cam turns", "", "cycle"),
+    Quantity("output_revolutions", "full cycle", "output turns", "", "cycle_output"),
 )
+
+
+def ends_text(interval: Sequence[float]) -> str:
+    """The ends of an interval as tables show them."""
+    return "{:.2f} to {:.2f}".format(*interval)
+
+
 SWEEP_QUANTITIES: tuple[Quantity[SweepResult], ...] = (
-    Quantity("direction", "cam angle", "", DIRECTION_NAMES.__getitem__, lambda s: s.direction),
-    Quantity("F_ior_arcsec", "F'_ior", "″", ".2f", lambda s: s.range.value),
+    Quantity("direction", "cam angle", "", DIRECTION_NAMES.__getitem__),
+    Quantity("F_ior_arcsec", "F'_ior", "″", ".2f", "range.value"),
     Quantity("standard_uncertainty_arcsec", "  standard uncertainty u", "″", ".2f",
-             lambda s: s.uncertainty_arcsec),
+             "uncertainty_arcsec"),
     Quantity("interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", "″",
-             lambda ends: "{:.2f} to {:.2f}".format(*ends), lambda s: list(s.interval_arcsec)),
+             ends_text, "interval_arcsec"),
     Quantity("F_ior_is_lower_bound", "  is a lower bound", "", lambda bound: "yes" if bound else "no",
-             lambda s: s.is_bound),
+             "is_bound"),
     Quantity("rise_in_another_cycle_arcsec", "  more in another cycle, at most", "″", ".2f",
-             lambda s: s.rise_arcsec),
-    Quantity("band_limited_range_arcsec", "  with what noise adds", "″", ".2f", lambda s: s.range.fitted),
-    Quantity("noise_bias_arcsec", "  noise adds", "″", ".2f", lambda s: s.range.bias),
-    Quantity("raw_range_arcsec", "  range of the readings", "″", ".2f", lambda s: s.raw_range_arcsec),
-    Quantity("revolution_range_arcsec", "range in a cam turn, at most", "″", ".2f", lambda s: s.revolution.value),
+             "rise_arcsec"),
+    Quantity("band_limited_range_arcsec", "  with what noise adds", "″", ".2f", "range.fitted"),
+    Quantity("raw_range_arcsec", "  range of the readings", "″", ".2f"),
+    Quantity("revolution_range_arcsec", "range in a cam turn, at most", "″", ".2f", "revolution.value"),
     Quantity("revolution_range_standard_uncertainty_arcsec", "  standard uncertainty u", "″", ".2f",
-             lambda s: s.revolution_uncertainty_arcsec),
+             "revolution_uncertainty_arcsec"),
     Quantity("revolution_range_rise_arcsec", "  more in another cycle, at most", "″", ".2f",
-             lambda s: s.revolution_rise_arcsec),
-    Quantity("cam_range_arcsec", "orders of the cam alone", "″", ".2f", lambda s: s.cam.value),
+             "revolution_rise_arcsec"),
+    Quantity("cam_range_arcsec", "orders of the cam alone", "″", ".2f", "cam.value"),
     Quantity("cam_interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", "″",
-             lambda ends: "{:.2f} to {:.2f}".format(*ends), lambda s: list(s.cam_interval_arcsec)),
-    Quantity("slow_range_arcsec", "  slow terms of the output", "″", ".2f", lambda s: s.slow_arcsec),
+             ends_text, "cam_interval_arcsec"),
+    Quantity("slow_range_arcsec", "  slow terms of the output", "″", ".2f", "slow_arcsec"),
     Quantity("slow_uncertainty_added", "  orders less certain by them, at most", "%",
-             lambda share: f"{100 * share:.1f}", lambda s: s.slow_cost),
+             lambda share: f"{100 * share:.1f}", "slow_cost"),
+    Quantity("coverage.share", "share of the cycle visited", "%", lambda share: f"{100 * share:.1f}"),
+    Quantity("coverage.visited_cam_revolutions", "  visited", "cam turns", ".4g", "coverage.cam_turns"),
+    Quantity("coverage.step_cam_deg", "  a reading every", "deg of the cam", ".3g", "coverage.step_deg"),
     Quantity("rows", "rows", "", "", lambda s: int(s.bins.rows.sum())),
     Quantity("sweeps", "sweeps", "", "", lambda s: len(s.fit.level)),
-    Quantity("cam_revolutions", "record", "cam turns", ".2f", lambda s: s.bins.span),
+    Quantity("cam_revolutions", "record", "cam turns", ".2f", "bins.span"),
     Quantity("drift_arcsec", "drift taken off", "″", ".2f",
              lambda s: 0.0 if s.is_part else float(s.fit.drift.sum())),
     Quantity("residuals.rms_arcsec", "beyond the orders, rms", "″", ".2f",
              lambda s: float(np.std(s.fit.residual))),
-    Quantity("residuals.unmodelled_arcsec", "  not noise", "″", ".2f", lambda s: s.fit.unmodelled),
-    Quantity("residuals.correlated_steps", "  correlated over", "steps", ".3g", lambda s: s.fit.correlated),
-    Quantity("residuals.condition", "condition of the fit", "", ".3g", lambda s: s.fit.design.condition),
+    Quantity("residuals.unmodelled_arcsec", "  not noise", "″", ".2f", "fit.unmodelled"),
 )  # fmt: skip
 _BUDGET: tuple[Quantity[UncertaintySource], ...] = (
-    Quantity("source", "source", "", "", lambda source: source.name),
-    Quantity("standard_uncertainty_arcsec", "u", "″", ".3f", lambda source: source.arcsec),
-    Quantity("origin", "from", "", "", lambda source: source.origin),
+    Quantity("source", "source", "", "", "name"),
+    Quantity("standard_uncertainty_arcsec", "u", "″", ".3f", "arcsec"),
+    Quantity("origin", "from", "", ""),
 )
 _ON_PAGE: tuple[Quantity[SweepResult], ...] = (
-    SWEEP_QUANTITIES[0],
-    SWEEP_QUANTITIES[1],
-    Quantity("interval", "95 %", "", "{0[0]:.2f} to {0[1]:.2f}".format, lambda s: s.interval_arcsec),
-    Quantity("u", "u", "", ".2f", lambda s: s.uncertainty_arcsec),
-    Quantity("in_a_turn", "in a turn", "", ".2f", lambda s: s.revolution.value),
-    Quantity("visited", "visited", "", lambda c: f"{100 * c.share:.1f} %", lambda s: s.coverage),
+    *SWEEP_QUANTITIES[:2],
+    Quantity("interval", "95 %", "", ends_text, "interval_arcsec"),
+    Quantity("u", "u", "", ".2f", "uncertainty_arcsec"),
+    Quantity("in_a_turn", "in a turn", "", ".2f", "revolution.value"),
+    Quantity("visited", "visited", "", lambda c: f"{100 * c.share:.1f} %", "coverage"),
 )
 
 
@@ -100,31 +100,32 @@ def measure_report(result: Measurement, drive: Drive | None) -> Report:
     """F'_ior of a measured trace with its uncertainty, by direction; drive, None where it is not known."""
     found, *others = result.directions
     trace, gearing, reversal, lag = result.trace, result.gearing, result.reversal, result.lag
-    torque = result.torque
-    table = Table.by_row("", _ON_PAGE, result.directions, words=(0,))
     return Report(
         command="measure",
         drive=drive,
         head=f"{trace.file}, {len(trace.line)} rows" + (f", {drive.name}" if drive else ""),
         verdict=f"F'_ior {'at least ' if found.is_bound else ''}{found.range.value:.2f}″",
         why=tuple(_lower_bound(result, found)),
-        blocks=(table, Facts.of(_facts(result, drive)), _curve(found)),
+        blocks=(
+            Table.by_row("", _ON_PAGE, result.directions, words=(0,)),
+            Facts.of(_facts(result, drive)),
+            _curve(found),
+        ),
         details=(
+            Table.by_column("full cycle", _CYCLE, [gearing] if gearing else []),
             Table.by_column("all numbers", SWEEP_QUANTITIES, result.directions),
-            *(block for each in result.directions for block in _details(each, gearing)),
+            *(block for each in result.directions for block in _details(each)),
             *map(_curve, others),
         ),
         values={
             "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
             "notes": list(result.notes),
-            "cycle": gearing
-            and {"ratio": gearing.ratio, "cam_revolutions": gearing.cycle, "output_revolutions": gearing.cycle_output},
+            "cycle": gearing and as_object(_CYCLE, gearing),
             "F_ior_arcsec": result.F_ior_arcsec,
             "directions": [_sweep(each) for each in result.directions],
-            "reversal_error": reversal
-            and {"mean_arcsec": reversal.mean_arcsec, "greatest_departure_arcsec": reversal.greatest_arcsec},
-            "encoder_lag": lag and {"ms": lag.ms, "uncertainty_ms": lag.uncertainty_ms, "bound_ms": lag.bound_ms},
-            "torque": torque and asdict(torque),
+            "reversal_error": reversal and asdict(reversal),
+            "encoder_lag": lag and asdict(lag),
+            "torque": result.torque and asdict(result.torque),
             "seed": result.seed,
         },
         csv=_csv(result),
@@ -156,18 +157,19 @@ def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]
         rise = f"; in another cycle they may add {found.rise_arcsec:.2f}″" if found.rise_arcsec else ""
         yield "lines", f"off the orders: {lines}{rise}"
     if reversal := result.reversal:
-        words = f"{reversal.mean_arcsec:.2f}″ on the mean, up to {reversal.greatest_arcsec:.2f}″ off that"
+        words = f"{reversal.mean_arcsec:.2f}″ on the mean, up to {reversal.greatest_departure_arcsec:.2f}″ off that"
         yield "reversal", f"{words}; it is not lost motion"
     if torque := result.torque:
         yield "torque", _torque(torque)
     if lag := result.lag:
-        yield "lag", _lag(lag)
+        reach = COVERAGE_FACTOR * lag.uncertainty_ms
+        yield "lag", f"output read {lag.ms:.3g} ± {reach:.2g} ms after the cam, taken off"
     missing = [source.name for source in found.sources if source.arcsec is None]
     yield "measure", f"not in u: {', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
     if file != STDIN:
         command, record = ("compare", file) if found.is_bound else ("trials", f"h0={file}")
-        yield "next", again(command, drive, record) if drive else shlex.join(["hdassist", command, "PRESET", record])
+        yield "next", again(command, drive, record)
 
 
 def _with_beats(order: MeasuredOrder, orders: Sequence[MeasuredOrder]) -> str:
@@ -185,19 +187,9 @@ def _torque(torque: RecordedTorque) -> str:
         return words
     size = f"{torque.wind_up_arcsec:.3g} ± {COVERAGE_FACTOR * torque.uncertainty_arcsec:.2g}″"
     by = "K_1 to K_3 of the preset's catalogue"
-    if fitted := torque.stiffness_Nm_rad or torque.times_catalogue:
-        unit = "N·m/rad" if torque.stiffness_Nm_rad else f"times {by}"
-        by = f"the record itself, {fitted[0]:.3g} ± {COVERAGE_FACTOR * fitted[1]:.2g} {unit}"
+    if fitted := torque.stiffness_Nm_rad:
+        by = f"the record itself, {fitted[0]:.3g} ± {COVERAGE_FACTOR * fitted[1]:.2g} N·m/rad"
     return f"{words}; wind-up of {size} taken off by {by}: F'_ior is that at the mean"
-
-
-def _lag(lag: EncoderLag) -> str:
-    """The lag between the encoders, or why it is not told."""
-    if lag.ms is not None and lag.uncertainty_ms is not None:
-        return f"output read {lag.ms:.3g} ± {COVERAGE_FACTOR * lag.uncertainty_ms:.2g} ms after the cam, taken off"
-    if lag.bound_ms is None:
-        return "not told at one speed one way, and no part of F'_ior"
-    return f"not told at one speed: {lag.bound_ms:.3g} ms if the reversal is nothing else, and no part of F'_ior"
 
 
 def _slow(found: SweepResult) -> str:
@@ -222,8 +214,8 @@ def _curve(found: SweepResult) -> Curve:
     return curve_of_turns(turns, found.fit.curve(turns) + found.fit.residual[first], words)
 
 
-def _details(found: SweepResult, gearing: Gearing | None) -> Iterator[ReportSection]:
-    """Coverage, orders and budget of uncertainty of a direction."""
+def _details(found: SweepResult) -> Iterator[ReportSection]:
+    """Orders and budget of uncertainty of a direction."""
     shown = ORDER_COLUMNS if any(order.cause for order in found.orders) else ORDER_COLUMNS[:-1]
     greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:_LISTED_ORDERS]
     title = f"orders: amplitude·cos(order·angle + phase), the {len(greatest)} greatest of {len(found.orders)}"
@@ -234,22 +226,15 @@ def _details(found: SweepResult, gearing: Gearing | None) -> Iterator[ReportSect
     )
     title = f"standard uncertainty of F'_ior; 95 %: k = {COVERAGE_FACTOR:g}"
     budget = Table.by_row(title, _BUDGET, [*found.sources, together], words=(0, 2))
-    cycle: list[Table] = []
-    if found.coverage and gearing:
-        output = f"{gearing.cycle_output} output turn{'s' * (gearing.cycle_output != 1)}"
-        title = f"full cycle: {gearing.cycle} cam turns, {output}"
-        cells = tuple((quantity.words, quantity.text(found.coverage)) for quantity in _COVERAGE)
-        cycle.append(Table(title, ("", ""), cells, header=False))
     title = "orders of the cam, each with its beats"
     together_with_beats = Table.by_row(title, (*ORDER_COLUMNS[:3], *shown[4:]), found.orders_of_cam, words=(3,))
-    yield ReportSection(f"{DIRECTION_NAMES[found.direction]} cam angle", (*cycle, together_with_beats, orders, budget))
+    yield ReportSection(f"{DIRECTION_NAMES[found.direction]} cam angle", (together_with_beats, orders, budget))
 
 
 def _sweep(found: SweepResult) -> Json:
     """One direction as a JSON object."""
     return {
         **as_object(SWEEP_QUANTITIES, found),
-        "coverage": found.coverage and as_object(_COVERAGE, found.coverage),
         "orders": [as_object(ORDER_COLUMNS, order) for order in found.orders],
         "orders_of_cam": [as_object(ORDER_COLUMNS, order) for order in found.orders_of_cam],
         "lines": [as_object(ORDER_COLUMNS, line) for line in found.lines],
@@ -270,9 +255,8 @@ def _csv(result: Measurement) -> CsvTable:
     rows: list[list[Any]] = []
     for found in result.directions:
         fitted = found.fit.curve(found.bins.turns)
-        columns = (found.bins.sweep, 360 * found.bins.turns, fitted + found.fit.residual, fitted)
-        steps = zip(*(column.tolist() for column in columns), strict=True)
-        rows += [[result.trace.file, found.direction, *step] for step in steps]
+        columns = np.column_stack([found.bins.sweep, 360 * found.bins.turns, fitted + found.fit.residual, fitted])
+        rows += [[result.trace.file, found.direction, int(sweep), *step] for sweep, *step in columns.tolist()]
     return ["file", "direction", "sweep", "cam_deg", "error_arcsec", "fitted_arcsec"], rows
 
 

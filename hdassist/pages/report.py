@@ -25,7 +25,7 @@ from hdassist.version import __version__
 
 FIELD_HEADS = ("field", "value", "unit", "plausible range; where from")
 ORIGIN_WORDS = {
-    NOT_KNOWN: "not given (a direction of what is 0 does not matter)",
+    NOT_KNOWN: "not given (the direction of a deviation of 0 does not matter)",
     "override": "set on the command line",
     "assumed": "assumed",
     "identified": "identified from measurements",
@@ -33,13 +33,13 @@ ORIGIN_WORDS = {
 VERDICT_WORDS = {
     Verdict.PASS: "within its limits",
     Verdict.FAIL: "beyond its limits",
-    Verdict.INCONCLUSIVE: "what is not known could reverse it",
+    Verdict.INCONCLUSIVE: "unknown inputs could change it",
     Verdict.NO_LIMIT: "no limit to hold it against",
 }
 
 
 def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
-    """The report of a drive; draws, seed: of what is not known."""
+    """The report of a drive; draws, seed: of the unknown inputs."""
     drive, verdict = sheet.drive, sheet.check.verdict
     check = check_report(sheet.check, seed)
     mount = mount_report(sheet.advice, seed, limits=[point.left_arcsec for point in sheet.check.points])
@@ -96,7 +96,8 @@ def _tiles(sheet: DriveSheet) -> Iterator[tuple[str, str, str]]:
         below = f"{advice.gain:.0%} less error" if advice.order == "turn" else "leave it as it is"
         yield ("position of the wheel", hole_place(advice.choice.target), below.replace("%", " %"))
     if sheet.stiffness.positive:
-        yield ("K1", f"{sheet.stiffness.positive[0].stiffness * ARCMIN:.3g}", "N·m/arcmin near zero")
+        first = sheet.stiffness.positive[0]
+        yield ("torsional stiffness K1", f"{first.stiffness * ARCMIN:.3g}", f"N·m/arcmin, up to {first.end:.4g} N·m")
     values = origin_counts(sheet.drive)
     yield ("values assumed", str(values["assumed"]), f"{values['given']} given, {values['identified']} identified")
 

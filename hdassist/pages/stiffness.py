@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from math import pi
 
 from hdassist.design.beside_catalogue import SegmentBeside, ends_elsewhere, off, segments_beside, stiffness_object
-from hdassist.error.stiffness import LOST_MOTION_SHARE, Segment, Stiffness, Tangent
+from hdassist.error.stiffness import LOST_MOTION_SHARE, Segment, Stiffness
 from hdassist.json_parts import Json
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
@@ -31,10 +31,6 @@ WHOLE_QUANTITIES: tuple[Quantity[Stiffness], ...] = (
     Quantity("lost_motion_arcsec", f"lost motion, +-{LOST_MOTION_SHARE:.0%} of rated", "″", ".2f"),
     Quantity("play_arcsec", "play", "″", ".2f"),
 )
-TANGENT_QUANTITIES: tuple[Quantity[Tangent], ...] = (
-    Quantity("M_g_Nm", "torque", "N·m", "g", "torque"),
-    Quantity("stiffness_Nm_per_rad", "stiffness", "N·m/rad", "g", "stiffness"),
-)
 SEGMENT_QUANTITIES: tuple[Quantity[Segment], ...] = (
     Quantity("from_Nm", "from", "N·m", ".4g", "start"),
     Quantity("to_Nm", "to", "N·m", ".4g", "end"),
@@ -51,7 +47,7 @@ _ON_PAGE: tuple[Quantity[SegmentBeside], ...] = (
 
 
 def stiffness_report(drive: Drive, found: Stiffness) -> Report:
-    """The stiffness of a drive: twist over torque, K1, K2, K3, lost motion, tangents."""
+    """The stiffness of a drive: twist over torque, K1, K2, K3, lost motion."""
     curve = {
         "torque_Nm": found.torque,
         "twist_arcsec": found.twist_arcsec,
@@ -71,7 +67,6 @@ def stiffness_report(drive: Drive, found: Stiffness) -> Report:
             "catalogue": stiffness_object(drive.catalogue, found),
             "positive": segment_objects(found.positive),
             "negative": segment_objects(found.negative),
-            "tangents": [as_object(TANGENT_QUANTITIES, tangent) for tangent in found.tangents],
             "curve": curve,
         },
         csv=csv_columns(**curve),
@@ -93,15 +88,13 @@ def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
 def twist_curve(found: Stiffness) -> Curve:
     """Twist over torque."""
     caption = "Twist of the drive without deviations, the cam held"
-    return Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, ″", caption, rows=8)
+    return Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, ″", caption)
 
 
 def _facts(drive: Drive, found: Stiffness) -> Iterator[tuple[str, str]]:
     """Facts beside the segments, a label and a text each."""
     elsewhere = ends_elsewhere(drive.catalogue, found.positive)
     yield "segments", "end at other torques than the catalogue's, so K is not compared" * elsewhere
-    slopes = ", ".join(f"{_scaled(t.stiffness)} at {t.torque:g} N·m" for t in found.tangents)
-    yield "tangent", slopes and f"{slopes}, 1e4 N·m/rad"
     ends = f"±{100 * LOST_MOTION_SHARE:.0f} % of {found.rated:g} N·m"
     yield "lost motion", f"{found.lost_motion_arcsec:.2f}″ between {ends}; play {found.play_arcsec:.2f}″"
     theirs = drive.catalogue.lost_motion
@@ -114,9 +107,7 @@ def _facts(drive: Drive, found: Stiffness) -> Iterator[tuple[str, str]]:
 def segments_table(drive: Drive, found: Stiffness) -> Table:
     """A row for each segment of both sides, beside the catalogue's stiffness where it gives one."""
     rows = [each for side in (found.positive, found.negative) for each in segments_beside(drive.catalogue, side)]
-    has_theirs = any(each.catalogue is not None for each in rows)
-    shown = [each for each in _ON_PAGE if has_theirs or each.key not in ("catalogue", "off_percent")]
-    return Table.by_row("torsional stiffness in both directions", shown, rows)
+    return Table.by_row("torsional stiffness in both directions", _ON_PAGE, rows)
 
 
 def segment_objects(side: Iterable[Segment]) -> list[Json]:

@@ -45,10 +45,7 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
         certificate=swept,
         values={
             "unknown": unknown_objects(unknowns(largest(drive, sweep.axes))),
-            "vary": [
-                {"field": axis.path, **attributes(axis, "unit", "values"), "effect_arcsec": swept.effect(k)}
-                for k, axis in enumerate(sweep.axes)
-            ],
+            "vary": [{"field": axis.path, **attributes(axis, "unit", "values")} for axis in sweep.axes],
             "least": least and dict(zip(("row", "F_ior_arcsec"), least, strict=True)),
             "greatest": greatest and dict(zip(("row", "F_ior_arcsec"), greatest, strict=True)),
             "rows": list(records),
@@ -61,14 +58,11 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
 
 
 def _facts(swept: Swept) -> Iterator[tuple[str, str]]:
-    """Least and greatest F'_ior, effect of each field, rows without an answer, and the next command."""
+    """Least and greatest F'_ior, rows without an answer, and the next command."""
     least, greatest = swept.end(False), swept.end(True)
     if least and greatest:
         yield "least", _at(swept, *least)
         yield "greatest", _at(swept, *greatest)
-    effects = [(swept.effect(k), axis.path) for k, axis in enumerate(swept.sweep.axes)]
-    moved = sorted(((effect, path) for effect, path in effects if effect is not None), reverse=True)
-    yield "effect", ", ".join(f"{path} {effect:.2f}″" for effect, path in moved)
     if swept.failed:
         yield "no answer", f"{swept.failed} of {swept.sweep.rows} rows; the first: {swept.reason}"
     if least:

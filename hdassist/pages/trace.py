@@ -11,6 +11,7 @@ from hdassist.error.trace import Trace
 from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.preset.fields import Drive
+from hdassist.preset.measured import Measured
 from hdassist.report.blocks import Curve, Facts, Paragraph, Series, Table
 from hdassist.report.quantities import Quantity, csv_columns
 from hdassist.report.report import CsvTable, Report
@@ -18,7 +19,6 @@ from hdassist.terminal.brief import again, not_known, on_what
 from hdassist.terminal.wheels_page import heading
 
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
-_PLOTTED_ROWS = 6
 MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
 ORDER_QUANTITIES: tuple[Quantity[Order], ...] = (
@@ -34,9 +34,10 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     """The error of a drive over cam turns; seed, of its sample that was solved again."""
     error = trace.error
     cycle = error.kinematics.cycle_cam_revolutions
-    is_part = trace.revolutions < cycle
-    turns = f"{trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
+    is_part, nominal = trace.revolutions < cycle, drive.measured != Measured()
+    turns = f"{error.M_g:g} N·m, {trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
+    start = f"{turns} from {moving} = {trace.start_deg:g}°"
     title = "orders: amplitude·cos(order·phi_h + phase)"
     order, _, _, cause = ORDER_QUANTITIES
     orders = sorted(trace.orders, key=lambda o: -o.amplitude_arcsec)
@@ -45,9 +46,13 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     return Report(
         command="trace",
         drive=drive,
-        head=f"{drive.name}, {error.M_g:g} N·m, {turns} from {moving} = {trace.start_deg:g}°{heading(trace.measured)}",
+        head=f"{drive.name}{', nominal' * nominal}, {start}{heading(trace.measured)}",
         verdict=f"range {error.range_arcsec:.2f}″",
-        why=(f"{trace.revolutions} of the {cycle} cam turns of the full cycle: F'_ior is at least as large",) * is_part,
+        why=(
+            *("values of the preset: what was measured on the drive is not weighed here",) * nominal,
+            *(f"{trace.revolutions} of the {cycle} cam turns of the full cycle: F'_ior is at least as large",)
+            * is_part,
+        ),
         blocks=(
             Table.by_row("", [order, _ON_PAGE, cause], orders[:_NAMED_ORDERS], words=(2,)),
             Facts.of(_facts(drive, trace)),
@@ -80,7 +85,7 @@ def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
     """The error over cam turns; words: of the error, with its unit."""
     over = float(np.ptp(turns) > MANY_TURNS)
     around = ": least and greatest around each cam turn" if over else ""
-    return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over, rows=_PLOTTED_ROWS)
+    return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over)
 
 
 def _facts(drive: Drive, trace: Trace) -> Iterator[tuple[str, str]]:

@@ -19,10 +19,7 @@ def with_cam_support(drive: Drive) -> Drive:
     if support:
         reason = f"cam.coupling: {drive.cam.coupling}; {support[3]}"
         source[SUPPORT_FIELD] = Source(kind="assumed", range=support[1:3], ref=reason)
-    others = tuple(
-        {path: value for path, value in values.items() if path != SUPPORT_FIELD} for values in drive.alternatives
-    )
-    return drive.model_copy(update={"supports": supports, "source": source, "alternatives": others})
+    return drive.model_copy(update={"supports": supports, "source": source})
 
 
 def _support(drive: Drive) -> tuple[float, float, float, str] | None:

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field, PrivateAttr, ValidationInfo, field_validator
 from pydantic.fields import FieldInfo
 
+from hdassist.numerals import number_of
 from hdassist.preset.catalogue import Catalogue
 from hdassist.preset.components import Bearing, Cam, Contact, Flexspline, Gears, Material, Supports
 from hdassist.preset.deviations import Harmonics, Phases, Tolerances
@@ -47,17 +48,21 @@ class Mounting(Section):
     )
     holes: int = field("holes of the seat of the fixed wheel (0: free angle)", default=12, ge=0, le=360)
     first_hole: float = field("angle of hole 0", "deg", 0.0, ge=-360, le=360)
-    allowed: Literal["all"] | tuple[int, ...] = field("usable holes", default="all")
+    allowed: Annotated[Literal["all"] | tuple[int, ...], "holes"] = field("usable holes", default="all")
 
 
 class Operation(Section):
     """Load."""
 
-    M_g: tuple[Annotated[float, Field(ge=-1e7, le=1e7)], ...] = field(
+    M_g: Annotated[tuple[Annotated[float, Field(ge=-1e7, le=1e7)], ...], "numbers"] = field(
         "torques on the flexspline, counter-clockwise positive", "N*m"
     )
     rated: float | None = field("rated torque", "N*m", None, gt=0, le=1e7)
     dT: float = field("flexspline and cam warmer than the rigid wheel", "K", 0.0, ge=-150, le=150)
+
+
+def _limit(meaning: str, unit: str = "arcsec", most: float = 1e6) -> Any:
+    return field(meaning, unit, None, gt=0, le=most)
 
 
 class Acceptance(Section):
@@ -71,21 +76,17 @@ class Acceptance(Section):
     order_amplitude: PerOrder = field(
         "limit of the amplitude of orders per cam turn {2: 10} at each torque, or at one {2@80: 8}", "arcsec", {}
     )
-    lost_motion: float | None = field("limit of the lost motion", "arcsec", None, gt=0, le=1e6)
-    positioning: float | None = field("limit of the positioning error one way", "arcsec", None, gt=0, le=1e6)
-    repeatability: float | None = field("limit of the repeatability, plus and minus", "arcsec", None, gt=0, le=1e6)
-    bidirectional: float | None = field(
-        "limit of the repeatability from both sides, plus and minus", "arcsec", None, gt=0, le=1e6
-    )
-    hysteresis_loss: float | None = field("limit of the hysteresis loss", "arcsec", None, gt=0, le=1e6)
-    starting_torque: float | None = field("limit of the torque at the cam that starts it", "N*m", None, gt=0, le=1e7)
-    backdrive_torque: float | None = field(
-        "limit of the torque at the output that drives it back", "N*m", None, gt=0, le=1e7
-    )
-    ratchet_torque: float | None = field("least torque at the output at which teeth ratchet", "N*m", None, gt=0, le=1e9)
-    K_1: float | None = field("least torsional stiffness near zero", "N*m/rad", None, gt=0, le=1e12)
-    K_2: float | None = field("least torsional stiffness of the second segment", "N*m/rad", None, gt=0, le=1e12)
-    K_3: float | None = field("least torsional stiffness of the third segment", "N*m/rad", None, gt=0, le=1e12)
+    lost_motion: float | None = _limit("limit of the lost motion")
+    positioning: float | None = _limit("limit of the positioning error one way")
+    repeatability: float | None = _limit("limit of the repeatability, plus and minus")
+    bidirectional: float | None = _limit("limit of the repeatability from both sides, plus and minus")
+    hysteresis_loss: float | None = _limit("limit of the hysteresis loss")
+    starting_torque: float | None = _limit("limit of the torque at the cam that starts it", "N*m", 1e7)
+    backdrive_torque: float | None = _limit("limit of the torque at the output that drives it back", "N*m", 1e7)
+    ratchet_torque: float | None = _limit("least torque at the output at which teeth ratchet", "N*m", 1e9)
+    K_1: float | None = _limit("least torsional stiffness near zero", "N*m/rad", 1e12)
+    K_2: float | None = _limit("least torsional stiffness of the second segment", "N*m/rad", 1e12)
+    K_3: float | None = _limit("least torsional stiffness of the third segment", "N*m/rad", 1e12)
     rule: Literal["guard", "simple"] = field(
         "decision rule for measured values: guard bands of 1.65 standard uncertainties, or simple acceptance",
         default="guard",
@@ -97,7 +98,6 @@ class Numerics(Section):
 
     n_max: int = field("highest bending mode of the rings", default=40, ge=4, le=200)
     n_2: int = field("nodes between bore and outer ring", default=100, ge=12, le=720)
-    window: float = field("flank window on each side of the major axis", "deg", 60.0, ge=5, le=85)
     nominal_curve: Literal["linear", "inextensible"] = field(
         "shape of the rim on the cam: the ring's bending mode, or a closed curve of unchanged length",
         default="inextensible",
@@ -111,7 +111,10 @@ class Numerics(Section):
 
 
 # fields that presets had once, with a hint
-REMOVED = {"acceptance.margin": "no margin any more: predictions are held by their probability, hdassist accept --sure"}
+REMOVED = {
+    "acceptance.margin": "no margin any more: predictions are held by their probability, hdassist accept --sure",
+    "numerics.window": "no flank window any more: every tooth that may touch is looked at",
+}
 
 # fields of numerics that identified values depend on, and the value of each before it was a field
 IDENTIFIED_WITH: dict[str, str | int] = {"nominal_curve": "linear", "stations": 1}
@@ -122,7 +125,9 @@ class Source(Section):
 
     kind: Literal["given", "assumed", "identified"] = field("how sure the value is")
     ref: str = field("page, figure, standard or reason", default="")
-    range: tuple[float, float] | None = field("plausible range of the value, in the field's unit", default=None)
+    range: Annotated[tuple[float, float] | None, "numbers"] = field(
+        "plausible range of the value, in the field's unit", default=None
+    )
 
 
 class CostLaw(Section):
@@ -138,13 +143,12 @@ BY_PATH: dict[str, type[Section]] = {"source": Source, "cost": CostLaw}  # table
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top; zeros: taken as 0."""
+    """Where a drive was read: file as named by the user, SHA-256 of its bytes, overrides on top."""
 
     file: str = ""
     sha256: str = ""
     overrides: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    zeros: tuple[str, ...] = ()
 
 
 class Drive(BaseModel):
@@ -173,35 +177,16 @@ class Drive(BaseModel):
     measured: Measured = Measured()
     acceptance: Acceptance = Acceptance()
     numerics: Numerics = Numerics()
-    alternatives: tuple[dict[str, float], ...] = field(
-        "other values of identified fields that agree with the same targets", default=()
-    )
     cost: dict[str, CostLaw] = field("what tolerances cost, for hdassist allocate", default={})
     source: dict[str, Source] = field("origin of single values", default={})
 
     _origin: Origin = PrivateAttr(default=Origin())
 
-    @field_validator("uncertainty", mode="before")
-    @classmethod
-    def _read_uncertainty(cls, table: Any) -> Any:
-        return _read_measures(table, InvalidValue("only single measures have an uncertainty", at_key=True))
-
-    @field_validator("alternatives", mode="before")
-    @classmethod
-    def _read_alternatives(cls, tables: Any) -> Any:
-        if tables is None or isinstance(tables, list | tuple):
-            return tuple(_read_alternative(table) for table in tables or ())
-        return (
-            tables
-            if isinstance(tables, InvalidValue)
-            else InvalidValue("must be a list of tables", "like - {gears.j_n: 6.1}")
-        )
-
-    @field_validator("source", "cost", mode="before")
+    @field_validator("uncertainty", "cost", "source", mode="before")
     @classmethod
     def _read_by_path(cls, table: Any, info: ValidationInfo) -> Any:
         if not isinstance(table, dict):
-            return {} if table is None else table
+            return table
         return {path: _read_entry(str(info.field_name), path, entry, table) for path, entry in table.items()}
 
     @property
@@ -212,8 +197,7 @@ class Drive(BaseModel):
     def limit(self, torque: float) -> float | None:
         """Limit of F'_ior [arcsec] at a torque [N*m]; None where none is set."""
         limits = self.acceptance.F_ior
-        own = (value for key, value in limits.items() if key != "all" and float(key) == torque)
-        return next(own, limits.get("all"))
+        return next((value for key, value in limits.items() if number_of(key) == torque), limits.get("all"))
 
     def value(self, path: str) -> Any:
         """Value of a field, by path ("gears.j_n")."""
@@ -235,12 +219,11 @@ class Drive(BaseModel):
 
     def with_values(self, values: Mapping[str, float]) -> Drive:
         """The drive with some fields changed, by path ("gears.j_n"); the new values are not validated."""
-        changes: dict[str, dict[str, float]] = {}
+        changed: dict[str, Section] = {}
         for path, value in values.items():
             section, name = path.split(".")
-            changes.setdefault(section, {})[name] = value
-        tables = {section: getattr(self, section).model_copy(update=change) for section, change in changes.items()}
-        return self.model_copy(update=tables)
+            changed[section] = changed.get(section, getattr(self, section)).model_copy(update={name: value})
+        return self.model_copy(update=changed)
 
 
 def sections() -> Iterator[tuple[str, type[Section]]]:
@@ -267,58 +250,29 @@ def measures() -> dict[str, FieldInfo]:
     return {path: info for path, info in fields() if kind_of(info) == "number"}
 
 
-def _read_measures(table: Any, no_measure: InvalidValue | None) -> Any:
-    """A table of measures by path, each in the unit of its field; no_measure, the fault of any other field."""
-    if not isinstance(table, dict):
-        return {} if table is None else table
-    read: dict[str, float | InvalidValue] = {}
-    for path, value in table.items():
-        if path in measures():
-            read[path] = read_number(value, unit_of(measures()[path]))
-        elif no_measure is not None and path in field_table():
-            read[path] = no_measure
-        else:
-            read[path] = InvalidValue(
-                "names no field" if no_measure else "names no measure of a preset",
-                _near_path(path, measures(), table),
-                at_key=True,
-            )
-    return read
-
-
-def _read_alternative(table: Any) -> Any:
-    read = _read_measures(table, None)
-    for path, value in read.items() if isinstance(read, dict) else ():
-        if not isinstance(value, InvalidValue) and not in_range(info := measures()[path], value):
-            read[path] = InvalidValue(f"out of range: {range_of(info, unit_of(info))}")
-    return read
-
-
-def _read_entry(name: str, path: str, entry: Any, table: Mapping[str, Any]) -> Any:
-    """An entry of the table "source" or "cost"."""
-    known, words, example = (
-        (tuple(field_table()), "names no field", "like {kind: given, ref: page 6}")
-        if name == "source"
-        else (deviation_sizes(), "names no size of a deviation", "like {share: 2, k: 1.5}")
-    )
-    if path not in known:
-        return InvalidValue(words, _near_path(path, known, table), at_key=True)
-    if isinstance(entry, dict) and name == "source" and "range" in entry:
-        return entry | {"range": read_range(path, entry["range"])}
-    return (
-        entry
-        if isinstance(entry, dict | InvalidValue | Source | CostLaw)
-        else InvalidValue("must be a table of keys", example)
-    )
-
-
 @cache
 def deviation_sizes() -> tuple[str, ...]:
     """Paths of the sizes of deviations, which are tolerances where drives are drawn."""
-    return tuple(path for path in field_table() if path.startswith("tolerances.") or path.startswith("harmonics.a_"))
+    return tuple(path for path in field_table() if path.startswith(("tolerances.", "harmonics.a_")))
 
 
-def read_range(path: str, bounds: Any) -> tuple[float, float] | InvalidValue | None:
+def _read_entry(name: str, path: str, entry: Any, table: Mapping[str, Any]) -> Any:
+    """An entry of the table "uncertainty", "cost" or "source"."""
+    known, words = {
+        "uncertainty": (tuple(measures()), "names no field of a single number"),
+        "cost": (deviation_sizes(), "names no size of a deviation"),
+        "source": (tuple(field_table()), "names no field"),
+    }[name]
+    if path not in known:
+        return InvalidValue(words, "" if path in field_table() else _near_path(path, known, table), at_key=True)
+    if name == "uncertainty":
+        return read_number(entry, unit_of(measures()[path]))
+    if name == "source" and isinstance(entry, dict) and "range" in entry:
+        return entry | {"range": read_range(path, entry["range"])}
+    return entry
+
+
+def read_range(path: str, bounds: Any) -> Any:
     """A plausible range of a field, by path, in its unit; InvalidValue for an invalid one."""
     info = field_table()[path]
     unit = unit_of(info)
@@ -328,16 +282,14 @@ def read_range(path: str, bounds: Any) -> tuple[float, float] | InvalidValue | N
         return InvalidValue("only single measures have a range")
     if not isinstance(bounds, list | tuple) or len(bounds) != 2:
         return InvalidValue("must be two numbers, the lower one first", "like [0, 20]")
-    low, high = (read_number(bound, unit) for bound in bounds)
-    if isinstance(low, InvalidValue):
-        return low
-    if isinstance(high, InvalidValue):
-        return high
-    if not low < high:
-        return InvalidValue("the lower one must stand first")
-    if not (in_range(info, low) and in_range(info, high)):
-        return InvalidValue(f"reaches beyond what the field takes: {range_of(info, unit)}")
-    return low, high
+    read: list[float] = []
+    for bound in bounds:
+        if isinstance(number := read_number(bound, unit), InvalidValue):
+            return number
+        if not in_range(info, number):
+            return InvalidValue(f"reaches beyond what the field takes: {range_of(info, unit)}")
+        read.append(number)
+    return tuple(read) if read[0] < read[1] else InvalidValue("the lower one must stand first")
 
 
 def _near_path(word: str, paths: Iterable[str], table: Mapping[str, Any]) -> str:

@@ -4,27 +4,20 @@ from __future__ import annotations
 
 import re
 from math import inf, isfinite
-from types import UnionType
-from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, NamedTuple, cast, get_args
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)  # fmt: skip
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 from pydantic.fields import FieldInfo
-from pydantic_core import InitErrorDetails
 
-from hdassist.numerals import NUMBER, number_of
+from hdassist.numerals import NUMBER, UNSIGNED, number_of
 from hdassist.preset.units import UnitError, read_count, read_number, read_spread
 from hdassist.preset.yamltext import InvalidValue, near_miss
 
 FieldKind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders", "readings"]
+KINDS: dict[Any, FieldKind] = {
+    float: "number", int: "count", str: "text",
+    "numbers": "numbers", "holes": "holes", "limits": "limits", "orders": "orders", "readings": "readings",
+}  # fmt: skip
 
 CLOSED = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -42,11 +35,6 @@ class Section(BaseModel):
     """A group of preset fields: immutable, closed, and read as each field declares."""
 
     model_config = CLOSED
-
-    @model_validator(mode="before")
-    @classmethod
-    def _empty(cls, data: Any) -> Any:
-        return {} if data is None else data
 
     @field_validator("*", mode="before")
     @classmethod
@@ -74,19 +62,17 @@ def field(
 
 def may_be_unknown(info: FieldInfo) -> bool:
     """Whether a field is unknown where a preset does not give it."""
-    extra = info.json_schema_extra
-    return isinstance(extra, dict) and extra.get(UNKNOWN) is True
+    return bool(_extra(info).get(UNKNOWN))
 
 
 def is_number(key: str) -> bool:
-    """Whether a key of a table of limits is a number, such as a torque [N*m] (the other key is "all")."""
-    return re.fullmatch(NUMBER, key) is not None and isfinite(float(key))
+    """Whether a key of a table of limits is a finite number, such as a torque [N*m] (the other key is "all")."""
+    return isfinite(number_of(key))
 
 
-PER_ORDER = "by orders per cam turn"
 LimitArcsec = Annotated[float, Field(gt=0, le=1e6)]
-PerTorque = dict[str, LimitArcsec]
-PerOrder = Annotated[dict[str, LimitArcsec], PER_ORDER]
+PerTorque = Annotated[dict[str, LimitArcsec], "limits"]
+PerOrder = Annotated[dict[str, LimitArcsec], "orders"]
 
 
 class UncertainReading(NamedTuple):
@@ -100,9 +86,16 @@ class UncertainReading(NamedTuple):
 
 
 LARGEST_READING = 1e6
-PER_POSITION = "by positions of the fixed wheel"
-PerPosition = Annotated[dict[str, UncertainReading], PER_POSITION]
-POSITION_KEY = rf"(?:h[0-9]+|{NUMBER})@{NUMBER}"
+PerPosition = Annotated[dict[str, UncertainReading], "readings"]
+# of a table of values: pattern of its keys, what they must be, an example of a key, and of a table
+KEYED_TABLES = {
+    "limits": (NUMBER, "a torque in N*m, or all", "", ""),
+    "orders": (rf"{UNSIGNED}(@{NUMBER})?", "an order per cam turn, or ORDER@TORQUE in N*m", "", "like {2: 10}"),
+    "readings": (
+        rf"(h[0-9]+|{NUMBER})@{NUMBER}", "a hole, or a turn in deg, at a torque in N*m",
+        "like h4@80 or 120@80", "like {h0@80: 28.1 ± 1}",
+    ),
+}  # fmt: skip
 
 
 def read_value(info: FieldInfo, value: Any) -> Any:
@@ -110,73 +103,51 @@ def read_value(info: FieldInfo, value: Any) -> Any:
     kind, unit = kind_of(info), unit_of(info)
     if isinstance(value, InvalidValue) or kind in ("text", "choice") or (value is None and is_optional(info)):
         return value
+    if kind == "holes" and value == "all":
+        return value
     if isinstance(value, str) and may_be_unknown(info):
         if value == UNKNOWN:
             return None
         if meant := near_miss(value, [UNKNOWN]):
             return InvalidValue("must be a number", meant)
-    if value is None and not info.is_required() and kind not in ("numbers", "holes"):
-        expected = "a whole number" if kind == "count" else "a number"
-        return InvalidValue(f"must be {expected}", f"leave the key out for its default, {info.default}")
+    if value is None:
+        required = f"in {unit}" if unit else ""
+        hint = required if info.is_required() else f"leave the key out for its default, {info.default}"
+        return InvalidValue("needs a value", hint)
     if kind == "number":
         return read_number(value, unit, spread=True)
     if kind == "count":
         return read_count(value)
+    if kind in KEYED_TABLES:
+        return _read_table(value, unit, kind)
+    items = value if isinstance(value, list | tuple) else [value]
     if kind == "numbers":
-        if value is None or isinstance(value, dict):
-            return InvalidValue("must be a list of numbers")
-        return tuple(read_number(item, unit) for item in _items(value))
-    if kind == "holes":
-        return value if value == "all" else _read_holes(value)
-    return _read_readings(value, unit) if kind == "readings" else _read_limits(value, unit, kind == "orders")
+        return tuple(read_number(item, unit) for item in items)
+    holes = tuple(map(read_count, items))
+    is_fault = any(isinstance(hole, InvalidValue) for hole in holes)
+    return InvalidValue("must be all, or a list of hole numbers") if is_fault else holes
 
 
-def _items(value: Any) -> list[Any]:
-    return list(value) if isinstance(value, list | tuple) else [value]
-
-
-def _read_holes(value: Any) -> Any:
-    if value is None or isinstance(value, dict | str):
-        return InvalidValue("must be all, or a list of hole numbers")
-    holes = tuple(map(read_count, _items(value)))
-    unread = [
-        InitErrorDetails(type="int_type", loc=(index,), input=hole)
-        for index, hole in enumerate(holes)
-        if isinstance(hole, InvalidValue)
-    ]
-    if unread:  # raised here, as pydantic would put the names of the types of a union into the place
-        raise ValidationError.from_exception_data("holes", unread)
-    return holes
-
-
-def _read_limits(value: Any, unit: str, by_order: bool) -> Any:
+def _read_table(value: Any, unit: str, kind: FieldKind) -> Any:
+    """A table of values by torque, order or position; a single limit is that of all torques."""
+    pattern, expected, like_key, like_table = KEYED_TABLES[kind]
     if not isinstance(value, dict):
-        limit = read_number(value, unit)
-        if by_order and not isinstance(limit, InvalidValue):
-            return InvalidValue("must be a table of orders per cam turn", "like {2: 10}")
+        limit = InvalidValue("must be a table of keys", like_table) if like_table else read_number(value, unit)
         return limit if isinstance(limit, InvalidValue) else {"all": limit}
-    expected = "an order per cam turn, or ORDER@TORQUE in N*m" if by_order else "a torque in N*m, or all"
-    limits: dict[str, float | InvalidValue] = {}
-    read: set[tuple[float, ...]] = set()
+    table: dict[str, float | UncertainReading | InvalidValue] = {}
+    known: set[tuple[float | str, ...]] = set()
     for key, item in value.items():
-        own = _order_and_torque(key) if by_order else (float(key),) if is_number(key) else ()
-        if not own and (by_order or key != "all"):
-            limits[key] = InvalidValue(f"must be {expected}", at_key=True)
-        elif own and own in read:
-            limits[key] = InvalidValue(f"the same {'order' if by_order else 'torque'} twice", at_key=True)
+        numbers = [number_of(part.removeprefix("h")) for part in key.split("@")]
+        meant = (key[:1] if kind == "readings" and key[:1] == "h" else "", *numbers)
+        fits = re.fullmatch(pattern, key) and all(map(isfinite, numbers))
+        if not (fits and all(numbers[kind == "readings" :])) and (kind, key) != ("limits", "all"):
+            table[key] = InvalidValue(f"must be {expected}", like_key, at_key=True)
+        elif meant in known:
+            table[key] = InvalidValue("given twice", at_key=True)
         else:
-            limits[key] = read_number(item, unit)
-        if own:
-            read.add(own)
-    return limits
-
-
-def _read_readings(value: Any, unit: str) -> Any:
-    if not isinstance(value, dict):
-        return InvalidValue("must be a table of positions", "like {h0@80: 28.1 ± 1}")
-    where = InvalidValue("must be a hole, or a turn in deg, at a torque in N*m", "like h4@80 or 120@80", at_key=True)
-    is_position = {key: re.fullmatch(POSITION_KEY, key) and number_of(key.split("@")[1]) for key in value}
-    return {key: _read_reading(item, unit) if is_position[key] else where for key, item in value.items()}
+            table[key] = _read_reading(item, unit) if kind == "readings" else read_number(item, unit)
+        known.add(meant)
+    return table
 
 
 def _read_reading(value: Any, unit: str) -> UncertainReading | InvalidValue:
@@ -185,41 +156,26 @@ def _read_reading(value: Any, unit: str) -> UncertainReading | InvalidValue:
     try:
         reading = UncertainReading(*read_spread(str(value), unit))
     except UnitError as error:
-        return InvalidValue(error.message, error.hint)
+        return error
     if all(0 < number <= LARGEST_READING for number in reading):
         return reading
     return InvalidValue(f"out of range: value and uncertainty above 0, up to {plain(LARGEST_READING)} {unit}")
 
 
-def _order_and_torque(key: str) -> tuple[float, ...]:
-    """The order above 0 and the torque, if any, that a key of a table of limits names; empty for any other."""
-    parts = key.split("@")
-    if len(parts) > 2 or not all(map(is_number, parts)):
-        return ()
-    numbers = tuple(map(float, parts))
-    return numbers if numbers[0] > 0 else ()
-
-
 def unit_of(info: FieldInfo) -> str:
     """Unit of a field as declared, empty for a pure number."""
-    extra = info.json_schema_extra
-    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+    return str(_extra(info).get("unit", ""))
+
+
+def _extra(info: FieldInfo) -> dict[str, Any]:
+    """What a field was declared with beside its type, default and range."""
+    return cast(dict[str, Any], info.json_schema_extra or {})
 
 
 def kind_of(info: FieldInfo) -> FieldKind:
     """What a field takes: a number, count, text, choice, several numbers, holes, limits, readings."""
-    union = get_origin(info.annotation) in (Union, UnionType)
-    parts = get_args(info.annotation) if union else (info.annotation,)
-    if float in parts:
-        return "number"
-    if int in parts:
-        return "count"
-    origins = [get_origin(part) for part in parts]
-    if Literal in origins:
-        return "holes" if tuple in origins else "choice"
-    if dict in origins:
-        return "orders" if PER_ORDER in info.metadata else "readings" if PER_POSITION in info.metadata else "limits"
-    return "numbers" if tuple in origins else "text"
+    parts = (*info.metadata, info.annotation, *get_args(info.annotation))
+    return next((KINDS[part] for part in parts if part in KINDS), "choice")
 
 
 def is_optional(info: FieldInfo) -> bool:

@@ -34,19 +34,13 @@ def parse(text: str, index: int) -> Override:
             f"{OVERRIDE}:{index}:1: not of the form section.key=VALUE (got {shown(text) or 'nothing'})",
             f"like {OVERRIDE} gears.j_n=6",
         )
-    document = read_yaml(value, OVERRIDE)
     own, start = Mark(index, 1), len(key) + 1
-
-    def moved(mark: Mark) -> Mark:
-        return Mark(index, (mark.column if mark.line == 1 else 1) + start)
-
+    document = read_yaml(value, OVERRIDE, path, lambda line, column: Mark(index, (column if line == 1 else 1) + start))
     if document.findings:
-        faults = [replace(f, line=index, column=moved(Mark(f.line, f.column)).column) for f in document.findings]
-        raise UsageError("\n".join(map(str, faults)))
-    places = {path: SourceSpan(OVERRIDE, own, Mark(index, start + 1))}
-    for inner, place in document.places.items():
-        places[*path, *inner] = replace(place, key=moved(place.key) if inner else own, value=moved(place.value))
-    return Override(path, replace(document, places=places))
+        raise UsageError("\n".join(map(str, document.findings)))
+    place = document.places.get(path, SourceSpan(OVERRIDE, own, Mark(index, start + 1)))
+    document.places[path] = replace(place, key=own)
+    return Override(path, document)
 
 
 def path_of(key: str) -> Path:
@@ -67,23 +61,19 @@ def apply(document: Document, overrides: Sequence[Override]) -> None:
 
 
 def _set(document: Document, override: Override) -> None:
-    table = document.data
-    for depth, part in enumerate(override.path[:-1], 1):
-        inner = table.get(part)
-        path = override.path[:depth]
-        if inner is None or not isinstance(inner, dict):
-            # one entry on top of a bare number, which is the limit for all torques
-            keep = {} if inner is None or path[:2] not in PER_TORQUE else {"all": inner}
-            if inner is not None and not keep:
+    table, own = document.data, override.value.places[override.path]
+    path: Path = ()
+    for part in override.path[:-1]:
+        path, inner = (*path, part), table.get(part)
+        if inner is not None and not isinstance(inner, dict):
+            if path not in PER_TORQUE:
                 message = f"{path_text(path)} is no table of keys"
-                mark = override.value.places[override.path].key
-                document.findings.append(Finding(OVERRIDE, *mark, path_text(override.path), message))
+                document.findings.append(Finding(OVERRIDE, *own.key, path_text(override.path), message))
                 return
-            if keep:
-                document.places[(*path, "all")] = document.places[path]
-            document.places.setdefault(path, override.value.places[override.path])
-            table[part] = inner = keep
-        table = inner
+            inner = {"all": inner}  # one entry on top of a bare number, which is the limit for all torques
+            document.places[(*path, "all")] = document.places[path]
+        document.places.setdefault(path, own)
+        table[part] = table = {} if inner is None else inner
     table[override.path[-1]] = override.value.data
     size = len(override.path)
     document.places = {p: place for p, place in document.places.items() if p[:size] != override.path}

@@ -1,16 +1,13 @@
 """Rules on several fields together that need no geometry: numbers of teeth, supports, torques, holes.
 
-Each rule is a function whose arguments are named after the fields it needs; it runs when these are valid.
 Lengths in mm as the fields are, angles in deg, torques in N*m.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 from hdassist.preset.measured import position_fault
@@ -29,6 +26,25 @@ class Conflict:
     hint: str = ""
 
 
+@dataclass(frozen=True)
+class FieldRule:
+    """A rule on fields: path of the field to look at first, message, and a hint at what to do.
+
+    fault: of the fields that its arguments are named after, the numbers at fault, or True; empty or False where the
+    fields go together.
+    """
+
+    path: str
+    message: str
+    fault: Callable[..., str | bool]
+    hint: str = ""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the fields that it looks at."""
+        return tuple(inspect.signature(self.fault).parameters)
+
+
 def field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, ...]]]:
     """Apply the rules whose fields are all there.
 
@@ -36,14 +52,14 @@ def field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple
     Result: each conflict with the paths of the fields that its rule has looked at.
     """
     paths = {path.rpartition(".")[2]: path for path in values}
-    for rule in PRESET_RULES:
-        names = _parameters(rule)
-        if all(name in paths for name in names):
-            involved = tuple(paths[name] for name in names)
-            yield from ((conflict, involved) for conflict in rule(*(values[path] for path in involved)))
+    for rule in FIELD_RULES:
+        if paths.keys() >= set(rule.names):
+            involved = tuple(paths[name] for name in rule.names)
+            if fault := rule.fault(*(values[path] for path in involved)):
+                yield Conflict(rule.path, rule.message, fault if isinstance(fault, str) else "", rule.hint), involved
     for key in values.get("measured.F_ior", ()) if "mounting.holes" in values else ():
-        if fault := position_fault(key.split("@")[0], values["mounting.holes"]):
-            yield Conflict(f"measured.F_ior.{key}", fault[0], key, fault[1]), ()
+        if position := position_fault(key.split("@")[0], values["mounting.holes"]):
+            yield Conflict(f"measured.F_ior.{key}", position[0], key, position[1]), ()
     for path, phase in values.items():
         size = path.replace("harmonics.xi_", "harmonics.a_")
         if size != path and phase is not None and values.get(size, phase) is None:
@@ -51,135 +67,89 @@ def field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple
             yield Conflict(path, "a phase without an amplitude", f"{phase:g} deg", hint), (path, size)
 
 
-@cache
-def _parameters(rule: Callable[..., Iterator[Conflict]]) -> tuple[str, ...]:
-    return tuple(inspect.signature(rule).parameters)
+def _too_soft(C: float | None) -> str:
+    """A stiffness [N/mm] with which the equations are ill-conditioned."""
+    return f"{C:g} N/mm" if C and C < LEAST_SUPPORT else ""
 
 
-def teeth_difference(z_b: int, z_g: int) -> Iterator[Conflict]:
-    """The rigid wheel has two teeth more than the flexspline."""
-    got = f"z_b - z_g = {z_b - z_g}"
-    if z_b <= z_g:
-        yield Conflict("gears.z_b", "the rigid wheel needs more teeth than the flexspline", got)
-    elif z_b - z_g != 2:
-        yield Conflict(
-            "gears.z_b", "only drives with two waves and z_b - z_g = 2 are supported", got, f"z_b: {z_g + 2}"
-        )
-
-
-def shell_behind_teeth(l: float, b_w: float) -> Iterator[Conflict]:
-    """The shell goes on behind the tooth ring."""
-    if l <= b_w:
-        yield Conflict("flexspline.l", "the shell must be longer than the tooth ring", f"l {l:g} mm, b_w {b_w:g} mm")
-
-
-def rolling_needs_balls(ball_motion: str, d_ball: float | None) -> Iterator[Conflict]:
-    """Rolling balls turn the cage by an angle that depends on their size."""
-    if ball_motion == "rolling" and d_ball is None:
-        yield Conflict("bearing.ball_motion", "rolling balls need bearing.d_ball", hint="give d_ball in mm")
-
-
-def overhung_on_a_shaft(
-    coupling: str, shaft_d: float | None, overhang: float | None, C_3: float | None
-) -> Iterator[Conflict]:
-    """A cam that is overhung has the stiffness of its shaft."""
-    if coupling == "overhung" and C_3 is None and (shaft_d is None or overhang is None):
-        yield Conflict(
-            "cam.coupling", "overhung needs cam.shaft_d and cam.overhang", hint="give both in mm, or supports.C_3"
-        )
-
-
-def something_holds(C_1: float, C_2: float, C_3: float | None) -> Iterator[Conflict]:
-    """At least one part is supported."""
-    if C_1 == C_2 == C_3 == 0:
-        yield Conflict("supports.C_1", "C_1, C_2 and C_3 are all 0: nothing holds the drive", hint="give one of them")
-
-
-def supports_hold(C_1: float, C_2: float, C_3: float | None) -> Iterator[Conflict]:
-    """A support has a stiffness of at least LEAST_SUPPORT, or 0; the equations of softer ones are ill-conditioned."""
-    for name, C in {"C_1": C_1, "C_2": C_2, "C_3": C_3}.items():
-        if C and C < LEAST_SUPPORT:
-            yield Conflict(
-                f"supports.{name}", "too soft to hold anything", f"{C:g} N/mm",
-                f"0 where nothing holds the part, else at least {LEAST_SUPPORT:g} N/mm",
-            )  # fmt: skip
-
-
-def torques_usable(M_g: Sequence[float]) -> Iterator[Conflict]:
-    """Each torque once, and none of them 0."""
-    if not M_g:
-        yield Conflict("operation.M_g", "needs at least one torque")
-    if 0 in M_g:
-        yield Conflict(
-            "operation.M_g", "a torque of 0 leaves the rotation undetermined within the clearance",
-            hint="a small torque instead, such as 1 % of the rated one",
-        )  # fmt: skip
-    twice = sorted(torque for torque, times in Counter(M_g).items() if times > 1)
-    if twice:
-        yield Conflict("operation.M_g", "the same torque twice", ", ".join(f"{torque:g}" for torque in twice))
-
-
-def run_out_counts_once(mark_kind: str, F_i2: float, e_b: float) -> Iterator[Conflict]:
-    """A run-out of the rigid wheel is given by one field, F_i2 with marks of run-out, or e_b."""
-    if mark_kind == "runout" and F_i2 and e_b:
-        yield Conflict(
-            "tolerances.e_b", "the run-out of the rigid wheel is given twice", f"F_i2 {F_i2:g} um, e_b {e_b:g} um",
-            "with mounting.mark_kind: runout F_i2 is that run-out (twice e_b); give one of the two",
-        )  # fmt: skip
-
-
-def segments_end_in_order(
-    T_1: float | None, T_2: float | None, rated: float | None, M_g: Sequence[float]
-) -> Iterator[Conflict]:
-    """The catalogue's segments of the stiffness curve end one after the other, above zero."""
+def _too_small(end: float | None, rated: float | None, M_g: Sequence[float]) -> str:
+    """A torque that ends no segment of the stiffness curve, and the least that does."""
     least = LEAST_END * (rated or max(map(abs, M_g), default=0.0))
-    for name, end in {"T_1": T_1, "T_2": T_2}.items():
-        if end is not None and end <= least:
-            yield Conflict(f"catalogue.{name}", "too small to end a segment", f"{end:g} N*m", f"above {least:g} N*m")
-    if T_1 is not None and T_2 is not None and T_1 >= T_2:
-        yield Conflict("catalogue.T_1", "the first segment must end below the second", f"T_1 {T_1:g}, T_2 {T_2:g} N*m")
+    return f"{end:g} N*m; above {least:g} N*m" if end is not None and end <= least else ""
 
 
-def holes_exist(allowed: str | Sequence[int], holes: int) -> Iterator[Conflict]:
-    """Usable holes are holes of the seat, each named once."""
-    if isinstance(allowed, str):
-        return
-    beyond = sorted({hole for hole in allowed if not 0 <= hole < holes})
-    if not allowed:
-        yield Conflict("mounting.allowed", "no hole is left", hint="all, or a list of hole numbers")
-    elif holes == 0:
-        yield Conflict("mounting.allowed", "a free angle (holes: 0) has no holes to choose from", hint="all")
-    elif beyond:
-        yield Conflict("mounting.allowed", f"the seat has the holes 0 to {holes - 1}", ", ".join(map(str, beyond)))
-    elif len(set(allowed)) < len(allowed):
-        yield Conflict("mounting.allowed", "the same hole twice")
+def _listed(numbers: set[float]) -> str:
+    return ", ".join(f"{number:g}" for number in sorted(numbers))
 
 
-def nodes_resolve_modes(n_2: int, n_max: int) -> Iterator[Conflict]:
-    """The nodes between bore and ring see every bending mode."""
-    if n_2 < 2 * n_max:
-        yield Conflict("numerics.n_2", "too few nodes for the bending modes", f"n_2 {n_2}, n_max {n_max}",
-                       f"at least 2 n_max = {2 * n_max}")  # fmt: skip
-
-
-def window_holds_teeth(window: float, z_g: int) -> Iterator[Conflict]:
-    """The flank window holds more than a tooth."""
-    pitch = 360 / z_g
-    if window < pitch:
-        yield Conflict("numerics.window", "holds no full tooth pitch", f"{window:g} deg", f"at least {pitch:.3g} deg")
-
-
-PRESET_RULES: tuple[Callable[..., Iterator[Conflict]], ...] = (
-    teeth_difference,
-    shell_behind_teeth,
-    rolling_needs_balls,
-    overhung_on_a_shaft,
-    something_holds,
-    supports_hold,
-    torques_usable,
-    run_out_counts_once,
-    segments_end_in_order,
-    holes_exist,
-    nodes_resolve_modes,
-    window_holds_teeth,
-)
+_SOFT = "too soft to hold anything"
+_HOLDS = f"0 where nothing holds the part, else at least {LEAST_SUPPORT:g} N/mm"
+_SMALL = "too small to end a segment"
+FIELD_RULES = (
+    FieldRule(
+        "gears.z_b", "the rigid wheel needs more teeth than the flexspline",
+        lambda z_b, z_g: z_b <= z_g and f"z_b - z_g = {z_b - z_g}",
+    ),
+    FieldRule(
+        "gears.z_b", "only drives with two waves and z_b - z_g = 2 are supported",
+        lambda z_b, z_g: z_b > z_g and z_b != z_g + 2 and f"z_b - z_g = {z_b - z_g}; z_b: {z_g + 2}",
+    ),
+    FieldRule(
+        "flexspline.l", "the shell must be longer than the tooth ring",
+        lambda l, b_w: l <= b_w and f"l {l:g} mm, b_w {b_w:g} mm",
+    ),
+    FieldRule(
+        "bearing.ball_motion", "rolling balls need bearing.d_ball",
+        lambda ball_motion, d_ball: ball_motion == "rolling" and d_ball is None, "give d_ball in mm",
+    ),
+    FieldRule(
+        "cam.coupling", "overhung needs cam.shaft_d and cam.overhang",
+        lambda coupling, shaft_d, overhang, C_3: coupling == "overhung" and C_3 is None and None in (shaft_d, overhang),
+        "give both in mm, or supports.C_3",
+    ),
+    FieldRule(
+        "supports.C_1", "C_1, C_2 and C_3 are all 0: nothing holds the drive",
+        lambda C_1, C_2, C_3: C_1 == C_2 == C_3 == 0, "give one of them",
+    ),
+    FieldRule("supports.C_1", _SOFT, lambda C_1: _too_soft(C_1), _HOLDS),
+    FieldRule("supports.C_2", _SOFT, lambda C_2: _too_soft(C_2), _HOLDS),
+    FieldRule("supports.C_3", _SOFT, lambda C_3: _too_soft(C_3), _HOLDS),
+    FieldRule("operation.M_g", "needs at least one torque", lambda M_g: not M_g),
+    FieldRule(
+        "operation.M_g", "a torque of 0 leaves the rotation undetermined within the clearance", lambda M_g: 0 in M_g,
+        "a small torque instead, such as 1 % of the rated one",
+    ),
+    FieldRule(
+        "operation.M_g", "the same torque twice",
+        lambda M_g: _listed({torque for torque in M_g if M_g.count(torque) > 1}),
+    ),
+    FieldRule(
+        "tolerances.e_b", "the run-out of the rigid wheel is given twice",
+        lambda mark_kind, F_i2, e_b: mark_kind == "runout" and F_i2 and e_b and f"F_i2 {F_i2:g} um, e_b {e_b:g} um",
+        "with mounting.mark_kind: runout F_i2 is that run-out (twice e_b); give one of the two",
+    ),
+    FieldRule("catalogue.T_1", _SMALL, lambda T_1, rated, M_g: _too_small(T_1, rated, M_g)),
+    FieldRule("catalogue.T_2", _SMALL, lambda T_2, rated, M_g: _too_small(T_2, rated, M_g)),
+    FieldRule(
+        "catalogue.T_1", "the first segment must end below the second",
+        lambda T_1, T_2: None not in (T_1, T_2) and T_1 >= T_2 and f"T_1 {T_1:g}, T_2 {T_2:g} N*m",
+    ),
+    FieldRule("mounting.allowed", "no hole is left", lambda allowed: not allowed, "all, or a list of hole numbers"),
+    FieldRule(
+        "mounting.allowed", "a free angle (holes: 0) has no holes to choose from",
+        lambda allowed, holes: allowed and allowed != "all" and not holes, "all",
+    ),
+    FieldRule(
+        "mounting.allowed", "not a hole of the seat",
+        lambda allowed, holes: allowed != "all" and holes > 0
+        and (beyond := _listed(set(allowed) - set(range(holes)))) and f"{beyond}; its holes are 0 to {holes - 1}",
+    ),
+    FieldRule(
+        "mounting.allowed", "the same hole twice",
+        lambda allowed: allowed != "all" and len(set(allowed)) < len(allowed),
+    ),
+    FieldRule(
+        "numerics.n_2", "too few nodes for the bending modes",
+        lambda n_2, n_max: n_2 < 2 * n_max and f"n_2 {n_2}, n_max {n_max}; at least 2 n_max = {2 * n_max}",
+    ),
+)  # fmt: skip

@@ -36,13 +36,8 @@ LONGEST_NUMBER = (
 )
 
 
-class UnitError(ValueError):
-    """A text that is no number in a fitting unit: message and hint."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.message = message
-        self.hint = hint
+class UnitError(InvalidValue, ValueError):
+    """A text that is no number in a fitting unit."""
 
 
 def convert(text: str, unit: str) -> float:
@@ -52,7 +47,7 @@ def convert(text: str, unit: str) -> float:
     Result: the number in the unit of the field.
     Raises UnitError: no number, not finite, no unit, or a unit that does not fit.
     """
-    match = None if _is_long(text) else _SPLIT.fullmatch(text.strip())
+    match = _matched(_SPLIT, text)
     if match is None:
         raise _no_number(text.strip(), unit)
     number, given = match[1], _normal(match[2])
@@ -69,14 +64,14 @@ def convert(text: str, unit: str) -> float:
     return float(Decimal(number) * factor)
 
 
-def _is_long(text: str) -> bool:
-    """Whether a text is too long to be a number."""
-    return len(text.strip()) > LONGEST_NUMBER
+def _matched(pattern: re.Pattern[str], text: str) -> re.Match[str] | None:
+    """The match of a whole text that is not too long for a number."""
+    return pattern.fullmatch(text.strip()) if len(text.strip()) <= LONGEST_NUMBER else None
 
 
 def is_spread(text: str) -> bool:
     """Whether a text has a sign of an uncertainty in it."""
-    return not _is_long(text) and _SPREAD.fullmatch(text.strip()) is not None
+    return _matched(_SPREAD, text) is not None
 
 
 def read_spread(text: str, unit: str) -> tuple[float, float]:
@@ -85,7 +80,7 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
     Arguments: text, such as "260±10", "75 ± 5 um" or "1.2 deg +- 3 arcmin": a unit that one of them lacks is the
     other's, and two bare numbers are in the unit of the field. Raises UnitError for anything else.
     """
-    match = None if _is_long(text) else _SPREAD.fullmatch(text.strip())
+    match = _matched(_SPREAD, text)
     if match is None:
         raise UnitError("must be a number and its uncertainty", "like 260 ± 10")
     units = [number[2] if (number := _SPLIT.fullmatch(part)) else "" for part in match.groups()]
@@ -112,7 +107,7 @@ def read_number(value: Any, unit: str, *, spread: bool = False) -> float | Inval
         try:
             return read_spread(value, unit)[0] if spread and is_spread(value) else convert(value, unit)
         except UnitError as error:
-            return InvalidValue(error.message, error.hint)
+            return error
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value if isfinite(value) else InvalidValue("must be a finite number")
     return InvalidValue("must be a number", f"in {unit}" if unit else "")
@@ -120,13 +115,10 @@ def read_number(value: Any, unit: str, *, spread: bool = False) -> float | Inval
 
 def read_count(value: Any) -> int | InvalidValue:
     """A whole number from a value of a preset; InvalidValue for any other."""
-    if isinstance(value, float) and not value.is_integer():
-        return InvalidValue("must be a whole number")
     number = read_number(value, "")
     if isinstance(number, InvalidValue):
-        words = number.message.replace("a number", "a whole number").replace("a pure", "a whole")
-        return replace(number, message=words)
-    return int(number)
+        return replace(number, message=number.message.replace("a number", "a whole number").replace("pure", "whole"))
+    return int(number) if number % 1 == 0 else InvalidValue("must be a whole number")
 
 
 def units_for(unit: str) -> tuple[str, ...]:

@@ -9,13 +9,13 @@ from __future__ import annotations
 import difflib
 import re
 from codecs import BOM_UTF8
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import yaml
 
-from hdassist.errors import Finding
+from hdassist.errors import Finding, PresetError
 from hdassist.numerals import NUMBER
 from hdassist.visible import escaped
 
@@ -60,7 +60,7 @@ class SourceSpan:
 
 @dataclass
 class Document:
-    """A text as it was read: data, place of each path, findings, warnings, and whether it was read to its end.
+    """A text as it was read: data, BROKEN_VALUE where it breaks off; place of each path, findings, warnings.
 
     file: its name in findings; bad: paths whose values are not to be used.
     """
@@ -71,7 +71,6 @@ class Document:
     findings: list[Finding] = field(default_factory=list)
     warnings: list[Finding] = field(default_factory=list)
     bad: set[Path] = field(default_factory=set)
-    complete: bool = True
 
     def add(self, path: Path, message: str, hint: str = "", got: str | None = None, key: bool = False) -> None:
         """Add a finding on a value or its key, and mark the path as bad; got: the value as written by default."""
@@ -141,143 +140,140 @@ def shown(text: str, width: int = 60) -> str:
     return "".join(c if c.isprintable() else escaped(c) for c in text)
 
 
-def read_yaml(text: bytes | str, file: str) -> Document:
+def read_yaml(text: bytes | str, file: str, path: Path = (), at: Callable[[int, int], Mark] = Mark) -> Document:
     """Read YAML text; faults are added to the findings of the document, none is raised.
 
-    Arguments: text, as bytes in UTF-8 or as str; file, the name that findings bear.
+    Arguments: text, as bytes in UTF-8 or as str; file, the name that findings bear; path of the value that the text is
+    of; at, the place of a line and column of the text.
     """
     document = Document(file)
     try:
-        _Builder(document, _decode(text)).run()
-    except _EndError as end:
-        document.findings.append(Finding(file, *end.mark, "", end.message, end.got, end.hint))
-        document.complete = False
+        _Reader(document, at, at(1, 1)).read(text, path)
+    except PresetError as end:
+        document.findings += end.findings
+        document.data = BROKEN_VALUE
     return document
 
 
-class _EndError(Exception):
-    """Reading cannot go on behind this place."""
-
-    def __init__(self, mark: Mark, message: str, got: str = "", hint: str = "") -> None:
-        super().__init__(message)
-        self.mark, self.message, self.got, self.hint = mark, message, got, hint
-
-
-def _decode(text: bytes | str) -> str:
-    data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
-    if len(data) > MOST_PRESET_BYTES:
-        raise _EndError(
-            Mark(1, 1), f"the file is larger than {MOST_PRESET_BYTES // 1024} KiB", hint="is this a preset?"
-        )
-    data = data.removeprefix(BOM_UTF8)
-    try:
-        decoded = data.decode()
-    except UnicodeDecodeError as error:
-        before = data[: error.start].decode()
-        got = f"byte 0x{data[error.start]:02x}"
-        raise _EndError(_mark_at_end(before), "not UTF-8 text", got, "save the file as UTF-8") from None
-    if control := _UNPRINTABLE.search(decoded):
-        mark = _mark_at_end(decoded[: control.start()])
-        raise _EndError(mark, "a control character, which YAML does not allow", shown(control.group()))
-    return decoded
-
-
-def _mark_at_end(text: str) -> Mark:
-    lines = re.split(r"\r\n|[\n\r\x85\u2028\u2029]", text)
-    return Mark(len(lines), len(lines[-1]) + 1)
-
-
-class _Builder:
+@dataclass
+class _Reader:
     """One pass over the events of the parser, building data and places and collecting findings.
 
     Nodes composed first would come with less: a text that breaks off has none, and an alias in it has no place.
     """
 
-    def __init__(self, document: Document, text: str) -> None:
-        self.document, self.file = document, document.file
-        self.events = self._parsed(text)
-        self.last = Mark(1, 1)
+    document: Document
+    at: Callable[[int, int], Mark]
+    last: Mark  # behind which the parser is
 
-    def run(self) -> None:
-        documents = 0
+    def read(self, text: bytes | str, path: Path) -> None:
+        """Read a text to its end. Raises PresetError: reading cannot go on behind a place."""
+        self.events = self._parsed(self._decoded(text))
         for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent):
-                documents += 1
-                if documents > 1:
-                    raise _EndError(_mark(event.start_mark), "a second document", hint="one preset, one document")
-                self.document.data = self._value(next(self.events), (), None, self.document.places)
+                if self.document.places:
+                    raise self._end(self._mark(event.start_mark), "a second document", hint="one preset, one document")
+                self.document.data = self._value(next(self.events), path)
 
-    def _parsed(self, text: str) -> Iterator[yaml.Event]:
+    def _decoded(self, text: bytes | str) -> str:
+        data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
+        if len(data) > MOST_PRESET_BYTES:
+            words = f"the file is larger than {MOST_PRESET_BYTES // 1024} KiB"
+            raise self._end(self.last, words, hint="is this a preset?")
+        data = data.removeprefix(BOM_UTF8)
+        try:
+            decoded = data.decode()
+        except UnicodeDecodeError as error:
+            mark, got = self._behind(data[: error.start].decode()), f"byte 0x{data[error.start]:02x}"
+            raise self._end(mark, "not UTF-8 text", got, "save the file as UTF-8") from None
+        if control := _UNPRINTABLE.search(decoded):
+            mark = self._behind(decoded[: control.start()])
+            raise self._end(mark, "a control character, which YAML does not allow", shown(control.group()))
+        return decoded
+
+    def _behind(self, text: str) -> Mark:
+        lines = re.split(r"\r\n|[\n\r\x85\u2028\u2029]", text)
+        return self.at(len(lines), len(lines[-1]) + 1)
+
+    def _mark(self, mark: Any) -> Mark:
+        return self.at(mark.line + 1, mark.column + 1)
+
+    def _end(self, mark: Mark, message: str, got: str = "", hint: str = "") -> PresetError:
+        return PresetError([Finding(self.document.file, *mark, "", message, got, hint)])
+
+    def _parsed(self, text: str) -> Iterator[Any]:
         try:
             for event in yaml.parse(text, Loader=yaml.SafeLoader):
-                self.last = _mark(event.end_mark)
+                self.last = self._mark(event.end_mark)
                 yield event
-        except yaml.MarkedYAMLError as error:
-            raise _syntax_error(error, self.last) from None
-        except (yaml.YAMLError, ValueError, OverflowError):  # the parser fails so on "\U99999999"
-            raise _EndError(self.last, "not valid YAML", hint="a bad escape in a quoted text?") from None
+        except (yaml.YAMLError, ValueError, OverflowError) as error:  # "\U99999999" is no YAMLError
+            raise self._syntax_error(error) from None
 
-    def _until(self, end: type[yaml.Event]) -> Iterator[yaml.Event]:
+    def _until(self, end: type[yaml.Event]) -> Iterator[Any]:
         while not isinstance(event := next(self.events), end):
             yield event
 
-    def _value(self, event: Any, path: Path, key: Mark | None, places: dict[Path, SourceSpan]) -> Any:
-        """Value that begins with an event; key, where its key stands; places, which it is added to."""
-        mark = _mark(event.start_mark)
+    def _value(self, event: Any, path: Path, key: Mark | None = None) -> Any:
+        """Value that begins with an event; key, where its key stands."""
+        mark = self._mark(event.start_mark)
+        if len(path) >= MAX_DEPTH:
+            raise self._end(mark, f"nested deeper than {MAX_DEPTH} levels")
         text, quoted = "", False
         value: Any = BROKEN_VALUE
         if isinstance(event, yaml.AliasEvent):
             text = f"*{event.anchor}"
             self._find(mark, path, "aliases are not allowed", shown(text), "write the value out")
-            places[path] = SourceSpan(self.file, key or mark, mark, text)
-            return BROKEN_VALUE
-        if len(path) >= MAX_DEPTH:
-            raise _EndError(mark, f"nested deeper than {MAX_DEPTH} levels")
-        if event.anchor is not None:
+        elif event.anchor is not None:
             self._find(mark, path, "anchors are not allowed", shown(f"&{event.anchor}"), "leave the anchor out")
-        if event.tag is not None:
-            tag = str(event.tag).replace("tag:yaml.org,2002:", "!!")
-            self._find(mark, path, "tags are not allowed", shown(tag), "leave the tag out")
+        if tag := getattr(event, "tag", None):
+            got = shown(str(tag).replace("tag:yaml.org,2002:", "!!"))
+            self._find(mark, path, "tags are not allowed", got, "leave the tag out")
         if isinstance(event, yaml.SequenceStartEvent):
             items = enumerate(self._until(yaml.SequenceEndEvent))
-            value, text = [self._value(item, (*path, index), None, places) for index, item in items], "a list"
+            value, text = [self._value(item, (*path, index)) for index, item in items], "a list"
         elif isinstance(event, yaml.MappingStartEvent):
-            value, text = self._table(path, places), "a table of keys"
-        else:
+            value, text = self._table(path), "a table of keys"
+        elif isinstance(event, yaml.ScalarEvent):
             text, quoted = str(event.value), event.style is not None
             if _SURROGATE.search(text):
                 self._find(mark, path, "half of a surrogate pair is no character", shown(text))
             else:
                 value = text if quoted else scalar_value(text)
-        places[path] = SourceSpan(self.file, key or mark, mark, text, quoted)
-        return BROKEN_VALUE if event.tag is not None else value
+        self.document.places[path] = SourceSpan(self.document.file, key or mark, mark, text, quoted)
+        return value
 
-    def _table(self, path: Path, places: dict[Path, SourceSpan]) -> dict[str, Any]:
+    def _table(self, path: Path) -> dict[str, Any]:
         table: dict[str, Any] = {}
         for event in self._until(yaml.MappingEndEvent):
-            mark, known = _mark(event.start_mark), len(self.document.findings)
-            word = isinstance(event, yaml.ScalarEvent)
-            name = str(event.value) if word else ""
-            at, of_key = (*path, name), dict[Path, SourceSpan]()
-            broken = self._value(event, at, mark, of_key) is BROKEN_VALUE
-            if not word and len(self.document.findings) == known:
-                self._find(mark, path, "a key must be a single word", of_key[at].text)
+            mark = self._mark(event.start_mark)
+            if not isinstance(event, yaml.ScalarEvent):
+                raise self._end(mark, "a key must be a single word", hint="a text or a number")
+            name = str(event.value)
+            at = (*path, name)
             if name in table:
-                first = places[at].key
+                first = self.document.places[at].key
                 hint = f"first given in line {first.line}, column {first.column}"
                 self._find(mark, at, "duplicate key", hint=hint)
-            keep = word and not broken and name not in table
-            value = self._value(next(self.events), at, mark, places if keep else {})
-            if keep:
-                table[name] = value
+            is_broken = self._value(event, at, mark) is BROKEN_VALUE
+            value = self._value(next(self.events), at, mark)
+            if not is_broken:
+                table.setdefault(name, value)
         return table
 
     def _find(self, mark: Mark, path: Path, message: str, got: str = "", hint: str = "") -> None:
-        self.document.findings.append(Finding(self.file, *mark, path_text(path), message, got, hint))
+        finding = Finding(self.document.file, *mark, path_text(path), message, got, hint)
+        self.document.findings.append(finding)
 
-
-def _mark(mark: Any) -> Mark:
-    return Mark(mark.line + 1, mark.column + 1) if mark is not None else Mark(1, 1)
+    def _syntax_error(self, error: Exception) -> PresetError:
+        begun = getattr(error, "context_mark", None)
+        at = getattr(error, "problem_mark", None) or begun
+        problem = str(getattr(error, "problem", None) or getattr(error, "context", None) or error)
+        other = (shown(problem, 100), "")
+        message, hint = next((words for start, words in _WORDS.items() if start in problem), other)
+        if "not closed" in message and begun is not None:
+            opened = self._mark(begun)
+            hint = f"opened in line {opened.line}, column {opened.column}"
+        return self._end(self._mark(at) if at else self.last, f"not valid YAML: {message}", hint=hint)
 
 
 def path_text(path: Path) -> str:
@@ -287,30 +283,19 @@ def path_text(path: Path) -> str:
 
 
 # Messages of the parser, and the messages and hints for them
-_WORDS = (
-    ("mapping values are not allowed", "a ':' where none can stand", "wrong indentation, or a text that needs quotes"),
-    ("could not find expected ':'", "a line without a ':' behind its key", ""),
-    ("found character '\\t'", "a tab", "indent with spaces"),
-    ("expected ',' or", "a bracket is not closed, or a comma is missing", ""),
-    ("unexpected end of stream", "quotes are not closed", ""),
-    ("expected the node content", "a value is missing, or a bracket stays open", ""),
-    ("expected <block end>", "wrong indentation", "keys of one table start in the same column"),
-    ("unknown escape character", "a bad escape in a quoted text", "single quotes take \\ as it is"),
-    ("that cannot start any token", "a character that no plain text can start with", "put the text in quotes"),
-)
-
-
-def _syntax_error(error: yaml.MarkedYAMLError, last: Mark) -> _EndError:
-    problem = str(error.problem or error.context or "")
-    at = error.problem_mark or error.context_mark
-    mark = _mark(at) if at is not None else last
-    begun = error.context_mark
-    for start, message, hint in _WORDS:
-        if start in problem:
-            if "not closed" in message and begun is not None:
-                hint = f"opened in line {begun.line + 1}, column {begun.column + 1}"
-            return _EndError(mark, f"not valid YAML: {message}", hint=hint)
-    return _EndError(mark, f"not valid YAML: {shown(problem, 100)}")
+_WORDS = {
+    "mapping values are not allowed": ("a ':' where none can stand", "wrong indentation, or a text that needs quotes"),
+    "could not find expected ':'": ("a line without a ':' behind its key", ""),
+    "found character '\\t'": ("a tab", "indent with spaces"),
+    "expected ',' or": ("a bracket is not closed, or a comma is missing", ""),
+    "unexpected end of stream": ("quotes are not closed", ""),
+    "expected the node content": ("a value is missing, or a bracket stays open", ""),
+    "expected <block end>": ("wrong indentation", "keys of one table start in the same column"),
+    "chr() arg": ("a bad escape in a quoted text", ""),
+    "int too large": ("a bad escape in a quoted text", ""),
+    "unknown escape character": ("a bad escape in a quoted text", "single quotes take \\ as it is"),
+    "that cannot start any token": ("a character that no plain text can start with", "put the text in quotes"),
+}
 
 
 def ordered_findings(items: Iterable[Finding]) -> list[Finding]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from hdassist.model.geometry import Array
 from hdassist.readers.table import NumberTable
-from hdassist.readers.words import ANGLES, TORQUES, TURN_ARCSEC, role_in
+from hdassist.readers.words import TURN_ARCSEC, role_in
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +41,8 @@ def bench_record(table: NumberTable) -> PositionRecord | LoopRecord | None:
     roles = [role_in(name) for name in table.names]
     columns = {role: roles.index(role) for role in reversed(roles) if role}
 
-    def read(role: str, sizes: dict[str, float], default: str) -> Array:
-        return table.in_unit(columns[role], role, sizes, default)
+    def read(role: str, default: str) -> Array:
+        return table.in_unit(columns[role], role, default)
 
     def marks(role: str) -> Array:
         return table.values[:, columns[role]] if role in columns else np.ones(len(table.lines))
@@ -51,12 +51,12 @@ def bench_record(table: NumberTable) -> PositionRecord | LoopRecord | None:
     if "cam" in columns:
         return None
     if "target" in columns and ("error" in columns or angle):
-        target = read("target", ANGLES, "deg")
+        target = read("target", "deg")
         if "error" in columns:
-            deviation = read("error", ANGLES, "arcsec")
+            deviation = read("error", "arcsec")
         else:
-            deviation = np.mod(read(angle, ANGLES, "deg") - target + TURN_ARCSEC / 2, TURN_ARCSEC) - TURN_ARCSEC / 2
+            deviation = np.mod(read(angle, "deg") - target + TURN_ARCSEC / 2, TURN_ARCSEC) - TURN_ARCSEC / 2
         return PositionRecord(table, target, deviation, np.sign(marks("side")))
     if "torque" in columns and angle and "error" not in columns:
-        return LoopRecord(table, read("torque", TORQUES, "nm"), read(angle, ANGLES, "arcsec"), marks("place"))
+        return LoopRecord(table, read("torque", "N·m"), read(angle, "arcsec"), marks("place"))
     return None

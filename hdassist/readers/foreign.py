@@ -1,7 +1,7 @@
 """Files of other programs: what they are, and rows of a table in place of those whose meaning is known.
 
 PHD2 guide log: sections of rows under a line of names; RARawDistance in pixels, `Pixel scale` and `Dec` above them.
-While `MountGuidingEnabled = false`, or the mount's guiding is disabled, the mount follows the sky by itself.
+Where no row has a pulse (RADuration), the mount follows the sky by itself; a line between rows may move the star.
 EQMOD PE file: `!WormPeriod` in s, `!StepsPerWorm`, then rows of time in s, motor steps and error in arcsec.
 """
 
@@ -77,18 +77,18 @@ def _of_guide_log(lines: list[str], notes: list[str]) -> list[str]:
     """The longest unguided section: error in right ascension over the angle of the axis that follows the sky."""
     sections: list[tuple[float | None, dict[int, str]]] = [(None, {})]
     stated: dict[str, float] = {}
-    is_guided, names = True, ["Frame"]
+    names: list[str] = []
     for index, line in enumerate(lines):
         stated |= {key: number_of(number) for key, number in re.findall(_GUIDE_FACT, line)}
-        if guiding := re.search(r"MountGuidingEnabled = (\w+)|^Mount = .*guiding (\w+)", line):
-            is_guided = (guiding[1] or guiding[2]) not in {"false", "disabled"}
         names = line.split(",") if line.startswith("Frame,") else names
-        if guiding or line.startswith(("Frame,", "Guiding Begins")):
+        row = dict(zip(names, line.split(","), strict=False))
+        pulse = row.get("RADuration", "")
+        if not line[:1].isdecimal() or pulse.strip("0"):
             sections.append((stated.get("Dec"), {}))
-        row = {name: number_of(cell) for name, cell in zip(names, line.split(","), strict=False)}
-        time, pixels = (row.get(name, nan) for name in ("Time", "RARawDistance"))
+            continue
+        time, pixels = (number_of(row.get(name, "")) for name in ("Time", "RARawDistance"))
         arcsec = pixels * stated.get("Pixel scale", nan) / cos(radians(stated.get("Dec", 0.0)))
-        if not is_guided and row["Frame"] > 0 and isfinite(time) and isfinite(arcsec):
+        if pulse and isfinite(time) and isfinite(arcsec):
             sections[-1][1][index] = f"{time * SIDEREAL / 3600:.7f} {arcsec:.4f}"
     dec, longest = max(sections, key=lambda section: len(section[1]))
     if not longest:

@@ -4,7 +4,7 @@ The deviation of a tooth is where its flank lies against the place it should hav
 constant for the whole wheel. A file has two columns, tooth number and deviation, and may say in remarks:
 
     # form: cumulative | single   cumulative deviations F_p (default), or single pitch deviations f_pt, that of tooth
-                                  k between the teeth k - 1 and k; "index" means the same as "single"
+                                  k between the teeth k - 1 and k
     # unit: um | mm               or in the name of the column; um by default
     # sense: ccw | cw             in which sense the numbers grow, seen from the cam side; ccw by default
     # sign: along | ccw | cw      to where a positive deviation points: along the growing numbers (default), or
@@ -54,21 +54,27 @@ LEAST_RANGE, LARGEST_RANGE = 0.5, 1000.0  # um: range of the deviations of a whe
 CLOSING = 0.2  # of the range: greatest sum of the single deviations
 NOISE = 1e-9  # of the summed deviations: a closing error that is rounding of the sum
 _CODE_PAGE = re.compile("[\x80-\xff]{3}")  # in Latin-1: letters of another code page
+_SENSES = {"clockwise": "cw", "counterclockwise": "ccw", "anticlockwise": "ccw"}
 
-PitchForm = Literal["cumulative", "single", "index"]
+PitchForm = Literal["cumulative", "single"]
 Sense = Literal["ccw", "cw"]
-Sign = Literal["along", "ccw", "cw"]
 Flank = Literal["left", "right"]
 
-CHOICES = {"form": get_args(PitchForm), "sense": get_args(Sense), "sign": get_args(Sign), "flank": get_args(Flank)}
-EXPECTED = {  # by key, for messages
-    "form": "cumulative or single",
-    "unit": "um or mm",
-    "sense": "ccw or cw, seen from the cam side",
-    "sign": "along (the numbering), ccw or cw",
-    "mark": "the number of a tooth",
-    "flank": "left or right",
+CHOICES = {  # by key: values, and what they are for messages
+    "form": (get_args(PitchForm), "cumulative or single"),
+    "sense": (get_args(Sense), "ccw or cw, seen from the cam side"),
+    "sign": (("along", "ccw", "cw"), "along (the numbering), ccw or cw"),
+    "flank": (get_args(Flank), "left or right"),
 }
+ASSUMED = {  # by key: value without a statement, and the note on it
+    "form": ("cumulative", "no form given: cumulative deviations"),
+    "unit": ("um", "no unit given: um"),
+    "sense": ("ccw", "no sense given: numbered counter-clockwise, seen from the cam side"),
+    "sign": ("along", ""),
+}
+COLUMNS_HINT = (
+    "left [um]; right [um] above the rows, and one flank or form asked for; decimal commas need ; between columns"
+)
 FORM_HINT = 'write a comment line above the rows, like "# form: cumulative" or "# form: single"'
 
 
@@ -78,40 +84,34 @@ def read_pitch(
     *,
     form: PitchForm | None = None,
     sense: Sense | None = None,
-    sign: Sign | None = None,
-    mark: int | None = None,
     flank: Flank | None = None,
 ) -> PitchFile:
     """Read the pitch deviations of a wheel; for the form of a file see the module.
 
-    Arguments: source, a path ("-" is standard input), stream or bytes; teeth of the wheel; the others take precedence
-    over remarks of the file, and flank chooses among columns for two flanks.
+    Arguments: source, a path ("-" is standard input), stream or bytes; teeth of the wheel; form and sense take
+    precedence over remarks of the file, and flank chooses among columns for two flanks.
     Raises DataError: a file that cannot be read; PresetError: every fault of the file; UsageError: a wrong argument.
     """
-    asked = {"form": form, "sense": sense, "sign": sign, "mark": mark, "flank": flank}
-    given = {key: str(value) for key, value in asked.items() if value is not None}
-    for key, choices in CHOICES.items():
-        if given.get(key, choices[0]) not in choices:
-            raise UsageError(f"invalid {key} {given[key]}: expected one of {', '.join(choices)}")
+    asked: dict[str, str] = {
+        key: value for key, value in (("form", form), ("sense", sense), ("flank", flank)) if value is not None
+    }
+    for key, value in asked.items():
+        if value not in CHOICES[key][0]:
+            raise UsageError(f"invalid {key} {value}: expected one of {', '.join(CHOICES[key][0])}")
     if teeth < 2:
         raise UsageError(f"invalid number of teeth {teeth}: expected two or more")
     table = read_numbers(source, ("tooth number", "deviation"))
+    stated = _Statements(table, asked)
     is_table = not table.findings
-    stated = _Statements(table, given)
     teeth_in, deviation_in = stated.columns() if is_table else (0, 0)
     unit, size = stated.unit()
-    is_single = stated.value("form", "cumulative", "no form given: cumulative deviations") == "single"
-    sense_is = stated.value("sense", "ccw", "no sense given: numbered counter-clockwise, seen from the cam side")
-    sign_is, side = stated.value("sign", "along"), stated.value("flank")
+    form_is, sense_is, sign_is, side = (stated.value(key) for key in ("form", "sense", "sign", "flank"))
     first, order = _rows_by_tooth(table, teeth_in, teeth) if is_table else (1, [])
-    tooth = stated.tooth(range(first, first + teeth) if is_table else None)
+    mark = stated.mark(range(first, first + teeth))
     table.require_sound()
-    values = _cumulative(table, deviation_in, order, (unit, size), is_single)
+    values = _cumulative(table, deviation_in, order, (unit, size), is_single=form_is == "single")
     table.require_sound()
-    if not first <= tooth < first + teeth:
-        hint = f"{table.file} has the teeth {first} to {first + teeth - 1}"
-        raise UsageError(f"invalid mark {tooth}: expected a tooth of the wheel", hint)
-    values = np.roll(values, first - tooth)
+    values = np.roll(values, first - mark)
     if sense_is == "cw":
         values = np.roll(values[::-1], 1)
         table.notes.append("numbers turned round")
@@ -121,7 +121,7 @@ def read_pitch(
     deviation = np.asarray(values - values.mean(), dtype=np.float64)
     deviation.setflags(write=False)
     known: Flank | None = "left" if side == "left" else "right" if side == "right" else None
-    return PitchFile(deviation, tooth, known, table.file, table.sha256, tuple(table.notes))
+    return PitchFile(deviation, mark, known, table.file, table.sha256, tuple(table.notes))
 
 
 class _Statement(NamedTuple):
@@ -137,57 +137,54 @@ class _Statements:
     """Statements on the form of a file of pitch deviations: by arguments, its remarks and the names of its columns."""
 
     def __init__(self, table: NumberTable, asked: dict[str, str]) -> None:
-        self.table = table
-        self.asked = {key: _plain(value) for key, value in asked.items()}
+        self.table, self.asked = table, asked
         self.stated: dict[str, list[_Statement]] = {key: [] for key in PITCH_KEYS.values()}
+        if table.names_in_remark and not any(map(names_teeth, table.names)):
+            table.names = ()  # a remark with as many words as there are columns
+        keys = [(remark.number, remark.remark, remark.entry[0]) for remark in table.remarks if remark.entry]
+        for line, column, name in (*keys, *((table.names_line, 1, name) for name in table.names)):
+            if table.is_latin and _CODE_PAGE.search(name):
+                table.add(line, column, "", "a name that is not UTF-8 text", name, "save the file as UTF-8")
         for remark in table.remarks:
-            if remark.entry is None:
-                continue
-            word, text, column = remark.entry
-            self._require_readable(remark.number, remark.remark, word)
+            word, text, column = remark.entry or ("", "", 0)
             if key := PITCH_KEYS.get(word):
                 self.stated[key].append(_Statement(_value_of(key, text), text, remark.number, column))
             elif hint := near_miss(word, PITCH_KEYS):
                 table.notes.append(f'line {remark.number}: "{word}" is passed over; {hint}')
 
-    def _require_readable(self, line: int, column: int, name: str) -> None:
-        if self.table.is_latin and _CODE_PAGE.search(name):
-            self.table.add(line, column, "", "a name that is not UTF-8 text", name, "save the file as UTF-8")
-
-    def value(self, key: str, default: str = "", if_none: str = "") -> str:
-        """Value of a key: that of the argument, else that of the file, else the default with a note."""
-        stated, asked = self.stated[key], self.asked.get(key)
-        if asked is not None:
-            other = next((s.text for s in stated if s.value != asked), None)
+    def value(self, key: str) -> str:
+        """Value of a key: that of the argument, else that of the file, else the one that is assumed, with a note."""
+        stated, (default, note) = self.stated[key], ASSUMED.get(key, ("", ""))
+        if key in self.asked:
+            other = next((each.text for each in stated if each.value != self.asked[key]), None)
             if other is not None:
-                self.table.notes.append(f"{key} {asked} as asked for; the file says {other}")
-            return asked
-        for statement in stated:
-            if not statement.value:
-                self._refuse(key, statement, f"must be {EXPECTED[key]}")
+                self.table.notes.append(f"{key} {self.asked[key]} as asked for; the file says {other}")
+            return self.asked[key]
+        for each in stated:
+            if not each.value:
+                expected = CHOICES[key][1] if key in CHOICES else "the number of a tooth"
+                self._refuse(key, each, f"must be {expected}")
                 return default
-            if statement.value != stated[0].value:
+            if each.value != stated[0].value:
                 hint = f"line {stated[0].line} says {stated[0].text}; keep one of them"
-                self._refuse(key, statement, "stated twice, and not the same", hint)
+                self._refuse(key, each, "stated twice, and not the same", hint)
                 return default
-        if not stated and if_none:
-            self.table.notes.append(if_none)
+        if not stated and note:
+            self.table.notes.append(note)
         return stated[0].value if stated else default
 
     def unit(self) -> tuple[str, float]:
         """Unit of the deviations, and its size in um."""
-        unit = self.value("unit", "um", "no unit given: um")
+        unit = self.value("unit")
         try:
             return unit, micrometres(unit)
         except UnitError as error:
             self._refuse("unit", self.stated["unit"][0], error.message, error.hint)
             return "um", 1.0
 
-    def tooth(self, teeth: range | None) -> int:
-        """The tooth with the mark, by default the first one; teeth: their numbers in the file, where it has them."""
+    def mark(self, teeth: range) -> int:
+        """The tooth with the mark, by default the first one; teeth: their numbers in the file."""
         stated = self.value("mark")
-        if teeth is None or "mark" in self.asked:
-            return int(stated or 1)
         if not stated:
             self.table.notes.append(f"no mark given: tooth {teeth[0]} has it")
         elif int(stated) not in teeth:
@@ -197,17 +194,12 @@ class _Statements:
 
     def columns(self) -> tuple[int, int]:
         """Columns of the tooth numbers and of the deviations; states what the name of the latter says."""
-        table = self.table
-        if table.names_in_remark and not any(map(names_teeth, table.names)):
-            table.names = ()  # a remark with as many words as there are columns
-        names = table.names
-        for name in names:
-            self._require_readable(table.names_line, 1, name)
+        names = self.table.names
         teeth = [index for index, name in enumerate(names) if names_teeth(name)]
         first = teeth[0] if len(teeth) == 1 else 0
-        others = [index for index in range(table.values.shape[1]) if index != first]
+        others = [index for index in range(self.table.values.shape[1]) if index != first]
         for key, meaning in (("flank", flank_in), ("form", form_in)):
-            wanted = self.asked.get(key) or next((s.value for s in self.stated[key]), "")
+            wanted = self.asked.get(key) or next((each.value for each in self.stated[key]), "")
             if wanted and len(others) > 1 and names:
                 others = [index for index in others if meaning(names[index]) == wanted] or others
         if len(others) > 1:
@@ -217,15 +209,10 @@ class _Statements:
         return first, others[0]
 
     def _refuse_columns(self, columns: list[int]) -> None:
-        table, names = self.table, [self.table.name(column) for column in columns]
-        hint = "name the columns in a line above the rows (left, right), or keep one of them"
-        if table.names and len(set(map(flank_in, names))) > 1:
-            hint = "ask for one flank: flank left or right"
-        elif table.names and len(set(map(form_in, names))) > 1:
-            hint = "ask for one form: form cumulative or form single"
-        got = " and ".join(f'"{name}"' for name in names)
+        table = self.table
+        got = " and ".join(f'"{table.name(column)}"' for column in columns)
         line = table.names_line if table.names else int(table.lines[0])
-        table.add(line, 1, "", f"{len(columns)} columns of deviations", got, hint)
+        table.add(line, 1, "", f"{len(columns)} columns of deviations", got, COLUMNS_HINT)
 
     def _name_says(self, name: str) -> None:
         line = self.table.names_line
@@ -246,12 +233,9 @@ def _value_of(key: str, text: str) -> str:
         return plain_unit(text)
     if key == "mark":
         return str(int(text)) if re.fullmatch(r"[+]?[0-9]{1,9}", text) else ""
-    value = _plain(re.sub(r"[\s-]+", "", text.lower()))
-    return value if value in CHOICES[key] else ""
-
-
-def _plain(value: str) -> str:
-    return {"index": "single", "clockwise": "cw", "counterclockwise": "ccw", "anticlockwise": "ccw"}.get(value, value)
+    value = re.sub(r"[\s-]+", "", text.lower())
+    value = _SENSES.get(value, value)
+    return value if value in CHOICES[key][0] else ""
 
 
 def _rows_by_tooth(table: NumberTable, column: int, teeth: int) -> tuple[int, list[int]]:
@@ -259,42 +243,30 @@ def _rows_by_tooth(table: NumberTable, column: int, teeth: int) -> tuple[int, li
 
     Faults of the tooth numbers are added to the findings of the table.
     """
-    numbers = table.values[:, column].tolist()
     row_of: dict[int, int] = {}
-    broken = [row for row, number in enumerate(numbers) if not number.is_integer()]
-    few_broken = 2 * len(broken) <= len(numbers)
-    for row in broken if few_broken else broken[:1]:
-        message = "must be the whole number of a tooth" if few_broken else "no column of tooth numbers"
-        hint = "the first column has the tooth numbers, unless a line of names says otherwise"
-        table.add_at(row, column, message, f"{numbers[row]:g}", hint)
-    for row, number in enumerate(numbers):
-        if number.is_integer() and row_of.setdefault(int(number), row) != row:
+    for row, number in enumerate(table.values[:, column].tolist()):
+        if not number.is_integer():
+            hint = "the first column has the tooth numbers, unless a line of names says otherwise"
+            table.add_at(row, column, "must be the whole number of a tooth", f"{number:g}", hint)
+            return 1, []
+        if row_of.setdefault(int(number), row) != row:
             hint = f"first in line {table.lines[row_of[int(number)]]}; keep one row"
             table.add_at(row, column, "a tooth for the second time", f"{number:g}", hint)
-    wanted = range(teeth) if 0 in row_of else range(1, teeth + 1)
-    if few_broken:
-        _require_all(table, column, row_of, wanted)
-    return wanted[0], [row_of.get(number, 0) for number in wanted]
-
-
-def _require_all(table: NumberTable, column: int, row_of: dict[int, int], wanted: range) -> None:
-    """Add findings for teeth of the wheel without a row, and for rows beyond its teeth."""
+    first = 0 if 0 in row_of else 1
+    wanted = range(first, first + teeth)
     beyond, missing = sorted(row_of.keys() - set(wanted)), sorted(set(wanted) - row_of.keys())
-    if (beyond or missing) and sorted(row_of) == list(range(wanted[0], wanted[0] + len(row_of))):
-        hint = "leave out the first tooth, measured again" if len(beyond) == 1 else "check the wheel of the file"
-        got = f"tooth {shortened(beyond)} too" if beyond else f"no row for tooth {shortened(missing)}"
-        message = f"the wheel has {len(wanted)} teeth, the file {len(row_of)}"
-        table.add_at(row_of[beyond[0]] if beyond else 0, column, message, got, hint)
-        return
-    if beyond:
-        message, hint = f"tooth numbers beyond {wanted[0]} to {wanted[-1]}", "count the teeth from 0 or from 1 on"
-        table.add_at(row_of[beyond[0]], column, message, shortened(beyond), hint)
-    if missing:
-        message, got = f"no row for tooth {shortened(missing)}", f"{len(table.lines)} rows"
-        table.add_at(0, column, message, got, f"{len(wanted)} are needed")
+    for words, numbers in (("a row for tooth", beyond), ("no row for tooth", missing)):
+        if numbers:
+            message = f"the wheel has {teeth} teeth, the file {len(row_of)}"
+            hint = "count from 0 or from 1 on, each tooth once" if beyond else f"{teeth} rows are needed"
+            row = row_of.get(numbers[0], 0)
+            table.add_at(row, column, message, f"{words} {shortened(numbers)}", hint)
+    return first, [row_of.get(number, 0) for number in wanted]
 
 
-def _cumulative(table: NumberTable, column: int, order: list[int], unit: tuple[str, float], is_single: bool) -> Array:
+def _cumulative(
+    table: NumberTable, column: int, order: list[int], unit: tuple[str, float], *, is_single: bool
+) -> Array:
     """Cumulative deviations [um] in the order of the tooth numbers, with their signs in the file.
 
     Arguments: table, whose notes and findings are added to; column of the deviations, and their rows in order; unit,

@@ -115,9 +115,9 @@ def _runs(angle: Angles, least: float) -> list[tuple[int, int, int]]:
     signs = np.sign(np.diff(angle)).astype(np.int8)
     if (signs >= 0).all() or (signs <= 0).all():
         return [(0, len(angle), 1 if signs.max() > 0 else -1)]
-    # only places where the direction changes can be turning points
+    # only the last rows before the direction changes can be turning points
     moving = np.flatnonzero(signs)
-    ends = [0, *moving[1:][np.diff(signs[moving]) != 0].tolist(), len(angle) - 1]
+    ends = [0, *(moving[:-1][np.diff(signs[moving]) != 0] + 1).tolist(), len(angle) - 1]
     runs: list[tuple[int, int, int]] = []
     start, extreme, direction = 0, 0, 0
     for row in ends[1:]:

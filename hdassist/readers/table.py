@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 
@@ -31,7 +31,7 @@ from hdassist.readers.cells import (
     separator_of,
 )
 from hdassist.readers.foreign import program_of, readable_parts
-from hdassist.readers.words import unit_in
+from hdassist.readers.words import ANGLES, TIMES, TORQUES, unit_in
 from hdassist.textfile import MAX_LINE, Readable, TextFile
 
 MOST_TABLE_BYTES = 5_000_000
@@ -70,8 +70,12 @@ class NumberTable:
         """Name of a column (from 0), for messages."""
         return self.names[column] if column < len(self.names) else f"column {column + 1}"
 
-    def in_unit(self, column: int, words: str, sizes: Mapping[str, float], default: str) -> Cells:
-        """Values of a column in the unit whose size is 1, by the unit in its name; how they were read is noted."""
+    def in_unit(self, column: int, words: str, default: str) -> Cells:
+        """Values of a column in the unit whose size is 1, by the unit in its name; how they were read is noted.
+
+        words: of the contents of the column; default: unit where the name has none, which says of what the units are.
+        """
+        sizes = next(sizes for sizes in (ANGLES, TIMES, TORQUES) if default in sizes)
         name = self.name(column)
         unit = unit_in(name, sizes)
         self.notes.append(f'"{name}": {words}, {unit or f"no unit given, {default} assumed"}')
@@ -148,14 +152,19 @@ def read_numbers(
     """
     text = TextFile(source, at_most)
     table = NumberTable(text.name)
-    rows = _Rows(table, needs, lenient=lenient)
+    rows = _Rows(table, needs)
     try:
         for first, part in readable_parts(text, table.notes):
             rows.take(first, part)
-            if len(table.findings) > MAX_FINDINGS:
+            if len(table.findings) > MAX_FINDINGS and not lenient:
                 break
         else:
             rows.end()
+            if lenient:
+                table.left_out = list(dict.fromkeys(finding.line for finding in table.findings))
+                table.findings.clear()
+                kept = np.isfinite(table.values).all(axis=1)
+                table.values, table.lines = table.values[kept], table.lines[kept]
     except PresetError as error:
         table.findings.extend(error.findings)
     table.sha256, table.is_latin = text.sha256, text.is_latin
@@ -167,8 +176,8 @@ def read_numbers(
 class _Rows:
     """Rows of a table of numbers, read part by part, with separator, decimal mark and width from its first lines."""
 
-    def __init__(self, table: NumberTable, needs: Sequence[str], *, lenient: bool) -> None:
-        self.table, self.needs, self.lenient = table, needs, lenient
+    def __init__(self, table: NumberTable, needs: Sequence[str]) -> None:
+        self.table, self.needs = table, needs
         self.separator, self.decimal, self.width = "", "", 0  # not settled yet
         self.waiting: list[TableLine] = []  # lines until they are settled
         self.above: TableLine | None = None  # the last remark above the rows that is no "key: value"
@@ -222,17 +231,11 @@ class _Rows:
             message = f"{self.width} column, needs {len(self.needs)}: {', '.join(self.needs)}"
             self._refuse(row_line, message, row_text(rows[0]), "columns stand apart by ; or , or tabs or blanks")
         self._name(first if named else self.above, separator, named)
-        texts = [cell.text for row in rows for cell in row]
-        bare = separator == "," and self.width > 2 and not self.table.names
-        if bare and not any(set(text) & set(".,") for text in texts):
-            hint = "separate the columns by ; or write a line of names above them"
-            got = ",".join(texts[: self.width])
-            self._refuse(row_line, "commas between columns, or decimal commas?", got, hint)
         self.separator = separator
         self._settle_decimal(rows)
         lines, self.waiting = self.waiting[named:], []
         self._read(lines)
-        faulty = {*self.table.left_out, *(finding.line for finding in self.table.findings)}
+        faulty = {finding.line for finding in self.table.findings}
         head = sum(line.number < self.lines[0] for line in lines) if self.lines else 0
         faulty &= {line.number for line in lines}
         if (len(faulty) >= FOREIGN_ROWS and 2 * len(faulty) > len(lines)) or head >= FOREIGN_HEAD:
@@ -264,7 +267,7 @@ class _Rows:
         if values is None:
             cells = [cells_of(line.text, self.separator) for line in lines]
             self._settle_decimal(cells)
-            read = [self._readable_row(line.number, row) for line, row in zip(lines, cells, strict=True)]
+            read = [self._row(line.number, row) for line, row in zip(lines, cells, strict=True)]
             kept = [row is not None for row in read]
             numbers = numbers[kept]
             values = np.array([row for row in read if row is not None]).reshape(-1, self.width)
@@ -282,9 +285,6 @@ class _Rows:
         separator, decimal = self.separator, self.decimal
         if separator == decimal or part.isspace():
             return None
-        if '"' in part:  # quotes around single numbers
-            apart = r"\s" if separator == " " else rf"{separator}\n"
-            part = re.sub(rf'(?<![^{apart}])"([0-9eE+\-{decimal}]*)"(?![^{apart}])', r"\1", part)
         blank = {" ": r" \t", "\t": ""}.get(separator, " ")
         if not re.fullmatch(rf"[0-9eE+\-\n{separator}{blank}{decimal}]*", part):
             return None
@@ -303,16 +303,6 @@ class _Rows:
         if not self.decimal:
             marks = Counter(decimal_mark_in(cell.text) for row in rows for cell in row)
             self.decimal = "," if marks[","] > marks["."] else "." if marks["."] else ""
-
-    def _readable_row(self, line: int, row: Sequence[Cell]) -> list[float] | None:
-        """Numbers of a row; None for one with a fault that is left out, or has no numbers in as many cells."""
-        before = len(self.table.findings)
-        numbers = self._row(line, row)
-        if self.lenient and len(self.table.findings) > before:
-            del self.table.findings[before:]
-            self.table.left_out.append(line)
-            return None
-        return numbers
 
     def _row(self, line: int, row: Sequence[Cell]) -> list[float] | None:
         """Numbers of a row; None, with a finding, for a row that has none or another number of cells."""

@@ -20,7 +20,7 @@ from hdassist.preset.units import UnitError
 from hdassist.preset.yamltext import shown
 from hdassist.readers.sweeps import AngleError, AngleSweep, guessed_wrap, leaping, sweeps, unwrapped
 from hdassist.readers.table import NumberTable, read_numbers, shortened
-from hdassist.readers.words import ANGLES, COUNTS, TIMES, TORQUES, angle_size, plain_unit, role_in, unit_in
+from hdassist.readers.words import ANGLES, COUNTS, angle_size, plain_unit, role_in, unit_in
 from hdassist.textfile import Readable
 
 MAX_TRACE_BYTES = 100_000_000
@@ -78,19 +78,16 @@ class TraceForm:
 
 
 @dataclass(frozen=True)
-class Roles:
-    """Columns (from 0) of the angle and of the error or second angle.
+class TraceColumn:
+    """A column (from 0) of a trace: the shaft of its angle, None for errors, and the size of its unit [arcsec].
 
-    Sizes of their units in arcsec, and whether these are counts of an encoder.
+    in_counts: whether that is a count of an encoder.
     """
 
-    angle: int
-    angle_of: Shaft
-    angle_size: float
-    other: int
-    other_is: Literal["error", "second"]
-    other_size: float
-    in_counts: tuple[bool, bool]
+    index: int
+    shaft: Shaft | None
+    size: float
+    in_counts: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,84 +161,77 @@ def trace_of(
     encoders; fewest, rows that are enough.
     Raises PresetError: the first fault of its angles; DataError: no ratio; UsageError: one column for two.
     """
-    column = _roles(table, form)
+    first, other = _columns(table, form)
+    by_second = other.shaft == "output"
     if len(table.lines) < fewest:
-        raise _fault(table, 0, column.angle, f"{len(table.lines)} rows", f"a trace has {fewest} rows or more")
-    if ratio is None and (column.angle_of == "output" or column.other_is == "second"):
+        raise _fault(table, 0, first.index, f"{len(table.lines)} rows", f"a trace has {fewest} rows or more")
+    if ratio is None and (first.shaft == "output" or by_second):
         message = f"{table.file}: the ratio is needed to bring output and cam together"
         raise DataError(message, "--ratio 100, or --drive PRESET")
-    angle, readings = (table.values[:, index].copy() for index in (column.angle, column.other))
-    time_s, torque = _beside(table, "time", TIMES, "s"), _beside(table, "torque", TORQUES, "nm")
+    per_turn = abs(ratio or 1)
+    angle, readings = (table.values[:, column.index].copy() for column in (first, other))
+    time_s, torque = _beside(table, "time", "s"), _beside(table, "torque", "N·m")
     table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
-    output = None
-    if column.other_is == "second":
-        output = _angle(table, column.other, readings, column.other_size, form.wrap)
-    turned = None if output is None else output * abs(ratio or 0)
-    cam = _angle(table, column.angle, angle, column.angle_size, form.wrap, turned)
-    if ratio and column.angle_of == "output":
-        cam *= abs(ratio)
+    output = _angle(table, other, readings, form.wrap) if by_second else None
+    cam = _angle(table, first, angle, form.wrap, None if output is None else output * per_turn)
+    if first.shaft == "output":
+        cam *= per_turn
     if form.robust and (leaps := leaping(cam)).any():
         named = shortened(table.lines[leaps].tolist())
-        table.notes.append(f'left out, "{table.name(column.angle)}" leaps there and back: lines {named}')
-        cam, readings, table.lines = cam[~leaps], readings[~leaps], table.lines[~leaps]
+        table.notes.append(f'left out, "{table.name(first.index)}" leaps there and back: lines {named}')
+        table.lines = table.lines[~leaps]
+        cam, readings = cam[~leaps], readings[~leaps]
         output, time_s, torque = (None if each is None else each[~leaps] for each in (output, time_s, torque))
     if not np.ptp(readings):
-        raise _fault(table, 0, column.other, "a constant column", "check the column of the error")
-    step, in_time = _step(readings) * abs(column.other_size), False
+        raise _fault(table, 0, other.index, "a constant column", "check the column of the error")
+    error, sense, in_time = readings * other.size, 0, False
+    step = _step(readings) * abs(other.size)
     if output is not None:
-        error, sense = _second(table, column.other, output, cam, abs(ratio or 0))
+        error, sense = _second(table, other.index, output, cam, per_turn)
         if not step:
-            step, in_time = _step_in_time(cam, output, abs(ratio or 1))
-        if any(column.in_counts):
-            sizes = column.angle_size / abs(ratio or 1), column.other_size
-            step = max(step, hypot(*(size * is_count for size, is_count in zip(sizes, column.in_counts, strict=True))))
-            in_time = in_time or _is_even(cam, COUNTS_APART * abs(column.angle_size) / ARCSEC_PER_DEG)
-    else:
-        error, sense = readings * column.other_size, 0
+            step, in_time = _step_in_time(cam, output, per_turn)
+        if first.in_counts or other.in_counts:
+            step = max(step, hypot(first.size / per_turn * first.in_counts, other.size * other.in_counts))
+            in_time = in_time or _is_even(cam, COUNTS_APART * abs(first.size) / ARCSEC_PER_DEG)
     try:
         moves = sweeps(cam)
     except AngleError as wrong:
-        raise _fault(table, wrong.row, column.angle, wrong.message, wrong.hint) from None
+        raise _fault(table, wrong.row, first.index, wrong.message, wrong.hint) from None
     reach = max((float(np.ptp(error[s.start : s.stop])) for s in moves), default=0.0)
     if reach > LARGEST_ERROR:
         row = int(np.abs(error - np.median(error)).argmax())
         message = f"an error that spans {reach / ARCSEC_PER_DEG:.3g} deg"
-        raise _fault(table, row, column.other, message, "check the column of the error, its unit and the ratio")
+        raise _fault(table, row, other.index, message, "check the column of the error, its unit and the ratio")
     left = len(cam) - sum(s.stop - s.start for s in moves)
     if left:
         table.notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
     return MeasuredTrace(
         table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(table.notes),
-        column.angle_of, sense, in_time, form.robust, time_s, torque,
+        first.shaft or "cam", sense, in_time, form.robust, time_s, torque,
     )  # fmt: skip
 
 
 def _angle(
-    table: NumberTable,
-    column: int,
-    readings: Array,
-    size: float,
-    wrap: float | None,
-    other: Array | None = None,
+    table: NumberTable, column: TraceColumn, readings: Array, wrap: float | None, other: Array | None = None
 ) -> Array:
-    """Angles [deg] of a column without wraps, from readings of a size [arcsec]; other, see `unwrapped`."""
-    angle = readings * (size / ARCSEC_PER_DEG)
+    """Angles [deg] of the readings of a column without wraps; other, see `unwrapped`."""
+    angle = readings * (column.size / ARCSEC_PER_DEG)
     if not np.ptp(angle):
-        raise _fault(table, 0, column, "a constant column", "check the column of the angle")
-    if wrap is None and (wrap := guessed_wrap(angle, abs(size) / ARCSEC_PER_DEG)):
-        table.notes.append(f'"{table.name(column)}" begins again after {wrap:g} deg: joined')
+        raise _fault(table, 0, column.index, "a constant column", "check the column of the angle")
+    if wrap is None and (wrap := guessed_wrap(angle, abs(column.size) / ARCSEC_PER_DEG)):
+        table.notes.append(f'"{table.name(column.index)}" begins again after {wrap:g} deg: joined')
     try:
         return angle if wrap is None else unwrapped(angle, wrap, other)
     except AngleError as wrong:
-        raise _fault(table, wrong.row, column, wrong.message, wrong.hint) from None
+        raise _fault(table, wrong.row, column.index, wrong.message, wrong.hint) from None
 
 
-def _beside(table: NumberTable, role: str, sizes: dict[str, float], default: str) -> Array | None:
+def _beside(table: NumberTable, role: str, default: str) -> Array | None:
     """The one column of a role, in the unit whose size is 1; None without one, and for times that do not rise."""
     columns = [index for index, name in enumerate(table.names) if role_in(name) == role]
     if len(columns) != 1:
         return None
-    values = table.in_unit(columns[0], role, sizes, default)
+    values = table.in_unit(columns[0], role, default)
     if role == "time" and not (np.diff(values) > 0).all():
         table.notes[-1] += ", does not rise in every row: no time stamps"
         return None
@@ -304,46 +294,48 @@ def _fault(table: NumberTable, row: int, column: int, message: str, hint: str) -
     return PresetError([Finding(table.file, int(table.lines[row]), 1, table.name(column), message, hint=hint)])
 
 
-def _roles(table: NumberTable, form: TraceForm) -> Roles:
-    """Roles of the columns: as the form has them, by their names, or by their order.
+def _columns(table: NumberTable, form: TraceForm) -> tuple[TraceColumn, TraceColumn]:
+    """Columns of the angle, and of the error or the output's own angle: by the form, by their names, or by their order.
 
-    Raises UsageError: one column for both; PresetError:
-    columns without a clear role.
+    Raises UsageError: one column for both; PresetError: columns without a clear role.
     """
     kinds = [role_in(name) for name in table.names] or [""] * table.values.shape[1]
     if len(kinds) == 2 and not any(kinds):
         kinds = ["cam", "error"]
         table.notes.append("columns by their order: cam angle, error")
-    angle = _column(table, form.angle, _first_of(kinds, "cam", "angle", "output"), "angle")
-    of: Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")
+    kind = next((kind for kind in ("cam", "angle", "output") if kind in kinds), "angle")
+    angle = _column(table, form.angle, kinds, kind, "angle")
+    shaft: Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")
     kinds[angle] = ""
     by_second = form.second is not None or (form.error is None and "error" not in kinds and "output" in kinds)
-    asked, kind = (form.second, "output") if by_second else (form.error, "error")
-    other = _column(table, asked, _first_of(kinds, kind), "second" if by_second else "error")
+    option, asked, kind = ("second", form.second, "output") if by_second else ("error", form.error, "error")
+    other = _column(table, asked, kinds, kind, option)
     if other == angle:
         raise UsageError(f"one column cannot be both: {table.name(angle)}", f"columns: {_listed(table)}")
-    if by_second and of == "output":
+    if by_second and shaft == "output":
         raise _unclear(table, "no column of cam angles", "name one: --angle NAME --angle-of cam")
     first, second = (*form.angle_units, None, None)[:ENCODERS]
-    angle_unit = _unit(table, angle, first, "deg", "--angle-unit")
-    other_unit = (form.error_unit, "arcsec") if not by_second else (second, angle_unit.removeprefix("-"))
-    unit = _unit(table, other, *other_unit, "--angle-unit" if by_second else "--error-unit")
+    unit = _unit(table, angle, first, "deg", "--angle-unit")
+    if by_second:
+        unit_of_other = _unit(table, other, second, unit.removeprefix("-"), "--angle-unit")
+    else:
+        unit_of_other = _unit(table, other, form.error_unit, "arcsec", "--error-unit")
     words = "output angle, second encoder" if by_second else "error"
-    counts = plain_unit(angle_unit) not in ANGLES, plain_unit(unit) not in ANGLES
-    units = [f"{each} a turn" if count else each for each, count in zip((angle_unit, unit), counts, strict=True)]
-    table.notes.append(f'"{table.name(angle)}": {of} angle, {units[0]}; "{table.name(other)}": {words}, {units[1]}')
-    kind_of_other: Literal["error", "second"] = "second" if by_second else "error"
-    return Roles(angle, of, angle_size(angle_unit), other, kind_of_other, angle_size(unit), counts)
+    return (
+        _declared(table, angle, shaft, unit, f"{shaft} angle"),
+        _declared(table, other, "output" if by_second else None, unit_of_other, words),
+    )
 
 
-def _first_of(kinds: Sequence[str], *wanted: str) -> list[int]:
-    """Columns of the first kind that there is."""
-    columns = ([i for i, own in enumerate(kinds) if own == kind] for kind in wanted)
-    return next(filter(None, columns), [])
+def _declared(table: NumberTable, column: int, shaft: Shaft | None, unit: str, words: str) -> TraceColumn:
+    """A column in a unit; how it is read is noted."""
+    in_counts = plain_unit(unit) not in ANGLES
+    table.notes.append(f'"{table.name(column)}": {words}, {unit}{" a turn" * in_counts}')
+    return TraceColumn(column, shaft, angle_size(unit), in_counts)
 
 
-def _column(table: NumberTable, asked: str | None, candidates: list[int], option: str) -> int:
-    """Column (from 0) by its name or number as asked for, else the only candidate."""
+def _column(table: NumberTable, asked: str | None, kinds: Sequence[str], kind: str, option: str) -> int:
+    """Column (from 0) by its name or number as asked for, else the only one of a kind."""
     if asked is not None:
         for plain in (str, str.lower):
             same = [i for i, name in enumerate(table.names) if plain(name) == plain(asked)]
@@ -352,25 +344,25 @@ def _column(table: NumberTable, asked: str | None, candidates: list[int], option
         if asked.isascii() and asked.isdecimal() and 0 < int(asked) <= table.values.shape[1]:
             return int(asked) - 1
         raise _unclear(table, f"no column {asked}", "give its name or number")
+    candidates = [index for index, own in enumerate(kinds) if own == kind]
     if len(candidates) == 1:
         return candidates[0]
-    kinds = {"angle": "cam or output angles", "error": "errors", "second": "output angles"}[option]
-    if candidates:
-        several = ", ".join(f'"{table.name(i)}"' for i in candidates)
-        raise _unclear(table, f"{len(candidates)} columns of {kinds}: {several}", f"choose one: --{option} NAME")
-    raise _unclear(table, f"no column of {kinds} by its name", f"name it: --{option} NAME, or its number")
+    words = {"angle": "cam or output angles", "error": "errors", "second": "output angles"}[option]
+    several = ": " + ", ".join(f'"{table.name(i)}"' for i in candidates) if candidates else " by its name"
+    hint = f"name it: --{option} NAME, or its number"
+    raise _unclear(table, f"{len(candidates) or 'no'} column{'s' * bool(candidates)} of {words}{several}", hint)
 
 
 def _unit(table: NumberTable, column: int, asked: str | None, default: str, option: str) -> str:
     """Unit of a column: the one asked for, that of its name, or the default, with a note."""
-    named = unit_in(table.name(column), ANGLES | COUNTS)
+    name, named = table.name(column), unit_in(table.name(column), (*ANGLES, COUNTS))
     unit = plain_unit(asked) if asked is not None else named or default
     if asked is None and unit not in ANGLES:
-        raise _unclear(table, f'"{table.name(column)}": counts of how many in a turn?', f"like {option} 16384,4194304")
+        raise _unclear(table, f'"{name}": counts of how many in a turn?', f"like {option} 16384,4194304")
     if asked is not None and named in ANGLES and named != unit:
-        table.notes.append(f'"{table.name(column)}": {asked} as asked for, though the name says {named}')
+        table.notes.append(f'"{name}": {asked} as asked for, though the name says {named}')
     elif asked is None and not named:
-        table.notes.append(f'"{table.name(column)}": no unit given, {default} assumed ({option})')
+        table.notes.append(f'"{name}": no unit given, {default} assumed ({option})')
     return unit
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import isfinite
 
-from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.errors import UsageError
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
 from hdassist.preset.deviations import IN_TEETH
 from hdassist.preset.fields import Drive
@@ -59,18 +59,10 @@ class WheelFiles:
     def read(self, drive: Drive) -> MeasuredTeeth | None:
         """The measured wheels of a drive, with the assumptions made in their notes; None without a file.
 
-        Raises PresetError with the faults of both files, DataError for a file that cannot be read, UsageError where the
+        Raises PresetError with the faults of a file, DataError for a file that cannot be read, UsageError where the
         direction of a mark is unknown.
         """
-        wheels: dict[str, MeasuredWheel] = {}
-        errors: list[DataError] = []
-        for name, file in self.files.items():
-            try:
-                wheels[name] = self._wheel(name, file, drive)
-            except DataError as error:
-                errors.append(error)
-        if errors:
-            raise errors[0] if len(errors) == 1 else _both(errors)
+        wheels = {name: self._wheel(name, file, drive) for name, file in self.files.items()}
         return MeasuredTeeth(**wheels) if wheels else None
 
     def _wheel(self, name: str, file: str, drive: Drive) -> MeasuredWheel:
@@ -96,11 +88,3 @@ def _other_deviations(drive: Drive, name: str) -> Iterator[str]:
     replaced = [composite] if is_overridden(composite, drive.origin.overrides) else []
     for path in (*replaced, *filter(drive.number, harmonics)):
         yield f"{path} has no effect, the teeth are measured"
-
-
-def _both(errors: Sequence[DataError]) -> DataError:
-    """One error for the faults of both files."""
-    findings = [finding for error in errors if isinstance(error, PresetError) for finding in error.findings]
-    if all(isinstance(error, PresetError) for error in errors):
-        return PresetError(findings)
-    return DataError("\n".join(e.message for e in errors), "\n  hint: ".join(e.hint for e in errors if e.hint))

@@ -1,74 +1,31 @@
-"""Names of columns, in English, German and Russian, in files of rigs and gear checkers: contents and units."""
+"""Names of columns in files of rigs and gear checkers: contents and units, as words.toml declares them."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Container
-from math import pi
+import tomllib
+from collections.abc import Iterable
+from importlib.resources import files
 
 from hdassist.numerals import number_of
 from hdassist.preset.units import UnitError, convert
 from hdassist.preset.yamltext import near_miss
 
-ANGLES = {  # size in arcsec
-    "deg": 3600.0, "rad": 648000 / pi, "arcsec": 1.0, "arcmin": 60.0, "mdeg": 3.6, "mrad": 648 / pi,
-    "urad": 0.648 / pi, "turn": 1296000.0,
-}  # fmt: skip
+_TABLE = tomllib.loads(files("hdassist.readers").joinpath("words.toml").read_text("utf-8"))
+ANGLES: dict[str, float] = _TABLE["angles"]
+TORQUES: dict[str, float] = _TABLE["torques"]
+TIMES: dict[str, float] = _TABLE["times"]
+PITCH_KEYS: dict[str, str] = _TABLE["pitch_keys"]
+_SPELLED: dict[str, str] = _TABLE["spelled"]
+_ROLES: dict[str, str] = _TABLE["roles"]
 FEWEST_COUNTS, MOST_BITS = 8, 48  # of an encoder, in a turn
 TURN_ARCSEC = ANGLES["turn"]
-TORQUES = {  # in N*m
-    "nm": 1.0, "нм": 1.0, "mnm": 1e-3, "knm": 1e3, "ncm": 1e-2, "nmm": 1e-3,
-}  # fmt: skip
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}  # in s
-COUNTS = {"counts": 0.0}  # whose size a name does not give
-LENGTHS = ("um", "mm", "nm", "cm")
-INCHES = ("in", "inch", "inches", "uin", "uinch", "mil", "mils", "thou")
-_SPELLED = {
-    "°": "deg", "degree": "deg", "degrees": "deg", "degs": "deg", "град": "deg", "radian": "rad", "radians": "rad",
-    "рад": "rad", "arcsecond": "arcsec", "arcseconds": "arcsec", "arcs": "arcsec", "asec": "arcsec", "″": "arcsec",
-    '"': "arcsec", "arcminute": "arcmin", "arcminutes": "arcmin", "amin": "arcmin", "′": "arcmin",
-    "count": "counts", "cts": "counts", "ticks": "counts", "inkremente": "counts", "имп": "counts",
-    "s": "s", "sec": "s", "seconds": "s",
-    "millidegree": "mdeg", "microrad": "urad", "turns": "turn", "rev": "turn", "revs": "turn",
-    "мкм": "um", "mkm": "um", "micron": "um", "microns": "um", "micrometer": "um", "micrometers": "um",
-    "micrometre": "um", "micrometres": "um", "мм": "mm", "millimeter": "mm", "millimetre": "mm", "нм": "nm",
-}  # fmt: skip
+COUNTS = "counts"  # whose size a name does not give
+_LENGTHS: dict[str, list[str]] = _TABLE["lengths"]
+_FLANKS: dict[str, str] = _TABLE["flanks"]
 _MICRO = str.maketrans("µμ", "uu", "·⋅*")
 _WORD = r"(?<![^\W_\d])(?:{})(?![^\W_\d])"  # between letters it is none
-_ROLES = {
-    "torque": r"torque|moment|drehmoment|nm|mnm|knm|ncm|nmm|момент",
-    "other": r"temp|temperature|temperatur|speed|velocity|rpm|drehzahl|current|voltage|температура|скорость|ток",
-    "error": r"err|error|te|dev|deviation|fehler|abweichung|fkpp|kpp|погрешность|ошибка",
-    "target": r"target|nominal|commanded|soll|sollwert|заданный|задание",
-    "twist": r"twist|torsion|windup|verdrehung|закрутка",
-    "side": r"approach|side|direction|richtung|направление|подход",
-    "place": r"place|station|stelle|место",
-    "cam": r"cam|wg|wave|generator|input|motor|mot|antrieb|eingang|phih|phi_h|thetah|вход|генератор|кулачок",
-    "output": r"output|out|load|abtrieb|ausgang|link|phig|phi_g|phib|phi_b|выход",
-    "time": r"time|timestamp|zeit|t|время",
-    "angle": r"angle|ang|phi|theta|position|pos|winkel|угол|encoder|enc",
-    "actual": r"measured|actual|ist|istwert|измеренный|измерено",
-}
-PITCH_KEYS = {  # of remarks in a file of pitch deviations
-    "form": "form", "форма": "form", "unit": "unit", "units": "unit", "einheit": "unit", "единица": "unit",
-    "единицы": "unit", "sense": "sense", "drehsinn": "sense", "направление": "sense", "sign": "sign",
-    "vorzeichen": "sign", "знак": "sign", "mark": "mark", "markierung": "mark", "метка": "mark", "flank": "flank",
-    "flanke": "flank", "профиль": "flank",
-}  # fmt: skip
 AMBIGUOUS = "ambiguous"
-_FORMS = (  # the first that is found; capitals count in symbols: F_p is cumulative, f_p single
-    ("cumulative", re.compile(r"(?i:c?cumul|kumul|summe|gesamt|total|накопл)")),
-    ("single", re.compile(r"(?i:single|einzel|individual|tooth[ -]to[ -]tooth|adjacent|шаг)")),
-    ("cumulative", re.compile(r"(?<![^\W_])F_?pi?(?![^\W_])")),
-    ("single", re.compile(r"(?<![^\W_])f_?p[ti]?(?![^\W_])")),
-    # ANSI/AGMA calls the cumulative deviation of a tooth its index deviation
-    (AMBIGUOUS, re.compile(r"(?<![^\W_])(?:F_?P[TI]?|F_?p[tk]|(?i:index))(?![^\W_])")),
-)
-_LEFT = re.compile(r"(?<![^\W_])(?:left|links?|linke[rn]?|lf|l)(?![^\W_])|(?<![^\W_])лев")
-_RIGHT = re.compile(r"(?<![^\W_])(?:right|rechts?|rechte[rn]?|rf|r)(?![^\W_])|(?<![^\W_])прав")
-_TOOTH = re.compile(
-    r"(?:tooth|teeth|zahn|zähne|lücke|space|gap|number|nummer|номер|зуб|впадина)|(?:no|nr|k|i|n|z|№)\.?(?![^\W_])|#$"
-)
 
 
 def role_in(name: str) -> str:
@@ -79,28 +36,28 @@ def role_in(name: str) -> str:
 
 def form_in(text: str) -> str:
     """Form of pitch deviations by a name: cumulative, single, ambiguous, or empty without one."""
-    return next((form for form, words in _FORMS if words.search(text)), "")
+    return next((each["form"] for each in _TABLE["forms"] if re.search(each["words"], text)), "")
 
 
 def flank_in(text: str) -> str:
     """Flank by a name: left, right, or empty for none or both."""
-    low = text.lower()
-    left, right = bool(_LEFT.search(low)), bool(_RIGHT.search(low))
-    return "" if left == right else "left" if left else "right"
+    found = [flank for flank, words in _FLANKS.items() if re.search(words, text.lower())]
+    return found[0] if len(found) == 1 else ""
 
 
 def names_teeth(text: str) -> bool:
     """Whether a name is that of a column of tooth numbers."""
-    return bool(_TOOTH.match(text.strip().lower()))
+    return bool(re.match(_TABLE["tooth"]["number"], text.strip().lower()))
 
 
-def unit_in(name: str, units: Container[str] = ANGLES) -> str:
+def unit_in(name: str, units: Iterable[str] = ANGLES) -> str:
     """The first of some units in a name, such as "angle [deg]", "error/arcsec" or "wg_angle_deg"; empty for none."""
+    plain = {plain_unit(unit): unit for unit in units}
     marked = re.findall(r"\[([^\]]*)\]|\(([^)]*)\)|/\s*(\S+)\s*$", name)
     bare = re.split(r"[\s_()\[\],;/]+", name)
     bare = [word for word in bare if (len(word) > 1 or word in _SPELLED) and word != "in"]
-    words = (plain_unit(word) for word in (*map("".join, marked), *bare))
-    return next((word for word in words if word in units), "")
+    words = (plain.get(plain_unit(word), "") for word in (*map("".join, marked), *bare))
+    return next(filter(None, words), "")
 
 
 def length_in(name: str) -> str:
@@ -108,7 +65,7 @@ def length_in(name: str) -> str:
     for text in re.findall(r"\[([^\]]*)\]", name):
         if not form_in(text) and not flank_in(text):
             return plain_unit(text)
-    return unit_in(name, {*LENGTHS, *INCHES, *ANGLES})
+    return unit_in(name, (*_LENGTHS["metric"], *_LENGTHS["inches"], *ANGLES))
 
 
 def plain_unit(unit: str) -> str:
@@ -136,7 +93,7 @@ def angle_size(unit: str) -> float:
 def micrometres(unit: str) -> float:
     """Size of a unit in micrometres. Raises UnitError: no unit of length, or one that is not metric."""
     plain = plain_unit(unit)
-    if plain in INCHES:
+    if plain in _LENGTHS["inches"]:
         raise UnitError("not a metric unit", "convert to um or mm; 1 µin is 0.0254 um")
     if plain in ANGLES:
         raise UnitError("an angle, not a length", "multiply by the pitch radius: 1 arcsec at 100 mm is 0.485 um")

@@ -62,10 +62,15 @@ class Table:
     def by_row(
         cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T], *, words: Collection[int] = (0,)
     ) -> Table:
-        """A table with a column for each quantity and a row for each thing; words: as of a table."""
-        shown = tuple(quantities)
-        rows = tuple(tuple(q.text(thing) for q in shown) for thing in things)
-        return cls(title, tuple(q.words.strip() for q in shown), rows, words)
+        """A table with a column for each quantity that any thing has and a row for each thing.
+
+        words: places of quantities that are words, as of a table.
+        """
+        rows = tuple(things)
+        shown = {k: q for k, q in enumerate(quantities) if any(q.of(thing) is not None for thing in rows)}
+        cells = tuple(tuple(q.text(thing) for q in shown.values()) for thing in rows)
+        heads = tuple(q.words.strip() for q in shown.values())
+        return cls(title, heads, cells, [place for place, k in enumerate(shown) if k in words])
 
     @classmethod
     def by_column(cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> Table:
@@ -105,7 +110,7 @@ class Curve:
     marks: tuple[CurveMark, ...] = ()
     points: bool = False
     from_zero: bool = False
-    rows: int = 10
+    rows: int = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +170,7 @@ class Seat:
 
 @dataclass(frozen=True)
 class Tiles:
-    """Numbers to be seen at once: words, the number, and what stands below each."""
+    """Numbers to be seen at once: words, the number, and the words below each."""
 
     rows: tuple[tuple[str, str, str], ...]
 

@@ -15,7 +15,7 @@ class Quantity(Generic[T]):
     """A reported quantity of things T.
 
     key: dotted place in JSON, with the unit in its last part; label and unit: words in tables; digits: format of the
-    number there, or what writes it; value: dotted name of its attribute (empty: the key), or how to get it.
+    number there, or the function that writes it; value: dotted name of its attribute (empty: the key), or a function.
     """
 
     key: str

@@ -36,12 +36,12 @@ CsvTable = tuple[Sequence[str], Sequence[Sequence[Any]]]  # header and rows
 class Report:
     """The answer of a command about one drive or file.
 
-    command; drive, None where there is none; head, what the answer is about, empty where there is no page; verdict, a
+    command; drive, None where there is none; head, the subject of the answer, empty where there is no page; verdict, a
     word; why, sentences below it.
     blocks of the page, and those that only --details shows; certificate and cross-checks of the states behind it.
     values: keys of JSON beside those that all answers have, results among them as as_json takes them; csv; line: the
     answer alone.
-    about: of what warnings are said, the drive or its file where it is empty; warnings; exit_code.
+    about: the subject of warnings, the drive or its file where it is empty; warnings; exit_code.
     """
 
     command: str
@@ -62,5 +62,5 @@ class Report:
 
     @property
     def subject(self) -> str:
-        """What warnings are said of; empty without any."""
+        """The subject of warnings; empty without any."""
         return self.about or (self.drive.name if self.drive else "")

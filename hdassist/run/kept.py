@@ -25,14 +25,13 @@ from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationE
 
 from hdassist.errors import DataError, Fault, UsageError
 from hdassist.run.stops import at_stop
-from hdassist.textfile import PART, in_place_of, is_file, is_there
+from hdassist.textfile import in_place_of, is_file, is_there, os_reason
 from hdassist.version import __version__
 from hdassist.visible import printable
 
 KEPT_SCHEMA: Literal["hdassist.kept/1"] = "hdassist.kept/1"
 LONGEST_LINE = 1 << 26  # bytes of a line
 LOCK_PATIENCE = 1.0  # s: processes that a killed run has begun hold its lock until they have ended too
-_SEAL = b',"checksum":"'
 _DIGITS = 16  # of a checksum
 
 Number = Annotated[float, Field(strict=True)]
@@ -101,10 +100,6 @@ class RecordKind(Generic[RecordT]):
     fault: Callable[[int, RecordT], str] = lambda _item, _record: ""
     hint: str = "it was changed or damaged; without this line and all below it the same command goes on"
 
-    def line(self, item: int, record: RecordT, above: bytes) -> bytes:
-        """A record as its line; above, the checksum of the line above it."""
-        return _sealed({"item": item, **self.adapter.dump_python(record, mode="json")}, above)
-
     def read(self, lines: Iterable[bytes], above: bytes, name: str) -> Iterator[tuple[RecordT, bytes]]:
         """Records with their lines; a last one that is not finished is left out.
 
@@ -126,21 +121,17 @@ class RecordKind(Generic[RecordT]):
             yield record, line
 
 
+@dataclass
 class Kept(Generic[RecordT]):
-    """An open file of records, made by `open_kept`."""
+    """An open file of records, made by `open_kept`; done: how many it has, which a stop may ask for at any time."""
 
-    def __init__(self, path: str | None, descriptor: int, owner: KeptOwner, kind: RecordKind[RecordT]) -> None:
-        self._done = 0
-        self._path, self._descriptor, self._owner, self._kind = path, descriptor, owner, kind
-        self._size = self._begin = 0
-        self._checksum = self._first = b""
-
-    @property
-    def done(self) -> int:
-        """How many records the file has; in a stop also those that are just written and not yet counted."""
-        if self._descriptor < 0:
-            return self._done
-        return sum(line.endswith(b"\n") for line in _lines(self._descriptor, self._begin))
+    _path: str | None
+    _descriptor: int
+    _owner: KeptOwner
+    _kind: RecordKind[RecordT]
+    done: int = 0
+    _size: int = 0  # bytes
+    _checksum: bytes = b""  # of the last line
 
     def append(self, records: Iterable[RecordT]) -> None:
         """Write the records of the next items; when this returns they outlast a loss of power.
@@ -148,20 +139,27 @@ class Kept(Generic[RecordT]):
         Raises DataError: they cannot be written, or the file is not what this run has written.
         """
         lines, checksum = [], self._checksum
-        for item, record in enumerate(records, self._done):
-            lines.append(self._kind.line(item, record, checksum))
+        for item, record in enumerate(records, self.done):
+            lines.append(_sealed({"item": item, **self._kind.adapter.dump_python(record, mode="json")}, checksum))
             checksum = _checksum_of(lines[-1])
-        self._write(b"".join(lines))
-        self._done, self._checksum = self._done + len(lines), checksum
+        self._write(b"".join(lines), len(lines))
+        self._checksum = checksum
 
     def records(self) -> Iterator[RecordT]:
-        """The records that are there, in the order of the items. Raises DataError: one that does not hold."""
-        read = self._kind.read(_lines(self._descriptor, self._begin), self._first, str(self._path))
-        for _ in range(self._done):
-            record, _ = next(read, (None, b""))
-            if record is None:
+        """The records that are there, in the order of the items, to be read before more are written.
+
+        Raises DataError: one that does not hold.
+        """
+        read = self._read()
+        for _ in range(self.done):
+            if (found := next(read, None)) is None:
                 raise self._lost()
-            yield record
+            yield found[0]
+
+    def _read(self) -> Iterator[tuple[RecordT, bytes]]:
+        """Records with their lines."""
+        lines = _lines(self._descriptor)
+        return self._kind.read(lines, _checksum_of(next(lines, b"")), str(self._path))
 
     def rewrite(self, records: Iterable[RecordT]) -> None:
         """Put records of this run's owner in place of all that the file has; until then it stays as it is."""
@@ -175,8 +173,7 @@ class Kept(Generic[RecordT]):
             fresh.begin()
             fresh.append(records)
         os.close(self._descriptor)
-        self._descriptor, self._begin, self._size = fresh._descriptor, fresh._begin, fresh._size
-        self._done, self._first, self._checksum = fresh._done, fresh._first, fresh._checksum
+        vars(self).update(vars(fresh), _path=self._path)
 
     def require_there(self) -> None:
         """Raise DataError unless the file of this name is still the one that this run writes, and nothing is cut."""
@@ -197,8 +194,7 @@ class Kept(Generic[RecordT]):
         self._cut(0)
         line = _sealed(asdict(self._owner), b"")
         self._write(line)
-        self._begin, self._first = len(line), _checksum_of(line)
-        self._checksum = self._first
+        self._checksum = _checksum_of(line)
 
     def take_up(self) -> None:
         """Count the records that are there, and drop a last line that is not finished.
@@ -207,15 +203,14 @@ class Kept(Generic[RecordT]):
         run, or none of ours; DataError: one that does not hold.
         """
         name = str(self._path)
-        first = next(_lines(self._descriptor, 0), b"")
+        first = next(_lines(self._descriptor), b"")
         if not first.endswith(b"\n") and _sealed(asdict(self._owner), b"").startswith(first):
             return self.begin()  # nothing, or what a run that was killed has begun to write
-        found, above = _owner_of(first, name)
+        found, self._checksum = _owner_of(first, name)
         found.require_same(self._owner, name)
-        self._begin = self._size = len(first)
-        self._first = self._checksum = above
-        for _, line in self._kind.read(_lines(self._descriptor, self._begin), above, name):
-            self._done, self._size, self._checksum = self._done + 1, self._size + len(line), _checksum_of(line)
+        self._size = len(first)
+        for _, line in self._read():
+            self.done, self._size, self._checksum = self.done + 1, self._size + len(line), _checksum_of(line)
         if os.fstat(self._descriptor).st_size > self._size:
             self._cut(self._size)
         return None
@@ -225,12 +220,13 @@ class Kept(Generic[RecordT]):
             os.ftruncate(self._descriptor, size)
         self._size = size
 
-    def _write(self, data: bytes) -> None:
+    def _write(self, data: bytes, records: int = 0) -> None:
         self.require_there()
         with _writing(self._path, "" if self._path is None else "the same command goes on behind what is kept"):
             left = memoryview(data)
             while left:
                 left = left[os.write(self._descriptor, left) :]
+            self.done += records
             if self._path is not None:
                 os.fsync(self._descriptor)
         self._size += len(data)
@@ -252,6 +248,8 @@ def open_kept(
     Raises UsageError: the file holds anything else than the work of this owner, or another run writes it; DataError: it
     cannot be written, has a record that does not hold, or is removed or cut while it is written.
     """
+    import fcntl
+
     kept = Kept(path, _locked(path, patience), owner, kind)
     try:
         if force:
@@ -261,8 +259,8 @@ def open_kept(
         yield kept
         kept.require_there()
     finally:
-        os.close(kept._descriptor)  # and with it the lock
-        kept._descriptor = -1
+        fcntl.flock(kept._descriptor, fcntl.LOCK_UN)  # whoever still reads has a descriptor too
+        os.close(kept._descriptor)
 
 
 def read_kept(data: bytes, name: str, kind: RecordKind[RecordT]) -> list[RecordT] | None:
@@ -291,77 +289,62 @@ def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> int:
     while True:
         with _writing(path):
             descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o666)
-        try:
-            with _writing(path):
+            try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            with suppress(FileNotFoundError):
                 if os.path.samestat(os.fstat(descriptor), Path(path).stat()):
                     return descriptor
-        except BlockingIOError:
-            if time.monotonic() - begun > patience:
-                words = f"{path} is being written by another run"
-                raise UsageError(words, "wait for it to end, or name another file") from None
-            time.sleep(0.05)
-        except BaseException:
+            except FileNotFoundError:
+                pass  # it was replaced meanwhile
+            except BlockingIOError:
+                if time.monotonic() - begun > patience:
+                    words = f"{path} is being written by another run"
+                    raise UsageError(words, "wait for it to end, or name another file") from None
+                time.sleep(0.05)
             os.close(descriptor)
-            raise
-        os.close(descriptor)
 
 
 @contextmanager
 def _writing(path: str | None, hint: str = "") -> Iterator[None]:
-    """Raise DataError, with a hint, for what the system says of a file; BlockingIOError, that of a lock, as it is."""
+    """Raise DataError, with a hint, for what the system says of a file."""
     try:
         yield
-    except BlockingIOError:
-        raise
     except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
         name = "a temporary file" if path is None else path or "a file without a name"
-        words = f"cannot write {name}: {getattr(error, 'strerror', None) or error}"
-        raise DataError(words, hint, Fault.FILE_UNWRITABLE) from None
+        raise DataError(f"cannot write {name}: {os_reason(error)}", hint, Fault.FILE_UNWRITABLE) from None
 
 
-def _lines(descriptor: int, at: int) -> Iterator[bytes]:
-    """Lines of a file from a place on, each with its end; one that is longer than any of ours breaks off."""
-    rest = b""
-    while part := os.pread(descriptor, PART, at):
-        at += len(part)
-        *whole, rest = (rest + part).split(b"\n")
-        yield from (line + b"\n" for line in whole)
-        if len(rest) > LONGEST_LINE:
-            break
-    if rest:
-        yield rest
+def _lines(descriptor: int) -> Iterator[bytes]:
+    """Lines of a file, each with its end; one that is longer than any of ours comes in parts."""
+    with os.fdopen(os.dup(descriptor), "rb") as file:
+        file.seek(0)
+        yield from iter(partial(file.readline, LONGEST_LINE), b"")
 
 
 def _is_unfinished(line: bytes, begin: bytes) -> bool:
     """Whether a line is the start of one that begins so: zeros stand where power was lost before data came to disk."""
     start = line.rstrip(b"\0")[: len(begin)]
-    return not line.endswith(b"\n") and len(line) <= LONGEST_LINE and begin.startswith(start)
+    return not line.endswith(b"\n") and len(line) < LONGEST_LINE and begin.startswith(start)
 
 
 def _sealed(fields: Mapping[str, Any], above: bytes) -> bytes:
     """A JSON object as a line with its checksum; above, that of the line above. Never NaN or Infinity."""
     text = printable(json.dumps(fields, ensure_ascii=True, allow_nan=False, separators=(",", ":"))).encode()
-    return text[:-1] + _SEAL + _digest(text, above) + b'"}\n'
+    checksum = hashlib.sha256(above + text).hexdigest()[:_DIGITS]
+    return text[:-1] + f',"checksum":"{checksum}"}}\n'.encode()
 
 
 def _unsealed(line: bytes, above: bytes) -> tuple[dict[str, Any], bytes]:
-    """Fields and checksum of a line. Raises ValueError: the checksum is not that of the line."""
-    text, _, _ = line.rpartition(_SEAL)
-    checksum = _checksum_of(line)
-    if line != text + _SEAL + checksum + b'"}\n' or checksum != _digest(text + b"}", above):
-        raise ValueError("expected the checksum of this line and of that above it")
-    fields: dict[str, Any] = json.loads(text + b"}")
-    return fields, checksum
+    """Fields and checksum of a line. Raises ValueError: it is not as `_sealed` writes it."""
+    with suppress(ValueError, LookupError, TypeError, AttributeError):
+        fields: dict[str, Any] = json.loads(line)
+        del fields["checksum"]
+        if _sealed(fields, above) == line:
+            return fields, _checksum_of(line)
+    raise ValueError("expected the checksum of this line and of that above it")
 
 
 def _checksum_of(line: bytes) -> bytes:
     return line[-_DIGITS - 3 : -3]
-
-
-def _digest(text: bytes, above: bytes) -> bytes:
-    return hashlib.sha256(above + text).hexdigest()[:_DIGITS].encode()
 
 
 def _owner_of(line: bytes, name: str) -> tuple[KeptOwner, bytes]:

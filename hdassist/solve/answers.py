@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 
 import numpy as np
 
@@ -13,10 +13,8 @@ from hdassist.model.geometry import Array
 from hdassist.run.run import Progress
 from hdassist.solve.certificate import TOLERANCE, Residuals
 from hdassist.solve.sums import StateSums
-from hdassist.solve.window import EdgeOfWindowError
 
 STATES_AT_A_TIME = 1024  # states between two reports of progress
-EDGE_SHARE = 1e-6  # of the tangential force M_g/r_m: less at the edge of the window is no contact
 ARCSEC = float(np.degrees(3600))  # arcsec in a radian
 N_MM = 1e3  # N*mm in a N*m
 
@@ -36,24 +34,13 @@ class Certificate:
     fallbacks: int
 
     @property
-    def residuals(self) -> tuple[float, float, float, float]:
-        """The four residuals, in the order of the fields."""
-        return self.negative_force, self.negative_gap, self.complementarity, self.equilibrium
-
-    @property
     def max_residual(self) -> float:
         """Greatest of the four residuals."""
-        return max(self.residuals)
-
-    def __str__(self) -> str:
-        names = (f.name.replace("_", " ") for f in fields(Residuals))
-        residuals = ", ".join(f"{name} {value:.1e}" for name, value in zip(names, self.residuals, strict=True))
-        return f"{self.states} states, worst residuals: {residuals}; {self.fallbacks} fallbacks"
+        return float(max(astuple(self)[1:-1]))
 
     def __add__(self, other: Certificate) -> Certificate:
-        force, gap, complementarity, equilibrium = map(max, self.residuals, other.residuals)
-        states, fallbacks = self.states + other.states, self.fallbacks + other.fallbacks
-        return Certificate(states, force, gap, complementarity, equilibrium, fallbacks)
+        worst = {f.name: max(getattr(self, f.name), getattr(other, f.name)) for f in fields(Residuals)}
+        return Certificate(self.states + other.states, fallbacks=self.fallbacks + other.fallbacks, **worst)
 
 
 EMPTY = Certificate(0, 0.0, 0.0, 0.0, 0.0, 0)
@@ -82,32 +69,30 @@ def proven_answers(
     chunks: Iterable[StateSums],
     place: Callable[[int], str],
     progress: Progress | None = None,
-    *,
-    pull: bool = False,
 ) -> Answers:
     """Answers of states that were solved chunk by chunk, each of which is proven before the next one is asked for.
 
-    Arguments: torque [N*mm], of all states, or of each where there is one chunk; place, words for where state k is, for
-    errors; progress, told how many states each chunk has; pull, whether forces along the deviation scalars are kept.
+    Arguments: torque [N*mm], of all states or of each; place, words for where state k is, for
+    errors; progress, told how many states each chunk has.
     Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
     outside the limits of the linear model.
     """
     parts: list[StateSums] = []
-    certificate, first = EMPTY, 0
+    certificate = EMPTY
     for sums in chunks:
-        _require_proof(sums.residuals, place, first)
-        _require_linear(system, torque, sums, place, first)
-        worst = {f.name: float(getattr(sums.residuals, f.name).max()) for f in fields(Residuals)}
+        _require_proof(sums.residuals, place, certificate.states)
+        _require_linear(system, sums.rotation, place, certificate.states)
+        worst = {name: float(each.max()) for name, each in vars(sums.residuals).items()}
         certificate += Certificate(len(sums.rotation), fallbacks=sums.given_up, **worst)
         parts.append(sums)
-        first += len(sums.rotation)
         if progress:
             progress(len(sums.rotation))
+    pulls = [part.pull for part in parts if part.pull is not None]
     return Answers(
         rotation_arcsec=_joined(part.rotation for part in parts) * ARCSEC,
         zone_share=_joined(part.moment for part in parts).reshape(-1, 2) / np.reshape(torque, (-1, 1)),
         tooth_force_N=_joined(part.tooth_force for part in parts),
-        pull_N=_joined(part.pull for part in parts if part.pull is not None) if pull else None,
+        pull_N=_joined(pulls) if pulls else None,
         certificate=certificate,
     )
 
@@ -129,24 +114,13 @@ def _require_proof(proof: Residuals, place: Callable[[int], str], first: int) ->
         )
 
 
-def _require_linear(
-    system: ContactSystem, torque: float | Array, sums: StateSums, place: Callable[[int], str], first: int
-) -> None:
+def _require_linear(system: ContactSystem, rotation: Array, place: Callable[[int], str], first: int) -> None:
     quarter_pitch = np.pi / 2 / system.geometry.flexspline.z
-    k = int(np.argmax(np.abs(sums.rotation)))
-    if abs(sums.rotation[k]) > quarter_pitch:
+    k = int(np.argmax(np.abs(rotation)))
+    if abs(rotation[k]) > quarter_pitch:
         raise UntrustedError(
             f"outside the limits of the linear model at {place(first + k)}: wind-up of "
-            f"{abs(sums.rotation[k]) * ARCSEC:.0f}″, above a quarter of a tooth pitch "
-            f"({quarter_pitch * ARCSEC:.0f}″)",
+            f"{abs(rotation[k]) * ARCSEC:.0f}″, above a quarter of a tooth pitch ({quarter_pitch * ARCSEC:.0f}″)",
             "the torque is too great for this drive",
             Fault.BEYOND_MODEL,
-        )
-    share = sums.edge_force / np.abs(torque)
-    k = int(np.argmax(share))
-    if share[k] > EDGE_SHARE / system.geometry.r_m:
-        raise EdgeOfWindowError(
-            f"outside the limits of the linear model at {place(first + k)}: {sums.edge_force[k]:.3g} N on the "
-            "outermost tooth of the flank window",
-            "widen numerics.window, like --set numerics.window=60, or lower the torque",
         )

@@ -44,11 +44,11 @@ def displacements(system: ContactSystem, forces: Array, free: Array) -> Array:
     return a
 
 
-def residuals(system: ContactSystem, delta_p: Array, torque: float | Array, forces: Array, free: Array) -> Residuals:
+def residuals(system: ContactSystem, delta_p: Array, torque: float, forces: Array, free: Array) -> Residuals:
     """Residuals of answers to system (1).
 
-    Arguments: delta_p, gaps without force [mm], and forces [N], both shape (states, M); torque [N*mm], of all or each;
-    free, displacements of the freedoms without support [mm, rad], shape (states, free).
+    Arguments: delta_p, gaps without force [mm], and forces [N], both shape (states, M); torque [N*mm]; free,
+    displacements of the freedoms without support [mm, rad], shape (states, free).
     """
     a = displacements(system, forces, free)
     moved = system.at_places(forces) @ system.compliance + a @ system.G[system.first].T
@@ -69,8 +69,3 @@ def residuals(system: ContactSystem, delta_p: Array, torque: float | Array, forc
         complementarity=np.abs(gaps * forces).max(axis=1) / (force_scale * gap_scale),
         equilibrium=unbalanced.max(axis=1),
     )
-
-
-def proven(system: ContactSystem, delta_p: Array, torque: float, forces: Array, free: Array) -> bool:
-    """Whether the answer to one state, arguments of `residuals` without their first axis, earns its certificate."""
-    return bool(residuals(system, delta_p[None], torque, forces[None], free[None]).worst[0] <= TOLERANCE)

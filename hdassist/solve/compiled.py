@@ -24,23 +24,22 @@ COMPILED_TEMPLATE = "compiled"
 _proven: set[tuple[bool, ...]] = set()  # which freedoms were free in what was proven, in this process
 
 
-def require_compiled_as_stated(formulation: Formulation, folder: Path | None = None) -> None:
+def require_compiled_as_stated(formulation: Formulation) -> None:
     """Make sure that cvxpy compiles this formulation to the data that the engines run.
 
-    Arguments: folder, where it is kept that it does, by default the user's cache.
     Raises UntrustedError where it compiles to something else.
     """
     supported = tuple(formulation.system.supported.tolist())
     if supported in _proven:
         return
     key = _key(formulation)
-    if cached(COMPILED_TEMPLATE, key, folder) is None:
+    if cached(COMPILED_TEMPLATE, key) is None:
         if wrong := list(template_differences(formulation)):
             raise UntrustedError(
                 f"cvxpy compiles the programme to other data than stated: {', '.join(wrong)}",
                 "install the versions that hdassist was tested with (hdassist doctor)",
             )
-        keep(COMPILED_TEMPLATE, key, b"", folder)
+        keep(COMPILED_TEMPLATE, key, b"")
     _proven.add(supported)
 
 

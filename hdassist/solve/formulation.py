@@ -133,9 +133,9 @@ class Formulation:
         return delta_p / self.units.gap
 
     def load(self, torque: float) -> Array:
-        """Load of a torque on the flexspline [N*mm], in units of the programme, shape (free,)."""
-        free = ~self.system.supported
-        return np.asarray(self.system.load(torque)[free] / (self.units.force * self.units.load))
+        """Load of a torque on the flexspline [N*mm], positive counter-clockwise, in units of the programme, (free,)."""
+        turning = np.arange(len(self.A)) == self.system.free_rotation
+        return np.asarray(torque * turning / (self.units.force * self.units.load))
 
     def answer(self, forces: Array, duals: Array) -> tuple[Array, Array]:
         """Forces [N] and displacements of the free freedoms [mm, rad] of a solution in units of the programme."""

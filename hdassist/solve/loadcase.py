@@ -5,24 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
-from hdassist.model.contacts import ContactSystem, StateGaps, contact_system
+from hdassist.model.contacts import WITHOUT_DEVIATIONS, StateGaps
 from hdassist.model.geometry import Array
-from hdassist.preset.fields import Drive
 from hdassist.run.run import Progress
 from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, proven_answers
 from hdassist.solve.compiled import require_compiled_as_stated
-from hdassist.solve.formulation import Formulation, formulate
+from hdassist.solve.formulation import Formulation
 from hdassist.solve.onebyone import OneByOne
 from hdassist.solve.pivoting import Pivoting
 from hdassist.solve.reference import Reference
 from hdassist.solve.sums import StateSums
 from hdassist.solve.walk import Walk, walk_library
 
-LOOKED_AT_FIRST = 64  # states of a load case: in too narrow a window of flanks it is they that mostly say so
 POOR_PROOF = 1e-9  # residual of a state of the walk from which on it is solved once more, alone
 MANY_STATES = 64  # states from which on a reference pays
 CARRIES = 1e-9  # of the greatest force: more is contact
@@ -50,21 +47,16 @@ class LoadCase:
     ) -> None:
         if not solver:
             require_compiled_as_stated(formulation)
-        near = like and len(like.system.local) == len(formulation.local)
-        contact = like._one_by_one.contact if like and near else None
+        contact = None
+        if like and len(like.formulation.local) == len(formulation.local):
+            contact = like._one_by_one.contact
         self.formulation: Formulation = formulation
-        self.system: ContactSystem = formulation.system
+        self.system = formulation.system
         self._compiled = compiled and walk_library()[0] is not None
         self._one_by_one: OneByOne = OneByOne(formulation, contact, compiled=self._compiled, solver=solver)
         self._walk: Walk | Pivoting | None = None
         self._pays = np.inf if solver else 0 if many else MANY_STATES
-        self._first = LOOKED_AT_FIRST
         self.load(M_g)
-
-    @classmethod
-    def of(cls, drive: Drive, M_g: float) -> LoadCase:
-        """Load case of a drive at a torque M_g [N*m], at tooth phase 0 and the preset's ball phase."""
-        return cls(formulate(contact_system(drive)), M_g)
 
     def load(self, M_g: float) -> None:
         """Go on with another torque [N*m]; what was factored stays."""
@@ -77,34 +69,28 @@ class LoadCase:
         progress: Progress | None = None,
         *,
         pull: bool = False,
-        chunk: int = STATES_AT_A_TIME,
     ) -> Answers:
         """Solve states and prove each answer.
 
         Arguments: gaps of the states; place, words for where state k is, for errors; progress, told how many states
-        were solved since the last call; pull, whether forces along the deviation scalars are asked for; chunk, states
-        between two reports of progress. Raises UntrustedError where a state is not solved, or its answer is outside
-        the limits of the linear model.
+        were solved since the last call; pull, whether forces along the deviation scalars are asked for. Raises
+        UntrustedError where a state is not solved, or its answer is outside the limits of the linear model.
         """
-        first, self._first = min(self._first, chunk), chunk
-        ends = pairwise(dict.fromkeys([0, *range(first, len(gaps), chunk), len(gaps)]))
-        chunks = (self.sums(gaps[begin:end], pull=pull) for begin, end in ends)
-        return proven_answers(self.system, self._torque, chunks, place, progress, pull=pull)
+        firsts = range(0, len(gaps), STATES_AT_A_TIME)
+        chunks = (self.sums(gaps[first : first + STATES_AT_A_TIME], pull=pull) for first in firsts)
+        return proven_answers(self.system, self._torque, chunks, place, progress)
 
     def over(self, torques: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
         """Solve the state without deviations at torques M_g [N*m], each from the contacts of the one before.
 
         Arguments and errors as those of solve.
         """
-        found, delta_p = [], self.system.delta_p[None]
-        for M_g in torques.tolist():
+
+        def at(M_g: float) -> StateSums:
             self.load(M_g)
-            found.append(self.forces(delta_p))
-        forces, free, given_up = zip(*found, strict=True)
-        solved = np.repeat(delta_p, len(torques), axis=0), torques * N_MM, np.concatenate(forces), np.concatenate(free)
-        return proven_answers(
-            self.system, solved[1], [StateSums.of(self.system, *solved, sum(given_up))], place, progress
-        )
+            return self._alone(WITHOUT_DEVIATIONS, pull=False)
+
+        return proven_answers(self.system, torques * N_MM, map(at, torques.tolist()), place, progress)
 
     def sums(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
         """Sums of states without their proof, and forces along the deviation scalars where asked for.

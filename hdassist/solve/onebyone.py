@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 
 import daqp
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
-from hdassist.solve.certificate import proven
+from hdassist.solve.certificate import TOLERANCE, residuals
 from hdassist.solve.formulation import Formulation
 from hdassist.solve.near import solve_near
 from hdassist.solve.throughcvxpy import SECOND_SOLVER, solve_through_cvxpy
@@ -41,7 +41,6 @@ class OneByOne:
         solver: str | None = None,
     ) -> None:
         self._formulation, self._solver = formulation, solver
-        self._ways = [self._through_cvxpy] if solver else [self._near, self._by_daqp, self._last_resort]
         self._solve_near = walk_near_state if compiled and walk_library()[0] else solve_near
         self.contact = np.ones(len(formulation.local), dtype=bool) if contact is None else contact
 
@@ -55,15 +54,18 @@ class OneByOne:
         """
         system = self._formulation.system
         forces, free = np.full(delta_p.shape, np.nan), np.full((len(delta_p), len(self._formulation.A)), np.nan)
+        ways = [self._near, self._by_daqp, self._through_cvxpy][2 if self._solver else 0 :]
         given_up = tried = 0
         for k, at_state in enumerate(delta_p):
-            for tried, way in enumerate(self._ways):
+            for tried, way in enumerate(ways):
                 given_up += tried == 1  # by the first way
                 if answer := way(at_state, torque):
                     forces[k], free[k] = answer
                     break
-            if (tried or self._solver) and not proven(system, at_state, torque, forces[k], free[k]):
-                break
+            if tried or self._solver:
+                proof = residuals(system, at_state[None], torque, forces[k, None], free[k, None])
+                if not proof.worst[0] <= TOLERANCE:
+                    break
             self.contact = forces[k] > 0
         return forces, free, given_up
 
@@ -92,10 +94,7 @@ class OneByOne:
                 return formulation.answer(x, info["lam"][n:])
         return None
 
-    def _last_resort(self, delta_p: Array, torque: float) -> tuple[Array, Array] | None:
-        with suppress(UntrustedError):
-            return self._through_cvxpy(delta_p, torque)
+    def _through_cvxpy(self, delta_p: Array, torque: float) -> tuple[Array, Array] | None:
+        with nullcontext() if self._solver else suppress(UntrustedError):
+            return solve_through_cvxpy(self._formulation, delta_p, torque, self._solver or SECOND_SOLVER)
         return None
-
-    def _through_cvxpy(self, delta_p: Array, torque: float) -> tuple[Array, Array]:
-        return solve_through_cvxpy(self._formulation, delta_p, torque, self._solver or SECOND_SOLVER)

@@ -68,7 +68,6 @@ class Reference:
             "delta_p": system.delta_p,
             "map": map_,
             "lever": system.lever.T,
-            "edge": system.flanks.edge[self._flanks].astype(np.uint8),
         }
         self.held = {name: np.ascontiguousarray(array) for name, array in held.items()}
         self.sizes = (len(place), m, free, len(self._flanks), len(map_), ROTATION)

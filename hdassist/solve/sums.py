@@ -16,15 +16,14 @@ from hdassist.solve.certificate import Residuals, residuals
 class StateSums:
     """Sums of states, shape (states,) unless said otherwise; NaN in a state that was given up.
 
-    rotation [rad] of the flexspline; moment [N*mm] of each mesh zone, shape (states, 2); tooth_force and edge_force
-    [N], greatest on a flank and on one at the edge of the window; residuals; pull [N], forces along the scalars of the
-    deviations, shape (states, scalars), where asked for; given_up, how many states the first way gave up.
+    rotation [rad] of the flexspline; moment [N*mm] of each mesh zone, shape (states, 2); tooth_force [N], greatest on a
+    flank; residuals; pull [N], forces along the scalars of the deviations, shape (states, scalars), where asked for;
+    given_up, how many states the first way gave up.
     """
 
     rotation: Array
     moment: Array
     tooth_force: Array
-    edge_force: Array
     residuals: Residuals
     pull: Array | None
     given_up: int
@@ -34,7 +33,7 @@ class StateSums:
         cls,
         system: ContactSystem,
         delta_p: Array,
-        torque: float | Array,
+        torque: float,
         forces: Array,
         free: Array,
         given_up: int = 0,
@@ -43,7 +42,7 @@ class StateSums:
     ) -> StateSums:
         """Sums of states from their forces [N], shape (states, M), and free displacements [mm, rad].
 
-        Arguments: delta_p, gaps without force [mm], shape (states, M); torque [N*mm], of all or of each.
+        Arguments: delta_p, gaps without force [mm], shape (states, M); torque [N*mm].
         """
         at_places = system.at_places(forces)
         flank = at_places[:, : system.pairs]
@@ -51,7 +50,6 @@ class StateSums:
             rotation=free[:, system.free_rotation],
             moment=flank @ system.lever,
             tooth_force=flank.max(axis=1),
-            edge_force=flank[:, system.flanks.edge[:: len(system.face.fall)]].max(axis=1, initial=0.0),
             residuals=residuals(system, delta_p, torque, forces, free),
             pull=at_places @ system.deviation_map[system.first] if pull else None,
             given_up=given_up,
@@ -59,9 +57,7 @@ class StateSums:
 
     def put(self, rows: NDArray[np.int64], there: StateSums) -> None:
         """Put the sums of other states into some rows."""
-        for name in ("rotation", "moment", "tooth_force", "edge_force"):
-            getattr(self, name)[rows] = getattr(there, name)
-        for mine, theirs in zip(vars(self.residuals).values(), vars(there.residuals).values(), strict=True):
-            mine[rows] = theirs
-        if self.pull is not None and there.pull is not None:
-            self.pull[rows] = there.pull
+        mine, theirs = (vars(sums) | vars(sums.residuals) for sums in (self, there))
+        for name, values in mine.items():
+            if isinstance(values, np.ndarray):
+                values[rows] = theirs[name]

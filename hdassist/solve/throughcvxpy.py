@@ -51,11 +51,7 @@ SOLVER_SETTINGS: dict[str, dict[str, Any]] = {
         "max_iter": 200,
         "time_limit": LONGEST_SOLVE,
     },
-    "COPT": {"TimeLimit": LONGEST_SOLVE},
-    "CPLEX": {"cplex_params": {"timelimit": LONGEST_SOLVE}},
-    "GUROBI": {"TimeLimit": LONGEST_SOLVE},
     "HIGHS": {"time_limit": LONGEST_SOLVE},
-    "MOSEK": {"mosek_params": {"MSK_DPAR_OPTIMIZER_MAX_TIME": LONGEST_SOLVE}},
     "OSQP": {"eps_abs": 1e-11, "eps_rel": 1e-11, "max_iter": 1_000_000, "time_limit": LONGEST_SOLVE},
     "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 200_000, "time_limit_secs": LONGEST_SOLVE},
 }

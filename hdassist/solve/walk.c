@@ -81,14 +81,12 @@ typedef struct {
     const double *delta_p;     /* (M) mm */
     const double *map;         /* (columns, m) gaps by a unit of each scalar of a drive */
     const double *lever;       /* (2, flanks) N*mm a N of the flanks of each mesh zone, 0 of the other's */
-    const uint8_t *edge;       /* (flanks) whether it is the outermost of the window */
 } contact_system;
 
 typedef struct {
     double *rotation;    /* (states) rad */
     double *moment;      /* (states, 2) N*mm of each mesh zone */
     double *tooth_force; /* (states) N, greatest on a flank */
-    double *edge_force;  /* (states) N, greatest on a flank at the edge of the window */
     double *residual;    /* (states, 4) negative force, negative gap, complementarity, equilibrium */
     double *pull;        /* (states, columns) forces along the scalars, or NULL */
 } answers;
@@ -121,7 +119,7 @@ typedef struct {
     double *panels;      /* compliance in panels of WIDTH columns */
     double *force, *at_place, *moved, *gap, *free, *blocks; /* of a batch */
     int *loaded;
-    long states, pivots, since_made;
+    long states, since_made;
     int lost;
 } walk;
 
@@ -247,7 +245,6 @@ static int find_pivot(walk *w, int r, double *values) {
     }
     w->changed[r] ^= 1;
     w->last[r] = w->states;
-    w->pivots++;
     w->since_made++;
     w->at[w->found++] = r;
     return 1;
@@ -547,23 +544,19 @@ static void certify(walk *w, int states, double *residual) {
 /* Sums of the forces of one state at the places. */
 static void sum_up(const walk *w, const double *F, size_t j, answers *out) {
     const contact_system *s = w->system;
-    double greatest = 0, at_edge = 0;
-    SIMD(omp simd reduction(max : greatest, at_edge))
-    for (int flank = 0; flank < s->flanks; flank++) {
-        const double on_edge = s->edge[flank] ? F[flank] : 0.0;
-        greatest = F[flank] > greatest ? F[flank] : greatest;
-        at_edge = on_edge > at_edge ? on_edge : at_edge;
-    }
+    double greatest = 0;
+    GREATEST(greatest)
+    for (int flank = 0; flank < s->flanks; flank++) greatest = F[flank] > greatest ? F[flank] : greatest;
     for (int zone = 0; zone < 2; zone++)
         out->moment[2 * j + zone] = product(s->flanks, F, s->lever + (size_t)zone * s->flanks, NULL);
-    out->tooth_force[j] = greatest, out->edge_force[j] = at_edge;
+    out->tooth_force[j] = greatest;
     if (out->pull)
         for (int c = 0; c < s->columns; c++)
             out->pull[j * s->columns + c] = product(s->m, F, s->map + (size_t)c * s->m, NULL);
 }
 
 static void give_up(const contact_system *s, size_t j, answers *out) {
-    out->rotation[j] = out->tooth_force[j] = out->edge_force[j] = NAN;
+    out->rotation[j] = out->tooth_force[j] = NAN;
     out->moment[2 * j] = out->moment[2 * j + 1] = NAN;
     for (int k = 0; k < 4; k++) out->residual[4 * j + k] = NAN;
     if (out->pull)
@@ -653,9 +646,9 @@ walk *walk_new(const int32_t *sizes, const void *const *arrays) {
  * torque: N*mm; scalars: (states, p); tooth_gaps: (states, m) added to the gaps at each place, and tooth_values:
  * (states, R) what they add to the coordinates at the reference, both NULL without measured teeth. */
 long walk_solve(walk *w, long states, double torque, int p, const double *scalars, const double *tooth_gaps,
-                const double *tooth_values, double *rotation, double *moment, double *tooth_force, double *edge_force,
-                double *residual, double *pull) {
-    answers made = {rotation, moment, tooth_force, edge_force, residual, pull}, *out = &made;
+                const double *tooth_values, double *rotation, double *moment, double *tooth_force, double *residual,
+                double *pull) {
+    answers made = {rotation, moment, tooth_force, residual, pull}, *out = &made;
     const contact_system *s = w->system;
     const int M = s->M, m = s->m, R = m + s->free;
     long given_up = 0, first = 0;
@@ -858,8 +851,6 @@ int walk_level(void) {
 #endif
     return 1;
 }
-
-long walk_pivots(const walk *w) { return w->pivots; }
 
 /* SHA-256 of the source that this was compiled from, so that an old one is not taken for it. */
 const char *walk_source(void) { return WALK_SOURCE; }

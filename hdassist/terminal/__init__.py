@@ -1,1 +1,1 @@
-"""What knows a terminal or a file to write: console, plots, tables, answers, options, workers."""
+"""The terminal and files to write: console, plots, tables, answers, options, workers."""

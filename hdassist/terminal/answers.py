@@ -1,4 +1,4 @@
-"""Answers for scripts: what every JSON answer has around its figures, and how JSON and CSV are written."""
+"""Answers for scripts: the keys around the figures of every JSON answer, JSON and CSV as text."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
     from hdassist.report.report import Report
 
-FORMULA = tuple("=+-@\t\n＝＋－＠")  # what a spreadsheet takes for the begin of one
+FORMULA = tuple("=+-@\t\n＝＋－＠")  # by which a spreadsheet knows one
 _NUMBER = re.compile(NUMBER)
 
 
 def envelope(command: str, drive: Drive | None, exit_code: int = 0, warnings: Sequence[str] = ()) -> Json:
-    """Keys common to all answers of a command; drive, what the answer is about, None where there is none."""
+    """Keys common to all answers of a command; drive, the subject of the answer, None without one."""
     origin = drive.origin if drive else None
     return {
         "schema": schema_of(command),
@@ -52,7 +52,7 @@ def report_object(report: Report) -> Json:
 def failure(command: str, error: HdassistError, *, preset: str | None = None, file: str | None = None) -> Json:
     """The answer about a drive or a file that has none: its error.
 
-    Arguments: command; error; preset and file, the names of what was asked for.
+    Arguments: command; error; preset and file, the names asked for.
     """
     return {
         "schema": schema_of(command),
@@ -89,7 +89,7 @@ def json_text(answer: Json) -> str:
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """A table as CSV: one header line, plain newlines, full precision, empty where there is no value.
 
-    Text cannot act: hidden characters are escaped, and an apostrophe stands before what a spreadsheet would compute.
+    Text cannot act: hidden characters are escaped, and an apostrophe stands before formulas of spreadsheets.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

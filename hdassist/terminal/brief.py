@@ -18,16 +18,30 @@ if TYPE_CHECKING:
     from hdassist.belief.statistics import Probability
     from hdassist.report.report import ReportProof
 
-LIMITED = ("check", "report", "tolerance", "sensitivity", "allocate", "accept")  # commands that take --limit
+LIMITED = (
+    "check",
+    "mount",
+    "report",
+    "plan",
+    "tolerance",
+    "sensitivity",
+    "allocate",
+    "accept",
+)  # commands that take --limit
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
 
 
-def again(command: str, drive: Drive, *more: str, pitch: object = None) -> str:
-    """A command about the same drive, as a shell takes it; pitch: wheels that are measured, whose files go with it."""
-    origin = drive.origin
-    preset = "-" if origin.file == STDIN else origin.file or drive.name
-    words = shlex.join(["hdassist", command, preset, *_options(command, origin.overrides), *more])
-    return words + " with the same pitch files" * bool(pitch)
+def again(command: str, drive: Drive | None, *more: str, pitch: object = None) -> str:
+    """A command about the same drive, as a shell takes it; pitch: wheels that are measured, whose files go with it.
+
+    PRESET stands for a drive that is not known.
+    """
+    words = ["PRESET"]
+    if drive:
+        origin = drive.origin
+        words = ["-" if origin.file == STDIN else origin.file or drive.name, *_options(command, origin.overrides)]
+    text = shlex.join(["hdassist", command, *words, *more])
+    return text + " with the same pitch files" * bool(pitch)
 
 
 def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
@@ -68,6 +82,6 @@ def on_what(drive: Drive) -> str:
 
 
 def not_known(drive: Drive) -> str:
-    """What is not known of a drive and was computed as 0."""
+    """Deviations of a drive that are not known, and were computed as 0."""
     open_ = unknowns(drive)
     return f"taken as 0: {unknown_names(open_)}" if open_ else ""

@@ -40,7 +40,7 @@ PLAIN_CHARACTERS = str.maketrans(
 
 @dataclass(frozen=True)
 class Style:
-    """What a stream can show: 7-bit text only (and some letters beyond it), control codes, and columns."""
+    """Abilities of a stream: 7-bit text only (and some letters beyond it), control codes, and columns."""
 
     ascii: bool
     codes: bool
@@ -49,7 +49,7 @@ class Style:
 
     @classmethod
     def of(cls, stream: TextIO, *, ascii: bool = False, no_color: bool = False) -> Style:
-        """Style of a stream, from its terminal, the environment and what the user forces."""
+        """Style of a stream, from its terminal, the environment and the options that force it."""
         terminal = stream.isatty()
         plain = no_color or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
         width = shutil.get_terminal_size((PIPE_WIDTH, 24)).columns if terminal else PIPE_WIDTH
@@ -95,13 +95,13 @@ def say(line: str) -> None:
 
 
 def made_or(name: str, make: Callable[[], Made], instead: Callable[[], Made]) -> Made:
-    """What shows an answer; where making it fails, something simpler and a remark on stderr, and the answer stands.
+    """A form of an answer; where making it fails, a simpler one, with a remark on stderr.
 
-    name: of what is made, in the remark. With STRICT in the environment, as the tests have it, what failed is raised.
+    name: of what is made, in the remark. With STRICT in the environment, as the tests have it, the failure is raised.
     """
     try:
         return make()
-    except Exception as error:  # whatever breaks a figure: the answer beside it stands, a remark says so
+    except Exception as error:  # whatever breaks a figure: the answer beside it stands
         if os.environ.get(STRICT):
             raise
         say(f"warning: no {name}, the answer stands: {type(error).__name__}: {error} (a bug in hdassist)")
@@ -113,7 +113,7 @@ class _QuietConsole(Console):
 
     @property
     def encoding(self) -> str:
-        """What rich chooses its bars and boxes by."""
+        """The encoding by which rich chooses bars and boxes."""
         return "ascii" if self.seven_bits else super().encoding
 
     def on_broken_pipe(self) -> None:

@@ -18,10 +18,10 @@ from hdassist.visible import visible
 
 
 def write_text(path: str, text: str, force: bool) -> None:
-    """Write text as UTF-8, and say "wrote FILE" on standard error; a terminal gets it with hidden characters escaped.
+    """Write text as UTF-8, and "wrote FILE" on standard error; a terminal gets it with hidden characters escaped.
 
     Arguments: path, "-" for standard output; text; force, whether an existing file may be replaced.
-    Raises UsageError: the file exists; DataError: it cannot be written. Then nothing has changed.
+    Raises UsageError: the file exists; DataError: it cannot be written. Then no file has changed.
     """
     if path == "-":
         encoding = sys.stdout.encoding or "utf-8"
@@ -62,7 +62,7 @@ def give_stdout(answer: str | bytes) -> None:
 
 
 def put_text(path: str, text: str) -> None:
-    """Write text as UTF-8 to a file, in place of what it has. Raises DataError: it cannot be; then nothing changed."""
+    """Write text as UTF-8 to a file, in place of its content. Raises DataError: it cannot be; then no file changed."""
     target, data = Path(path), text.encode("utf-8", "backslashreplace")
     try:
         if _is_device(target):
@@ -94,7 +94,7 @@ def take_output(path: str, force: bool, *, is_kept: bool = False) -> None:
     """Claim a file for an answer of this run, before anything is computed for it.
 
     Arguments: path, "-" for standard output; force, whether an existing file may be replaced; is_kept, whether the run
-    goes on with what it has. Raises UsageError: the file exists, or the run reads it or writes it for another option;
+    goes on with its content. Raises UsageError: the file exists, or the run reads it or writes it for another option;
     DataError: it cannot be written.
     """
     claim_output(path, is_kept=is_kept)
@@ -127,12 +127,12 @@ def require_writable(path: str, force: bool) -> None:
 
 
 def _real(target: Path) -> Path:
-    """What a link points to: the link stays one when its file is replaced."""
+    """The target of a link: the link stays one when its file is replaced."""
     return Path(os.path.realpath(target))
 
 
 def _is_device(target: Path) -> bool:
-    """A device or a pipe, which has nothing to lose and must not be replaced."""
+    """A device or a pipe, which keeps no content and must not be replaced."""
     return is_there(target) and not is_file(target)
 
 

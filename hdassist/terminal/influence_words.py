@@ -1,4 +1,4 @@
-"""Samples of a belief, which fields an answer comes from and what to measure next, in words and as JSON."""
+"""Samples of a belief, the fields that decide an answer and the next measurement, in words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run needs of the system before it begins."""
+"""Memory that a run needs of the system."""
 
 from __future__ import annotations
 

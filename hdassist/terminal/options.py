@@ -32,10 +32,7 @@ GroupT = TypeVar("GroupT", bound="OptionGroup")
 DECLARED = tomllib.loads(files("hdassist.terminal").joinpath("options.toml").read_text("utf-8"))
 
 # options by the section of the help in which they stand (cli/help.py orders the sections)
-advanced_option = partial(typer.Option, rich_help_panel="Advanced")
-drive_option = partial(typer.Option, rich_help_panel="Drive")
 trace_option = partial(typer.Option, rich_help_panel="Measured trace")
-trials_option = partial(typer.Option, rich_help_panel="Trials")
 
 # types of fields that options.toml declares for any class
 Preset = str
@@ -61,7 +58,7 @@ def declared_parameter(
 ) -> Any:  # fmt: skip
     """The type of a field together with its option, or argument, as options.toml declares that."""
     if get_origin(kind) is list and not is_required:
-        words |= {"default_factory": list, "show_default": False}
+        words = {"default_factory": list, "show_default": False} | words
     if is_argument:
         return Annotated[kind, typer.Argument(**words)]
     names = names or (f"--{field.replace('_', '-')}",)
@@ -82,6 +79,12 @@ class OptionGroup:
     def only(self, group: type[GroupT]) -> GroupT:
         """The options of one of the groups that a command is made of."""
         return group(**{each.name: getattr(self, each.name) for each in fields(group)})
+
+    def words(self) -> list[str]:
+        """The options as a shell takes them, where they are not the usual ones."""
+        values = ((f"--{one.name.replace('_', '-')}", getattr(self, one.name), one.default) for one in fields(self))
+        given = [(name, f"{value}".removesuffix(".0")) for name, value, usual in values if value != usual]
+        return [word for pair in given for word in pair]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -277,11 +280,6 @@ class TrialOptions(OptionGroup):
     def torque_of(self, torques: Sequence[float]) -> float:
         """Torque of the trials [N*m], of a drive with such torques."""
         return min(torques, key=abs) if self.trial_torque is None else self.trial_torque
-
-    def words(self) -> list[str]:
-        """The options as a shell takes them, where they are not the usual ones."""
-        values = ((f"--{one.name.replace('_', '-')}", getattr(self, one.name), one.default) for one in fields(self))
-        return [word for name, value, usual in values if value != usual for word in (name, f"{value:g}")]
 
 
 def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, ...]:

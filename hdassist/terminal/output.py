@@ -104,7 +104,7 @@ class Output:
             TimeRemainingColumn(),
             console=console(sys.stderr, style), transient=True,
             auto_refresh=False,  # without a thread of its own, beside which processes could not be forked
-            redirect_stdout=sys.stdout.isatty(),  # lines above the bar; what goes to a file is none of its business
+            redirect_stdout=sys.stdout.isatty(),  # lines above the bar; a file is left alone
         )  # fmt: skip
         bar.add_task(style.text(words), total=total)
         if total is None:
@@ -146,21 +146,21 @@ class ProgressBar:
 
 
 def complain(error: HdassistError, about: str = "") -> None:
-    """Say an error on stderr, with what to do about it."""
+    """Write an error on stderr, with its remedy."""
     where = f"{about}: " if about else ""
     note(f"error: {where}{error.message}\n  hint: {with_code(error.hint, error.fault)}")
 
 
 def with_code(hint: str, fault: Fault) -> str:
-    """A hint, and the command that says more about an error of its kind."""
+    """A hint, and the command that explains errors of its kind."""
     return f"{hint} (hdassist explain {fault})" if hint else f"hdassist explain {fault}"
 
 
 def warn(text: str) -> None:
-    """Say a warning on stderr."""
+    """Write a warning on stderr."""
     note(f"warning: {text}")
 
 
 def note(text: str) -> None:
-    """Say something beside the answer on stderr."""
+    """Write a line beside the answer on stderr."""
     say(text)

@@ -50,7 +50,7 @@ RESIDUALS = {  # of a certificate, each a share of its scale
     "equilibrium": "equilibrium",
 }
 ANY_WIDTH = 100_000  # columns
-PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word says too little
+PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word is too short
 
 
 def report_page(report: Report, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
@@ -77,7 +77,7 @@ def word(verdict: str, style: Style) -> Text:
 
 
 def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[RenderableType]:
-    """A block in characters; nothing of an empty one, and of figures where no plots are wanted."""
+    """A block in characters; none of an empty one, nor of figures without plots."""
     match block:
         case Paragraph():
             yield Text(style.text(block.text))

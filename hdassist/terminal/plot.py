@@ -17,7 +17,7 @@ PlotValues = NDArray[np.float64]
 Dots = NDArray[np.bool_]
 
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
-WIDEST_PLOT = 80  # columns: wider says no more
+WIDEST_PLOT = 80  # columns: wider shows no more
 
 
 def curve(style: Style, drawn: Curve) -> str:
@@ -132,7 +132,7 @@ def dots_to_braille(dots: Dots) -> list[list[str]]:
 def least_and_greatest(x: PlotValues, y: PlotValues, columns: int, over: float) -> list[tuple[PlotValues, PlotValues]]:
     """Two lines with a point a column: the least and the greatest of y within so much of x, a column at least.
 
-    NaN where nothing lies: a gap.
+    NaN at a gap.
     """
     reach = max(over, float(x[-1] - x[0]) / columns) / 2
     places = np.linspace(x[0], x[-1], columns)

@@ -29,12 +29,12 @@ def run_each(
     failed: Callable[[str, HdassistError], Json] | None = None,
     keep_failures: bool | None = None,
 ) -> list[Report]:
-    """Reports on presets or files one after the other; what is wrong with one is its answer, and the others go on.
+    """Reports on presets or files one after the other; the error of one is its answer, and the others go on.
 
     Arguments: command, for the schema of failures; names, of presets or files; one, its report;
     options; failed, the JSON of one without an answer; keep_failures, whether the fault of the only one is an answer
     too (without it: where JSON is asked for).
-    Raises UsageError at once, what is wrong with the only one, and with --debug anything.
+    Raises UsageError at once, the error of the only one, and with --debug any error.
     """
     kept = options.json if keep_failures is None else keep_failures
     reports: list[Report] = []
@@ -76,7 +76,7 @@ def give(
     more: Mapping[str, Any] | None = None,
     below: Sequence[str] = (),
 ) -> int:
-    """Say warnings, write reports as JSON, pages or lines, and tables; returns the worst of their exit codes.
+    """Write warnings, reports as JSON, pages or lines, and tables; returns the worst of their exit codes.
 
     Arguments: command, for the schema of several; reports, of which those without a head have no page; options; out;
     more, keys of JSON about all of them; below, lines under all pages.

@@ -1,4 +1,4 @@
-"""Files of measured teeth on the command line: asked for, read, and what was assumed said on stderr."""
+"""Files of measured teeth on the command line: asked for, read, with notes on stderr."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def pitch_files(presets: Sequence[str], options: PitchOptions) -> WheelFiles:
 
 
 def read_teeth(files: WheelFiles, drive: Drive) -> MeasuredTeeth | None:
-    """The measured wheels of a drive, None without a file; says on stderr what was assumed.
+    """The measured wheels of a drive, None without a file; assumptions are noted on stderr.
 
-    Raises PresetError with the faults of both files, DataError for a file that cannot be read.
+    Raises PresetError with the faults of a file, DataError for a file that cannot be read.
     """
     found = files.read(drive)
     say_notes(found)
@@ -39,7 +39,7 @@ def read_teeth(files: WheelFiles, drive: Drive) -> MeasuredTeeth | None:
 
 
 def say_notes(measured: MeasuredTeeth | None) -> None:
-    """Say on stderr what was assumed of measured wheels."""
+    """Note assumptions on measured wheels on stderr."""
     for name, words in WHEEL_WORDS.items():
         if wheel := getattr(measured, name, None):
             for text in wheel.pitch.notes:

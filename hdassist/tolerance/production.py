@@ -32,7 +32,6 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.certificate import Residual
 from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.window import in_wide_enough_window
 from hdassist.tolerance.law import ProductionLaw
 
 PRODUCTION_FREE_STEP = 30.0  # deg between positions where the seat has no holes
@@ -188,7 +187,7 @@ class Production:
         moved = self.drive.with_values({p: value for p, value in values.items() if p not in DEVIATION_FIELDS})
         if (conflict := first_conflict(moved)) is not None:
             raise UntrustedError(f"no such drive: {conflict.path}: {conflict.message}")
-        return in_wide_enough_window(moved, partial(self._solved, values, maps))
+        return self._solved(values, maps, moved)
 
     def _solved(self, values: Mapping[str, float], maps: MapsOf, drive: Drive) -> dict[str, Any]:
         turns, turned = np.array(self.rotations), carried(drive)

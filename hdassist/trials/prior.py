@@ -35,7 +35,6 @@ from hdassist.mounting.trial import Trial
 from hdassist.preset.fields import Drive, measures
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.window import in_wide_enough_window
 
 Places = NDArray[np.int64]
 
@@ -199,12 +198,8 @@ def _tabled(
     values: Mapping[str, float],
 ) -> TabledErrors | None:
     """F'_ior of a system by its number, with values of its fields, and many deviations; None where it has none."""
-
-    def tabled(moved: Drive) -> TabledErrors:
-        return tabled_errors(error_maps(moved, torques), prior, effort, [seed, number])
-
     try:
-        return in_wide_enough_window(prior.drive.with_values(values), tabled)
+        return tabled_errors(error_maps(prior.drive.with_values(values), torques), prior, effort, [seed, number])
     except HdassistError:
         return None
 

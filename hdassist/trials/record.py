@@ -27,7 +27,7 @@ def read_trial_or_record(
     rotation = read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
     greatest = reading.measured(file, drive, seed=seed).directions[0]
     if greatest.is_bound and greatest.coverage:
-        turns, cycle = greatest.coverage.cam_turns, greatest.coverage.cells * greatest.coverage.cam_deg / 360
+        turns, cycle = greatest.coverage.cam_turns, greatest.coverage.cam_turns / greatest.coverage.share
         raise UntrustedError(
             f"{file}: {turns:.3g} of the {cycle:g} cam turns of the full cycle: F'_ior is a lower bound, and no trial",
             "record the full cycle in one direction",

@@ -312,7 +312,7 @@ def test_no_width_cuts_a_number():
 
 def test_remarks_that_count():
     drive = small("F_ior@4=50", overrides=("operation.rated=3",))
-    noisy = accept(drive, {4.0: measure(rig(CYCLE, noise=15.0), drive=drive)})
+    noisy = accept(drive, {4.0: measure(rig(CYCLE, noise=12.0), drive=drive)})
     codes = [note.code for note in noisy.remarks]
     assert "UNCERTAINTY" in codes
     assert "RATED" in codes
@@ -361,7 +361,7 @@ def test_a_limit_of_an_order_at_one_torque_wins_over_that_at_each():
     with pytest.raises(PresetError) as caught:
         load_text(preset, "own.yaml")
     assert [(f.path, f.message) for f in caught.value.findings] == [
-        ("acceptance.order_amplitude.2.0@4.0", "the same order twice"),
+        ("acceptance.order_amplitude.2.0@4.0", "given twice"),
         ("acceptance.order_amplitude.0@4", "must be an order per cam turn, or ORDER@TORQUE in N*m"),
         ("acceptance.order_amplitude.x@4", "must be an order per cam turn, or ORDER@TORQUE in N*m"),
     ]

@@ -5,11 +5,9 @@ import pytest
 
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import SamplingEffort, draw_samples, errors_by_turn
+from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.belief.statistics import weighted_quantile
-from hdassist.loading.load import load_preset, load_text
-from hdassist.preset.fields import Drive
-from hdassist.solve.window import EdgeOfWindowError, with_window
+from hdassist.loading.load import load_text
 from tests.process import run
 
 
@@ -31,20 +29,3 @@ def test_stiffness_and_lost_motion_narrow_the_error_and_the_wave_of_a_data_sheet
     W_0 = prior.fields[k].value(samples.shares[:, k])
     assert weighted_quantile(W_0, samples.weights, 0.05) == pytest.approx(0.3724, abs=0.004)
     assert weighted_quantile(W_0, samples.weights, 0.95) == pytest.approx(0.4015, abs=0.001)
-
-
-def test_the_usual_window_has_every_tooth_that_may_carry_load():
-    """In one of 30 deg teeth beyond it, not beside it, may touch unseen: no force on the outermost tooth tells that."""
-    drive = load_preset("size-17-100")
-    prior, rng = prior_of(drive), np.random.default_rng(0)
-    drives = [drive.with_values(values) for values in prior.values(rng.random((12, len(prior.fields) + 1)))]
-
-    def F_ior(each: Drive, window: float) -> float:
-        try:
-            return float(errors_by_turn(with_window(each, window), drive.operation.M_g[-1:], ())[0][0])
-        except EdgeOfWindowError:
-            return np.nan
-
-    usual = np.array([F_ior(each, drive.numerics.window) for each in drives])
-    assert usual == pytest.approx([F_ior(each, 85.0) for each in drives], abs=1e-6)
-    assert np.nanmax(np.abs([F_ior(each, 30.0) for each in drives] - usual)) > 0.1

@@ -153,7 +153,7 @@ def test_what_is_assumed_is_counted_until_a_value_is_called_given() -> None:
 def test_validate_shows_every_error_of_every_preset(bad: str) -> None:
     result = run("validate", bad, "vzp160", "vzp161")
     assert result.exit_code == 4
-    assert result.stdout == f"{bad}: invalid\nvzp160: OK, 17 values still assumed\nvzp161: invalid\n"
+    assert result.stdout == "vzp160: OK, 17 values still assumed\n"
     line = Path(bad).read_text(encoding="utf-8").splitlines().index("  W_0: 1.2 m         # mm, 1.2 modules") + 1
     assert f"{bad}:{line}:8: cam.W_0: the unit m could be mistaken" in result.stderr
     assert "gears.z_b: must be a whole number (got no)" in result.stderr
@@ -181,8 +181,8 @@ def test_validate_shows_warnings_on_stderr(tmp_path: Path) -> None:
 
 def test_a_bad_override_is_exit_code_2() -> None:
     result = run("validate", "vzp160", "--set", "cam.W_0=1.2 m")
-    assert result.exit_code == 2
-    assert "--set:1:9: cam.W_0: the unit m could be mistaken" in result.stderr
+    assert isinstance(result.exception, UsageError)
+    assert "--set:1:9: cam.W_0: the unit m could be mistaken" in result.exception.message
     assert run("validate", "vzp160").exit_code == 0
 
 
@@ -195,7 +195,6 @@ def test_a_bad_override_is_exit_code_2() -> None:
         (["show", "-", "--resolved"], PresetError),
         (["new", ""], UsageError),
         (["new", "x", "-o", "gone/x.yaml"], DataError),
-        (["schema", "-o", ""], DataError),
     ],
 )
 def test_errors_are_those_that_know_their_exit_code(arguments: list[str], error: type[HdassistError]) -> None:
@@ -219,12 +218,6 @@ def test_new_writes_a_file_once(tmp_path: Path) -> None:
     assert "name: mine\n" in file.read_text()
     assert run("new", "other", "-o", str(file), "--force").exit_code == 0
     assert "name: other\n" in file.read_text()
-
-
-def test_schema_is_json() -> None:
-    printed = run("schema").stdout
-    assert printed.isascii()  # without an option --ascii
-    assert json.loads(printed)["$schema"] == "https://json-schema.org/draft/2020-12/schema"
 
 
 @pytest.mark.parametrize(
@@ -255,16 +248,14 @@ def test_tables_stay_within_a_terminal(command: tuple[str, ...], columns: int) -
     assert "synthetic-160-162" in page or "10000000" in page
 
 
-@pytest.mark.parametrize(("columns", "width"), [(None, 80), ("140", 140), ("40", 80), ("wide", 80)])
-def test_in_a_pipe_the_list_is_as_wide_as_columns_says(columns: str | None, width: int) -> None:
-    env = {} if columns is None else {"COLUMNS": columns}
-    found = CliRunner().invoke(presets.presets_app, ["list"], env=env)
+def test_in_a_pipe_the_list_has_names_and_numbers_on_one_line() -> None:
+    found = run("list")
     lines = found.stdout.splitlines()
-    assert max(map(len, lines)) <= width
+    assert max(map(len, lines)) <= 80
     assert "…" not in found.stdout
     for name in preset_names():  # whatever a script would look for stands on one line
         assert re.search(rf"^{name} +\d+/\d+ +[\d.]+ mm +\d+, \d+, \d+", found.stdout, re.MULTILINE)
-    assert "description" in lines[2]
+    assert any("description" in line for line in lines)
 
 
 def made(*arguments: str) -> Drive:

@@ -104,6 +104,7 @@ def test_people_read_it_in_80_columns(human):
     assert human.stderr == ""
     assert "\x1b" not in human.stdout
     assert max(map(len, human.stdout.splitlines())) <= 80
+    assert len(run("check", TINY, "--set", "acceptance.F_ior=2050").stdout.splitlines()) <= 24
     for words in ("F'_ior", "self error", "no limit set", "proof", "HIGHS", "cam angle phi_h"):
         assert words in human.stdout
 
@@ -112,7 +113,7 @@ def test_the_short_page_fits_a_screen_and_ends_in_a_command():
     asked = ("--no-plot", "--torque", "4", "--set", "phases.phi_hb=unknown", "--set", ASSUMED)
     lines = run("check", TINY, *asked, "--set", "acceptance.F_ior=2050").stdout.splitlines()
     assert lines[0] == "tiny, 20/22 teeth, rigid wheel fixed: INCONCLUSIVE"
-    words = r"4 N·m: F'_ior \+ self error keep 2050″, probability \d+ % \(\d+ to \d+\)"
+    words = r"4 N·m: F'_ior \+ self error ≤ 2050″: \d+ % \(\d+ to \d+\)"
     assert re.match(words, lines[1])
     assert len(lines) <= 24
     assert lines[-1].endswith("(more: --details)")
@@ -410,3 +411,9 @@ def test_turns_carry_what_rounding_makes_a_whole_one() -> None:
     assert [turns_text(deg) for deg in (0.0, 359.94, 359.97, 719.96, 725.5)] == [
         "0 + 0.0", "0 + 359.9", "1 + 0.0", "2 + 0.0", "2 + 5.5"
     ]  # fmt: skip
+
+
+def test_the_next_command_keeps_what_was_asked_for():
+    asked = ["--set", "phases.phi_hb=unknown", "--torque=4", "--draws", "2", "--seed", "3"]
+    page = run("check", TINY, *asked, "--jobs", "1", "--no-plot").stdout
+    assert f"next hdassist mount {TINY} {' '.join(asked)} --jobs 1 proof" in " ".join(page.split())

@@ -64,7 +64,7 @@ def test_one_torque_may_be_settled_and_another_open():
     limits = "acceptance.F_ior={1: 3000, 4: 2050}"
     page = run("check", TINY, "--jobs", "1", "--no-plot", "--set", "phases.phi_hb=unknown", "--set", limits)
     assert page.returncode == 6
-    kept = "F'_ior + self error keep {}″, probability"
+    kept = "F'_ior + self error ≤ {}″:"
     assert f"\n1 N·m: {kept.format(3000)} 100 % (97 to 100)\n4 N·m: {kept.format(2050)} " in page.stdout
 
 

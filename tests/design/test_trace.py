@@ -9,7 +9,7 @@ import re
 
 import pytest
 
-from tests.process import SMALL, run
+from tests.process import SMALL, TINY, run
 
 
 def test_one_turn_in_json():
@@ -94,3 +94,10 @@ def test_what_is_not_known_is_said_where_it_counts_as_nothing():
     assert [each["field"] for each in told["unknown"]] == ["phases.phi_hb"]
     assert told["warnings"] == ["not known, and computed as 0: phases.phi_hb"]
     assert told["warnings"][0] in done.stderr
+
+
+def test_a_trace_of_a_drive_that_was_measured_says_that_it_is_nominal():
+    page = run("trace", TINY, "--set", "measured.lost_motion=50", "--no-plot").stdout
+    assert page.startswith("tiny, nominal, 1 N·m, ")
+    assert "what was measured on the drive is not weighed here" in page
+    assert not run("trace", TINY, "--no-plot").stdout.startswith("tiny, nominal")

@@ -42,7 +42,6 @@ REPORTED = (
         ("жесткое колесо", {"quantity or word"}, "inner teeth"),
         ("gears", {"section"}, "two wheels"),
         ("N", {"symbol", "field"}, "balls"),
-        ("edge_of_window", {"error"}, "outermost tooth"),
     ],
 )
 def test_a_name_is_found_in_its_spellings(name, kinds, words):

@@ -538,7 +538,7 @@ def test_keys_at_the_bottom_are_those_that_work_where_the_focus_is_and_are_press
         await pilot.press("o")
         in_order = [field.path for field in resolved_fields(app.session.drive)]
         grouped = [str(key.value) for key in app.levers.rows]
-        assert grouped == [path for path in in_order if path in grouped] and "numerics.window" not in grouped
+        assert grouped == [path for path in in_order if path in grouped] and "numerics.n_2" not in grouped
         assert shown != list(app.levers.rows) or app.known.effects is None
         await pilot.click(app.lines["tabs"], offset=(3, 0))
         await pilot.pause()

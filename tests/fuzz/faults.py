@@ -91,7 +91,6 @@ CASES = {
         _case("stiffness", "stiffness tiny.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
         _case("stiffness", "stiffness tiny.yaml --csv a.csv -o a.json --json --force", "a.csv a.json"),
         _case("new", "presets new mine -o mine.yaml --force", "mine.yaml"),
-        _case("schema", "presets schema -o schema.json --force", "schema.json"),
     )
 }  # fmt: skip
 LONG = (

@@ -14,7 +14,7 @@ ENDS = [  # what comes out, and the end of a range
     ("solved", {"supports.C_3": 1.0}),
     ("refused", {"gears.m": 5.0}),
     ("solved", {"material.E": 1e3}),
-    ("solved", {"contact.c_t": 1e-2}),  # in a wider window
+    ("solved", {"contact.c_t": 1e-2}),
     ("solved", {"contact.c_t": 1e-8}),
     ("solved", {"contact.c_bore": 1e-9}),
     ("refused", {"flexspline.l": 2.0}),

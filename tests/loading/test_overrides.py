@@ -60,9 +60,9 @@ def test_the_last_override_wins() -> None:
         (["cam.W_0=0.95", "gears.z_g=x"], "--set:2:11: gears.z_g: must be a whole number (got x)"),
         (["phases.xi_b=unknwon"], "--set:1:13: phases.xi_b: must be a number (got unknwon; did you mean unknown?)"),
         (["phases.xi_b=north"], "--set:1:13: phases.xi_b: must be a number (got north; in deg)"),
-        (["cam.W_0="], "--set:1:9: cam.W_0: must be a number (got nothing; in mm)"),
+        (["cam.W_0="], "--set:1:9: cam.W_0: needs a value (got nothing; in mm)"),
         (["operation.M_g=[80"], "--set:1:18: not valid YAML: a bracket is not closed, or a comma is missing "
-         "(opened in line 1, column 1)"),
+         "(opened in line 1, column 15)"),
         (["operation.M_g=[80, x]"], "--set:1:20: operation.M_g[1]: must be a number (got x; in N*m)"),
         (["gears.z_g.x=3"], "--set:1:1: gears.z_g.x: gears.z_g is no table of keys"),
         (["cam.W_0"], "--set:1:1: not of the form section.key=VALUE (got cam.W_0)"),

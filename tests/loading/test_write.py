@@ -67,7 +67,6 @@ def test_other_names_are_wrong_usage(name: str) -> None:
 
 
 VZP160 = (Path(__file__).parents[2] / "presets/vzp160.yaml").read_text(encoding="utf-8")
-VZP160 = VZP160.split("\nalternatives:")[0] + "\n"
 FOUND = {"gears.j_n": 6.134, "supports.C_2": 20230.0, "contact.c_t": 1.505e-05}
 
 
@@ -97,18 +96,9 @@ def test_a_range_that_the_found_value_has_left_goes():
     assert found.source["gears.j_n"].range is None
 
 
-def test_alternatives_are_written_and_replaced():
-    others = [{"gears.j_n": 4.0}, {"gears.j_n": 9.5, "contact.c_t": 3e-05}]
-    text = with_found_values(VZP160, "vzp160", FOUND, "rig", others)
-    assert list(load_text(text, "vzp160").alternatives) == others
-    again = with_found_values(text, "vzp160", FOUND, "rig", others[:1])
-    assert list(load_text(again, "vzp160").alternatives) == others[:1]
-    assert load_text(with_found_values(again, "vzp160", FOUND, "rig"), "vzp160").alternatives == ()
-
-
 def test_twice_is_once():
-    once = with_found_values(VZP160, "vzp160", FOUND, "rig", [{"gears.j_n": 4.0}])
-    twice = with_found_values(once, "vzp160", FOUND, "rig", [{"gears.j_n": 4.0}])
+    once = with_found_values(VZP160, "vzp160", FOUND, "rig")
+    twice = with_found_values(once, "vzp160", FOUND, "rig")
     assert [line for line in twice.splitlines() if line] == [line for line in once.splitlines() if line]
 
 
@@ -150,7 +140,7 @@ def test_a_text_that_is_no_preset_is_refused():
 
 @pytest.mark.parametrize(
     "numerics",
-    ["numerics: {n_max: 20, n_2: 40, window: 40, n_phase: 4}", "numerics: {}", "numerics:", "",
+    ["numerics: {n_max: 20, n_2: 40, n_phase: 4}", "numerics: {}", "numerics:", "",
      "numerics:  # few\n    # words\n    n_phase: 4  # fast", "numerics: {nominal_curve: linear}"],
 )  # fmt: skip
 def test_the_model_that_values_were_identified_with_is_said_from_then_on(numerics: str) -> None:

@@ -45,7 +45,7 @@ def test_json(rig):
     assert found["F_ior_arcsec"] == told["F_ior_arcsec"]
     assert found["F_ior_is_lower_bound"] is False
     assert found["raw_range_arcsec"] > high
-    assert found["coverage"]["share"] == 1
+    assert found["coverage"]["share"] == pytest.approx(1, abs=1e-3)
     assert set(found["orders"][0]) == {
         "per_cam_rev", "amplitude_arcsec", "amplitude_uncertainty_arcsec", "phase_deg", "cause",
     }  # fmt: skip
@@ -72,7 +72,7 @@ def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
     (rig / "part.csv").write_text(text([360 * TURNS[:600], ERROR[:600]], "cam_deg,error_arcsec"))
     lines = run("measure", "part.csv", "--ratio", "30", "--ascii", cwd=rig).stdout.splitlines()
     assert lines[0].startswith("part.csv, 600 rows: F'_ior at least ")
-    assert lines[1] == "a lower bound: 16.7 % visited of the full cycle: 30 cam turns, 1 output turn"
+    assert lines[1] == "a lower bound: 16.6 % visited of the full cycle: 30 cam turns, 1 output turn"
     assert len(lines) <= 24
     assert "".join(lines).isascii()
     alone = run("measure", "part.csv", "--no-plot", cwd=rig).stdout
@@ -83,7 +83,7 @@ def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
 def test_the_rest_stands_in_the_details(rig):
     whole = run("measure", "run.csv", "--ratio", "30", "--details", "--no-plot", cwd=rig).stdout
     assert max(map(len, whole.splitlines())) <= 80
-    for words in ("range of the readings", "full cycle: 30 cam turns, 1 output turn", "cells visited",
+    for words in ("range of the readings", "full cycle, cam turns", "share of the cycle visited",
                   "the 12 greatest of", "not stated", "combined"):  # fmt: skip
         assert words in whole
     coupled = ERROR + 12 * np.cos(2 * np.pi * TURNS / 30)
@@ -110,7 +110,7 @@ def test_a_gap_longer_than_a_cam_turn_is_drawn(rig):
     (rig / "gap.csv").write_text(text([360 * TURNS[kept], ERROR[kept]], "cam_deg,error_arcsec"))
     page = run("measure", "gap.csv", "--ratio", "30", cwd=rig)
     assert (page.returncode, page.stderr) == (0, "")
-    assert "70.0 % visited of the full cycle: 30 cam turns, 1 output turn" in page.stdout
+    assert "69.9 % visited of the full cycle: 30 cam turns, 1 output turn" in page.stdout
 
 
 def test_a_plot_or_a_page_that_fails_takes_no_answer_with_it(rig, monkeypatch):

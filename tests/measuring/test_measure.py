@@ -111,9 +111,34 @@ def test_amplitudes_are_as_uncertain_as_they_say():
     for seed in range(40):
         noise = slow_noise(np.random.default_rng(seed), 600, 1.0, 0.9)
         (found,) = measure(recorded(turns, 10 * np.cos(4 * np.pi * turns) + noise), ratio=100).directions
-        order = next(o for o in found.orders if o.per_cam_rev == 2)
-        departures.append((order.amplitude_arcsec - 10) / order.uncertainty_arcsec)
+        _, amplitude, uncertainty, _ = found.fit.wave(np.flatnonzero(found.fit.orders == 2))
+        departures.append((amplitude - 10) / uncertainty)
     assert 0.6 < np.std(departures) < 1.4
+
+
+def test_the_noise_of_orders_is_not_lost_with_rows():
+    """Where rows are lost, the columns of a fit take a share of the noise everywhere."""
+    floors = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        turns = np.arange(30 * 50) / 50
+        kept = rng.random(len(turns)) > 0.5
+        error = 10 * np.cos(4 * np.pi * turns) + rng.standard_normal(len(turns))
+        (found,) = measure(recorded(turns[kept], error[kept]), ratio=RATIO, orders=range(1, 7)).directions
+        bare = np.linalg.norm(found.fit.design.root[: len(found.fit.coefficients)], axis=1)
+        floors.append((np.linalg.norm(found.fit.factor, axis=1) / bare).mean())
+    assert 0.94 < np.mean(floors) < 1.1
+
+
+def test_an_order_alone_has_room_for_the_beats_that_a_part_leaves_open():
+    """Order 2 with a beat of the same size, over the cycle 10 of 20 that a part of it may show."""
+    turns = np.arange(12 * 60) / 60
+    error = 10 * (np.cos(4 * np.pi * turns) + np.cos(2 * np.pi * 2.01 * turns))
+    noise = 0.1 * np.random.default_rng(0).standard_normal(len(turns))
+    (found,) = measure(recorded(turns, error + noise), ratio=100).directions
+    order = min(found.orders, key=lambda o: abs(o.per_cam_rev - 2))
+    assert order.amplitude_arcsec > 12
+    assert abs(order.amplitude_arcsec - 10) <= 2 * order.uncertainty_arcsec
 
 
 def wave(turns: np.ndarray, seed: int = 0) -> np.ndarray:
@@ -131,7 +156,7 @@ def test_directions_are_kept_apart():
     assert {d.direction for d in result.directions} == {1, -1}
     assert result.reversal is not None
     assert result.reversal.mean_arcsec == pytest.approx(-5, abs=0.1)
-    assert result.reversal.greatest_arcsec < 1
+    assert result.reversal.greatest_departure_arcsec < 1
     for found in result.directions:  # the step between the directions is no part of F'_ior
         assert found.range.value == pytest.approx(24.2, abs=0.4)
 
@@ -161,7 +186,7 @@ def test_a_gap_is_not_visited():
     gap = (found.grid_turns > EVEN[249] + 0.01) & (found.grid_turns < EVEN[400] - 0.01)
     assert not gap.any()
     assert found.coverage is not None
-    assert found.coverage.visited < 3 * 36 - 20
+    assert found.coverage.cam_turns < 3 - 20 / 36
 
 
 def test_drift_is_taken_off_when_asked_and_said_when_not():
@@ -190,21 +215,30 @@ def test_a_cycle_that_does_not_close_drifts():
         assert next(s.arcsec for s in found.sources if s.name == "drift") == pytest.approx(12 / 4 / np.sqrt(3), rel=0.2)
 
 
-def test_a_spike_is_left_out_and_named():
+def test_a_spike_is_refused_or_left_out_and_named():
     turns, error, curve = simulated(0)
     error[777] += 500
-    result = measure(recorded(turns, error), ratio=RATIO)
+    rig = recorded(turns, error)
+    with pytest.raises(UntrustedError, match=r"lines 778: .* no readings of a shaft"):
+        measure(rig, ratio=RATIO)
+    result = measure(replace(rig, robust=True), ratio=RATIO)
     (text,) = result.warnings
-    assert text.startswith("line 778: ")
+    assert text.startswith("lines 778: ")
     assert "left out" in text
     low, high = result.directions[0].interval_arcsec
     assert low < whole_range(curve, RATIO) < high < low + 3
-    error[::100] += 500
-    with pytest.raises(UntrustedError, match=r"lines 1, 101, 201 and 34 more: .* too many to leave out"):
-        measure(recorded(turns, error), ratio=RATIO)
+    error[::16] += 500
+    with pytest.raises(UntrustedError, match=r"lines 1, 17, 33 ... \(22[56] in all\): .* too many to leave out"):
+        measure(replace(recorded(turns, error), robust=True), ratio=RATIO)
     bump = simulated(0)[1]
     bump[700:760] += 60  # lasts half a turn: no reading of one row
-    assert not [text for text in measure(recorded(turns, bump), ratio=RATIO).warnings if "left out" in text]
+    assert not [text for text in measure(recorded(turns, bump), ratio=RATIO).warnings if "lines" in text]
+
+
+def test_a_turning_point_is_no_spike():
+    turns = np.concatenate([EVEN, EVEN[::-1]])
+    found = measure(recorded(turns, wave(turns) + np.repeat([0.0, 5.0], 600)), ratio=100)
+    assert [int(each.bins.rows.sum()) for each in found.directions] == [600, 600]
 
 
 def test_many_outliers_are_left_out_when_asked_and_their_effect_said():
@@ -212,10 +246,7 @@ def test_many_outliers_are_left_out_when_asked_and_their_effect_said():
     rng = np.random.default_rng(3)
     off = rng.random(len(turns)) < 0.05
     error[off] += rng.normal(0, 80, off.sum())
-    rig = recorded(turns, error)
-    with pytest.raises(UntrustedError, match=r"too many to leave out"):
-        measure(rig, ratio=RATIO)
-    result = measure(replace(rig, robust=True), ratio=RATIO)
+    result = measure(replace(recorded(turns, error), robust=True), ratio=RATIO)
     low, high = result.directions[0].interval_arcsec
     assert low < whole_range(curve, RATIO) < high < low + 4
     assert result.warnings
@@ -237,7 +268,8 @@ def test_a_part_of_the_cycle_is_a_bound():
     (part,) = measure(recorded(EVEN, wave(EVEN)), ratio=100).directions
     assert part.is_bound
     assert part.coverage is not None
-    assert (part.coverage.visited, part.coverage.cells) == (108, 3600)
+    assert part.coverage.cam_turns == pytest.approx(3, abs=0.02)
+    assert part.coverage.share == pytest.approx(0.03, abs=2e-4)
     (unknown,) = measure(recorded(EVEN, wave(EVEN))).directions
     assert unknown.is_bound
     assert unknown.coverage is None
@@ -331,29 +363,20 @@ EVEN_SPEED = np.ones(600)
 
 
 def test_a_lag_between_the_encoders_is_told_by_a_speed_that_changes():
-    for speeds in ([UNEVEN], [UNEVEN, -UNEVEN], [s * EVEN_SPEED for s in (1, -1, 0.5, -0.5, 0.7, -0.7)]):
+    for speeds in ([UNEVEN], [UNEVEN, -UNEVEN]):
         found = timed(speeds, 0.004, play=8.0)
         assert found.lag is not None
-        assert found.lag.ms is not None
         assert abs(found.lag.ms - 4) <= 3 * found.lag.uncertainty_ms < 1.5
         for direction in found.directions:  # the way in between is none of the error
             assert direction.range.value == pytest.approx(30, abs=1)
 
 
 def test_a_lag_at_one_speed_is_not_told_and_no_part_of_the_error():
-    one = timed([EVEN_SPEED], 0.004)
-    assert one.lag is not None
-    assert (one.lag.ms, one.lag.bound_ms) == (None, None)
-    assert one.F_ior_arcsec == pytest.approx(30, abs=1)
-    both = timed([EVEN_SPEED, -EVEN_SPEED], 0.004, play=8.0)
-    assert both.lag is not None
-    assert both.lag.ms is None
-    assert both.lag.bound_ms == pytest.approx(4 + 4 / 12.96, abs=0.05)
     turning = np.append(np.ones(350), [0.5])  # a change of speed at the turning point alone
-    there = timed([turning, -turning[::-1]], 0.004)
-    assert there.lag is not None
-    assert there.lag.ms is None
-    assert measure(recorded(EVEN, wave(EVEN)), ratio=100).lag is None
+    for speeds in ([EVEN_SPEED], [EVEN_SPEED, -EVEN_SPEED], [turning, -turning[::-1]]):
+        found = timed(speeds, 0.004, play=8.0)
+        assert found.lag is None
+        assert found.F_ior_arcsec == pytest.approx(30, abs=1)
 
 
 @pytest.mark.parametrize("turns", [12, 60, 100])

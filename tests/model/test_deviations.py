@@ -86,11 +86,11 @@ def test_measured_flexspline_equals_its_first_harmonic(reference, j):
 
 @pytest.mark.parametrize("j", [0, 1, 77, 5000])
 def test_measured_rigid_wheel_equals_its_first_harmonic(reference, j):
-    # a space's own angle differs from its tooth's by up to 16 (1.8 - 1.782) deg = 0.285 deg at the window's edge
+    # a space's own angle differs from its tooth's by up to 25 (1.8 - 1.782) deg = 0.446 deg where the mesh ends
     system, states = contact_system(reference), pitch_locked_states(Kinematics.of(reference), np.array([j]))
     measured = ToothDeviations(b=first_harmonic(75.0, tooth_phases(reference)[1], 202))
     apart = np.abs(delta_p_of(reference, system, states, measured) - delta_p_of(reference, system, states))
-    assert apart.max() < 0.0375 * np.radians(0.286)
+    assert apart.max() < 0.0375 * np.radians(0.446)
     middle = np.abs(np.mod(system.flanks.theta + np.pi / 2, np.pi) - np.pi / 2) < 0.02
     assert apart[0, : system.n_flanks][middle].max() < 0.0375 * np.radians(0.02)
 
@@ -117,7 +117,7 @@ def test_one_bad_tooth_is_felt_when_it_meshes(reference):
     system = contact_system(drive)
     touched = delta_p_of(drive, system, states, ToothDeviations(g=bad)) != system.delta_p
     in_mesh = touched.any(axis=1)
-    assert 60 < in_mesh.sum() < 70  # 33 positions in each of two zones
+    assert in_mesh.sum() == 2 * 51  # positions in each of two zones
     still = error.rotation_arcsec[~in_mesh]
     assert np.ptp(still) < 1e-9
     assert np.abs(error.rotation_arcsec[in_mesh] - still[0]).max() > 0.05
@@ -131,7 +131,7 @@ def test_one_bad_space_of_the_rigid_wheel_opens_the_flank_before_it(reference):
     change = delta_p_of(drive, system, states, ToothDeviations(b=bad)) - system.delta_p
     f = system.flanks
     met = np.abs(change[:, : system.n_flanks]) > 1e-12
-    assert met.any(axis=1).sum() == 2 * 33  # positions in mesh
+    assert met.any(axis=1).sum() == 2 * 51  # positions in mesh
     assert (met.sum(axis=1) <= 2).all()  # both flanks of one tooth
     opened = np.broadcast_to(f.side * np.cos(f.alpha) * 0.02, met.shape)
     assert change[:, : system.n_flanks][met] == pytest.approx(opened[met])

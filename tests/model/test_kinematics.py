@@ -10,7 +10,6 @@ from hdassist.model.kinematics import (
     ball_phase,
     neighbours_together,
     pitch_locked_states,
-    turns_and_degrees,
 )
 from tests.support import changed
 
@@ -117,11 +116,6 @@ def test_results_stand_in_the_order_of_the_states_asked_for(reference):
     for k, j in enumerate(index):
         alone = kinematic_error(reference, 80, states=pitch_locked_states(Kinematics.of(reference), np.array([j])))
         assert some.rotation_arcsec[k] == pytest.approx(alone.rotation_arcsec[0], abs=1e-7)
-
-
-def test_an_angle_in_turns_and_degrees():
-    told = [turns_and_degrees(deg) for deg in (14916.83, 400.0, 719.97, 0.0)]
-    assert told == ["41 turns + 156.8°", "1 turn + 40.0°", "2 turns + 0.0°", "0 turns + 0.0°"]
 
 
 def test_a_state_is_named_by_the_turns_of_its_cam(reference):

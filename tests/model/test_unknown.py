@@ -5,16 +5,15 @@ import pytest
 from hdassist import load_preset
 from hdassist.model.unknown import (
     Unknown,
-    pitch_deviation,
     unknown_names,
     unknown_notes,
     unknown_turn,
     unknowns,
-    with_zeros,
 )
 from hdassist.preset.deviations import DEVIATIONS
 from hdassist.preset.fields import fields
 from hdassist.preset.kinds import may_be_unknown
+from hdassist.preset.knowledge import F_p
 from tests.process import SMALL
 
 
@@ -65,7 +64,10 @@ def test_offsets_go_with_the_diameter_those_that_stand_further_than_those_that_t
 
 def test_classes_of_teeth_are_steps_of_the_root_of_two():
     drive = load_preset("vzp160")
-    steps = [pitch_deviation(drive, grade) / pitch_deviation(drive, 5) for grade in (4, 5, 6, 7, 9)]
+    steps = [
+        F_p(drive.gears.pitch_diameter, drive.gears.m, grade) / F_p(drive.gears.pitch_diameter, drive.gears.m, 5)
+        for grade in (4, 5, 6, 7, 9)
+    ]
     assert steps == pytest.approx([0.5**0.5, 1, 2**0.5, 2, 4])
 
 
@@ -88,19 +90,14 @@ def test_any_hole_is_as_good_where_one_of_the_two_directions_is_not_known(overri
     assert bool(unknown_turn(load_preset(SMALL, overrides))) is open_
 
 
-def test_zeros_in_place_of_the_unknown_are_said():
+def test_what_is_computed_as_0_is_said():
     drive = load_preset(SMALL, ["phases.phi_hb=unknown", "harmonics.a_g3=unknown"])
     assert unknown_notes(drive) == ("not known, and computed as 0: phases.phi_hb, harmonics.a_g3, harmonics.xi_g3",)
-    known = with_zeros(drive)
-    assert known.phases.phi_hb == known.harmonics.a_g3 == 0
-    assert (unknowns(known), unknown_notes(known)) == ((), ())
-    assert known.origin.warnings[-1].startswith("assumed to be 0, not known: phases.phi_hb, harmonics.a_g3")
-    assert known.origin.zeros == ("phases.phi_hb", "harmonics.a_g3", "harmonics.xi_g3")
-    assert with_zeros(known) is known
 
 
 def test_harmonics_go_as_far_as_their_wheel_whatever_is_known_of_it():
-    class_9 = pitch_deviation(load_preset(SMALL), 9)
+    gears = load_preset(SMALL).gears
+    class_9 = F_p(gears.pitch_diameter, gears.m, 9)
     found = {u.path: u.high for u in unknowns(load_preset(SMALL, ["harmonics.a_g2=unknown", "harmonics.a_b3=unknown"]))}
     assert (found["harmonics.a_g2"], found["harmonics.a_b3"]) == pytest.approx((0.08 * 20, 0.04 * 20))
     loose = load_preset(SMALL, ["tolerances.F_i1=unknown", "harmonics.a_g2=unknown"])

@@ -271,12 +271,6 @@ def test_an_even_harmonic_moves_the_error_and_an_odd_one_nearly_cancels(referenc
     assert abs(found[1] - found[0]) > 0.01
 
 
-@pytest.mark.moves("numerics.window")
-def test_a_wider_window_changes_nothing_and_a_narrow_one_is_refused(reference):
-    assert light(changed(reference, numerics__window=60.0)) == pytest.approx(light(reference), abs=1e-6)
-    assert contact_system(changed(reference, numerics__window=15.0)).n_flanks == 2 * 2 * 17
-
-
 @pytest.mark.moves("numerics.n_phase")
 def test_more_phases_find_more_of_the_self_error(reference):
     coarse, fine = (self_error(changed(reference, numerics__n_phase=n), [80.0])[0] for n in (2, 6))

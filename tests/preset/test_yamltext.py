@@ -79,7 +79,7 @@ def test_byte_order_mark_and_crlf_are_fine(text: bytes | str) -> None:
         ("a: &x 1", "a.yaml:1:4: a: anchors are not allowed (got &x; leave the anchor out)"),
         ("a: !!float 3", "a.yaml:1:4: a: tags are not allowed (got !!float; leave the tag out)"),
         ("a: !x 3", "a.yaml:1:4: a: tags are not allowed (got !x; leave the tag out)"),
-        ("? [a]\n: 1", "a.yaml:1:3: a key must be a single word (got a list)"),
+        ("? [a]\n: 1", "a.yaml:1:3: a key must be a single word (a text or a number)"),
         ('a: "\\uD800"', "a.yaml:1:4: a: half of a surrogate pair is no character (got \\ud800)"),
         ("a: 1\n---\nb: 2", "a.yaml:2:1: a second document (one preset, one document)"),
         ("a: 1\n\tb: 2", "a.yaml:2:1: not valid YAML: a tab (indent with spaces)"),
@@ -110,10 +110,10 @@ def test_an_alias_bomb_is_refused_and_not_expanded() -> None:
     assert document.data["i"] == [BROKEN_VALUE, BROKEN_VALUE]
 
 
-@pytest.mark.parametrize("opening", ["[", "{a: ", "- ", "? "])
+@pytest.mark.parametrize("opening", ["[", "{a: ", "- "])
 def test_deep_nesting_is_refused(opening: str) -> None:
     document = read_yaml(opening * 60_000, "f")
-    assert not document.complete
+    assert document.data is BROKEN_VALUE
     assert [f.message for f in document.findings] == [f"nested deeper than {MAX_DEPTH} levels"]
 
 
@@ -133,7 +133,6 @@ def test_all_findings_are_collected_and_the_rest_is_still_read() -> None:
     document = read_yaml("a: &x 1\nb: *x\na: 2\nc: 3\n", "f")
     assert [(f.line, f.path) for f in document.findings] == [(1, "a"), (2, "b"), (3, "a")]
     assert document.data == {"a": 1, "b": BROKEN_VALUE, "c": 3}
-    assert document.complete
 
 
 @pytest.mark.parametrize("text", ['a: "\\U99999999"', 'a: "\\UFFFFFFFF"'])

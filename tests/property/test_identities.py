@@ -15,7 +15,7 @@ from hdassist.model.deviations import deviation_scalars, is_half_turn_symmetric
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import ARCSEC
-from tests.support import changed, delta_p_of, rotation, solve_state, wind_up
+from tests.support import changed, compliance, delta_p_of, rotation, solve_state, wind_up
 
 micrometres = st.floats(-100, 100).map(lambda um: round(um, 3) * 1e-3)
 vectors = st.tuples(*[micrometres] * 4).map(np.array)
@@ -125,7 +125,7 @@ def test_castigliano(system, scalars, torque):
     def optimum(load: float) -> float:
         forces, _, _ = solve_state(system, load, delta_p)
         reactions = forces @ system.G[:, supported]
-        stored = forces @ system.D @ forces + reactions @ (reactions / system.C[supported])
+        stored = forces @ compliance(system) @ forces + reactions @ (reactions / system.C[supported])
         return float(stored / 2 + delta_p @ forces)
 
     step = torque * 1e-4

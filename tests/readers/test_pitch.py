@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from hdassist.errors import Finding, PresetError, UsageError
-from hdassist.readers.pitch import PitchFile, read_pitch
+from hdassist.readers.pitch import COLUMNS_HINT, PitchFile, read_pitch
 from hdassist.readers.words import flank_in, form_in, length_in, micrometres, names_teeth
 
 FOUR = "1; 0\n2; 3\n3; -2\n4; 1\n"
@@ -69,14 +69,13 @@ def test_a_plain_file(tmp_path: Path) -> None:
     [
         ("", {}, [0, 3, -2, 1]),
         ("# mark: 3\n", {}, [-2, 1, 0, 3]),
-        ("# mark: 3\n", {"mark": 2}, [3, -2, 1, 0]),
         ("# sense: cw\n", {}, [0, -1, 2, -3]),
         ("# sense: cw\n# mark: 2\n", {}, [-3, 0, -1, 2]),  # the example in the module
         ("# sense: cw\n# mark: 2\n# sign: ccw\n", {}, [3, 0, 1, -2]),
         ("# sense: clockwise\n# sign: cw\n", {}, [0, -1, 2, -3]),
         ("# sign: cw\n", {}, [0, -3, 2, -1]),
         ("# sense: cw\n", {"sense": "ccw"}, [0, 3, -2, 1]),
-        ("", {"sense": "cw", "sign": "ccw", "mark": 4}, [1, -2, 3, 0]),
+        ("# sign: ccw\n# mark: 4\n", {"sense": "cw"}, [1, -2, 3, 0]),
     ],
 )
 def test_result_counts_counter_clockwise_from_the_mark(head: str, asked: dict[str, Any], expected: list[float]) -> None:
@@ -128,8 +127,7 @@ def test_single_pitch_deviations_are_summed_up(name: str) -> None:
     assert result.deviation == free(BARE)
     assert "single pitch deviations summed up" in result.notes
     assert read(text.replace(name, "value"), form="single").deviation == free(BARE)
-    assert read(text.replace(name, "value"), form="index").deviation == free(BARE)
-    assert read("# form: index\n" + text.replace(name, "value")).deviation == free(BARE)
+    assert read("# form: single\n" + text.replace(name, "value")).deviation == free(BARE)
 
 
 def test_a_closing_error_is_shared_out() -> None:
@@ -171,17 +169,18 @@ def test_a_flank_is_chosen_among_columns() -> None:
         (FOUR.replace("-2", "nan"), "3:4: column 2: must be a finite number "
          "(got nan; a gap in the measurement cannot be filled here)"),
         # tooth numbers
-        (FOUR.replace("3; -2\n", ""), "1:1: column 1: no row for tooth 3 (got 3 rows; 4 are needed)"),
+        (FOUR.replace("3; -2\n", ""), "1:1: column 1: the wheel has 4 teeth, the file 3 "
+         "(got no row for tooth 3; 4 rows are needed)"),
         (FOUR.replace("4; 1\n", ""), "1:1: column 1: the wheel has 4 teeth, the file 3 "
-         "(got no row for tooth 4; check the wheel of the file)"),
+         "(got no row for tooth 4; 4 rows are needed)"),
         (FOUR + "5; 0\n", "5:1: column 1: the wheel has 4 teeth, the file 5 "
-         "(got tooth 5 too; leave out the first tooth, measured again)"),
+         "(got a row for tooth 5; count from 0 or from 1 on, each tooth once)"),
         (FOUR + "5; 0\n6; 1\n", "5:1: column 1: the wheel has 4 teeth, the file 6 "
-         "(got tooth 5, 6 too; check the wheel of the file)"),
+         "(got a row for tooth 5, 6; count from 0 or from 1 on, each tooth once)"),
         (FOUR + "1; 0\n", "5:1: column 1: a tooth for the second time (got 1; first in line 1; keep one row)"),
         ("tooth;um\n" + FOUR.replace("3;", "3.5;") + "3; 1\n", "4:1: tooth: must be the whole number of a tooth "
          "(got 3.5; the first column has the tooth numbers, unless a line of names says otherwise)"),
-        ("0.1;1\n0.2;2\n0.1;3\n0.4;4\n", "1:1: column 1: no column of tooth numbers "
+        ("0.1;1\n0.2;2\n0.1;3\n0.4;4\n", "1:1: column 1: must be the whole number of a tooth "
          "(got 0.1; the first column has the tooth numbers, unless a line of names says otherwise)"),
         # keys
         ("# sense: up\n" + FOUR, "1:10: sense: must be ccw or cw, seen from the cam side (got up)"),
@@ -219,11 +218,11 @@ def test_a_flank_is_chosen_among_columns() -> None:
          "their curve spans 3 um "
          "(cumulative deviations, values rounded too far, or teeth measured in several passes?)"),
         (FLANKS, '1:1: 2 columns of deviations (got "left [um]" and "right [um]"; '
-         "ask for one flank: flank left or right)"),
+         f"{COLUMNS_HINT})"),
         ("tooth;fp;Fp\n1;2;3\n2;4;5\n3;1;1\n4;0;0\n", '1:1: 2 columns of deviations (got "fp" and "Fp"; '
-         "ask for one form: form cumulative or form single)"),
+         f"{COLUMNS_HINT})"),
         ("1;2.0;3\n2;4;5\n3;1;1\n4;0;0\n", '1:1: 2 columns of deviations (got "column 2" and "column 3"; '
-         "name the columns in a line above the rows (left, right), or keep one of them)"),
+         f"{COLUMNS_HINT})"),
     ],
 )  # fmt: skip
 def test_each_fault_is_said_with_its_place(text: str, expected: str) -> None:
@@ -239,18 +238,17 @@ def test_all_faults_are_found_at_once() -> None:
 
 def test_long_lists_of_teeth_are_shortened() -> None:
     (fault,) = faults("1;2\n202;3\n", 202)
-    assert fault == "1:1: column 1: no row for tooth 2, 3, 4, 5, 6 ... (200 in all) (got 2 rows; 202 are needed)"
+    assert fault == (
+        "1:1: column 1: the wheel has 202 teeth, the file 2 "
+        "(got no row for tooth 2, 3, 4, 5, 6 ... (200 in all); 202 rows are needed)"
+    )
 
 
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ({"mark": 5}, "invalid mark 5: expected a tooth of the wheel"),
-        ({"mark": 0}, "invalid mark 0: expected a tooth of the wheel"),
-        ({"mark": -1}, "invalid mark -1: expected a tooth of the wheel"),
         ({"sense": "up"}, "invalid sense up: expected one of ccw, cw"),
-        ({"form": "odd"}, "invalid form odd: expected one of cumulative, single, index"),
-        ({"sign": "up"}, "invalid sign up: expected one of along, ccw, cw"),
+        ({"form": "odd"}, "invalid form odd: expected one of cumulative, single"),
         ({"flank": "top"}, "invalid flank top: expected one of left, right"),
         ({"teeth": 1}, "invalid number of teeth 1: expected two or more"),
     ],

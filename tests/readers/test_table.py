@@ -167,8 +167,6 @@ def test_a_remark_may_hold_the_names() -> None:
          "(got 2.5; write every number with a decimal comma)"),
         ("1 2.5\n2 2,5\n3 1.5\n", "w.csv:2:3: column 2: a decimal comma among decimal points "
          "(got 2,5; write every number with a decimal point)"),
-        ("1,2,5\n2,3,5\n", "w.csv:1:1: commas between columns, or decimal commas? "
-         "(got 1,2,5; separate the columns by ; or write a line of names above them)"),
         ("tooth;left;right\n1;2\n", "w.csv:1:1: the line of names does not fit 2 columns "
          "(got tooth;left;right; one name for each column, separated as the rows are)"),
         ("tooth;dev\n;um\n1;2\n", "w.csv:2:1: a line of text among the rows "

@@ -251,13 +251,15 @@ SECTION = "Frame,Time,mount,dx,dy,RARawDistance,DECRawDistance,RAGuideDistance,D
 OFF, ON = (f"INFO: Guiding parameter change, MountGuidingEnabled = {word}\n" for word in ("false", "true"))
 
 
-def guide_log(turn_off: str = OFF) -> str:
-    """A log of PHD2: a guided piece, some turns without guiding and with a star that was lost, another guided piece."""
-    rows = [f'{k + 1},{2 * k},"Mount",0,0,{e / 1.5 * np.cos(np.pi / 6):.6f},0,0,0,0\n' for k, e in enumerate(ERROR)]
+def guide_log(first: int = 20, last: int = 350, between: str = OFF) -> str:
+    """A log of PHD2: a piece with pulses, some turns without and with a star that was lost, another with pulses."""
+    star = [f"{e / 1.5 * np.cos(np.pi / 6):.6f}" for e in ERROR]
+    pulse = ["0" if first <= k < last else f"{40 + k % 7}" for k in range(len(ERROR))]
+    rows = [f'{k + 1},{2 * k},"Mount",0,0,{star[k]},0,0,0,{pulse[k]}\n' for k in range(len(ERROR))]
     rows[200] = '201,400,"DROP",,,,,,,,,,,,,11,1.20,2,"Star lost - low SNR"\n'
     head = "PHD2 version 2.6.13, Log version 2.5.\n\nGuiding Begins at 2026-01-01 20:05:00\n"
     head += "Pixel scale = 1.50 arc-sec/px, Binning = 1\nRA = 5.00 hr, Dec = 30.0 deg, Hour angle = 1.00 hr\n"
-    return "".join([head, SECTION, *rows[:20], turn_off, *rows[20:350], ON, *rows[350:], "Guiding Ends at 21:00:00\n"])
+    return "".join([head, SECTION, *rows[:20], between, *rows[20:350], ON, *rows[350:], "Guiding Ends at 21:00:00\n"])
 
 
 def test_an_unguided_section_of_a_guide_log_is_an_error_over_the_axis_that_follows_the_sky():
@@ -267,11 +269,16 @@ def test_an_unguided_section_of_a_guide_log_is_an_error_over_the_axis_that_follo
     assert trace.error_arcsec == pytest.approx(ERROR[kept], abs=1e-4)
     assert (trace.line[0], trace.line[-1]) == (28, 357)
     assert any("a guide log of PHD2: the longest unguided section, lines 28 to 357" in note for note in trace.notes)
-    assert "without an unguided section: corrections hide the error" in fault(guide_log(""), ratio=100)
+    # what the log says of guiding does not count, only whether there are pulses
+    assert read(guide_log(between=""), ratio=100).line.tolist() == (trace.line - 1).tolist()
+    assert "without an unguided section: corrections hide the error" in fault(guide_log(0, 0), ratio=100)
+    # nor are rows before and after a line that may have moved the star one section
+    moved = read(guide_log(0, 400, "INFO: DITHER by 1.0, 2.0, new lock pos = 300, 200\n"), ratio=100)
+    assert (moved.line[0], moved.line[-1]) == (28, 357)
     bare = guide_log().replace("Dec = 30.0 deg", "Cal Dec = 60.0")
     assert any("at declination 0, not stated" in note for note in read(bare, ratio=100).notes)
-    assert "without an unguided section" in fault(guide_log().replace("1.50 arc", "1.5.0 arc"), ratio=100)
-    assert "without an unguided section" in fault(guide_log().replace("RARawDistance", "Raw"), ratio=100)
+    for wrong, right in (("1.50 arc", "1.5.0 arc"), ("RARawDistance", "Raw"), ("RADuration", "Pulse")):
+        assert "without an unguided section" in fault(guide_log().replace(wrong, right), ratio=100)
 
 
 @pytest.mark.parametrize(("stated", "turn_s"), [("!StepsPerWorm=90000\n", 90000 / 187.5), ("", 479.0)])

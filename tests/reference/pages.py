@@ -30,11 +30,9 @@ def made() -> dict[Path, str]:
 def commands() -> Iterator[str]:
     """Lines of the reference of commands, in the order and groups in which `hdassist` lists them."""
     yield from ("# Commands", "", MADE, "", "```text", _help(), "```")
-    for name, command in ROOT.commands.items():
-        if command.hidden:
-            continue
+    for name in ROOT.commands:
         yield from _command(name)
-        for inner in getattr(command, "commands", {}):
+        for inner in getattr(ROOT.get_command(None, name), "commands", {}):
             yield from _command(name, inner)
 
 
@@ -47,7 +45,7 @@ def _help(*names: str) -> str:
     command, settings = ROOT, ROOT.context_settings | {"terminal_width": WIDTH}
     context = command.context_class(command, info_name="hdassist", **settings)
     for name in names:
-        command = command.commands[name]
+        command = command.get_command(context, name)
         context = command.context_class(command, context, name, **settings)
     return str(command.get_help(context)).rstrip()
 

@@ -16,7 +16,7 @@ def test_the_theory_has_the_symbols_of_the_glossary() -> None:
 
 def test_every_command_and_field_stands_in_them() -> None:
     commands, fields = made()[DOCS / "commands.md"], made()[DOCS / "fields.md"]
-    for words in ("## hdassist mount", "### hdassist presets new", "--assume-phases"):
+    for words in ("## hdassist mount", "### hdassist presets new", "--probability"):
         assert words in commands
     for words in ("| `F_i1` | tangential composite deviation", "| um |", "0 to 1000", "| unknown |", "`cost`"):
         assert words in fields

@@ -102,6 +102,9 @@ def test_its_drawings_are_svg(sheet, folder):
     figures = [b for s in sections(drive_report(sheet, draws=64, seed=0)) for b in s.blocks if isinstance(b, DRAWN)]
     assert len(drawn) == len(figures) == 4  # error, seat, positions, stiffness
     assert all(svg.getElementsByTagName("title") for svg in drawn)
+    charts = [svg for svg in drawn if svg.getAttribute("viewBox") == "0 20 480 238"]
+    texts = [each.firstChild.data for svg in charts for each in svg.getElementsByTagName("text")]
+    assert texts and max(map(len, texts)) <= 60  # 480 units of 12.5 px: longer ones would reach over the next drawing
 
 
 def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sheet, folder):
@@ -172,7 +175,8 @@ def test_where_nothing_can_be_ordered_it_orders_nothing():
     assert [figure.marks for figure in figures] == [()]  # no seat, no place marked: over phases alone
     ranges, *errors = [block for block in sections(report)[0].blocks if isinstance(block, Curve)]
     assert ranges.caption.endswith("over all that is not known exactly")
-    assert [error.caption.endswith("unknown as 0") for error in errors] == [True]
+    (nominal,) = (f"F'_ior {point['F_ior_nominal_arcsec']:.1f}″" for point in told["check"]["operating_points"])
+    assert [error.caption.endswith(f"{nominal}, not the median, unknown as 0") for error in errors] == [True]
     assert "phases.phi_hb" in report_markdown(report, UNICODE).replace("\\", "")
 
 

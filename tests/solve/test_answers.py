@@ -5,15 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdassist.errors import Fault, UntrustedError
+from hdassist.errors import UntrustedError
 from hdassist.model.contacts import ROTATION, StateGaps, contact_system
-from hdassist.solve import answers
 from hdassist.solve.answers import ARCSEC, Certificate, proven_answers
 from hdassist.solve.certificate import residuals
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.sums import StateSums
-from tests.support import changed, load_case
+from tests.support import compliance, load_case
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +33,7 @@ def test_residuals_are_those_of_the_system_written_out(system):
     a, at = np.zeros(9), list(free)
     for k, stiffness in enumerate(system.C):
         a[k] = system.G[:, k] @ forces / stiffness if stiffness else at.pop(0)
-    gap = system.delta_p + system.D @ forces + system.G @ a
+    gap = system.delta_p + compliance(system) @ forces + system.G @ a
     most, widest = np.abs(forces).max(), np.abs(system.delta_p).max()
     assert found.negative_force[0] == pytest.approx(-forces.min() / most)
     assert found.negative_gap[0] == pytest.approx(-gap.min() / widest)
@@ -74,31 +73,11 @@ def test_what_is_kept_of_a_state_is_that_of_its_forces(system, formulation):
     assert kept.pull_N == pytest.approx(forces @ system.deviation_map)
 
 
-def test_a_tooth_at_the_edge_carries_load_from_a_share_of_the_torque_on(reference, monkeypatch):
-    torque, system = 800e3, contact_system(changed(reference, numerics__window=12.0))
-    formulation = formulate(system)
-    gaps = StateGaps(np.array([[0.0] * 4, [0.01, 0.0, 0.02, 0.0]]))
-    forces, _, _ = load_case(formulation, torque).forces(system.delta_p_of(gaps))
-    at_edge = forces[:, : system.n_flanks][:, system.flanks.edge].max(axis=1)
-    assert at_edge[1] > at_edge[0] > 0
-    share = at_edge[1] / (torque / system.geometry.r_m)
-    monkeypatch.setattr(answers, "EDGE_SHARE", 1.0001 * share)
-    LoadCase(formulation, torque / 1e3).solve(gaps, str)
-    monkeypatch.setattr(answers, "EDGE_SHARE", 0.9999 * share)
-    with pytest.raises(UntrustedError, match=f"at state 1: {at_edge[1]:.3g} N on the outermost tooth") as error:
-        LoadCase(formulation, torque / 1e3).solve(gaps, lambda k: f"state {k}")
-    assert error.value.fault is Fault.EDGE_OF_WINDOW
-
-
 def test_certificates_add_up_to_the_worst_of_both():
     one, other = Certificate(3, 1e-12, 2e-12, 3e-12, 4e-12, 1), Certificate(5, 2e-12, 1e-12, 4e-12, 3e-12, 2)
     both = one + other
     assert both == Certificate(8, 2e-12, 2e-12, 4e-12, 4e-12, 3)
     assert [replace(both, **{name: 1e-9}).max_residual for name in ("negative_force", "equilibrium")] == [1e-9] * 2
-    assert str(both) == (
-        "8 states, worst residuals: negative force 2.0e-12, negative gap 2.0e-12, complementarity 4.0e-12, "
-        "equilibrium 4.0e-12; 3 fallbacks"
-    )
 
 
 def test_the_state_that_winds_up_most_is_the_one_that_is_looked_at(system, formulation):

@@ -61,8 +61,9 @@ def test_a_command_that_goes_on_is_about_the_same_drive():
     ]  # fmt: skip
     assert again("mount", load_preset("vzp160")) == "hdassist mount vzp160"
     limited = load_preset(SMALL, ["acceptance.F_ior=45", "acceptance.F_ior.4=20"])
-    assert shlex.split(again("check", limited))[3:] == ["--limit", "45", "--limit", "F_ior@4=20"]
-    assert shlex.split(again("mount", limited))[3:] == [
+    for command in ("check", "mount"):
+        assert shlex.split(again(command, limited))[3:] == ["--limit", "45", "--limit", "F_ior@4=20"]
+    assert shlex.split(again("trials", limited))[3:] == [
         "--set",
         "acceptance.F_ior=45",
         "--set",

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.report.blocks import Curve, TwoCurves
+from hdassist.report.blocks import Curve, Table, TwoCurves
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.terminal.answers import combine, csv_text, json_text
 from hdassist.terminal.console import Style
@@ -36,7 +36,7 @@ def test_axes_are_numbered_and_carry_units():
 
 @pytest.mark.parametrize("style", [BRAILLE, ASCII])
 def test_a_rising_line_rises(style):
-    drawn = rows(curve(style, Curve(np.linspace(0, 1, 200), np.linspace(0, 1, 200), "x", "y")))
+    drawn = rows(curve(style, Curve(np.linspace(0, 1, 200), np.linspace(0, 1, 200), "x", "y", rows=10)))
     first = [min((k for k, c in enumerate(row) if c.strip()), default=None) for row in drawn]
     seen = [k for k in first if k is not None]
     assert len(seen) == len(drawn)
@@ -149,6 +149,9 @@ def test_quantities_nest_and_keep_full_precision():
     assert as_object(quantities, 1 / 3) == {"a": {"b_mm": 1 / 3, "c_mm": None}}
     assert [q.text(1 / 3) for q in quantities] == ["0.3", "-"]
     assert quantities[0].words == "b, mm"
+    assert Table.by_row("t", (quantities[1], quantities[0]), (1 / 3, 1), words=(1,)) == Table(
+        "t", ("b, mm",), (("0.3",), ("1.0",)), [0]
+    )  # without the quantity that none has
     assert csv_table("small", quantities, (1, 2)) == (
         ["preset", "a.b_mm", "a.c_mm"],
         [["small", 1, None], ["small", 2, None]],

@@ -12,7 +12,6 @@ from hdassist import Drive, load_preset
 from hdassist.calibration.targets import read_targets
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.model.geometry import Array
-from hdassist.solve.window import in_wide_enough_window
 
 TARGETS = Path(__file__).parents[2] / "docs/vzp160.targets.yaml"
 COUNT, TORQUES, PHASES = 24, (80.0, 800.0), np.arange(0.0, 360.0, 30.0)  # N*m, deg
@@ -25,7 +24,7 @@ def F_ior_over_sets() -> Array:
     unknowns = read_targets(TARGETS.read_bytes(), TARGETS.name, drive).unknowns
     shares = qmc.Sobol(len(unknowns), rng=np.random.default_rng(0)).random(32)[:COUNT]
     sets = [{u.path: float(u.value(x)) for u, x in zip(unknowns, row, strict=True)} for row in shares]
-    return np.array([in_wide_enough_window(drive.with_values(values), by_phase) for values in sets])
+    return np.array([by_phase(drive.with_values(values)) for values in sets])
 
 
 def by_phase(drive: Drive) -> Array:

@@ -17,7 +17,7 @@ from tests.validation.case import Case, Kind, about, parameters
 
 TITLE = "Convergence"
 ABOUT = "Change of F'_ior of `vzp160` with the model's resolution."
-FINER = {"numerics__n_max": 80, "numerics__n_2": 200, "numerics__window": 85.0}
+FINER = {"numerics__n_max": 80, "numerics__n_2": 200}
 
 
 def refined(*fields: str) -> Drive:
@@ -81,7 +81,6 @@ CASES = [
         for words, fields in (
             ("n_max 80 for 40", ["numerics__n_max"]),
             ("n_2 200 for 100", ["numerics__n_2"]),
-            ("window 85° for 60°", ["numerics__window"]),
             ("all of these", FINER),
         )
     ),
