@@ -128,10 +128,8 @@ def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[A
     if before and not any(found) and not options.force:
         words = f"{options.jsonl}: not one of its answers is of these drives, files, options and version"
         raise UsageError(words, "--force begins anew")
-    spare = len(before.keys() - {row.request.serial for row in lot.rows})
     if kept.done:
-        more = f"; {spare} answers in it are of no row and are left out" if spare else ""
-        note(f"{options.jsonl}: {sum(map(bool, found))} of {len(lot.rows)} rows are known{more}")
+        note(f"{options.jsonl}: {sum(map(bool, found))} of {len(lot.rows)} rows are known")
     return found
 
 

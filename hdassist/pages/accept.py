@@ -13,7 +13,7 @@ from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.lot import Lot
 from hdassist.acceptance.predictions import Belief, Predictions
 from hdassist.acceptance.replay import answer_differences
-from hdassist.acceptance.statistics import lot_summary, yield_of_lot
+from hdassist.acceptance.statistics import lot_summary
 from hdassist.belief.statistics import Probability
 from hdassist.errors import DataError
 from hdassist.json_parts import attributes
@@ -173,10 +173,10 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
     """Counts, yield, each drive with the check that decides, and what to do about the rest."""
     found = lot_summary(answers)
     counts = [f"{count} {verdict}" for verdict, count in found["verdicts"].items() if count]
-    why, (decided, share) = "no drive is decided: each line says why", yield_of_lot(answers)
-    if share:
-        among = f"of {decided} drives that pass or fail, {percent_text(share.value, share.low, share.high)}"
-        why = f"yield: {round(share.value * decided)} {among}"
+    why = "no drive is decided: each line says why"
+    if share := found["yield"]:
+        percent = percent_text(share["share"], share["low"], share["high"])
+        why = f"yield: {found['verdicts']['PASS']} of {share['decided']} drives that pass or fail, {percent}"
     drives = tuple((title(answer), answer.status, _deciding(answer)) for answer in answers)
     return Report(
         command="accept",
