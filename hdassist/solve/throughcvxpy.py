@@ -5,11 +5,10 @@ Pages ask it for names alone: cvxpy, which takes a second, is imported where the
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,6 +20,7 @@ from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.run.cache import cached, keep, keeps_answers, program
 from hdassist.run.kept import ClosedRecord, Count
+from hdassist.run.muted import muted_output
 from hdassist.run.run import CROSS_SOLVER
 from hdassist.solve.answers import ARCSEC, N_MM
 
@@ -82,7 +82,7 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
     name, stated = require_solver(solver), formulation.statement
     stated.gaps.value, stated.load.value = formulation.gaps(delta_p), formulation.load(torque)
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), muted_output():
             # "solution may be inaccurate": residuals and the other solver decide that, not a status
             warnings.simplefilter("ignore", UserWarning)
             stated.problem.solve(solver=name, **SOLVER_SETTINGS.get(name, {}))
@@ -128,8 +128,8 @@ def solve_again(
     for array in (*depends, np.array([units.gap, units.force]), rotation_arcsec):
         key.update(f"{array.shape}".encode() + array.tobytes())
     keeps = keeps_answers() and SHIPPED.keys() >= used.keys()
-    with suppress(ValueError, RecursionError):
-        kept = _CROSS_CHECK.validate_python(json.loads((keeps and cached(SOLVED_AGAIN, key.hexdigest())) or b""))
+    with suppress(ValueError):
+        kept = _CROSS_CHECK.validate_json((keeps and cached(SOLVED_AGAIN, key.hexdigest())) or b"")
         if kept.states == len(torques) and {*kept.solver.split(", ")} <= {*SHIPPED}:
             return kept
     for k, M_g in enumerate(torques.tolist()):
@@ -151,7 +151,7 @@ def solve_again(
         worst = max(worst, difference)
     found = CrossCheck(", ".join(used), len(torques), worst)
     if keeps:
-        keep(SOLVED_AGAIN, key.hexdigest(), json.dumps(asdict(found), allow_nan=False).encode())
+        keep(SOLVED_AGAIN, key.hexdigest(), _CROSS_CHECK.dump_json(found))
     return found
 
 
