@@ -75,3 +75,18 @@ def probability_by_share(value: float, count: float) -> Probability:
     low = float(betaincinv(hits + 0.5, misses + 0.5, tail)) if value > 0 else 0.0
     high = float(betaincinv(hits + 0.5, misses + 0.5, 1 - tail)) if value < 1 else 1.0
     return Probability(value, low, high)
+
+
+def could_be_sure(found: Probability, count: float, most: float, sure: float) -> bool:
+    """Whether more samples, up to `most` effective ones, could make it sure that an outcome comes, or that it does not.
+
+    Not so where even a share of the further samples at an end of the present interval would leave it open: then a
+    further sample costs time alone. Arguments: found, the probability from so many effective samples (count); sure,
+    the probability that has to be reached, in all of the interval.
+    """
+    more = max(most - count, 0.0)
+    best, worst = (
+        probability_by_share((count * found.value + more * end) / (count + more), count + more)
+        for end in (found.high, found.low)
+    )
+    return best.low >= sure or worst.high <= 1 - sure

@@ -20,7 +20,7 @@ from hdassist.belief.samples import (
     draw_samples,
     limits_settled,
 )
-from hdassist.belief.statistics import Probability
+from hdassist.belief.statistics import Probability, could_be_sure
 from hdassist.error.error_map import SEARCHED, searchable
 from hdassist.error.self_error import limits_left
 from hdassist.model.deviations import standing_offset
@@ -32,7 +32,7 @@ from hdassist.mounting.losses import LEAST_TURNED_GAIN, PositionStatistics
 from hdassist.mounting.positions import Choice, MountingCurve, Position, usable_positions
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
-from hdassist.verdict import SURE, Verdict, is_settled, verdict_by_probability
+from hdassist.verdict import SURE, Verdict, verdict_by_probability
 
 GAIN_DRAWS = 4  # times as many, at most, where chance leaves open whether a turn gains: they halve the interval
 FIRST_TRIALS = 3  # positions to begin trials with
@@ -233,9 +233,9 @@ def advise(
 
     def enough(samples: Samples) -> bool:
         found = with_samples(samples)
-        gain, can_order = found.gain_probability, not found.any_hole and samples.effective < GAIN_DRAWS * draws
-        is_open = can_order and found.order == "none" and gain and not is_settled(gain.low, gain.high, needed)
-        return limits_settled(left, samples, needed) and not is_open
+        gain, can_order = found.gain_probability, not found.any_hole and found.order == "none"
+        more = can_order and gain and could_be_sure(gain, samples.effective, GAIN_DRAWS * draws, needed)
+        return limits_settled(left, samples, needed) and not more
 
     samples = draw_samples(
         prior, torques, rotations_deg=sorted({0.0, *positions}), evidence=evidence_of(drive), enough=enough,
