@@ -1,4 +1,4 @@
-"""How fine the encoders of a rig have to be: the table of docs/measure.md, `python -m benchmarks.encoders`.
+"""How fine the encoders of a rig have to be: the figures of docs/measure.md, `python -m benchmarks.encoders`.
 
 The full cycle of vzp160 at 80 N*m as two encoders would have recorded it, read by `hdassist measure`. A motor is not
 even, so that readings by the clock come at angles of their own; those that the cam's encoder triggers are even.
