@@ -61,8 +61,9 @@ def note_time(report: Report, begun: float, name: str = "") -> None:
     from hdassist.solve.walk import walk_library
     from hdassist.terminal.brief import proof
 
-    found = report.certificate
-    words = str(found) if isinstance(found, Certificate) else proof(found)
+    found, words = report.certificate, proof(report.certificate)
+    if isinstance(found, Certificate):
+        words += "".join(f", {name.replace('_', ' ')} {value:.1g}" for name, value in list(vars(found).items())[1:])
     seconds = f"{time.monotonic() - begun:.1f} s"
     note(f"{report.subject or name}: {seconds}" + (f", {words}; engine: {walk_library()[1]}" if words else ""))
 

@@ -155,7 +155,13 @@ class Production:
     @property
     def kind(self) -> RecordKind[RandomDrive]:
         """Type of the records in a file."""
-        return RecordKind(TypeAdapter(RandomDrive))
+
+        def fault(_item: int, record: RandomDrive) -> str:
+            wanted = 0 if record.refused else len(self.torques)
+            is_whole = {len(record.F_ior_arcsec), len(record.best_F_ior_arcsec)} == {wanted}
+            return "" if is_whole else f"expected F'_ior at {wanted} torques"
+
+        return RecordKind(TypeAdapter(RandomDrive), fault)
 
     def options(self) -> dict[str, Any]:
         """Inputs that the records depend on, beside preset, seed and version."""

@@ -414,6 +414,6 @@ def test_turns_carry_what_rounding_makes_a_whole_one() -> None:
 
 
 def test_the_next_command_keeps_what_was_asked_for():
-    asked = ["--set", "phases.phi_hb=unknown", "--torque=4", "--draws", "2", "--seed", "3"]
+    asked = ["--set", "phases.phi_hb=unknown", "--torque=4", "--draws=2", "--seed=3"]
     page = run("check", TINY, *asked, "--jobs", "1", "--no-plot").stdout
-    assert f"next hdassist mount {TINY} {' '.join(asked)} --jobs 1 proof" in " ".join(page.split())
+    assert f"next hdassist mount {TINY} {' '.join(asked)} proof" in " ".join(page.split())
