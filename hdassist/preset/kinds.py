@@ -123,7 +123,7 @@ def read_value(info: FieldInfo, value: Any) -> Any:
     if kind in KEYED_TABLES:
         return _read_table(value, unit, kind)
     if isinstance(value, dict) or (kind == "holes" and isinstance(value, str)):
-        return InvalidValue(LISTS[kind], f"in {unit}" if unit else "")
+        return InvalidValue(LISTS[kind])
     items = value if isinstance(value, list | tuple) else [value]
     if kind == "numbers":
         return tuple(read_number(item, unit) for item in items)
