@@ -50,7 +50,7 @@ def is_settled(low: float, high: float, sure: float = SURE) -> bool:
 
 
 SEVERITY = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS, Verdict.NO_LIMIT)
-EXIT_SEVERITY = (1, 5, 4, 3, 6, 0)  # the worst of several drives, first
+EXIT_SEVERITY = (1, 5, 4, 2, 3, 6, 0)  # the worst of several drives, first
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:

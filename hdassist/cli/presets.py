@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from hdassist.cli.help import Command, Commands
-from hdassist.errors import HdassistError, PresetError
+from hdassist.errors import HdassistError, PresetError, UsageError
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
       hdassist presets validate my-drive.yaml
       hdassist presets validate *.yaml --json
 
-    Exit codes: 0 all are valid, 4 one is not, 2 a bad --set.
+    Exit codes: 0 all are valid, 4 one is not, 2 only a --set is bad.
     """
 
     presets: list[str]
@@ -148,11 +148,16 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
         return give(VALIDATE, reports, replace(self, quiet=True), out)
 
     def _report(self, name: str) -> Report:
-        """The verdict on a preset. Raises the errors of loading it."""
+        """The verdict on a preset, which a bad --set has too. Raises all other errors of loading it."""
         from hdassist.preset.schema import origin_counts
         from hdassist.report.report import Report
+        from hdassist.terminal.output import complain
 
-        drive = self.load(name)
+        try:
+            drive = self.load(name)
+        except UsageError as error:
+            complain(error, name)
+            return Report(VALIDATE, None, "", values=_invalid(name, error), exit_code=error.exit_code)
         values = origin_counts(drive)
         verdict = f"OK, {values['assumed']} values still assumed" if values["assumed"] else "OK"
         found = {"file": name, "valid": True, "values": values, "findings": []}

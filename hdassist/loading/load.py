@@ -22,6 +22,7 @@ from hdassist.preset.fields import (
     Origin,
     field_table,
     measures,
+    read_range,
     sections,
 )
 from hdassist.preset.kinds import Section, choices_of, plain, range_of, read_value, unit_of
@@ -91,12 +92,12 @@ def _drive(document: Document) -> Drive | None:
             _translate(problem["loc"], problem["type"], problem["input"], document)
     if drive and _follows_coupling(drive, document):
         drive = coupling.with_cam_support(drive)
-    for conflict, involved in conflicts(_valid(drive, data, document)):
+    valid = _valid(drive, data, document)
+    for conflict, involved in conflicts(valid):
         paths = [tuple(path.split(".", 2)) for path in (conflict.path, *involved)]
         path = next((p for p in paths if document.is_override(p)), paths[0])
         document.add(path, conflict.message, conflict.hint, conflict.got)
-    if drive:
-        _check_tables(drive, document)
+    _check_tables(drive.model_dump() if drive else data, valid, document)
     return drive
 
 
@@ -139,17 +140,21 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
                 data["uncertainty"] = table = table | {path: spread}
 
 
-def _check_tables(drive: Drive, document: Document) -> None:
+def _check_tables(tables: dict[str, Any], valid: dict[str, Any], document: Document) -> None:
     """An uncertainty needs a value, and a value lies in its plausible range; one on the command line is tried."""
-    for path in drive.uncertainty:
-        if drive.value(path) is None:
+    uncertain, sources = (
+        {} if document.is_bad((name,)) else tables.get(name, {}) for name in ("uncertainty", "source")
+    )
+    for path in uncertain:
+        if path in valid and valid[path] is None:
             document.add(("uncertainty", path), "an uncertainty of a value that is not given", f"give {path} as well")
-    for path, source in drive.source.items():
-        value, bounds = drive.value(path), source.range
-        is_tried = document.is_override(tuple(path.split(".")))
-        if bounds and value is not None and not is_tried and not bounds[0] <= value <= bounds[1]:
+    for path, source in sources.items():
+        place, value = ("source", path, "range"), valid.get(path)
+        if value is None or document.is_bad(place) or document.is_override(tuple(path.split("."))):
+            continue
+        bounds = read_range(path, source.get("range"))
+        if bounds and not bounds[0] <= value <= bounds[1]:
             words = f"the value {plain(value)} lies outside its range"
-            place = ("source", path, "range")
             document.add(place, words, "correct one of them", f"{plain(bounds[0])} to {plain(bounds[1])}")
 
 

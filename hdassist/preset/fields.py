@@ -268,7 +268,8 @@ def _read_entry(name: str, path: str, entry: Any, table: Mapping[str, Any]) -> A
         "source": (tuple(field_table()), "names no field"),
     }[name]
     if path not in known:
-        return InvalidValue(words, "" if path in field_table() else _near_path(path, known, table), at_key=True)
+        hint = f"like {known[0]}" if path in field_table() else _near_path(path, known, table)
+        return InvalidValue(words, hint, at_key=True)
     if name == "uncertainty":
         return read_number(entry, unit_of(measures()[path]))
     if name == "source" and isinstance(entry, dict) and "range" in entry:

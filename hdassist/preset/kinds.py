@@ -6,8 +6,9 @@ import re
 from math import inf, isfinite
 from typing import Annotated, Any, Literal, NamedTuple, cast, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 from pydantic.fields import FieldInfo
+from pydantic_core import InitErrorDetails
 
 from hdassist.numerals import NUMBER, UNSIGNED, number_of
 from hdassist.preset.units import UnitError, read_count, read_number, read_spread
@@ -87,6 +88,7 @@ class UncertainReading(NamedTuple):
 
 LARGEST_READING = 1e6
 PerPosition = Annotated[dict[str, UncertainReading], "readings"]
+LISTS = {"numbers": "must be a list of numbers", "holes": "must be all, or a list of hole numbers"}
 # of a table of values: pattern of its keys, what they must be, an example of a key, and of a table
 KEYED_TABLES = {
     "limits": (NUMBER, "a torque in N*m, or all", "", ""),
@@ -120,12 +122,20 @@ def read_value(info: FieldInfo, value: Any) -> Any:
         return read_count(value)
     if kind in KEYED_TABLES:
         return _read_table(value, unit, kind)
+    if isinstance(value, dict) or (kind == "holes" and isinstance(value, str)):
+        return InvalidValue(LISTS[kind])
     items = value if isinstance(value, list | tuple) else [value]
     if kind == "numbers":
         return tuple(read_number(item, unit) for item in items)
     holes = tuple(map(read_count, items))
-    is_fault = any(isinstance(hole, InvalidValue) for hole in holes)
-    return InvalidValue("must be all, or a list of hole numbers") if is_fault else holes
+    unread = [
+        InitErrorDetails(type="int_type", loc=(index,), input=hole)
+        for index, hole in enumerate(holes)
+        if isinstance(hole, InvalidValue)
+    ]
+    if unread:  # raised here, as pydantic would put the names of the types of a union into the place
+        raise ValidationError.from_exception_data("holes", unread)
+    return holes
 
 
 def _read_table(value: Any, unit: str, kind: FieldKind) -> Any:

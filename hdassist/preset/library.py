@@ -35,6 +35,8 @@ def read_preset(name_or_path: str) -> tuple[bytes, str]:
     except DataError as error:
         if not name_or_path or isinstance(error.__context__, FileNotFoundError):
             raise _unknown(name_or_path, list(library)) from None
+        if isinstance(error.__context__, IsADirectoryError):
+            raise DataError(f"{name_or_path} is a directory, not a preset", error.hint, error.fault) from None
         raise
 
 

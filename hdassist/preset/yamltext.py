@@ -246,18 +246,18 @@ class _Reader:
         table: dict[str, Any] = {}
         for event in self._until(yaml.MappingEndEvent):
             mark = self._mark(event.start_mark)
-            if not isinstance(event, yaml.ScalarEvent):
-                raise self._end(mark, "a key must be a single word", hint="a text or a number")
-            name = str(event.value)
+            name = str(getattr(event, "value", ""))
             at = (*path, name)
             if name in table:
                 first = self.document.places[at].key
                 hint = f"first given in line {first.line}, column {first.column}"
                 self._find(mark, at, "duplicate key", hint=hint)
-            is_broken = self._value(event, at, mark) is BROKEN_VALUE
+            key = self._value(event, at, mark)
             value = self._value(next(self.events), at, mark)
-            if not is_broken:
-                table.setdefault(name, value)
+            if isinstance(key, list | dict):
+                self._find(mark, path, "a key must be a single word", hint="a text or a number")
+            elif key is not BROKEN_VALUE:
+                table[name] = value  # of a key given twice the last one, whose place is known
         return table
 
     def _find(self, mark: Mark, path: Path, message: str, got: str = "", hint: str = "") -> None:

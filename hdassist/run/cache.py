@@ -12,7 +12,6 @@ from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
-from itertools import accumulate
 from pathlib import Path
 
 from platformdirs import user_cache_path
@@ -85,11 +84,13 @@ def cached_files(folder: Path | None = None) -> list[tuple[float, int, Path]]:
 def _bound(folder: Path) -> None:
     """Remove the oldest files where all together are too large."""
     files = cached_files(folder)
-    left = MOST * (_OLDEST_LEFT if sum(size for _, size, _ in files) > MOST else 1)
-    sizes = accumulate(size for _, size, _ in reversed(files))  # of the youngest
-    for (_, _, path), size in zip(reversed(files), sizes, strict=True):
-        if size > left:
+    total = sum(size for _, size, _ in files)
+    if total > MOST:
+        for _, size, path in files:
+            if total <= _OLDEST_LEFT * MOST:
+                break
             path.unlink(missing_ok=True)
+            total -= size
 
 
 def _path(kind: str, key: str, folder: Path | None) -> Path:

@@ -181,9 +181,17 @@ def test_validate_shows_warnings_on_stderr(tmp_path: Path) -> None:
 
 def test_a_bad_override_is_exit_code_2() -> None:
     result = run("validate", "vzp160", "--set", "cam.W_0=1.2 m")
-    assert isinstance(result.exception, UsageError)
-    assert "--set:1:9: cam.W_0: the unit m could be mistaken" in result.exception.message
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "--set:1:9: cam.W_0: the unit m could be mistaken" in result.stderr
     assert run("validate", "vzp160").exit_code == 0
+
+
+def test_a_bad_override_hides_no_invalid_preset(bad: str) -> None:
+    several = answer("validate", "vzp160", bad, "--set", "gears.j_n=900", exit_code=4)
+    assert [(found["file"], found["error"]["code"]) for found in several["results"]] == [
+        ("vzp160", "USAGE"), (bad, "FILE_INVALID"),
+    ]  # fmt: skip
+    assert [finding["path"] for finding in several["results"][1]["findings"]] == ["gears.z_b", "cam.W_0", "gears.j_n"]
 
 
 @pytest.mark.parametrize(

@@ -162,7 +162,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([("m: 0.8", "m: 0.8 ± 1e999")], "",
          ["my.yaml:3:32: gears.m: must be a finite number (got 0.8 ± 1e999)"]),
         ([("[80, 800]", "{a: 1}")], "",
-         ["my.yaml:8:18: operation.M_g: must be a number (got a table of keys; in N*m)"]),
+         ["my.yaml:8:18: operation.M_g: must be a list of numbers (got a table of keys)"]),
         ([("[80, 800]", "[80, [1]]")], "",
          ["my.yaml:8:23: operation.M_g[1]: must be a number (got a list; in N*m)"]),
         ([], "mounting: {fixed: rigit}\n",
@@ -170,7 +170,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "mounting: {allowed: some}\n", ["my.yaml:9:21: mounting.allowed: "
          "must be all, or a list of hole numbers (got some)"]),
         ([], "mounting: {allowed: [1, x]}\n",
-         ["my.yaml:9:21: mounting.allowed: must be all, or a list of hole numbers (got a list)"]),
+         ["my.yaml:9:25: mounting.allowed[1]: must be a whole number (got x)"]),
         # ranges, nan, inf
         ([("m: 0.8", "m: 9 cm")], "",
          ["my.yaml:3:32: gears.m: out of range: 0.05 to 5 mm (got 9 cm; that is 90 mm)"]),
@@ -189,7 +189,7 @@ def test_optional_fields_may_be_empty() -> None:
          ["my.yaml:3:42: gears.x_g: takes a pure number, without a unit (got 3.1 mm)"]),
         # tables by name
         ([], "cost: {cam.W_0: {share: 1}}\n",
-         ["my.yaml:9:8: cost.cam.W_0: names no size of a deviation (got cam.W_0)"]),
+         ["my.yaml:9:8: cost.cam.W_0: names no size of a deviation (got cam.W_0; like tolerances.F_i1)"]),
         ([], "cost: {tolerances.e_hb: {share: -1, price: 2}}\n", [
             "my.yaml:9:33: cost.tolerances.e_hb.share: out of range: above 0, up to 1e9 (got -1)",
             "my.yaml:9:37: cost.tolerances.e_hb.price: unknown key (known: share, k, least)"]),
@@ -200,6 +200,20 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "source: {cam.W_0: {ref: 3}}\n", [
             "my.yaml:9:10: source.cam.W_0.kind: missing key (how sure the value is)",
             "my.yaml:9:25: source.cam.W_0.ref: must be text (got 3; put it in quotes)",
+        ]),
+        ([("m: 0.8", "m: x")], "source: {cam.W_0: {kind: given, range: [1, 2]}}\n", [
+            "my.yaml:3:32: gears.m: must be a number (got x; in mm)",
+            "my.yaml:9:40: source.cam.W_0.range: the value 0.96 lies outside its range "
+            "(got 1 to 2; correct one of them)",
+        ]),
+        ([("m: 0.8", "m: x")], "uncertainty: {phases.xi_g: 3}\n", [
+            "my.yaml:3:32: gears.m: must be a number (got x; in mm)",
+            "my.yaml:9:28: uncertainty.phases.xi_g: an uncertainty of a value that is not given "
+            "(got 3; give phases.xi_g as well)",
+        ]),
+        ([("m: 0.8", "m: 9, m: x")], "", [
+            "my.yaml:3:35: gears.m: duplicate key (first given in line 3, column 29)",
+            "my.yaml:3:38: gears.m: must be a number (got x; in mm)",
         ]),
         ([], "source: {cam.W_0: given}\n", ["my.yaml:9:19: source.cam.W_0: must be a table of keys "
          "(got given; its keys: kind, ref, range)"]),
@@ -224,7 +238,7 @@ def test_optional_fields_may_be_empty() -> None:
         ([], "uncertainty: {xi_b: 3}\n",
          ["my.yaml:9:15: uncertainty.xi_b: names no field of a single number (got xi_b; did you mean phases.xi_b?)"]),
         ([], "uncertainty: {gears.z_g: 1}\n", ["my.yaml:9:15: uncertainty.gears.z_g: "
-         "names no field of a single number (got gears.z_g)"]),
+         "names no field of a single number (got gears.z_g; like gears.m)"]),
         ([], "uncertainty: {gears.m: -1 um}\n", ["my.yaml:9:24: uncertainty.gears.m: out of range: "
          "0 mm or more (got -1 um; that is -0.001 mm)"]),
         ([], "acceptance: {F_ior: {foo: 3}}\n",

@@ -110,7 +110,7 @@ def test_an_alias_bomb_is_refused_and_not_expanded() -> None:
     assert document.data["i"] == [BROKEN_VALUE, BROKEN_VALUE]
 
 
-@pytest.mark.parametrize("opening", ["[", "{a: ", "- "])
+@pytest.mark.parametrize("opening", ["[", "{a: ", "- ", "? "])
 def test_deep_nesting_is_refused(opening: str) -> None:
     document = read_yaml(opening * 60_000, "f")
     assert document.data is BROKEN_VALUE
@@ -130,9 +130,9 @@ def test_a_large_file_is_refused_and_one_of_just_that_size_is_not() -> None:
 
 
 def test_all_findings_are_collected_and_the_rest_is_still_read() -> None:
-    document = read_yaml("a: &x 1\nb: *x\na: 2\nc: 3\n", "f")
-    assert [(f.line, f.path) for f in document.findings] == [(1, "a"), (2, "b"), (3, "a")]
-    assert document.data == {"a": 1, "b": BROKEN_VALUE, "c": 3}
+    document = read_yaml("a: &x 1\nb: *x\na: 2\n? [d]\n: 4\nc: 3\n", "f")
+    assert [(f.line, f.path) for f in document.findings] == [(1, "a"), (2, "b"), (3, "a"), (4, "")]
+    assert document.data == {"a": 2, "b": BROKEN_VALUE, "c": 3}
 
 
 @pytest.mark.parametrize("text", ['a: "\\U99999999"', 'a: "\\UFFFFFFFF"'])
