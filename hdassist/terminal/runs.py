@@ -88,9 +88,9 @@ def give(
     if options.json:
         out.text(json_text({**combine(command, list(map(report_object, reports))), **(more or {})}))
     elif pages := [report for report in reports if report.head]:
-        if options.quiet:
-            out.human("\n".join(report.line for report in pages))
-        else:
+        if options.quiet and out.csv != "-":
+            out.text("".join(f"{report.line}\n" for report in pages))
+        if not options.quiet:
             from rich.console import Group
 
             made = [made_or("page", partial(_page, each, out), partial(getattr, each, "line")) for each in pages]

@@ -81,7 +81,7 @@ def test_one_cam_revolution(reference, phi_g0, expected):
 
 def test_one_state(reference):
     system = contact_system(reference)
-    assert len(system.delta_p) == 256
+    assert len(system.delta_p) == 324
     scalars = deviation_scalars(reference, np.radians([20.0 - 90.0]), np.radians([-90.0]))[0]
     forces, _, rotation = solve_state(system, 80e3, system.delta_p + system.deviation_map[:, :4] @ scalars)
     assert rotation == pytest.approx(21.660, rel=REL)
