@@ -38,6 +38,7 @@ from hdassist.run.run import UNCHECKED, Run
 from hdassist.trials.advice import advise_from_trials
 from hdassist.trials.prior import Rig, TrialEffort
 
+FEWEST_SEEN = 8  # effective samples: the range of fewer is none
 SEED = 0  # of samples and of what is solved again, as the commands have it
 LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN = 0.05, 0.5, 0.95  # percentiles
 SURE_REFINED, SURE_PROVEN, SURE_RANGE = "REFINED", "PROVEN", "90 % RANGE"  # searched; every state; percentiles
@@ -254,7 +255,7 @@ def _checked(drive: Drive, effort: Effort, run: Run, tell: Tell) -> None:
     if prior.fields and effort.draws and searchable(drive):
 
         def seen(samples: Samples) -> None:
-            if samples.effective:
+            if samples.effective >= min(FEWEST_SEEN, effort.draws):
                 tell("check", whole.with_samples(samples))
 
         left = [point.left_arcsec for point in whole.points]
