@@ -63,18 +63,19 @@ def probability_of(inside: NDArray[np.bool_] | Array, weights: Array) -> Probabi
     mean = float(has @ shares / shares.sum())
     square = (1 - mean) ** 2 * has @ shares**2 + mean**2 * (1 - has) @ shares**2
     count = mean * (1 - mean) * shares.sum() ** 2 / square
-    tail = (1 - CONFIDENCE) / 2
-    low, high = betaincinv(mean * count, (1 - mean) * count, [tail, 1 - tail]).tolist()
-    return Probability(value, low if value > 0 else 0.0, high if value < 1 else 1.0)
+    return _with_interval(value, mean * count, (1 - mean) * count)
 
 
 def probability_by_share(value: float, count: float) -> Probability:
     """Probability of an outcome that a share of so many effective samples has, with its Jeffreys interval."""
-    hits, misses = value * count, (1 - value) * count
+    return _with_interval(value, value * count + 0.5, (1 - value) * count + 0.5)
+
+
+def _with_interval(value: float, hits: float, misses: float) -> Probability:
+    """A probability with the interval of the beta distribution of so many hits and misses."""
     tail = (1 - CONFIDENCE) / 2
-    low = float(betaincinv(hits + 0.5, misses + 0.5, tail)) if value > 0 else 0.0
-    high = float(betaincinv(hits + 0.5, misses + 0.5, 1 - tail)) if value < 1 else 1.0
-    return Probability(value, low, high)
+    low, high = betaincinv(hits, misses, [tail, 1 - tail]).tolist()
+    return Probability(value, low if value > 0 else 0.0, high if value < 1 else 1.0)
 
 
 def could_be_sure(found: Probability, count: float, most: float, sure: float) -> bool:

@@ -88,7 +88,7 @@ class UncertainReading(NamedTuple):
 
 LARGEST_READING = 1e6
 PerPosition = Annotated[dict[str, UncertainReading], "readings"]
-LISTS = {"numbers": "must be a list of numbers", "holes": "must be all, or a list of hole numbers"}
+WANTED_LISTS = {"numbers": "must be a list of numbers", "holes": "must be all, or a list of hole numbers"}
 # of a table of values: pattern of its keys, what they must be, an example of a key, and of a table
 KEYED_TABLES = {
     "limits": (NUMBER, "a torque in N*m, or all", "", ""),
@@ -123,7 +123,7 @@ def read_value(info: FieldInfo, value: Any) -> Any:
     if kind in KEYED_TABLES:
         return _read_table(value, unit, kind)
     if isinstance(value, dict) or (kind == "holes" and isinstance(value, str)):
-        return InvalidValue(LISTS[kind])
+        return InvalidValue(WANTED_LISTS[kind])
     items = value if isinstance(value, list | tuple) else [value]
     if kind == "numbers":
         return tuple(read_number(item, unit) for item in items)

@@ -158,8 +158,8 @@ class Production:
 
         def fault(_item: int, record: RandomDrive) -> str:
             wanted = 0 if record.refused else len(self.torques)
-            is_whole = {len(record.F_ior_arcsec), len(record.best_F_ior_arcsec)} == {wanted}
-            return "" if is_whole else f"expected F'_ior at {wanted} torques"
+            lengths = {len(record.F_ior_arcsec), len(record.best_F_ior_arcsec)}
+            return f"expected F'_ior at {wanted} torques" * (lengths != {wanted})
 
         return RecordKind(TypeAdapter(RandomDrive), fault)
 
