@@ -96,8 +96,11 @@ _ON_PAGE: tuple[Quantity[SweepResult], ...] = (
 )
 
 
-def measure_report(result: Measurement, drive: Drive | None) -> Report:
-    """F'_ior of a measured trace with its uncertainty, by direction; drive, None where it is not known."""
+def measure_report(result: Measurement, drive: Drive | None, options: Sequence[str] = ()) -> Report:
+    """F'_ior of a measured trace with its uncertainty, by direction.
+
+    Arguments: drive, None where it is not known; options by which the file was read, for the next command.
+    """
     found, *others = result.directions
     trace, gearing, reversal, lag = result.trace, result.gearing, result.reversal, result.lag
     return Report(
@@ -108,7 +111,7 @@ def measure_report(result: Measurement, drive: Drive | None) -> Report:
         why=tuple(_lower_bound(result, found)),
         blocks=(
             Table.by_row("", _ON_PAGE, result.directions, words=(0,)),
-            Facts.of(_facts(result, drive)),
+            Facts.of(_facts(result, drive, options)),
             _curve(found),
         ),
         details=(
@@ -145,7 +148,7 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
         yield f"a lower bound: {100 * found.coverage.share:.1f} % visited of the full cycle: {turns}"
 
 
-def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]]:
+def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Largest orders, what is missing, how the file was read and the next command, a label and a text each."""
     found, file = result.directions[0], result.trace.file
     greatest = sorted(found.orders_of_cam, key=lambda o: -o.amplitude_arcsec)[:_NAMED_ORDERS]
@@ -171,7 +174,7 @@ def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]
     yield "read as", "; ".join(result.notes)
     if file != STDIN:
         command, record = ("compare", file) if found.is_bound else ("trials", f"h0={file}")
-        yield "next", again(command, drive, record)
+        yield "next", again(command, drive, record, *options)
 
 
 def _torque(torque: RecordedTorque) -> str:

@@ -80,6 +80,19 @@ def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
     assert "next     hdassist compare PRESET part.csv\n" in alone
 
 
+def test_the_next_command_reads_the_file_alike(rig):
+    counts = [np.rint(TURNS * 16384), np.rint((TURNS / 30 + ERROR / 1296000) * 4194304)]
+    (rig / "counts.csv").write_text(text(counts, "enc1,enc2", digits=0))
+    options = ["--angle=enc1", "--angle-unit=14bit,22bit", "--second=enc2", "--robust", "--budget=encoder=0.1"]
+    page = run("measure", "counts.csv", "--drive", SMALL, *options, "--no-plot", cwd=rig)
+    assert (page.returncode, page.stderr) == (0, "")
+    _, _, following = page.stdout.partition("\nnext ")
+    assert following.split()[:2] == ["hdassist", "trials"]
+    assert following.split()[3:9] == ["h0=counts.csv", *options]
+    plain = run("measure", "run.csv", "--drive", SMALL, "--no-plot", cwd=rig).stdout
+    assert plain.partition("h0=run.csv")[2].split()[0] == "more"
+
+
 def test_the_rest_stands_in_the_details(rig):
     whole = run("measure", "run.csv", "--ratio", "30", "--details", "--no-plot", cwd=rig).stdout
     assert max(map(len, whole.splitlines())) <= 80
