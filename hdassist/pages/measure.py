@@ -107,7 +107,9 @@ def measure_report(result: Measurement, drive: Drive | None, options: Sequence[s
         command="measure",
         drive=drive,
         head=f"{trace.file}, {len(trace.line)} rows" + (f", {drive.name}" if drive else ""),
-        verdict=f"F'_ior {'at least ' if found.is_bound else ''}{found.range.value:.2f}″",
+        verdict=f"F'_ior at least {found.interval_arcsec[0]:.2f}″"
+        if found.is_bound
+        else f"F'_ior {found.range.value:.2f}″",
         why=tuple(_lower_bound(result, found)),
         blocks=(
             Table.by_row("", _ON_PAGE, result.directions, words=(0,)),

@@ -71,7 +71,8 @@ def test_a_screen_holds_the_answer_and_what_to_do_next(rig):
 def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
     (rig / "part.csv").write_text(text([360 * TURNS[:600], ERROR[:600]], "cam_deg,error_arcsec"))
     lines = run("measure", "part.csv", "--ratio", "30", "--ascii", cwd=rig).stdout.splitlines()
-    assert lines[0].startswith("part.csv, 600 rows: F'_ior at least ")
+    told = json.loads(run("measure", "part.csv", "--ratio", "30", "--json", cwd=rig).stdout)
+    assert lines[0] == f"part.csv, 600 rows: F'_ior at least {told['directions'][0]['interval_arcsec'][0]:.2f} arcsec"
     assert lines[1] == "a lower bound: 16.6 % visited of the full cycle: 30 cam turns, 1 output turn"
     assert len(lines) <= 24
     assert "".join(lines).isascii()
