@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from hdassist.json_parts import Json
-from hdassist.measuring.cycle import Gearing
+from hdassist.measuring.cycle import FULL_SHARE, Gearing
 from hdassist.measuring.fit import SLOWEST_ORDER
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import MeasuredOrder
+from hdassist.measuring.range import GAP_PERIODS
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED, UncertaintySource
 from hdassist.measuring.windup import RecordedTorque
 from hdassist.pages.trace import curve_of_turns
@@ -148,6 +149,9 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
         cycle, output = result.gearing.cycle, result.gearing.cycle_output
         turns = f"{cycle} cam turns, {output} output turn{'s' * (output != 1)}"
         yield f"a lower bound: {100 * found.coverage.share:.1f} % visited of the full cycle: {turns}"
+        if found.bins.span >= FULL_SHARE * cycle:
+            gap = 360 * GAP_PERIODS / float(found.fit.orders[-1])
+            yield f"rows are missing: gaps of more than {gap:.3g}° between readings are not visited"
 
 
 def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> Iterator[tuple[str, str]]:

@@ -76,6 +76,7 @@ def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
     assert lines[1] == "a lower bound: 16.6 % visited of the full cycle: 30 cam turns, 1 output turn"
     assert len(lines) <= 24
     assert "".join(lines).isascii()
+    assert not any("rows are missing" in line for line in lines)
     alone = run("measure", "part.csv", "--no-plot", cwd=rig).stdout
     assert "without --drive or --ratio the cycle is unknown" in alone
     assert "next     hdassist compare PRESET part.csv\n" in alone
@@ -125,6 +126,7 @@ def test_a_gap_longer_than_a_cam_turn_is_drawn(rig):
     page = run("measure", "gap.csv", "--ratio", "30", cwd=rig)
     assert (page.returncode, page.stderr) == (0, "")
     assert "69.9 % visited of the full cycle: 30 cam turns, 1 output turn" in page.stdout
+    assert "rows are missing: gaps of more than 14.8° between readings are not visited" in page.stdout
 
 
 def test_a_plot_or_a_page_that_fails_takes_no_answer_with_it(rig, monkeypatch):
