@@ -77,7 +77,7 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
             )
             done.append(result)
             take(result)
-            return measure_report(result, drive)
+            return measure_report(result, drive, self.words_of_reading())
 
         answers = run_each("measure", self.files, one, self, failed=lambda name, e: failure("measure", e, file=name))
         several = repeats(done)

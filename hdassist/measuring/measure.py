@@ -43,7 +43,9 @@ DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
 SHORTEST_TURNS = 1.0  # cam turns
 STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
 DRIFT_LEFT = "linear drift of {:.3g}″ over the record left in (--drift linear), if it is no part of a slow order"
-DRIFT_OFF = "the cycle does not close: linear drift of {:.3g}″ taken off; with it the curve spans {:.1f}″"
+DRIFT_OFF = (
+    "the cycle does not close: linear drift of {:.3g}″ taken off; with it the curve spans {:.1f}″; is the ratio right?"
+)
 WIND_UP_LEFT = (
     "the torque goes with the output's turn: its wind-up is left in (--drive PRESET with catalogue.K_1 to K_3)"
 )

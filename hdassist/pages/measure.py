@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from hdassist.json_parts import Json
-from hdassist.measuring.cycle import Gearing
+from hdassist.measuring.cycle import FULL_SHARE, Gearing
 from hdassist.measuring.fit import SLOWEST_ORDER
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import MeasuredOrder
+from hdassist.measuring.range import GAP_PERIODS
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED, UncertaintySource
 from hdassist.measuring.windup import RecordedTorque
 from hdassist.pages.trace import curve_of_turns
@@ -96,19 +97,24 @@ _ON_PAGE: tuple[Quantity[SweepResult], ...] = (
 )
 
 
-def measure_report(result: Measurement, drive: Drive | None) -> Report:
-    """F'_ior of a measured trace with its uncertainty, by direction; drive, None where it is not known."""
+def measure_report(result: Measurement, drive: Drive | None, options: Sequence[str] = ()) -> Report:
+    """F'_ior of a measured trace with its uncertainty, by direction.
+
+    Arguments: drive, None where it is not known; options by which the file was read, for the next command.
+    """
     found, *others = result.directions
     trace, gearing, reversal, lag = result.trace, result.gearing, result.reversal, result.lag
     return Report(
         command="measure",
         drive=drive,
         head=f"{trace.file}, {len(trace.line)} rows" + (f", {drive.name}" if drive else ""),
-        verdict=f"F'_ior {'at least ' if found.is_bound else ''}{found.range.value:.2f}″",
+        verdict=f"F'_ior at least {found.interval_arcsec[0]:.2f}″"
+        if found.is_bound
+        else f"F'_ior {found.range.value:.2f}″",
         why=tuple(_lower_bound(result, found)),
         blocks=(
             Table.by_row("", _ON_PAGE, result.directions, words=(0,)),
-            Facts.of(_facts(result, drive)),
+            Facts.of(_facts(result, drive, options)),
             _curve(found),
         ),
         details=(
@@ -143,9 +149,12 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
         cycle, output = result.gearing.cycle, result.gearing.cycle_output
         turns = f"{cycle} cam turns, {output} output turn{'s' * (output != 1)}"
         yield f"a lower bound: {100 * found.coverage.share:.1f} % visited of the full cycle: {turns}"
+        if found.bins.span >= FULL_SHARE * cycle:
+            gap = 360 * GAP_PERIODS / float(found.fit.orders[-1])
+            yield f"rows are missing: gaps of more than {gap:.3g}° between readings are not visited"
 
 
-def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]]:
+def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Largest orders, what is missing, how the file was read and the next command, a label and a text each."""
     found, file = result.directions[0], result.trace.file
     greatest = sorted(found.orders_of_cam, key=lambda o: -o.amplitude_arcsec)[:_NAMED_ORDERS]
@@ -171,7 +180,7 @@ def _facts(result: Measurement, drive: Drive | None) -> Iterator[tuple[str, str]
     yield "read as", "; ".join(result.notes)
     if file != STDIN:
         command, record = ("compare", file) if found.is_bound else ("trials", f"h0={file}")
-        yield "next", again(command, drive, record)
+        yield "next", again(command, drive, record, *options)
 
 
 def _torque(torque: RecordedTorque) -> str:

@@ -97,7 +97,7 @@ def sweeps(angle: Angles) -> list[AngleSweep]:
         if not _is_restart(angle, sweep, following, found[index + 2], step):
             row = following.start
             message = f"the angle runs backwards: {angle[row]:.6g} deg after {angle[row - 1]:.6g} deg"
-            raise AngleError(row, message, "rows in the order of time, one direction after the other; or --wrap 360")
+            raise AngleError(row, message, "put the rows in the order of time, which --robust does not, or --wrap 360")
     return [sweep for sweep in found if sweep.stop - sweep.start >= FEW_ROWS]
 
 

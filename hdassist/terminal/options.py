@@ -7,7 +7,7 @@ its help, and `run` carries it out. A field has type and default; options.toml h
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from importlib.resources import files
 from inspect import get_annotations
@@ -59,6 +59,12 @@ class OptionGroup:
     def only(self, group: type[GroupT]) -> GroupT:
         """The options of one of the groups that a command is made of."""
         return group(**{each.name: getattr(self, each.name) for each in fields(group)})
+
+    def given(self) -> Iterator[tuple[str, object]]:
+        """Name and value of each option that differs from its default, those of a list one by one."""
+        every = ((f, getattr(self, f.name)) for f in fields(self))
+        each = ((f, item) for f, value in every for item in (value if isinstance(value, list) else [value]))
+        return ((f.name, item) for f, item in each if item != f.default)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,10 +147,8 @@ class DriveOptions(OptionGroup):
         """The drive, with the options in its origin that a next command on it is to have too."""
         from hdassist.terminal.brief import TAKEN_OVER
 
-        given = [(f, getattr(self, f.name)) for f in fields(self) if f.name in TAKEN_OVER]
-        every = ((f, each) for f, value in given for each in (value if isinstance(value, list) else [value]))
-        asked = [(f.name, str(value)) for f, value in every if value != f.default]
-        drive._origin = replace(drive.origin, asked=tuple(asked))
+        asked = tuple((name, str(value)) for name, value in self.given() if name in TAKEN_OVER)
+        drive._origin = replace(drive.origin, asked=asked)
         return drive
 
 
@@ -242,6 +246,11 @@ class TraceOptions(OptionGroup):
 
         given = {each.name: getattr(self, each.name) for each in fields(Reading)}
         return Reading(**{**given, "budget": tuple(self.budget)})
+
+    def words_of_reading(self) -> list[str]:
+        """The options that were given, as a next command on the same file takes them."""
+        given = [(f"--{name.replace('_', '-')}", value) for name, value in self.only(TraceOptions).given()]
+        return [name if value is True else f"{name}={value}" for name, value in given]
 
 
 @dataclass(frozen=True, kw_only=True)

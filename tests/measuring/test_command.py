@@ -71,13 +71,28 @@ def test_a_screen_holds_the_answer_and_what_to_do_next(rig):
 def test_part_of_the_cycle_is_a_lower_bound_and_says_why(rig):
     (rig / "part.csv").write_text(text([360 * TURNS[:600], ERROR[:600]], "cam_deg,error_arcsec"))
     lines = run("measure", "part.csv", "--ratio", "30", "--ascii", cwd=rig).stdout.splitlines()
-    assert lines[0].startswith("part.csv, 600 rows: F'_ior at least ")
+    told = json.loads(run("measure", "part.csv", "--ratio", "30", "--json", cwd=rig).stdout)
+    assert lines[0] == f"part.csv, 600 rows: F'_ior at least {told['directions'][0]['interval_arcsec'][0]:.2f} arcsec"
     assert lines[1] == "a lower bound: 16.6 % visited of the full cycle: 30 cam turns, 1 output turn"
     assert len(lines) <= 24
     assert "".join(lines).isascii()
+    assert not any("rows are missing" in line for line in lines)
     alone = run("measure", "part.csv", "--no-plot", cwd=rig).stdout
     assert "without --drive or --ratio the cycle is unknown" in alone
     assert "next     hdassist compare PRESET part.csv\n" in alone
+
+
+def test_the_next_command_reads_the_file_alike(rig):
+    counts = [np.rint(TURNS * 16384), np.rint((TURNS / 30 + ERROR / 1296000) * 4194304)]
+    (rig / "counts.csv").write_text(text(counts, "enc1,enc2", digits=0))
+    options = ["--angle=enc1", "--angle-unit=14bit,22bit", "--second=enc2", "--robust", "--budget=encoder=0.1"]
+    page = run("measure", "counts.csv", "--drive", SMALL, *options, "--no-plot", cwd=rig)
+    assert (page.returncode, page.stderr) == (0, "")
+    _, _, following = page.stdout.partition("\nnext ")
+    assert following.split()[:2] == ["hdassist", "trials"]
+    assert following.split()[3:9] == ["h0=counts.csv", *options]
+    plain = run("measure", "run.csv", "--drive", SMALL, "--no-plot", cwd=rig).stdout
+    assert plain.partition("h0=run.csv")[2].split()[0] == "more"
 
 
 def test_the_rest_stands_in_the_details(rig):
@@ -111,6 +126,7 @@ def test_a_gap_longer_than_a_cam_turn_is_drawn(rig):
     page = run("measure", "gap.csv", "--ratio", "30", cwd=rig)
     assert (page.returncode, page.stderr) == (0, "")
     assert "69.9 % visited of the full cycle: 30 cam turns, 1 output turn" in page.stdout
+    assert "rows are missing: gaps of more than 14.8° between readings are not visited" in page.stdout
 
 
 def test_a_plot_or_a_page_that_fails_takes_no_answer_with_it(rig, monkeypatch):

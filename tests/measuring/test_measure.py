@@ -213,6 +213,15 @@ def test_a_cycle_that_does_not_close_drifts():
         assert next(s.arcsec for s in found.sources if s.name == "drift") == pytest.approx(12 / 4 / np.sqrt(3), rel=0.2)
 
 
+def test_a_wrong_ratio_is_asked_about():
+    """Over the cycle of a wrong ratio the slow terms of the output do not come round."""
+    turns, _, _ = simulated(0)
+    error = 5 * np.cos(4 * np.pi * turns) + 4 * np.sin(2 * np.pi * turns / RATIO)
+    error += 0.5 * np.random.default_rng(0).standard_normal(len(turns))
+    assert not measure(recorded(turns, error), ratio=RATIO).warnings
+    assert any("is the ratio right?" in text for text in measure(recorded(turns, error), ratio=24).warnings)
+
+
 def test_a_spike_is_refused_or_left_out_and_named():
     turns, error, curve = simulated(0)
     error[777] += 500

@@ -212,6 +212,14 @@ def test_faults_have_their_line(data, words):
     assert words in fault(data)
 
 
+def test_rows_in_another_order_are_refused_even_when_faulty_ones_are_left_out():
+    angle = 9.0 * np.arange(400)
+    angle[[200, 201]] = angle[[201, 200]]
+    words = fault(text([angle, ERROR], "cam,err"), robust=True)
+    assert words.startswith("203:1: cam: the angle runs backwards")
+    assert "in the order of time, which --robust does not" in words
+
+
 def test_faulty_rows_are_left_out_and_named_when_asked():
     rows = PLAIN.splitlines()
     rows[10], rows[20], rows[30:33] = "nan,1", "72.0,", ["gap", "1,2,3", "108;0"]
