@@ -24,6 +24,7 @@ LIMITED = ("check", "report", "mount", "plan", "accept", *DRAWN)  # commands tha
 TAKEN_OVER = {  # options that the next command has too, by their name: the commands that take them
     "draws": SAMPLED,
     "seed": (*SAMPLED, *DRAWN),
+    "sure": ("accept",),
     "distribution": DRAWN,
     "known": DRAWN,
 }
