@@ -12,7 +12,7 @@ from hdassist.acceptance.lot import Lot, LotRow, read_lot
 from hdassist.acceptance.replay import changed_file, still_stands
 from hdassist.acceptance.request import Request
 from hdassist.acceptance.work import LotWork, failure_of
-from hdassist.commands.accept import AcceptOptions
+from hdassist.commands.accept import AcceptCommand, AcceptOptions
 from hdassist.design.check import check_states
 from hdassist.errors import HdassistError, UsageError
 from hdassist.json_parts import Json
@@ -34,7 +34,7 @@ from hdassist.verdict import worst_exit_code
 ACCEPT_OWNER = KeptOwner(command="accept", inputs={})  # each answer has the files that it comes from
 
 
-def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions) -> int:
+def accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand) -> int:
     """Accept drives one after the other; returns the exit code.
 
     Raises what is wrong with the only drive, and UsageError with any.
@@ -44,7 +44,7 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptOptions
 
     def one(preset: str) -> Report:
         request = replace(base, preset=preset)
-        drive = request.load()
+        drive = options.noted(request.load())
         inputs = request.read(drive)
         say_notes(inputs.wheels)
         states = 0 if request.measured_only else check_states(drive, inputs.wheels, request.draws)

@@ -44,7 +44,7 @@ class CompensateCommand(
 
     preset: str
     files: list[str] | None = None
-    kind: Literal["phasors", "output", "cam", "half-cam"] = "phasors"
+    form: Literal["phasors", "output", "cam", "half-cam"] = "phasors"
     points: int | None = None
     each_load: bool = False
     plot: bool = True
@@ -54,10 +54,10 @@ class CompensateCommand(
         """The form that is asked for."""
         from hdassist.correction.forms import CAM_POINTS, USUAL_POINTS, CorrectionForm
 
-        if self.kind == "phasors":
+        if self.form == "phasors":
             return CorrectionForm(None, each_load=self.each_load)
-        usual = USUAL_POINTS if self.kind == "output" else CAM_POINTS
-        return CorrectionForm(self.kind, self.points or usual, self.each_load)
+        usual = USUAL_POINTS if self.form == "output" else CAM_POINTS
+        return CorrectionForm(self.form, self.points or usual, self.each_load)
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
         """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
@@ -91,6 +91,6 @@ class CompensateCommand(
                 text, about = self.controller_texts(result, target[0])
                 note(about.rstrip())
                 write_text(target[1], text, self.force)
-            return compensate_report(result)
+            return compensate_report(result, is_written=bool(target or self.csv))
 
         return give("compensate", run_each("compensate", [self.preset], one, self, keep_failures=False), self, out)

@@ -88,8 +88,8 @@ class Correction:
     errors: of drives as this one may be, by torque; parts of that; measured: residuals of each form where the error of
     the drive itself is known over its full cycle; stored: the same of the correction that is computed here, the best
     for all these drives together; correction: that of the form asked for; fewest_points: of a table over the output
-    turn that halves the error, None where none of those tried does; recorded: torques [N*m] of records; samples: None
-    where all is known.
+    turn that halves the error, None where none of those tried does; records, by torque [N*m]; misfit: of the
+    drives that agree with records of part of the cycle, over the error, else None; samples: None where all is known.
     """
 
     drive: Drive
@@ -100,7 +100,8 @@ class Correction:
     chosen: FormResiduals
     correction: CorrectionTable | Phasors
     fewest_points: int | None
-    recorded: tuple[float, ...]
+    records: Mapping[float, RecordedError]
+    misfit: float | None
     samples: Samples | None
     certificate: Certificate
 
@@ -191,7 +192,7 @@ def correction_of(
     halving = (points for points, table in tried if share_left(table, errors[design])[1] <= HALVED)
     return Correction(
         drive, errors, parts, measured, stored, chosen, _exported(chosen, mean, drive.name), next(halving, None),
-        tuple(records), samples, certificate + tooth.certificate,
+        records, misfit, samples, certificate + tooth.certificate,
     )  # fmt: skip
 
 
@@ -215,14 +216,14 @@ def loaded_error(
 def _exported(chosen: FormResiduals, mean: Mapping[float, ErrorLines], preset: str) -> CorrectionTable | Phasors:
     """The correction of a form for the first torque; the other direction's, where there is the opposite torque."""
     form, M_g = chosen.form, next(iter(mean))
-    found = form.fitted(mean[M_g], M_g, preset)
+    found = replace(form.fitted(mean[M_g], M_g), preset=preset, expected=chosen.residuals)
     if isinstance(found, Phasors):
         flat = {name: getattr(found, name)[0] for name in ("amplitude_arcsec", "phase_deg")}
-        return replace(found, expected=chosen.residuals, **flat)
+        return replace(found, **flat)
     other = form.fitted(mean[-M_g], -M_g) if form.each_load and -M_g in mean else None
     if isinstance(other, CorrectionTable):
         found = replace(found, other_direction_arcsec=other.error_arcsec[0], other_M_g=-M_g)
-    return replace(found, error_arcsec=found.error_arcsec[0], expected=chosen.residuals)
+    return replace(found, error_arcsec=found.error_arcsec[0])
 
 
 def residuals_of(form: CorrectionForm, lines: Mapping[float, ErrorLines], errors: ErrorsByTorque) -> FormResiduals:

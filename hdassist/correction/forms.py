@@ -32,12 +32,12 @@ class CorrectionForm:
         kind = f"{self.turn} turn, {self.points} points" if self.turn else "phasors"
         return kind + ", each load" * self.each_load
 
-    def fitted(self, lines: ErrorLines, M_g: float, preset: str = "") -> CorrectionTable | Phasors:
+    def fitted(self, lines: ErrorLines, M_g: float) -> CorrectionTable | Phasors:
         """Corrections of drives at a torque M_g [N*m], in the first axis of their values, from the lines there."""
         if self.turn is None:
-            return phasors_of(lines, M_g, preset)
+            return phasors_of(lines, M_g)
         values = table_values(lines, self.turn, self.points)
-        return CorrectionTable(self.turn, values, lines.kinematics.u, M_g, preset=preset)
+        return CorrectionTable(self.turn, values, lines.kinematics.u, M_g)
 
 
 USUAL_FORMS = (
@@ -74,10 +74,10 @@ def line_orders(lines: ErrorLines) -> tuple[Array, Array, Array]:
     return per_output, order, per_output - order * ratio
 
 
-def phasors_of(lines: ErrorLines, M_g: float, preset: str = "") -> Phasors:
+def phasors_of(lines: ErrorLines, M_g: float) -> Phasors:
     """The strongest lines of errors at a torque M_g [N*m], over all drives, rising."""
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
     kept = np.sort(np.argsort(-power, kind="stable")[:PHASOR_LINES])
     amplitude, per_cam = -lines.amplitude[:, kept], lines.per_cycle[kept] / lines.kinematics.cycle_cam_revolutions
     per_output = line_orders(lines)[0][kept]
-    return Phasors(per_output, per_cam, np.abs(amplitude), np.degrees(np.angle(amplitude)), M_g, preset=preset)
+    return Phasors(per_output, per_cam, np.abs(amplitude), np.degrees(np.angle(amplitude)), M_g)

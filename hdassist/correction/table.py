@@ -94,8 +94,7 @@ class Phasors:
     """Error as lines: the sum of amplitude cos(2 pi per_cam_turn x + phase), x the turns of the cam from zero.
 
     per_output_turn, per_cam_turn: how often each line comes, shape (lines,); amplitude_arcsec; phase_deg, shape
-    (..., lines) each; uncertainty_arcsec: standard, of the amplitude, where it was measured; M_g, preset and expected
-    as of a table.
+    (..., lines) each; M_g, preset and expected as of a table.
     """
 
     per_output_turn: Array
@@ -103,7 +102,6 @@ class Phasors:
     amplitude_arcsec: Array
     phase_deg: Array
     M_g: float
-    uncertainty_arcsec: Array | None = None
     preset: str = ""
     expected: tuple[ExpectedResidual, ...] = ()
 
@@ -121,5 +119,5 @@ def correction_columns(correction: CorrectionTable | Phasors) -> dict[str, Array
         columns = {f"{shaft}_deg": correction.angles_deg, "error_arcsec": correction.error_arcsec}
         other = correction.other_direction_arcsec
         return columns if other is None else {**columns, "other_direction_arcsec": other}
-    names = ("per_output_turn", "per_cam_turn", "amplitude_arcsec", "phase_deg", "uncertainty_arcsec")
-    return {name: values for name in names if (values := getattr(correction, name)) is not None}
+    names = ("per_output_turn", "per_cam_turn", "amplitude_arcsec", "phase_deg")
+    return {name: getattr(correction, name) for name in names}

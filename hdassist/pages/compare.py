@@ -78,8 +78,11 @@ def comparison_report(result: Comparison) -> Report:
         values=_values(result),
         csv=_csv(result),
         line=" ".join([result.conclusion.kind, *_options(result)]),
-        about=trace.file,
-        warnings=(*result.drive.origin.warnings, *unknown_notes(result.drive), *result.warnings),
+        warnings=(
+            *result.drive.origin.warnings,
+            *unknown_notes(result.drive),
+            *(f"{trace.file}: {text}" for text in result.warnings),
+        ),
     )
 
 

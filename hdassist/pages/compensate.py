@@ -11,7 +11,8 @@ from hdassist.correction.correct import HALVED, IN_PLACE, Correction, ErrorPart,
 from hdassist.correction.forms import line_orders
 from hdassist.correction.table import ExpectedResidual, correction_columns
 from hdassist.json_parts import samples_object
-from hdassist.model.unknown import unknown_notes
+from hdassist.model.kinematics import Kinematics
+from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.planning.lines import POINTS_A_TURN
 from hdassist.report.blocks import Facts, Table, TwoCurves
 from hdassist.report.quantities import csv_columns
@@ -22,8 +23,8 @@ UNPROVEN = "no real drive has been corrected with this yet: record the first one
 _SHORT_PAGE = ("phasors", "output turn, 256 points", "cam turn, 256 points")
 
 
-def compensate_report(result: Correction) -> Report:
-    """How much of the error a stored correction can take off, in which form, and the correction itself."""
+def compensate_report(result: Correction, *, is_written: bool = False) -> Report:
+    """How much of the error a stored correction takes off, in which form; is_written: whether a file has it."""
     drive, chosen = result.drive, result.chosen
     refused = (f"{chosen.form.name}: refused, {_percent(chosen)} % would be left",) if chosen.is_refused else ()
     names = {*_SHORT_PAGE, chosen.form.name}
@@ -34,7 +35,11 @@ def compensate_report(result: Correction) -> Report:
         head=f"{drive.name}, correction at {result.M_g:g} N·m",
         verdict=_verdict(result),
         why=tuple(_why(result)),
-        blocks=(_residual_table("", forms, short=True), Facts.of(_facts(result)), _before_and_after(result)),
+        blocks=(
+            _residual_table("", forms, short=True),
+            Facts.of(_facts(result, is_written)),
+            _before_and_after(result),
+        ),
         details=(
             _residual_table("where the drive's own error is known", result.measured),
             _lines_table(result),
@@ -43,17 +48,17 @@ def compensate_report(result: Correction) -> Report:
         values={
             "M_g_Nm": result.M_g,
             "parts": result.parts,
-            "strong_lines_per_output_turn": result.strong_lines,
             "measured": [_form_object(each) for each in result.measured],
             "stored": [_form_object(each) for each in result.stored],
-            "recorded_Nm": result.recorded,
+            "recorded_Nm": list(result.records),
+            "misfit": result.misfit,
             "fewest_points": result.fewest_points,
             "correction": None if refused else result.correction,
             "samples": samples_object(result.samples),
         },
         csv=None if refused else csv_columns(**correction_columns(result.correction)),
         line=_verdict(result),
-        warnings=(*drive.origin.warnings, *(() if result.samples else unknown_notes(drive)), *refused),
+        warnings=(*drive.origin.warnings, *(() if result.samples or result.misfit else unknown_notes(drive)), *refused),
         exit_code=5 if refused else 0,
     )
 
@@ -62,7 +67,8 @@ def _verdict(result: Correction) -> str:
     best = min(result.measured, key=lambda each: each.left[1])
     if not result.chosen.is_refused:
         left, of = result.chosen.residuals[0].p50, result.chosen.residuals[0].uncorrected_p50
-        return f"{result.chosen.form.name} leave {left:.1f} of {of:.1f}″ ({_percent(result.chosen)} %)"
+        noise = ", with noise of the record" if result.M_g in result.records else ""
+        return f"{result.chosen.form.name} leave {left:.1f} of {of:.1f}″ ({_percent(result.chosen)} %){noise}"
     if result.measured[result.stored.index(result.chosen)].is_refused:
         return f"no: {result.chosen.form.name} may make it worse; {_enough(result)}"
     return f"record it first: {best.form.name} then leave {_percent(best)} %, from the preset alone it may get worse"
@@ -78,14 +84,24 @@ def _why(result: Correction) -> Iterator[str]:
     yield UNPROVEN
 
 
-def _facts(result: Correction) -> Iterator[tuple[str, str]]:
+def _facts(result: Correction, is_written: bool) -> Iterator[tuple[str, str]]:
     yield "parts", "; ".join(f"{each.name} {_range(each)}" for each in result.parts[:-1])
     refused = ", ".join(each.form.name for each in result.forms if each.is_refused)
     yield "points", _enough(result) + (f"; refused, as they may make it worse: {refused}" if refused else "")
-    recorded = ", ".join(f"{M_g:g}" for M_g in result.recorded)
-    yield "record", f"at {recorded} N·m, whose angles the correction has" if recorded else ""
-    words = ["record.csv"] if result.chosen.is_refused else ["--csv", "correction.csv"]
-    yield "next", "" if recorded else again("compensate", result.drive, *words)
+    recorded = ", ".join(f"{M_g:g}" for M_g in result.records)
+    if result.misfit:
+        turns = ", ".join(f"{np.ptp(each.cam_turns):.3g}" for each in result.records.values())
+        cycle_turns = f"{turns} of {Kinematics.of(result.drive).cycle_cam_revolutions} turns"
+        yield "record", f"{cycle_turns} at {recorded} N·m; the correction has the preset's angles"
+        fitted = ", ".join([*(each.path for each in unknowns(result.drive)), "values in doubt (docs/correct.md)"])
+        yield "fitted", f"{fitted}; misfit {100 * result.misfit:.0f} % of the error"
+        yield "measure", "the full cycle: it needs no fit"
+    elif recorded:
+        yield "record", f"at {recorded} N·m, whose angles the correction has"
+    is_open = result.chosen.is_refused or result.misfit
+    if is_open or not (is_written or recorded):
+        words = ["record.csv"] if is_open else ["--csv", "correction.csv"]
+        yield "next", again("compensate", result.drive, *words)
 
 
 def _enough(result: Correction) -> str:

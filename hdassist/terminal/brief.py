@@ -24,6 +24,10 @@ LIMITED = ("check", "report", "mount", "plan", "accept", *DRAWN)  # commands tha
 TAKEN_OVER = {  # options that the next command has too, by their name: the commands that take them
     "draws": SAMPLED,
     "seed": (*SAMPLED, *DRAWN),
+    "sure": ("accept",),
+    "form": ("compensate",),
+    "points": ("compensate",),
+    "each_load": ("compensate",),
     "distribution": DRAWN,
     "known": DRAWN,
 }
@@ -38,7 +42,8 @@ def again(command: str, drive: Drive | None, *more: str, pitch: object = None) -
     words = ["PRESET"]
     if drive:
         origin = drive.origin
-        asked = [f"--{name}={value}" for name, value in origin.asked if command in TAKEN_OVER[name]]
+        given = [(name, value) for name, value in origin.asked if command in TAKEN_OVER[name]]
+        asked = [f"--{name}={value}".replace("_", "-").removesuffix("=True") for name, value in given]
         preset = "-" if origin.file == STDIN else origin.file or drive.name
         words = [preset, *_options(command, origin.overrides), *asked]
     text = shlex.join(["hdassist", command, *words, *more])

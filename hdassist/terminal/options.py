@@ -234,7 +234,7 @@ class TraceOptions(OptionGroup):
     drift: str = "none"
     budget: list[str]
 
-    def form(self) -> TraceForm:
+    def trace_form(self) -> TraceForm:
         """Columns of the file and their units, as the options give them."""
         from hdassist.readers.trace import TraceForm
 

@@ -139,6 +139,8 @@ def test_the_page_says_what_the_answer_hangs_on_and_what_to_measure():
     for words in ("self error: PASS from 95 % probability", "--measured 4=FILE", "influence", "tolerances.e_hb",
                   "remarks hdassist explain UNKNOWN next hdassist accept "):  # fmt: skip
         assert words in page
+    page = " ".join(run(*asked, "--draws", "4", "--sure", "0.96").stdout.split())
+    assert "--draws=4 --sure=0.96 --measured 4=FILE" in page
     told = json.loads(run(*asked, "--draws", "4", "--sure", "0.8", "--json").stdout)
     assert told["rule"] == {"measured": "guard", "guard_standard_uncertainties": 1.65, "sure": 0.8}
     assert (told["request"]["draws"], told["request"]["sure"]) == (4, 0.8)

@@ -44,6 +44,13 @@ def test_phasors_and_tables_are_written_as_figures():
     assert [float(row["output_deg"]) for row in rows] == pytest.approx([10 * k for k in range(36)])
 
 
+def test_the_next_command_keeps_the_form_and_is_left_out_once_written(tmp_path: Path):
+    options = ("compensate", TINY, "--form", "output", "--points", "36", "--each-load", "--no-plot")
+    page = " ".join(run(*options).stdout.split())
+    assert "--form=output --points=36 --each-load --csv correction.csv" in page
+    assert "next " not in run(*options, "--csv", str(tmp_path / "table.csv")).stdout
+
+
 def test_json_has_all_forms_and_the_correction():
     found = json.loads(run("compensate", TINY, "--form", "cam", "--points", "16", "--json").stdout)
     assert found["schema"] == "hdassist.compensate/1"

@@ -77,7 +77,7 @@ def test_a_torque_without_a_record_is_not_promised(both):
     promised = alone.chosen.residuals[1]
     assert promised.M_g == 4.0
     assert promised.p95 > promised.uncorrected_p50
-    assert alone.recorded == (1.0,)
+    assert [*alone.records] == [1.0]
 
 
 OPEN = ["phases.xi_b=unknown"]
@@ -118,3 +118,16 @@ def test_the_command_takes_records_in_the_order_of_the_torques(tmp_path: Path):
     many = run("compensate", TINY, *map(str, [*files, files[0]]))
     assert many.returncode == 2
     assert "3 records, but tiny has 2 torques" in many.stderr
+
+
+def test_part_of_the_cycle_is_called_that_with_the_misfit_and_what_to_record(tmp_path: Path):
+    turns, error = recording(1.0, turns=3, hidden=("phases.xi_b=290",))
+    rows = "".join(f"{360 * x:.3f},{y:.4f}\n" for x, y in zip(turns, error, strict=True))
+    (tmp_path / "part.csv").write_text(f"cam_deg,error_arcsec\n{rows}")
+    page = run("compensate", TINY, "part.csv", "--set", *OPEN, "--draws", "8", "--no-plot", cwd=tmp_path)
+    words = " ".join(page.stdout.split())
+    assert "computed as 0" not in page.stderr
+    assert ", with noise of the record" in words
+    assert " of 10 turns at 1 N·m; the correction has the preset's angles" in words
+    assert "fitted phases.xi_b, values in doubt (docs/correct.md); misfit " in words
+    assert "measure the full cycle: it needs no fit next hdassist compensate " in words
