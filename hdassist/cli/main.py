@@ -73,7 +73,7 @@ def run_command_line() -> None:
         hint = REMOVED_OPTIONS.get(getattr(error, "option_name", ""), "")
         _say(lines, hint, Fault.USAGE if "Error: " in lines else None)  # a group without a command shows its help
         sys.exit(error.exit_code)
-    except Exception as error:
+    except Exception as error:  # whatever ends a command: known errors by their exit codes, the rest as a bug, 1
         if "--debug" in sys.argv:
             _say(traceback.format_exc())
         from hdassist.terminal.output import complain

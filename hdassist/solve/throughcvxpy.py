@@ -51,7 +51,11 @@ SOLVER_SETTINGS: dict[str, dict[str, Any]] = {
         "max_iter": 200,
         "time_limit": LONGEST_SOLVE,
     },
+    "COPT": {"TimeLimit": LONGEST_SOLVE},
+    "CPLEX": {"cplex_params": {"timelimit": LONGEST_SOLVE}},
+    "GUROBI": {"TimeLimit": LONGEST_SOLVE},
     "HIGHS": {"time_limit": LONGEST_SOLVE},
+    "MOSEK": {"mosek_params": {"MSK_DPAR_OPTIMIZER_MAX_TIME": LONGEST_SOLVE}},
     "OSQP": {"eps_abs": 1e-11, "eps_rel": 1e-11, "max_iter": 1_000_000, "time_limit": LONGEST_SOLVE},
     "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 200_000, "time_limit_secs": LONGEST_SOLVE},
 }
@@ -124,8 +128,8 @@ def solve_again(
     """
     units, words = formulation.units, f"{solver} {program('cvxpy', *SHIPPED.values())}"
     key, used, worst = sha256(words.encode()), {require_solver(solver): None}, 0.0
-    depends = formulation.H, formulation.local, formulation.A, formulation.system.place, units.load, delta_p, torques
-    for array in (*depends, np.array([units.gap, units.force]), rotation_arcsec):
+    system = formulation.H, formulation.local, formulation.A, formulation.system.place, units.load
+    for array in (*system, np.array([units.gap, units.force]), delta_p, torques, rotation_arcsec):
         key.update(f"{array.shape}".encode() + array.tobytes())
     keeps = keeps_answers() and SHIPPED.keys() >= used.keys()
     with suppress(ValueError):

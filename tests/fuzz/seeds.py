@@ -275,7 +275,7 @@ def _commands() -> tuple[tuple[Args, tuple[tuple[str, bool], ...]], ...]:
 
     def below(command: object, path: Args) -> Iterator[tuple[Args, object]]:
         for name in getattr(command, "commands", {}):
-            yield from below(command.get_command(None, name), (*path, name))  # type: ignore[attr-defined]
+            yield from below(command.get_command(None, name), (*path, name))  # type: ignore[attr-defined]  # a group of typer
         if not hasattr(command, "commands"):
             yield path, command
 
@@ -283,7 +283,7 @@ def _commands() -> tuple[tuple[Args, tuple[tuple[str, bool], ...]], ...]:
     for path, command in below(get_command(app), ()):
         names = [
             (name, not getattr(one, "is_flag", False))
-            for one in command.params  # type: ignore[attr-defined]
+            for one in command.params  # type: ignore[attr-defined]  # a group of typer
             if one.param_type_name == "option"
             for name in one.opts
         ]

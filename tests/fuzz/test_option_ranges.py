@@ -91,7 +91,7 @@ def commands() -> dict[str, Any]:
     """Classes of all commands, by the words that call them."""
     found = {}
     for name in COMMANDS:
-        command = typer.main.get_command(app).get_command(None, name)  # type: ignore[attr-defined]
+        command = typer.main.get_command(app).get_command(None, name)  # type: ignore[attr-defined]  # a group of typer
         inner = getattr(command, "commands", None)
         leaves = {f"{name} {each}": c for each, c in inner.items()} if inner else {name: command}
         found |= {words: unwrap(leaf.callback) for words, leaf in leaves.items()}
