@@ -79,7 +79,7 @@ F_IOR = Check(
     "(hdassist compare tells which deviation explains a measured one), the clearance j_n, the wave W_0.",
     "F_ior",
     ("cycle", "self error"),
-    lambda of, M_g, _: of.errors[M_g].F_ior_arcsec + of.self_errors[M_g].range_arcsec,
+    lambda of, M_g, _: of.F_ior(M_g),
     lambda found, _: (found.range.value, found.uncertainty_arcsec, found.rise_arcsec),
 )
 TURN_RANGE = Check(
@@ -123,7 +123,7 @@ LOST_MOTION_CHECK = Check(
     "Less clearance j_n or g_b, a larger wave W_0, a stiffer ring.",
     "lost_motion",
     ("stiffness",),
-    lambda of, *_: of.twist.lost_motion_arcsec,
+    lambda of, *_: of.stiffness[0].lost_motion_arcsec,
 )
 STIFFNESSES = K1, K2, K3 = tuple(
     Check(
@@ -134,7 +134,7 @@ STIFFNESSES = K1, K2, K3 = tuple(
         "A stiffer shell or ring, more teeth in mesh (wave, clearance), larger balls or more of them.",
         f"K_{k}",
         ("stiffness",),
-        lambda of, *_, k=k: of.twist.weaker(k),  # the limit is the least
+        lambda of, *_, k=k: of.stiffness[0].weaker(k),  # the limit is the least
         upper=False,
     )
     for k, which in ((1, "first"), (2, "second"), (3, "third"))
