@@ -13,11 +13,12 @@ ROOT = Path(__file__).parents[1]
 
 def test_a_check_is_added_as_the_page_says(tmp_path):
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    field, check = (textwrap.dedent(block) for block in re.findall(r" +```python\n(.*?) +```", page, re.S))
+    field, declared, check = (textwrap.dedent(block) for block in re.findall(r" +```\w+\n(.*?) +```", page, re.S)[:3])
     shutil.copytree(ROOT / "hdassist", tmp_path / "hdassist")
     shutil.copytree(ROOT / "presets", tmp_path / "presets")
     changes = {
         "preset/fields.py": ("    order_amplitude: ", textwrap.indent(field, "    ") + "    order_amplitude: "),
+        "preset/fields.toml": ("order_amplitude = ", declared + "order_amplitude = "),
         "acceptance/checks.py": (
             "CHECKS = (F_IOR, TURN_RANGE, SELF_ERROR, ORDER_CHECK, LOST_MOTION_CHECK, *STATED_CHECKS, *STIFFNESSES)\n",
             check,

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import tomllib
+from importlib.resources import files
 from math import inf, isfinite
-from typing import Annotated, Any, Literal, NamedTuple, cast, get_args
+from typing import Annotated, Any, Literal, NamedTuple, Self, cast, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 from pydantic.fields import FieldInfo
@@ -32,33 +34,41 @@ def _one_line(text: str) -> str:
 OneLine = Annotated[str, AfterValidator(_one_line)]  # of a name: with a line break it could forge a line of a report
 
 
-class Section(BaseModel):
-    """A group of preset fields: immutable, closed, and read as each field declares."""
+UNKNOWN = "unknown"  # written in a preset in place of a value
+_DECLARED = tomllib.loads(files("hdassist.preset").joinpath("fields.toml").read_text("utf-8"))
+
+
+def _declared(meaning: str, unit: str = "", default: Any = ..., *, unknown: bool = False, **limits: float) -> Any:
+    """A field as fields.toml declares it: meaning, unit, default (none: required), whether it may be unknown, range."""
+    extra = {"unit": unit, UNKNOWN: unknown}
+    return Field(default, description=meaning, json_schema_extra=extra, **limits)  # type: ignore[call-overload]
+
+
+class DeclaredModel(BaseModel):
+    """A part of a preset: immutable, closed, its fields as fields.toml declares them."""
 
     model_config = CLOSED
+
+    def __init_subclass__(cls) -> None:
+        """Join each field with its declaration; one that may be None is so by default."""
+        declared = _DECLARED[cls.__name__] if cls.__annotations__ else {}
+        for name in declared:
+            none = {"default": None} if "None" in cls.__annotations__[name] else {}
+            setattr(cls, name, _declared(**none | declared[name]))
+
+
+class Section(DeclaredModel):
+    """A group of preset fields, read as each is declared."""
 
     @field_validator("*", mode="before")
     @classmethod
     def _read(cls, value: Any, info: ValidationInfo) -> Any:
         return read_value(cls.model_fields[str(info.field_name)], value)
 
-
-UNKNOWN = "unknown"  # written in a preset in place of a value
-
-
-def field(
-    meaning: str,
-    unit: str = "",
-    default: Any = ...,
-    *,
-    unknown: bool = False,
-    **limits: float,
-) -> Any:
-    """Declare a field: meaning, unit, default (none: required), whether it may be unknown, range."""
-    extra = {"unit": unit, UNKNOWN: unknown}
-    return Field(  # type: ignore[call-overload]
-        default, description=meaning, json_schema_extra=extra, **limits
-    )
+    @classmethod
+    def of_defaults(cls) -> Self:
+        """The section where a preset leaves it out."""
+        return cls.model_validate({})
 
 
 def may_be_unknown(info: FieldInfo) -> bool:
