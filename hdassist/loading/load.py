@@ -25,7 +25,7 @@ from hdassist.preset.fields import (
     read_range,
     sections,
 )
-from hdassist.preset.kinds import Section, choices_of, plain, range_of, read_value, unit_of
+from hdassist.preset.kinds import Section, choices_of, plain, read_value, unit_of
 from hdassist.preset.knowledge import implausible
 from hdassist.preset.units import UnitError, is_spread, read_spread
 from hdassist.preset.yamltext import OVERRIDE, Document, InvalidValue, Path, near_miss, ordered_findings, shown
@@ -189,14 +189,9 @@ def _translate(path: Path, kind: str, value: Any, document: Document) -> None:
         document.add(path, f"must be one of {', '.join(choices)}", near_miss(str(value), choices))
     elif kind == "string_type":
         document.add(path, "must be text", "put it in quotes" if isinstance(value, int | float) else "")
-    elif path == ("name",):
-        words = "must be one line of 1 to 200 characters"
-        document.add(path, words, "what is longer stands in description" * bool(value))
     else:
-        unit = unit_of(field_table().get(str(path[1]), info) if section == "uncertainty" else info)
-        converted = isinstance(yamltext.scalar_value(document.written(path)), str)  # written in another unit
-        hint = f"that is {value:g} {unit}" if converted else ""
-        document.add(path, f"out of range: {range_of(info, unit)}", hint)
+        words = "must be one line of 1 to 200 characters"  # the name
+        document.add(path, words, "what is longer stands in description" * bool(value))
 
 
 def _unknown_hint(path: Path, value: Any, model: type[Section] | None) -> str:

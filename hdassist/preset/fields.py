@@ -25,6 +25,7 @@ from hdassist.preset.kinds import (
     in_range,
     kind_of,
     range_of,
+    read_measure,
     unit_of,
 )
 from hdassist.preset.units import read_number
@@ -135,7 +136,7 @@ class Mounting(Section):
 class Operation(Section):
     """Load."""
 
-    M_g: Annotated[tuple[Annotated[float, Field(ge=-1e7, le=1e7)], ...], "numbers"]
+    M_g: Annotated[tuple[float, ...], "numbers"]
     rated: float | None
     dT: float
 
@@ -231,7 +232,7 @@ class Origin:
 class Drive(DeclaredModel):
     """A strain wave drive as a preset describes it."""
 
-    name: OneLine
+    name: Annotated[OneLine, Field(min_length=1, max_length=200)]
     description: str
     gears: Gears
     material: Material = Material.of_defaults()
@@ -243,7 +244,7 @@ class Drive(DeclaredModel):
     tolerances: Tolerances = Tolerances.of_defaults()
     phases: Phases = Phases.of_defaults()
     harmonics: Harmonics = Harmonics.of_defaults()
-    uncertainty: dict[str, Annotated[float, Field(ge=0)]]
+    uncertainty: dict[str, float]
     mounting: Mounting = Mounting.of_defaults()
     operation: Operation
     catalogue: Catalogue = Catalogue.of_defaults()
@@ -340,7 +341,7 @@ def _read_entry(name: str, path: str, entry: Any, table: Mapping[str, Any]) -> A
         hint = f"like {known[0]}" if path in field_table() else _near_path(path, known, table)
         return InvalidValue(words, hint, at_key=True)
     if name == "uncertainty":
-        return read_number(entry, unit_of(measures()[path]))
+        return read_measure(Drive.model_fields[name], entry, unit_of(measures()[path]))
     if name == "source" and isinstance(entry, dict) and "range" in entry:
         return entry | {"range": read_range(path, entry["range"])}
     return entry
