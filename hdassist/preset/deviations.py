@@ -8,10 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from hdassist.preset.kinds import Section
+from hdassist.preset.kinds import DECLARED_FIELDS, Section
 
 Part = Literal["g", "b", "h"]
-WHEELS: tuple[Part, Part] = ("g", "b")
 
 
 class Tolerances(Section):
@@ -81,29 +80,12 @@ class Deviation:
         return self.kind in ("cam", "seat")
 
 
-COMPOSITES: dict[Part, Deviation] = {
-    "g": Deviation("tolerances.F_i1", "phases.xi_g", "composite", "g"),
-    "b": Deviation("tolerances.F_i2", "phases.xi_b", "composite", "b"),
-}
-CAM_OFFSETS: dict[Part, Deviation] = {
-    "h": Deviation("tolerances.e_hh", "phases.phi_hh", "cam", "h"),
-    "g": Deviation("tolerances.e_hg", "phases.phi_hg", "cam", "g"),
-    "b": Deviation("tolerances.e_hb", "phases.phi_hb", "cam", "b"),
-}
-DEVIATIONS = (
-    *COMPOSITES.values(),
-    *CAM_OFFSETS.values(),
-    Deviation("tolerances.e_b", "phases.phi_eb", "centre", "b"),
-    *(
-        Deviation(f"harmonics.a_{wheel}{order}", f"harmonics.xi_{wheel}{order}", "harmonic", wheel, order)
-        for wheel in WHEELS
-        for order in (2, 3, 4)
-    ),
-    Deviation("harmonics.a_s2", "harmonics.xi_s2", "seat", "b", 2),
-)
+DEVIATIONS = tuple(Deviation(**each) for each in DECLARED_FIELDS["deviations"])
+COMPOSITES = {each.part: each for each in DEVIATIONS if each.kind == "composite"}
+CAM_OFFSETS = {each.part: each for each in DEVIATIONS if each.kind == "cam"}
 DEVIATION_FIELDS = frozenset(path for each in DEVIATIONS for path in (each.size, each.direction))
 # sizes, by wheel, that measured pitch deviations replace
 IN_TEETH: dict[str, tuple[str, ...]] = {
     wheel: tuple(d.size for d in DEVIATIONS if d.part == wheel and d.kind in ("composite", "harmonic"))
-    for wheel in WHEELS
+    for wheel in COMPOSITES
 }

@@ -35,6 +35,7 @@ PRESET_SCHEMA = "hdassist.preset/1"
 
 # fields that presets had once, with a hint
 REMOVED = {
+    "alternatives": "no command reads them any more: leave them out",
     "acceptance.margin": "no margin any more: predictions are held by their probability, hdassist accept --sure",
     "numerics.window": "no flank window any more: every tooth that may touch is looked at",
 }
@@ -313,15 +314,10 @@ def field_table() -> dict[str, FieldInfo]:
     return {f"{section}.{name}": info for section, model in sections() for name, info in model.model_fields.items()}
 
 
-def fields() -> Iterator[tuple[str, FieldInfo]]:
-    """Path and declaration of each field, in the order they are written."""
-    yield from field_table().items()
-
-
 @cache
 def measures() -> dict[str, FieldInfo]:
     """Path and declaration of each field that holds a single number, and so may have an uncertainty."""
-    return {path: info for path, info in fields() if kind_of(info) == "number"}
+    return {path: info for path, info in field_table().items() if kind_of(info) == "number"}
 
 
 @cache

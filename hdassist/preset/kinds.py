@@ -35,7 +35,7 @@ OneLine = Annotated[str, AfterValidator(_one_line)]  # of a name: with a line br
 
 
 UNKNOWN = "unknown"  # written in a preset in place of a value
-_DECLARED = tomllib.loads(files("hdassist.preset").joinpath("fields.toml").read_text("utf-8"))
+DECLARED_FIELDS: dict[str, Any] = tomllib.loads(files("hdassist.preset").joinpath("fields.toml").read_text("utf-8"))
 
 
 def _declared(meaning: str, unit: str = "", default: Any = ..., *, unknown: bool = False, **bounds: float) -> Any:
@@ -51,7 +51,7 @@ class DeclaredModel(BaseModel):
 
     def __init_subclass__(cls) -> None:
         """Join each field with its declaration; one that may be None is so by default."""
-        declared = _DECLARED[cls.__name__] if cls.__annotations__ else {}
+        declared = DECLARED_FIELDS[cls.__name__] if cls.__annotations__ else {}
         for name in declared:
             none = {"default": None} if "None" in cls.__annotations__[name] else {}
             setattr(cls, name, _declared(**none | declared[name]))
@@ -254,7 +254,7 @@ def text_of(value: Any) -> str:
     """A value as a preset has it, with every digit it has, and no more."""
     if value is None:
         return UNKNOWN
-    if isinstance(value, bool | str):
+    if isinstance(value, bool | str | UncertainReading):
         return str(value)
     if isinstance(value, tuple):
         return f"[{', '.join(map(text_of, value))}]"
