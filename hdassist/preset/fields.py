@@ -108,7 +108,7 @@ class Cam(Section):
 
 
 class Supports(Section):
-    """Radial stiffness of what carries the bodies; 0 leaves the body free, anything else is 1 N/mm or more."""
+    """Radial stiffness of the supports of the bodies; 0 leaves the body free, anything else is 1 N/mm or more."""
 
     C_1: float
     C_2: float
@@ -143,7 +143,7 @@ class Operation(Section):
 
 
 class Catalogue(Section):
-    """What the catalogue says of the drive: shown beside the model's figures, and no limit."""
+    """Catalogue values of the drive: shown beside the model's figures, and no limit."""
 
     K_1: float | None
     K_2: float | None
@@ -155,7 +155,7 @@ class Catalogue(Section):
 
 
 class Measured(Section):
-    """What was measured on this drive; +- is its expanded uncertainty (k = 2). It weighs what is not known exactly."""
+    """Values measured on this drive; +- is its expanded uncertainty (k = 2). It weighs what is not known exactly."""
 
     K_1: float | None
     K_2: float | None
