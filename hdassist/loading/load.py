@@ -95,8 +95,8 @@ def _drive(document: Document) -> Drive | None:
         for problem in sorted(problems, key=lambda problem: problem["type"] != "extra_forbidden"):
             _translate(problem["loc"], problem["type"], problem["input"], document)
     if drive:  # the cam's support is that of its coupling: not given, or the coupling alone is on the command line
-        fields = (coupling.SUPPORT_FIELD, *coupling.COUPLING_FIELDS)
-        given, *tried = (document.is_override(tuple(path.split("."))) for path in fields)
+        fields = [tuple(path.split(".")) for path in (coupling.SUPPORT_FIELD, *coupling.COUPLING_FIELDS)]
+        given, *tried = (path in document.places and document.is_override(path) for path in fields)
         if drive.supports.C_3 is None or (any(tried) and not given):
             drive = coupling.with_cam_support(drive)
     valid = _valid(drive, data, document)
