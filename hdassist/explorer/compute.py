@@ -125,7 +125,8 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     with workers(effort.jobs) as executor:
         run = Run(executor, seed=SEED)
         if has_typical:
-            tell("first", _every_state(here, run))
+            errors = run.map(partial(kinematic_error, here, run=UNCHECKED), here.operation.M_g)
+            tell("first", FirstErrors([error.F_ior_arcsec for error in errors], SURE_PROVEN))
         _checked(drive, effort, run, tell)
         if is_tried(drive):
             tried = advise_from_trials(
@@ -244,18 +245,13 @@ def _mount_curve(advice: Advice) -> SeatCurve:
     return SeatCurve(tuple(curve.rotation_deg.tolist()), np.stack([curve.F_ior_arcsec] * 3), sure)
 
 
-def _every_state(drive: Drive, run: Run) -> FirstErrors:
-    errors = run.map(partial(kinematic_error, drive, run=UNCHECKED), drive.operation.M_g)
-    return FirstErrors([error.F_ior_arcsec for error in errors], SURE_PROVEN)
-
-
 def _checked(drive: Drive, effort: Effort, run: Run, tell: Tell) -> None:
     """The answer of `check`, and its page; on the way that by the samples so far."""
     prior, whole = prior_of(drive), check(drive, draws=0, run=run)
-    if prior.fields and effort.draws and searchable(drive):
+    if prior.fields and searchable(drive):
 
         def seen(samples: Samples) -> None:
-            if samples.effective >= min(FEWEST_SEEN, effort.draws):
+            if samples.effective >= FEWEST_SEEN:
                 tell("check", whole.with_samples(samples))
 
         left = [point.left_arcsec for point in whole.points]

@@ -54,8 +54,10 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
     in characters. Before the answer is whole a typical drive, as it was and is, stands beside the old one.
     """
     found, whole = known.check or known.old, known.whole
-    if not found or (known.failed and not known.check):
-        return Text("F'_ior: no answer" if known.failed else "F'_ior: computing …", "dim")
+    if not known.check and known.failed:
+        return Text(visible(f"F'_ior: {known.without}: {order_words(known)}"))
+    if not found:
+        return Text(f"F'_ior: {known.without}", "dim")
     page = F_ior_table(found)
     sure = f"{found.samples.effective:.0f} samples" if found.samples else "every state"
     state = f"{sure if found is known.check else 'old'}{'' if whole else ' …'}"
@@ -68,10 +70,11 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
         columns["typical drive"] = [f"{before:.2f} → {now:.2f} {MARKS[known.first.sure]}" for before, now in both]
     if "limit" in columns:
         held = [(point.limit_arcsec, point.held_arcsec, point.probability) for point in found.points]
-        columns["verdict"] = [f"[{VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in columns.pop("verdict")]
+        verdicts = columns.pop("verdict") if found is not known.check or whole else ["…"] * len(held)
+        columns["verdict"] = [f"[{VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in verdicts]
         columns["margin"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in held]
         columns["kept"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in held]
-    if whole and pinned and pinned.whole and len(pinned.whole.points) == len(found.points):
+    if whole and pinned and pinned.whole:
         both = zip(map(middle_of, found.points), map(middle_of, pinned.whole.points), strict=True)
         columns["change"] = [f"[{INK[0]}]{now - before:+.2f}[/]" for now, before in both]
     best_deg = known.advice.choice.chosen.rotation_deg if known.advice else 0.0
@@ -118,14 +121,22 @@ def turn_blocks(page: Report, name: str) -> Iterator[Block]:
             yield block
 
 
+def gain_words(point: OperatingPoint, gain: float) -> str:
+    """What a measurement brings: less spread, or more sure, and how sure the side of the limit is then."""
+    if not (kept := point.probability):
+        return "less spread"
+    return f"more sure, then {100 * (max(kept.value, 1 - kept.value) + gain):.0f} %"
+
+
 def why_blocks(known: Known) -> tuple[Lines | Facts, ...]:
     """Influences on F'_ior with their shares, measurements with what each of them brings, and other facts of check."""
     if not (found := known.whole):
-        return (Lines("", ("computing …",)),)
+        return (Lines("", (known.without,)),)
     point = found.points[found.least_sure]
-    gain = "less spread" if point.limit_arcsec is None else "more sure"
     shares = (f"{100 * each.share:3.0f} % {named(each.group)}" for each in found.influences)
-    gains = (f"{100 * each.gain:3.0f} % {gain}: {named(each.measured)}" for each in found.to_measure)
+    gains = (
+        f"{100 * each.gain:3.0f} % {gain_words(point, each.gain)}: {named(each.measured)}" for each in found.to_measure
+    )
     return (
         Lines(f"share of the variance of ln F'_ior at {point.M_g:g} N·m", tuple(shares) or ("no field stands out",)),
         Lines("measure next, and what it brings", tuple(gains) or ("nothing that brings more",)),
