@@ -140,7 +140,7 @@ class Explorer(Exporting):
 
         for number in STOPS:
             if signal.getsignal(number) is not signal.SIG_IGN:
-                with suppress(NotImplementedError, RuntimeError, ValueError):  # not here, or not in this thread
+                with suppress(RuntimeError):  # not in this thread
                     loop.add_signal_handler(number, end, number)
         terminal = select.poll()
         terminal.register(0, 0)  # that it hung up is told unasked; no signal says so where SIGHUP is ignored (nohup)
@@ -180,7 +180,7 @@ class Explorer(Exporting):
         session, known, panes = self.session, self.known, self.panes
         letters, torque = self._letters(), self.torque % len(session.drive.operation.M_g)
         self.holes.show(session, known.curve, self.pinned.curve if self.pinned else None, letters)
-        self.holes.border_subtitle = known.without.upper() * (not known.advice)
+        self.holes.border_subtitle = "" if known.advice or known.failed else "COMPUTING …"
         effects = known.effects or LeverEffects({})
         self.levers.show(session, effects, torque, self.wanted.value, is_grouped=self.is_grouped)
         typical = ", of a typical drive"
@@ -330,9 +330,9 @@ class Explorer(Exporting):
         """Ask for what is known of the drive."""
         session = self.session
         hint = (
-            f"K_1=3.1e4 lost_motion=50; h4=31 ± 2, F'_ior in a hole at {session.trial_torque:g} N·m; h4@80=31; "
-            f"supports.C_3=5200; limit=45; or the path of a trace measured in {session.here}. ± is k = 2; empty takes "
-            f"it back."
+            f"K_1=3.1e4 lost_motion=50; h4=31 +- 2, F'_ior in a hole at {session.trial_torque:g} N·m; h4@80=31; "
+            f"supports.C_3=5200 +- 260; limit=45; or the path of a trace measured in {session.here}. What stands "
+            f"behind +- is k = 2; a name without a value, like h4=, takes it back."
         )
         self._ask_change("what is known of this drive", "", hint, state.with_evidence)
 

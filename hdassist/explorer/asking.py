@@ -22,6 +22,7 @@ from hdassist.explorer.compute import (
     LeverEffects,
     SeatCurve,
     drive_answers,
+    still_typical,
     typical_of,
 )
 from hdassist.explorer.service import Question, Service
@@ -67,8 +68,8 @@ class Known:
 
     @property
     def without(self) -> str:
-        """What stands in place of an answer that is not there."""
-        return "no answer" if self.failed else "computing …"
+        """What stands in place of an answer that is not there, with the reason where there is none."""
+        return visible(f"no answer: {self.failed.message}\n{self.failed.hint}") if self.failed else "computing …"
 
 
 class SevenBits(LineFilter):
@@ -173,8 +174,9 @@ class Asking(App[int]):
         self.workers.cancel_group(self, "drive")
         if self.known.advice is None:
             self.known.failed = None
-            typical = typical_of(self.known.old)[0] if self.known.old else {}
-            self.follow(partial(drive_answers, self.session.drive, typical, self.effort), self.known, "drive")
+            drive, old = self.session.drive, self.known.old
+            typical = still_typical(old, drive) if old else {}
+            self.follow(partial(drive_answers, drive, typical, self.effort), self.known, "drive")
 
     def ask_once(self, question: partial[None], known: Known, group: str) -> None:
         """Ask, unless that was the last question of its group."""

@@ -97,7 +97,7 @@ class Session:
 
     def trace_command(self, M_g: float, typical: Mapping[str, float]) -> str:
         """The same of the cam turn at a torque [N*m] of a typical drive, the fixed wheel as it is looked at."""
-        drive = self.drive.with_values(dict(typical))
+        drive = self.drive.with_values(typical)
         moved = [path for path in carried(drive) if self.turn_deg and drive.value(path) is not None]
         turned = {path: drive.number(path) + self.turn_deg for path in moved}
         values = [(path, f"{value:.6g}") for path, value in {**typical, **turned}.items()]

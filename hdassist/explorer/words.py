@@ -54,10 +54,8 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
     in characters. Before the answer is whole a typical drive, as it was and is, stands beside the old one.
     """
     found, whole = known.check or known.old, known.whole
-    if not known.check and known.failed:
-        return Text(visible(f"F'_ior: {known.without}: {order_words(known)}"))
-    if not found:
-        return Text(f"F'_ior: {known.without}", "dim")
+    if not found or (known.failed and not known.check):
+        return Text(f"F'_ior: {known.without}")
     page = F_ior_table(found)
     sure = f"{found.samples.effective:.0f} samples" if found.samples else "every state"
     state = f"{sure if found is known.check else 'old'}{'' if whole else ' …'}"
@@ -70,7 +68,9 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
         columns["typical drive"] = [f"{before:.2f} → {now:.2f} {MARKS[known.first.sure]}" for before, now in both]
     if "limit" in columns:
         held = [(point.limit_arcsec, point.held_arcsec, point.probability) for point in found.points]
-        verdicts = columns.pop("verdict") if found is not known.check or whole else ["…"] * len(held)
+        verdicts = columns.pop("verdict")
+        if found is known.check and not whole:
+            verdicts = ["…"] * len(held)
         columns["verdict"] = [f"[{VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in verdicts]
         columns["margin"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in held]
         columns["kept"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in held]
@@ -79,8 +79,8 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
         columns["change"] = [f"[{INK[0]}]{now - before:+.2f}[/]" for now, before in both]
     best_deg = known.advice.choice.chosen.rotation_deg if known.advice else 0.0
     if best_deg and known.curve and not is_any_hole(session.drive):
-        hole, place = bare(best_deg, session.drive.mounting.holes), known.curve.place(best_deg)
-        columns[f"best: {hole}"] = [f"[{INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, place]]
+        name, best = f"best: {bare(best_deg, session.drive.mounting.holes)}", known.curve.place(best_deg)
+        columns[name] = [f"[{INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, best]]
     widths = {name: 1 + max(Text.from_markup(cell).cell_len for cell in (name, *columns[name])) for name in columns}
     for name in reversed(widths):
         if sum(widths[name] for name in columns) > width:
@@ -99,10 +99,8 @@ def middle_of(point: OperatingPoint) -> float:
 
 
 def order_words(known: Known) -> str:
-    """The order with its reasons, or why there is none yet."""
-    if known.failed:
-        return f"{known.failed.message}\n{known.failed.hint}"
-    return " ".join(known.report.why) if known.report else "Nothing is ordered before it is proven …"
+    """The order with its reasons, or why there is none."""
+    return " ".join(known.report.why) if known.report else known.without
 
 
 def next_text(known: Known) -> str:
