@@ -80,7 +80,7 @@ F_IOR = Check(
     "F_ior",
     ("cycle", "self error"),
     lambda of, M_g, _: of.errors[M_g].F_ior_arcsec + of.self_errors[M_g].range_arcsec,
-    lambda found, _: (found.range.value, found.uncertainty_arcsec, found.rise_arcsec),
+    lambda found, _: (found.range.value, found.uncertainty_arcsec, found.range.rise),
 )
 TURN_RANGE = Check(
     "TURN_RANGE",
@@ -91,12 +91,13 @@ TURN_RANGE = Check(
     "turn_range",
     ("cycle",),
     lambda of, M_g, _: of.turn_range(M_g),
-    lambda of, _: (of.revolution.value, of.revolution_uncertainty_arcsec, of.revolution_rise_arcsec),
+    lambda of, _: (of.revolution.value, of.revolution.uncertainty, of.revolution.rise),
 )
 ORDER_CHECK = Check(
     "ORDER",
     "amplitude of an order",
-    "The amplitude of one order of the error per turn of the cam, over the whole cycle.",
+    "The amplitude of one order of the error per turn of the cam alone, without its beats with the output, over the "
+    "whole cycle. The page of hdassist measure adds the beats; its --details has both.",
     "One cause stands out: order 2 of the cam excites the drive at twice its speed, low orders are the wheels'.",
     "hdassist trace names the cause of each order; change the deviation it names.",
     "order_amplitude",
