@@ -227,9 +227,10 @@ def predict(
         return all(is_settled(b.probability_low, b.probability_high, sure) for b in beliefs if b)
 
     figured = tuple(limit for limit in open_ if limit.check is not F_IOR)
+    held = torques_of((limit for limit in open_ if limit.check is F_IOR), "cycle")
     samples = draw_samples(
         prior,
-        _torques(drive, open_),
+        tuple(dict.fromkeys([*drive.operation.M_g, *held])),  # those of check too
         evidence=evidence_of(drive),
         further=partial(_figures, figured) if figured else None,
         further_name=" ".join(f"{each.check.code}@{each.M_g_Nm}#{each.per_cam_rev}" for each in figured),
@@ -238,13 +239,6 @@ def predict(
         run=run,
     )
     return replace(found, samples=samples)
-
-
-def _torques(drive: Drive, limits: Sequence[Limit]) -> tuple[float, ...]:
-    """Torques [N*m] at which samples have F'_ior: those of check and of limits, or none where none is needed."""
-    held = [limit.M_g_Nm for limit in limits if limit.check is F_IOR and limit.M_g_Nm is not None]
-    needed = held or drive.catalogue.accuracy is not None
-    return tuple(dict.fromkeys([*drive.operation.M_g, *held])) if needed else ()
 
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:

@@ -166,9 +166,7 @@ def _curves(result: Comparison) -> TwoCurves:
     """Both curves around the largest difference."""
     bins, worst = result.sweep.bins, result.largest[1]
     sweep = bins.sweep == bins.sweep[abs(bins.turns - worst).argmin()]
-    first, last = bins.turns[sweep].min(), bins.turns[sweep].max()
-    low = min(max(worst - PLOTTED_TURNS, first), max(last - 2 * PLOTTED_TURNS, first))
-    shown = sweep & (bins.turns >= low) & (bins.turns <= low + 2 * PLOTTED_TURNS)
+    shown = sweep & (abs(bins.turns - worst) <= PLOTTED_TURNS)
     predicted = result.predicted_arcsec[shown]
     return TwoCurves(
         bins.turns[shown], predicted + result.residual_arcsec[shown], predicted, ("measured", "predicted"),
