@@ -13,13 +13,14 @@ ROOT = Path(__file__).parents[1]
 
 def test_a_check_is_added_as_the_page_says(tmp_path):
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    field, check, value = (
+    field, declared, check, value = (
         textwrap.dedent(block) for block in re.findall(r" +```(?:python|toml)\n(.*?) +```", page, re.S)
     )
     shutil.copytree(ROOT / "hdassist", tmp_path / "hdassist")
     shutil.copytree(ROOT / "presets", tmp_path / "presets")
     changes = {
         "preset/fields.py": ("    order_amplitude: ", textwrap.indent(field, "    ") + "    order_amplitude: "),
+        "preset/fields.toml": ("order_amplitude = ", declared + "order_amplitude = "),
         "acceptance/checks.toml": ("[checks.ORDER]\n", check + "\n[checks.ORDER]\n"),
         "acceptance/checks.py": ('    "ORDER": lambda', textwrap.indent(value, "    ") + '    "ORDER": lambda'),
     }

@@ -45,7 +45,7 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand
 
     def one(preset: str) -> Report:
         request = replace(base, preset=preset)
-        drive = options.noted(request.load())
+        drive = request.load(options.taken_over())
         inputs = request.read(drive)
         say_notes(inputs.wheels)
         states = 0 if request.measured_only else check_states(drive, inputs.wheels, request.draws)
