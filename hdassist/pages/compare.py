@@ -40,7 +40,6 @@ COMPARED_NUMBERS: tuple[Quantity[Comparison], ...] = (
     Quantity("difference.rms_arcsec", "difference, rms", "″", ".2f", lambda r: r.difference_rms_arcsec),
     Quantity("difference.largest_arcsec", "  largest", "″", "z.2f", lambda r: r.largest[0]),
     Quantity("difference.largest_at_cam_deg", "  at cam angle", "deg", ".1f", lambda r: 360 * r.largest[1]),
-    Quantity("difference.range_arcsec", "  range", "″", ".2f", lambda r: float(np.ptp(r.difference_curve))),
     Quantity("residual.rms_arcsec", "beyond orders, rms", "″", ".2f", lambda r: float(np.std(r.residual_arcsec))),
     Quantity("residual.range_arcsec", "  range", "″", ".2f", lambda r: float(np.ptp(r.residual_arcsec))),
     Quantity("predicted.F_ior_arcsec", "F'_ior, predicted", "″", ".2f", lambda r: r.unchanged.F_ior_arcsec),
