@@ -11,7 +11,6 @@ from functools import cached_property, partial
 from itertools import chain
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.acceptance.checks import F_IOR
 from hdassist.acceptance.limits import Limit, torques_of
@@ -70,12 +69,6 @@ class PredictedQuantities:
     def F_ior(self, M_g: float) -> float:
         """F'_ior [arcsec] at a torque [N*m], with the self error on top."""
         return float(np.ptp(self.errors[M_g].error_arcsec)) + self.self_errors[M_g].range_arcsec
-
-    def turn_range(self, M_g: float) -> float:
-        """Greatest range [arcsec] of the error at a torque [N*m] within one cam turn of the full cycle."""
-        turn, values = self.kinematics.teeth_fixed, self.errors[M_g].error_arcsec
-        extent = maximum_filter1d(values, turn, mode="wrap") - minimum_filter1d(values, turn, mode="wrap")
-        return float(extent.max())
 
     def amplitude(self, M_g: float, order: float) -> float:
         """Amplitude [arcsec] of an order per cam turn over the full cycle at a torque [N*m].
