@@ -35,7 +35,7 @@ from hdassist.mounting.positions import hole_words
 from hdassist.mounting.trial import Trial
 from hdassist.trials.prior import Places, Prior
 
-NOISE_SPREAD = 0.35  # of the logarithm of the noise over the stated one: within half and twice with 95 %
+NOISE_SPREAD = 0.56  # of the logarithm of the noise over the stated one: within a third and three times with 95 %
 LOG_NOISES = {noise: -0.5 * (np.log(noise) / NOISE_SPREAD) ** 2 for noise in 2.0 ** (np.arange(-2, 5) / 2)}
 AS_TOLD = (ErrorKind(),)  # neither misfit nor another noise
 POSTERIOR_DRAWS = 2048
