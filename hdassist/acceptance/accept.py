@@ -40,7 +40,7 @@ def accept(
 
     Arguments: request; inputs that it names; predictions that it needs, of the same drive and limits; place of the row
     of a lot. Raises DataError: no limit, something measured that no limit is for,
-    nothing measured where nothing is predicted, or an order that the full cycle does not have; UsageError: such an
+    nothing measured without a prediction, or an order that the full cycle does not have; UsageError: such an
     order on the command line.
     """
     drive, measured = inputs.drive, inputs.measurements
@@ -62,7 +62,7 @@ def accept(
         elif predictions and limit.check.predicted:
             values = [AcceptedValue.predicted(limit, predictions)]
         elif not request.measured_only and not limit.check.predicted:
-            values = [AcceptedValue()]  # nothing but a value that is given tells it
+            values = [AcceptedValue()]  # only a given value decides it
         else:
             continue
         decisions.append(_decisive([decide(limit, value, rule, request.sure) for value in values]))

@@ -22,7 +22,7 @@ Extent = Literal["whole", "at least", "part", "not known"]
 
 @dataclass(frozen=True)
 class Explained:
-    """An entry with a code: its name, what it tests, what goes wrong, and what to change."""
+    """An entry with a code: its name, its test, the fault, and its remedy."""
 
     code: str
     words: str
@@ -35,8 +35,8 @@ class Explained:
 class Check(Explained):
     """A value held against a limit of the preset.
 
-    field: of the preset's section acceptance, which has the limit; its kind says what the limit is for. needs: what of
-    the drive has to be predicted for the value. predicted: the value by quantities, torque [N*m] and order per cam
+    field: of the preset's section acceptance, which has the limit; its kind says whom the limit is for. needs: which
+    figures of the drive the value is predicted from. predicted: the value by quantities, torque [N*m] and order per cam
     turn (0 where the limit is for none). measured: the value, its standard uncertainty, and by how much lines off the
     orders may make it greater in another cycle, by one direction of a trace and the order, None where that does not
     tell it; no function where no trace tells it. of_part: what such a value says where the record visited a part of the
@@ -142,7 +142,7 @@ STIFFNESSES = K1, K2, K3 = tuple(
 SECOND_HAND = (
     "As makers put it, second hand: conformity to no standard is claimed. hdassist measure has it of a file of "
 )
-STATED_CHECKS = tuple(  # of what makers state
+STATED_CHECKS = tuple(  # of figures that makers state
     Check(code, words, tests, wrong, change, code.lower(), (), upper=code != "RATCHET_TORQUE")
     for code, words, tests, wrong, change in (
         (

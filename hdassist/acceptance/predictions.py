@@ -142,7 +142,7 @@ class Predictions:
 
     @cached_property
     def to_measure(self) -> tuple[MeasurementGain, ...]:
-        """What to measure next, for the torque that is least sure, the largest gain first."""
+        """Measurements to make next, for the torque that is least sure, the largest gain first."""
         samples, limit = self.samples, self.least_sure
         if limit is None or samples is None:
             return ()

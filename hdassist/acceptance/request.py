@@ -127,14 +127,14 @@ class Request(ClosedRecord):
         return Inputs(drive, measurements, stated_values(self.values, drive), self.read_wheels(drive))
 
     def read_wheels(self, drive: Drive) -> MeasuredTeeth | None:
-        """Measured wheels; None without any, and where nothing is predicted. Raises what WheelFiles.read does."""
+        """Measured wheels; None without any, and without a prediction. Raises what WheelFiles.read does."""
         self.wheels.require_sound()
         return None if self.measured_only else self.wheels.read(drive)
 
     def predict(
         self, drive: Drive, limits: Sequence[Limit], wheels: MeasuredTeeth | None, run: Run = Run()
     ) -> Predictions | None:
-        """Predictions for limits of the drive; None without any, and where nothing is predicted.
+        """Predictions for limits of the drive; None without any, and without a prediction.
 
         Raises UntrustedError: no answer to be trusted.
         """

@@ -37,7 +37,7 @@ ACCEPT_OWNER = KeptOwner(command="accept", inputs={})  # each answer has the fil
 def accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand) -> int:
     """Accept drives one after the other; returns the exit code.
 
-    Raises what is wrong with the only drive, and UsageError with any.
+    Raises the error of the only drive, and UsageError with any.
     """
     out = options.open()
     answers: list[AcceptAnswer] = []

@@ -35,7 +35,7 @@ GRID = 60  # positions of each wheel where they are solved, at most: 40 missed a
 PROMISING = 0.06  # of F'_ior: one state is solved on a hill that is estimated no further below the highest
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
 STILL_NEAR = 0.01  # of F'_ior: so near it has to be once the states around it are known
-SEARCH_REACH = 5  # steps from an extreme, along each wheel, within which nothing is higher
+SEARCH_REACH = 5  # steps from an extreme, along each wheel, within which no state is higher
 STRIDES = 4, 2  # steps to the states of the first looks around, the first of them where the grid is coarser than READ
 SHORT_CYCLE = 4000  # states of a cycle below which all are solved
 SEARCHED = 3800  # states that proposals solve of a drive, about
@@ -99,8 +99,8 @@ def searchable(drive: Drive) -> bool:
 class ErrorMap:
     """The error of drives that share a contact system, at one torque, over all tooth positions.
 
-    Arguments: drive, what they have in common; M_g, the torque [N*m]; formulation of the contact system, where it is
-    there already; like, a load case to start from. Raises UsageError for a drive with rolling balls.
+    Arguments: drive, all that they have in common; M_g, the torque [N*m]; formulation of the contact system, where it
+    is there already; like, a load case to start from. Raises UsageError for a drive with rolling balls.
     """
 
     def __init__(

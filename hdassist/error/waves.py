@@ -1,7 +1,7 @@
 """The error of a drive over both wheels' angles in the cam's frame, as waves around each of them.
 
 A state's error depends on alpha_g and alpha_b alone: it is a function on a torus. Solved on an even grid there it is
-known at any angle of any record, wherever that begins: the waves only turn. What is cut off (waves beyond HIGHEST
+known at any angle of any record, wherever that begins: the waves only turn. The rest (waves beyond HIGHEST
 around a wheel) is some hundredths of an arcsec of 28 within orders up to 12.
 """
 

@@ -100,7 +100,7 @@ class Explorer(Exporting):
         self.all = Vertical(id="all", classes="holes")
 
     def compose(self) -> ComposeResult:
-        """Head, F'_ior, tabs, the panes, the position looked at, what is next, the command line, the keys."""
+        """Head, F'_ior, tabs, the panes, the position looked at, the next step, the command line, the keys."""
         with self.all:
             yield from (self.lines[name] for name in LINES[:3])
             with Horizontal():
@@ -144,7 +144,7 @@ class Explorer(Exporting):
                 with suppress(NotImplementedError, RuntimeError, ValueError):  # not here, or not in this thread
                     loop.add_signal_handler(number, end, number)
         terminal = select.poll()
-        terminal.register(0, 0)  # that it hung up is told unasked; no signal says so where SIGHUP is ignored (nohup)
+        terminal.register(0, 0)  # a hang-up is reported unasked; no signal comes where SIGHUP is ignored (nohup)
 
         def look() -> None:
             if terminal.poll(0) and not self.is_headless:
@@ -323,12 +323,12 @@ class Explorer(Exporting):
         self.show(replace(self.session, keeps_clearance=not self.session.keeps_clearance))
 
     def action_sort(self) -> None:
-        """Show levers by group, or by what they change."""
+        """Show levers by group, or by their effect."""
         self.is_grouped = not self.is_grouped
         self.draw()
 
     def action_evidence(self) -> None:
-        """Ask for what is known of the drive."""
+        """Ask for the samples of the drive."""
         session = self.session
         hint = (
             f"K_1=3.1e4 lost_motion=50; h4=31 ± 2, F'_ior in a hole at {session.trial_torque:g} N·m; h4@80=31; "

@@ -108,7 +108,7 @@ class Asking(App[int]):
         """Show the session and its answers."""
 
     def ask_of_panes(self) -> None:
-        """Ask for what else is on the screen."""
+        """Ask for the rest of the screen."""
 
     def known_of(self, drive: Drive) -> Known:
         """Answers about a drive."""
@@ -187,7 +187,7 @@ class Asking(App[int]):
         self.run_worker(follow(), group=group, exclusive=True)
 
     def when_at_rest(self) -> None:
-        """Ask for what else is on the screen once no key was pressed for a while."""
+        """Ask for the rest of the screen once no key was pressed for a while."""
         if self._rest:
             self._rest.stop()
         self._rest = self.set_timer(REST, self.ask_of_panes)

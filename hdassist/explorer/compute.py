@@ -39,7 +39,7 @@ from hdassist.trials.advice import advise_from_trials
 from hdassist.trials.prior import Rig, TrialEffort
 
 FEWEST_SEEN = 8  # effective samples: the range of fewer is none
-SEED = 0  # of samples and of what is solved again, as the commands have it
+SEED = 0  # of samples and of states solved again, as the commands have it
 LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN = 0.05, 0.5, 0.95  # percentiles
 SURE_REFINED, SURE_PROVEN, SURE_RANGE = "REFINED", "PROVEN", "90 % RANGE"  # searched; every state; percentiles
 STEP = 0.34  # of the probability of a field that is not known exactly: a step to either side, about one deviation
@@ -49,7 +49,7 @@ STEP = 0.34  # of the probability of a field that is not known exactly: a step t
 class Effort:
     """How much is computed.
 
-    draws: effective samples of what is not known exactly; jobs: processes at work, 0 for one each core.
+    draws: effective samples of uncertain inputs; jobs: processes at work, 0 for one each core.
     """
 
     draws: int = EFFECTIVE_SAMPLES
@@ -92,7 +92,7 @@ class FirstErrors:
 
 @dataclass(frozen=True)
 class LeverEffects:
-    """By field: the step that is plausible [its unit], and what it does to F'_ior at each torque [arcsec].
+    """By field: the step that is plausible [its unit], and its effect on F'_ior at each torque [arcsec].
 
     differing: fields in which the pinned drive differs; their step goes to its value.
     """
@@ -152,7 +152,7 @@ def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]
 
 
 def with_typical(drive: Drive, typical: Mapping[str, float]) -> Drive:
-    """The drive with typical values of what is not known exactly of it."""
+    """The drive with typical values of its uncertain inputs."""
     open_ = {each.path for each in prior_of(drive).fields}
     return drive.with_values({path: value for path, value in typical.items() if path in open_})
 
@@ -169,7 +169,7 @@ def cam_turn(drive: Drive, typical: Mapping[str, float], rotation_deg: float, M_
 
 
 def lever_effects(drive: Drive, pinned: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:
-    """What a plausible step of each field does to F'_ior of a typical drive, by a search.
+    """Effect of a plausible step of each field on F'_ior of a typical drive, by a search.
 
     A step of a field that is not known exactly goes about one standard deviation far, one of a field in which a pinned
     drive differs to its value. Raises HdassistError where the typical drive has no answer.

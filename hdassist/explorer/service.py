@@ -23,7 +23,7 @@ ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")  # a
 
 @dataclass(frozen=True)
 class Failed:
-    """There is no answer: why, and what to do about it."""
+    """There is no answer: why, and the remedy."""
 
     message: str
     hint: str = ""

@@ -1,4 +1,4 @@
-"""What the explorer shows, as one value that never changes: each action makes another one of it."""
+"""Contents of the explorer's screen, as one value that never changes: each action makes another one of it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.terminal.brief import again
 from hdassist.terminal.options import TrialOptions
 
-TRIALS = TrialOptions()  # as the command has them where nothing else is asked for
+TRIALS = TrialOptions()  # as the command has them where no other is asked for
 
 Changes = tuple[tuple[str, str], ...]  # path of a field, and its value as --set takes it
 
@@ -53,7 +53,7 @@ class StateSource:
 
 @dataclass(frozen=True)
 class Session:
-    """A preset, what was changed of it, and where its fixed wheel is looked at.
+    """A preset, its changes, and where its fixed wheel is looked at.
 
     pinned: the drive that it is compared with; turn_deg: from where the wheel stands; keeps_clearance: whether x_b
     changes with W_0 by as much; past and future: for undo and redo.

@@ -36,7 +36,7 @@ def why_no_card(report: Report | None) -> str:
 
 
 def head(session: Session) -> Text:
-    """The drive, how much of it is uncertain and changed, and what it is compared with."""
+    """The drive, how much of it is uncertain and changed, and the drive beside it."""
     drive, line = session.drive, Text(no_wrap=True, overflow="ellipsis")
     line.append(visible(drive.name), "bold")
     line.append(f"  {drive.gears.z_g}/{drive.gears.z_b}  {drive.mounting.fixed} wheel fixed", "dim")
@@ -50,7 +50,7 @@ def head(session: Session) -> Text:
 def headline(session: Session, known: Known, pinned: Known | None, torque: int, width: int) -> RichTable | Text:
     """F'_ior by torque as `check` has it, as it stands and in the best hole; columns that have no room are left out.
 
-    Arguments: session; known, of it; pinned, of what it is compared with; torque, the place of the one to mark; width,
+    Arguments: session; known, of it; pinned, of the drive beside it; torque, the place of the one to mark; width,
     in characters. Before the answer is whole a typical drive, as it was and is, stands beside the old one.
     """
     found, whole = known.check or known.old, known.whole
@@ -103,7 +103,7 @@ def order_words(known: Known) -> str:
 
 
 def next_text(known: Known) -> str:
-    """The order in a line, and in another one what to measure first with what that brings."""
+    """The order in a line, and in another one the first measurement with its gain."""
     gains = dict(facts_of(known.page).rows).get("measure", "")
     return visible(order_words(known).partition("\n")[0]) + f"\nmeasure next: {gains}" * bool(gains)
 
@@ -119,7 +119,7 @@ def turn_blocks(page: Report, name: str) -> Iterator[Block]:
 
 
 def why_blocks(known: Known) -> tuple[Lines | Facts, ...]:
-    """Influences on F'_ior with their shares, measurements with what each of them brings, and other facts of check."""
+    """Influences on F'_ior with their shares, measurements with their gains, and other facts of check."""
     if not (found := known.whole):
         return (Lines("", ("computing …",)),)
     point = found.points[found.least_sure]

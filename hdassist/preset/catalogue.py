@@ -11,7 +11,7 @@ def of_catalogue(path: str) -> bool:
 
 
 class Catalogue(Section):
-    """What the catalogue says of the drive: shown beside the model's figures, and no limit."""
+    """Catalogue values of the drive: shown beside the model's figures, and no limit."""
 
     K_1: float | None = field("torsional stiffness up to T_1", "N*m/rad", None, ge=1e-3, le=1e12)
     K_2: float | None = field("torsional stiffness from T_1 to T_2", "N*m/rad", None, ge=1e-3, le=1e12)

@@ -74,7 +74,7 @@ class Cam(Section):
 
 
 class Supports(Section):
-    """Radial stiffness of what carries the bodies; 0 leaves the body free, anything else is 1 N/mm or more."""
+    """Radial stiffness of the supports of the bodies; 0 leaves the body free, anything else is 1 N/mm or more."""
 
     C_1: float = field("support of the rigid wheel, radial", "N/mm", ge=0, le=1e9)
     C_2: float = field("support of the flexspline, radial", "N/mm", ge=0, le=1e9)

@@ -89,7 +89,7 @@ class UncertainReading(NamedTuple):
 LARGEST_READING = 1e6
 PerPosition = Annotated[dict[str, UncertainReading], "readings"]
 WANTED_LISTS = {"numbers": "must be a list of numbers", "holes": "must be all, or a list of hole numbers"}
-# of a table of values: pattern of its keys, what they must be, an example of a key, and of a table
+# of a table of values: pattern of its keys, their meaning, an example of a key, and of a table
 KEYED_TABLES = {
     "limits": (NUMBER, "a torque in N*m, or all", "", ""),
     "orders": (rf"{UNSIGNED}(@{NUMBER})?", "an order per cam turn, or ORDER@TORQUE in N*m", "", "like {2: 10}"),
@@ -101,7 +101,7 @@ KEYED_TABLES = {
 
 
 def read_value(info: FieldInfo, value: Any) -> Any:
-    """What a preset gives for a field, in the form that the field holds; where it cannot be read `InvalidValue`."""
+    """The value of a field in a preset, in the form that the field holds; where it cannot be read `InvalidValue`."""
     kind, unit = kind_of(info), unit_of(info)
     if isinstance(value, InvalidValue) or kind in ("text", "choice") or (value is None and is_optional(info)):
         return value
@@ -178,12 +178,12 @@ def unit_of(info: FieldInfo) -> str:
 
 
 def _extra(info: FieldInfo) -> dict[str, Any]:
-    """What a field was declared with beside its type, default and range."""
+    """The declaration of a field beside its type, default and range."""
     return cast(dict[str, Any], info.json_schema_extra or {})
 
 
 def kind_of(info: FieldInfo) -> FieldKind:
-    """What a field takes: a number, count, text, choice, several numbers, holes, limits, readings."""
+    """Kind of a field's value: a number, count, text, choice, several numbers, holes, limits, readings."""
     parts = (*info.metadata, info.annotation, *get_args(info.annotation))
     return next((KINDS[part] for part in parts if part in KINDS), "choice")
 

@@ -1,4 +1,4 @@
-"""What was measured on the drive itself: evidence of it, by which all that is not known of it is weighed."""
+"""Values measured on the drive itself: evidence, by which all that is not known of it is weighed."""
 
 from __future__ import annotations
 
