@@ -8,7 +8,7 @@ from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import chi2, circmean, circstd
+from scipy.special import chdtrc
 
 from hdassist.belief.evidence import measured_errors
 from hdassist.errors import UntrustedError, UsageError
@@ -136,7 +136,7 @@ class TrialAdvice:
     def unlike_told(self) -> bool:
         """Whether the values are off by more than they are in FALSE_ALARM of drives that are as the preset has them."""
         squares = [one.surprise**2 for one in self.predictions[FITTING_TRIALS - 1 :]]
-        return bool(squares) and bool(chi2.sf(sum(squares), len(squares)) < FALSE_ALARM)
+        return bool(squares) and bool(chdtrc(len(squares), sum(squares)) < FALSE_ALARM)
 
     @property
     def to_repeat(self) -> Trial | None:
@@ -174,8 +174,9 @@ class TrialAdvice:
     def offset(self) -> tuple[float, float, float, float]:
         """Offset that stands with the fixed wheel: size [um] and direction [deg], each with its standard deviation."""
         size, direction = self.prior.offset(self.draws.places)
-        angles = float(circmean(direction, high=360)), float(circstd(direction, high=360))
-        return float(size.mean()), float(size.std()), *angles
+        mean = np.exp(1j * np.radians(direction)).mean()  # its length is less the more the directions differ
+        angles = np.degrees([np.angle(mean) % (2 * np.pi), np.sqrt(-2 * np.log(np.abs(mean)))]).tolist()
+        return float(size.mean()), float(size.std()), angles[0], angles[1]
 
     @property
     def facing(self) -> tuple[float, float] | tuple[None, None]:
