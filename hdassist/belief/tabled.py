@@ -172,17 +172,16 @@ class DeviationProposal:
         agreeing = np.exp(log - log.max())
         ratio, chosen = agreeing / density[some], list[tuple[dict[str, float], dict[str, float], float]]()
         even = (rng.random() + np.arange(self.draws)) / self.draws
-        picked = np.minimum(np.searchsorted(np.cumsum(ratio / ratio.sum()), even), SEARCHED_DRAWS - 1)
-        for k, one in enumerate(picked):
-            draw, direction = np.divmod(places[some[one]], every.shape[1])
+        ones = np.minimum(np.searchsorted(np.cumsum(ratio / ratio.sum()), even), SEARCHED_DRAWS - 1)
+        for k, (one, place) in enumerate(zip(ones, picked := places[some[ones]], strict=True)):
+            draw, direction = np.divmod(place, every.shape[1])
             shares = dict(zip((each.path for each in fields), found.shares[draw].tolist(), strict=True))
             for f in fields:
                 if any_direction(self.prior) and f.path in standing_directions(drive):
                     shares[f.path] = found.values[f.path][draw, direction] / f.high % 1
             values = {f.path: float(f.value(np.array(shares[f.path]))) for f in fields}
-            again = one in picked[:k]
-            its_density = np.inf if again else float(agreeing[one] / ratio.mean()) / np.count_nonzero(picked == one)
-            chosen.append((values, shares, its_density))
+            alike = np.inf if place in picked[:k] else 1 / np.count_nonzero(picked == place)
+            chosen.append((values, shares, float(agreeing[one] / ratio.mean() * alike)))
         return chosen, sum((each.certificate for each in extremes), found.certificate)
 
 
