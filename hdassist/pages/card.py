@@ -16,11 +16,11 @@ from hdassist.preset.schema import origin_counts
 from hdassist.preset.yamltext import shown
 from hdassist.report.blocks import Block, Facts, Lines, Paragraph, Seat, SeatMark, Table
 from hdassist.terminal.texts import HOME, Texts
-from hdassist.terminal.wheels_page import wheels
 from hdassist.version import __version__
 
 WARNINGS = 4  # that a card has room for
 LETTERS_OF_WARNINGS = 240  # of one of them
+WHEELS = {"b": "rigid", "g": "flexspline"}
 DIGITS = 12  # of a SHA-256
 CARD_TRIALS = 8  # that a card has room for
 
@@ -223,9 +223,9 @@ def _foot(facts: CardFacts, say: Texts, made: date) -> Iterator[str]:
     yield say("foot.source")
     digest = drive.origin.sha256[:DIGITS]
     yield say("foot.origin", version=__version__, name=drive.name, digest=digest, date=say.date(made))
-    for name, measured in wheels(facts.measured):
+    for name, measured in facts.measured.by_name.items() if facts.measured else ():
         file, digest = shown(measured.pitch.file), measured.pitch.sha256[:DIGITS]
-        yield say("foot.measured", wheel=say(f"wheel.{name}"), file=file, digest=digest)
+        yield say("foot.measured", wheel=say(f"wheel.{WHEELS[name]}"), file=file, digest=digest)
     if drive.origin.overrides:
         yield say("foot.overrides", values=_cut(", ".join(drive.origin.overrides)))
 

@@ -28,7 +28,7 @@ from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.brief import again, probability_words, thousands
 from hdassist.terminal.influence_words import influence_words, measure_words, samples_words, settling_words
-from hdassist.terminal.wheels_page import heading
+from hdassist.terminal.wheels import heading
 from hdassist.verdict import Verdict
 
 UNKNOWN_AT_ZERO = "F_ior_nominal_arcsec, at_max and at_min take what is not known as 0"

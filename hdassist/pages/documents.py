@@ -16,7 +16,7 @@ from rich.text import Text
 
 from hdassist.pages import drawings
 from hdassist.pages.card import Card
-from hdassist.report.blocks import BLANK, Block, Curve, Figure, Paragraph, Seat, TwoCurves
+from hdassist.report.blocks import BLANK, Block, Figure, Paragraph
 from hdassist.report.report import Report
 from hdassist.terminal.brief import proof
 from hdassist.terminal.console import Style, console
@@ -26,7 +26,6 @@ from hdassist.visible import visible
 CARD_COLUMNS = 78  # of the card as plain text
 LINES_BESIDE = 46  # of the card as text: drawing, checks and empty lines, which stand side by side on paper
 CYRILLIC = range(0x400, 0x500)
-FIGURES = (Curve, TwoCurves, Seat)
 UNICODE = Style(ascii=False, codes=False, width=80)
 
 
@@ -116,4 +115,4 @@ def markdown_safe(value: Any) -> Any:
 
 def _figures_together(blocks: tuple[Block, ...]) -> list[tuple[bool, list[Block]]]:
     """Blocks in their order, figures and others apart, each with whether they are figures."""
-    return [(is_figure, list(some)) for is_figure, some in groupby(blocks, lambda block: isinstance(block, FIGURES))]
+    return [(is_figure, list(some)) for is_figure, some in groupby(blocks, lambda block: isinstance(block, Figure))]
