@@ -36,12 +36,6 @@ LEAST_ERROR = 1e-3  # arcsec: an F'_ior below it counts as that
 LEAST_SHARE = 0.1  # of F'_ior, that another coupling takes off where it is named
 
 
-def turns_text(degrees: float) -> str:
-    """A cam angle as turns and the degrees beyond them, for a column under that heading; 359.97 deg is a turn."""
-    turns, rest = divmod(round(degrees, 1), 360.0)
-    return f"{turns:.0f} + {rest:.1f}"
-
-
 def _angle_deg(end: str, angle: str, point: OperatingPoint) -> float:
     """An angle of the state with the greatest or the least error (at_max, at_min) [deg]."""
     return float(np.degrees(getattr(point.error.states, angle)[getattr(point.error, end)]))
@@ -67,7 +61,7 @@ POINT_QUANTITIES: tuple[Quantity[OperatingPoint], ...] = (
         Quantity(f"{end}.{angle}_deg", words, unit, digits, partial(_angle_deg, end, angle))
         for end, label in (("at_max", "greatest at phi_h"), ("at_min", "least at phi_h"))
         for angle, words, unit, digits in (
-            ("phi_h", label, "turns + deg", turns_text),
+            ("phi_h", label, "deg", ".1f"),
             ("phi_g", "  phi_g there", "deg", ".2f"),
             ("phi_b", "  phi_b there", "deg", ".2f"),
         )

@@ -1,4 +1,4 @@
-"""Reports and assembly cards as HTML, Markdown and plain text: the templates of templates/."""
+"""Reports as HTML and Markdown, assembly cards as HTML and plain text: the templates of templates/."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import io
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import groupby
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -16,7 +15,7 @@ from rich.text import Text
 
 from hdassist.pages import drawings
 from hdassist.pages.card import Card
-from hdassist.report.blocks import BLANK, Block, Figure, Paragraph
+from hdassist.report.blocks import BLANK, Figure, Paragraph
 from hdassist.report.report import Report
 from hdassist.terminal.brief import proof
 from hdassist.terminal.console import Style, console
@@ -36,17 +35,17 @@ def report_html(report: Report) -> str:
 
 def report_markdown(report: Report, style: Style) -> str:
     """A report as Markdown, with the tables of GitHub's dialect and figures in characters; style: of its texts."""
-    return _markdown("report.md", style, report=report, proof=proof(report.certificate, report.cross_checks))
+
+    def safe(value: Any) -> Any:
+        return markdown_safe(value if isinstance(value, Markup) else style.text(str(value)))
+
+    page = _environment(safe, style).get_template("report.md")
+    return page.render(report=report, proof=proof(report.certificate, report.cross_checks))
 
 
 def card_html(card: Card) -> str:
     """The card as one HTML file that prints on an A4 page: everything inside it, no scripts."""
     return _html("card.html", card=card, lines=lines_on_paper(card))
-
-
-def card_markdown(card: Card) -> str:
-    """The card as Markdown."""
-    return _markdown("card.md", UNICODE, card=card)
 
 
 def card_text(card: Card, *, ascii: bool = False) -> str:
@@ -71,13 +70,6 @@ def _html(name: str, **parts: Any) -> str:
     return page.get_template(name).render(**parts)
 
 
-def _markdown(name: str, style: Style, **parts: Any) -> str:
-    def safe(value: Any) -> Any:
-        return markdown_safe(value if isinstance(value, Markup) else style.text(str(value)))
-
-    return _environment(safe, style).get_template(name).render(**parts)
-
-
 def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bool = False) -> Environment:
     """Where templates are found, how what they print is made safe, and what they know of blocks.
 
@@ -94,7 +86,8 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
         text = visible(in_characters(figure, plain))
         return text if autoescape else Markup(text.replace("```", "'''"))
 
-    found.filters.update(drawn=drawn, kind=lambda block: type(block).__name__, together=_figures_together)
+    found.filters.update(drawn=drawn, kind=lambda block: type(block).__name__)
+    found.tests["figure"] = lambda block: isinstance(block, Figure)
     found.globals.update(vars(drawings), BLANK=BLANK)
     return found
 
@@ -111,8 +104,3 @@ def markdown_safe(value: Any) -> Any:
     if isinstance(value, Markup):
         return value
     return re.sub(r"([\\`*_\[\]<>|~&#])", r"\\\1", visible(str(value)).replace("\n", "\\n"))
-
-
-def _figures_together(blocks: tuple[Block, ...]) -> list[tuple[bool, list[Block]]]:
-    """Blocks in their order, figures and others apart, each with whether they are figures."""
-    return [(is_figure, list(some)) for is_figure, some in groupby(blocks, lambda block: isinstance(block, Figure))]

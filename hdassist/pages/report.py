@@ -16,7 +16,7 @@ from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import ResolvedField, origin_counts, resolved_fields, value_text
-from hdassist.report.blocks import Block, Curve, Facts, Paragraph, ReportSection, Seat, Table, Tiles
+from hdassist.report.blocks import Block, Facts, Paragraph, ReportSection, Seat, Table, Tiles
 from hdassist.report.report import Report
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.influence_words import field_unit, named, samples_words
@@ -45,9 +45,10 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     mount = mount_report(sheet.advice, seed, limits=[point.left_arcsec for point in sheet.check.points])
     stiff = stiffness_report(drive, sheet.stiffness)
     k, facts = Kinematics.of(drive), next(block for block in check.blocks if isinstance(block, Facts))
-    mounting = [
-        block for block in (*mount.blocks, *mount.details) if mount.exit_code == 0 or not isinstance(block, Seat)
-    ]
+    error = tuple(block for block in (*check.blocks, *check.details) if block is not facts)
+    mounting = (*mount.blocks, *mount.details)
+    if mount.exit_code:  # no position to go to, and none to draw
+        mounting = tuple(block for block in mounting if not isinstance(block, Seat))
     return Report(
         command="report",
         drive=drive,
@@ -56,9 +57,9 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
         why=(*check.why, *mount.why, *(f"{label}: {text}" for label, text in facts.rows)),
         blocks=(
             Tiles(tuple(_tiles(sheet))),
-            _section("Kinematic error", *check.blocks, *check.details),
-            _section("Mounting the fixed wheel", *mounting),
-            _section("Torsional stiffness", *stiff.blocks, *stiff.details),
+            ReportSection("Kinematic error", error),
+            ReportSection("Mounting the fixed wheel", mounting),
+            ReportSection("Torsional stiffness", (*stiff.blocks, *stiff.details)),
             ReportSection("What it rests on, and what is not known", tuple(_basis(sheet))),
             ReportSection("Where its values come from", tuple(_values(drive))),
             ReportSection("Provenance", (_provenance(drive, draws, seed),)),
@@ -77,12 +78,6 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
         warnings=sheet_warnings(sheet),
         exit_code=worst_exit_code([check.exit_code, mount.exit_code]),
     )
-
-
-def _section(title: str, *blocks: Block) -> ReportSection:
-    """Blocks under a title, seat and curves first."""
-    order = {Seat: 0, Curve: 1}
-    return ReportSection(title, tuple(sorted(blocks, key=lambda block: order.get(type(block), 2))))
 
 
 def _tiles(sheet: DriveSheet) -> Iterator[tuple[str, str, str]]:

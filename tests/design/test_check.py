@@ -15,7 +15,6 @@ from unittest import mock
 import pytest
 
 from hdassist import kinematic_error, load_preset, self_error
-from hdassist.pages.check import turns_text
 from hdassist.solve.walk import walk_library
 from hdassist.version import __version__
 from tests.process import ASSUMED, CLEAN, COMMAND, SMALL, TINY, interrupted, on_terminal, run, run_cold
@@ -405,12 +404,6 @@ def test_progress_shows_on_a_terminal_only():
     assert "%" in page
     with mock.patch("hdassist.terminal.output.BAR_PATIENCE", 0.0):
         assert run("check", TINY, "-q").stderr == ""
-
-
-def test_turns_carry_what_rounding_makes_a_whole_one() -> None:
-    assert [turns_text(deg) for deg in (0.0, 359.94, 359.97, 719.96, 725.5)] == [
-        "0 + 0.0", "0 + 359.9", "1 + 0.0", "2 + 0.0", "2 + 5.5"
-    ]  # fmt: skip
 
 
 def test_the_next_command_keeps_what_was_asked_for():

@@ -198,7 +198,7 @@ def test_cards(word: str, ascii: bool) -> None:
         warnings=replace(CARD.warnings, lines=(word,)),
         torques=replace(CARD.torques, rows=((word, *CARD.torques.rows[0][1:]),)),
     )
-    pages = documents.card_html(made), documents.card_markdown(made), documents.card_text(made, ascii=ascii)
+    pages = documents.card_html(made), documents.card_text(made, ascii=ascii)
     assert not hidden("".join(pages))
 
 
