@@ -95,15 +95,8 @@ def _basis(sheet: DriveSheet) -> Iterator[Block]:
     given, drawn = {row.path: row for row in resolved_fields(drive)}, check.prior.fields if check.prior else ()
     ranges = {each.path: f"{each.low:.4g} to {each.high:.4g}" for each in drawn}
     rows = tuple(
-        (
-            named(path),
-            f"{100 * share:.0f}",
-            value_text(given[path].value),
-            ranges[path],
-            given[path].unit,
-            given[path].ref,
-        )
-        for path, share in ((each.group, each.share) for each in check.influences)
+        (named(row.path), f"{100 * share:.0f}", value_text(row.value), ranges[row.path], row.unit, row.ref)
+        for row, share in ((given[each.group], each.share) for each in check.influences)
     )
     title = f"inputs by their share of the variance of ln F'_ior at {check.points[check.least_sure].M_g:g} N·m"
     yield Table(title, INPUT_HEADS, rows, words=(0, 4, 5))
