@@ -125,10 +125,22 @@ def test_the_short_page_fits_a_screen_and_ends_in_a_command():
     assert told["next"].startswith("hdassist mount ")
 
 
-def test_a_screen_holds_the_page_with_its_plot():
-    lines = run("check", "vzp160", "--draws", "8").stdout.splitlines()
+@pytest.mark.parametrize(
+    ("args", "verdict", "reason"),
+    [
+        (("vzp160",), "no limit set", "F'_ior, ″: median and range over 9 uncertain inputs (9 others as fitted)"),
+        (("mvz-80", "--limit", "20"), "INCONCLUSIVE", "10 N·m: F'_ior + self error ≤ 20″: "),
+    ],
+)
+def test_a_screen_answers_an_engineer_and_has_a_plot(args, verdict, reason):
+    lines = run("check", *args, "--draws", "8").stdout.splitlines()
     assert len(lines) <= 24
-    assert lines[-1].startswith("proof  ")
+    assert max(map(len, lines)) <= 80
+    assert lines[0] == f"{args[0]}, 200/202 teeth, rigid wheel fixed: {verdict}"  # verdict
+    assert lines[1].startswith(reason)  # how sure
+    starts = [line.split()[0] for line in lines if line]
+    assert [word for word in starts if word in ("measure", "next")] == ["measure", "next"]
+    assert starts[-1] == "proof"
 
 
 def test_a_coupling_is_named_where_it_is_a_lever():
