@@ -74,7 +74,7 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
 
 def _tiles(sheet: DriveSheet) -> Iterator[tuple[str, str, str]]:
     for point in sheet.check.points:
-        below = "arcsec, 5 to 95 % over what is not known" if point.belief else "arcsec over the full cycle"
+        below = "arcsec, 5 to 95 % over unknown inputs" if point.belief else "arcsec over the full cycle"
         yield (f"F'_ior at {point.M_g:g} N·m", F_ior_words(point, ".1f"), below)
     advice = sheet.advice
     if advice.order == "none":
