@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,12 +17,13 @@ from hdassist.pages.card import Card
 from hdassist.report.blocks import BLANK, Figure, Paragraph
 from hdassist.report.report import Report
 from hdassist.terminal.brief import proof
-from hdassist.terminal.console import Style, console
+from hdassist.terminal.console import Style
+from hdassist.terminal.output import Output
 from hdassist.terminal.page import block_on_page, in_characters
 from hdassist.visible import visible
 
 CARD_COLUMNS = 78  # of the card as plain text
-LINES_BESIDE = 46  # of the card as text: drawing, checks and empty lines, which stand side by side on paper
+LINES_BESIDE = 45  # of the card as text: drawing, checks and empty lines, which stand side by side on paper
 CYRILLIC = range(0x400, 0x500)
 UNICODE = Style(ascii=False, codes=False, width=80)
 
@@ -50,11 +50,9 @@ def card_html(card: Card) -> str:
 
 def card_text(card: Card, *, ascii: bool = False) -> str:
     """The card as text; ascii: with 7-bit characters only, but for Cyrillic letters."""
-    style, page = Style(ascii, codes=False, width=CARD_COLUMNS, beyond_ascii=CYRILLIC), io.StringIO()
-    for block in (Paragraph(card.title), *card.blocks):
-        for part in block_on_page(block, style):
-            console(page, style).print(Group(part, Text("")))
-    return "\n".join(line.rstrip() for line in page.getvalue().splitlines()) + "\n"
+    style = Style(ascii, codes=False, width=CARD_COLUMNS, beyond_ascii=CYRILLIC)
+    parts = [part for block in (Paragraph(card.title), *card.blocks) for part in block_on_page(block, style)]
+    return Output(style).page(Group(*[line for part in parts for line in (part, Text(""))]))
 
 
 def lines_on_paper(card: Card) -> int:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
 from hdassist.preset.yamltext import shown
-from hdassist.terminal.options import PitchOptions
+from hdassist.terminal.options import PitchOptions, stdin_once
 from hdassist.terminal.output import note
 
 if TYPE_CHECKING:
@@ -24,8 +24,7 @@ def pitch_files(presets: Sequence[str], options: PitchOptions) -> WheelFiles:
     found.require_sound()
     if found.files and len(presets) > 1:
         raise UsageError("measured teeth are those of one drive", "check the drives one by one")
-    if found.files and [*presets, *found.files.values()].count("-") > 1:
-        raise UsageError("standard input has one file, and - is given twice", "name the other file")
+    stdin_once(*presets, *found.files.values())
     return found
 
 
