@@ -46,14 +46,11 @@ NEIGHBOURS = 10.0  # bins: readings closer than that show the correlation of nei
 
 def order_columns(turns: Array, orders: Array) -> Array:
     """Cosines, then sines, of the orders at angles [turns], shape (angles, 2 orders)."""
-    # orders n + k/ratio: the wave of each is a product of two of few waves
-    whole, part = (np.unique(each.round(12), return_inverse=True) for each in np.divmod(orders, 1))
-    of_whole, of_part = (np.exp(2j * np.pi * each[:, None] * turns) for each, _ in (whole, part))
-    columns = np.empty((2, len(orders), len(turns)))
-    for k, (n, off) in enumerate(zip(whole[1], part[1], strict=True)):
-        wave = of_whole[n] * of_part[off]
-        columns[:, k] = wave.real, wave.imag
-    return columns.reshape(-1, len(turns)).T
+    whole, part = np.divmod(orders, 1)  # the wave of n + k/ratio is the product of two of few waves
+    part = part.round(12)
+    waves = {order: np.exp(2j * np.pi * order * turns) for order in {*whole.tolist(), *part.tolist()}}
+    wave = np.array([waves[n] * waves[off] for n, off in zip(whole.tolist(), part.tolist(), strict=True)])
+    return np.concatenate([wave.real, wave.imag]).T
 
 
 def curve_of(coefficients: Array, orders: Array, turns: Array) -> Array:
@@ -197,7 +194,7 @@ class TraceFit:
     @property
     def amplitude(self) -> Array:
         """Amplitude of each order [arcsec]."""
-        return np.hypot(*self.pair(self.coefficients))
+        return np.hypot(*self.coefficients.reshape(2, -1))
 
     @property
     def groups(self) -> list[OrderIndices]:
@@ -259,8 +256,7 @@ class TraceFit:
     @property
     def noise_power(self) -> Array:
         """Power of the noise in cosine and sine of each order [arcsec^2], shape (orders,)."""
-        cosine, sine = self.pair((self.factor**2).sum(axis=1))
-        return np.asarray(cosine + sine)
+        return np.asarray((self.factor**2).sum(axis=1).reshape(2, -1).sum(axis=0))
 
     @property
     def clear_of_noise(self) -> bool:
@@ -273,10 +269,6 @@ class TraceFit:
     def curve(self, turns: Array) -> Array:
         """The curve [arcsec] at cam angles [turns], without levels and drift."""
         return curve_of(self.coefficients, self.orders, turns)
-
-    def pair(self, values: Array) -> tuple[Array, Array]:
-        """Cosine and sine parts."""
-        return values[: len(self.orders)], values[len(self.orders) :]
 
 
 def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: Array | None = None) -> TraceFit:

@@ -49,9 +49,9 @@ class Peak:
     chance: float
 
 
-def with_lines(fit: TraceFit, orders: Array, finest: float) -> TraceFit:
+def with_lines(fit: TraceFit, finest: float) -> TraceFit:
     """A fit with the significant lines of its residuals; finest: the highest order that the readings resolve."""
-    bins = fit.design.bins
+    bins, orders = fit.design.bins, fit.orders
     while len(fit.lines) < MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
         peak = highest_peak(fit, min(finest, HIGHEST_LINE * float(orders[-1])))
         if peak is None or peak.chance > LINE_FALSE_ALARM or peak.amplitude < SMALLEST_LINE * fit.amplitude.max():
@@ -155,7 +155,7 @@ def _step(fit: TraceFit) -> Array:
     """By how much the orders of the lines have to move to fit better, to first order, shape (lines,)."""
     bins = fit.design.bins
     place = np.searchsorted(fit.orders, fit.lines)
-    a, b = (part[place] for part in fit.pair(fit.coefficients))
+    a, b = fit.coefficients.reshape(2, -1)[:, place]
     phase = (2 * np.pi) * bins.turns[:, None] * fit.lines
     slopes = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
     own = fit.design.residual(slopes)

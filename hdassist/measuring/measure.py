@@ -234,7 +234,7 @@ def require_drift(kind: str) -> None:
 
 def _with_lines_or_drift(fit: TraceFit, finest: float) -> tuple[TraceFit, float]:
     """A fit with the lines up to the finest order, and the linear drift [arcsec] that it has not taken off."""
-    fit = with_lines(fit, fit.orders, finest)
+    fit = with_lines(fit, finest)
     extent = float(np.ptp(fit.design.bins.error - fit.residual))
     return fit, 0.0 if len(fit.drift) else drift_of(fit, extent)
 
@@ -303,8 +303,7 @@ def _sweep_result(
         cycle = gearing.cycle * per_turn
         visited = np.unique(np.mod(places, cycle))
         steps = int(np.isin(np.mod(visited + 1, cycle), visited).sum())  # from one visited place to the next
-        step = float(np.median(np.abs(np.diff(trace.cam_deg[rows]))))
-        visits = Coverage(steps / per_turn, steps / cycle, step)
+        visits = Coverage(steps / per_turn, steps / cycle)
         if bins.span >= WHOLE_TURN * gearing.ratio and not len(fit.lines):
             places = visited
     grid, rng = places / per_turn, np.random.default_rng([seed, sign + 1])
