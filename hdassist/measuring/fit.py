@@ -194,7 +194,8 @@ class TraceFit:
     @property
     def amplitude(self) -> Array:
         """Amplitude of each order [arcsec]."""
-        return np.hypot(*self.coefficients.reshape(2, -1))
+        cosine, sine = self.coefficients.reshape(2, -1)
+        return np.hypot(cosine, sine)
 
     @property
     def groups(self) -> list[OrderIndices]:
