@@ -186,6 +186,12 @@ class TraceFit:
         """The values without levels, drift and slopes, shape (bins,)."""
         return self.curve(self.design.bins.turns) + self.residual
 
+    def beside(self, curves: Array) -> tuple[Array, Array]:
+        """Further columns of the design, shape (bins, columns), less what others of it fit, and their coefficients."""
+        own = self.design.residual(curves)
+        weighted = own * self.design.bins.weight[:, None]
+        return own, np.asarray(np.linalg.lstsq(weighted.T @ own, weighted.T @ self.residual, rcond=None)[0])
+
     @property
     def orders(self) -> Array:
         """Orders that were fitted, per cam turn, rising, shape (orders,)."""
@@ -289,14 +295,12 @@ def drift_of(fit: TraceFit, extent: float) -> float:
     a drift does not.
     """
     design, bins = fit.design, fit.design.bins
-    own = design.residual(bins.travel / design.reach)
-    square = float(bins.weight @ own**2)
-    size = float((bins.weight * own) @ fit.residual) / square
-    left = fit.residual - size * own
+    own, (size,) = fit.beside(bins.travel[:, None] / design.reach)
+    left = fit.residual - size * own[:, 0]
     variance = float(bins.weight @ left**2) / (len(bins) - design.columns)
     correlated, _ = residual_memory(design, left, variance)
-    uncertainty = float(np.sqrt(variance * max(correlated, 1.0) / square))
-    return size if abs(size) > max(DRIFT_CLEAR * uncertainty, DRIFTED * extent) else 0.0
+    uncertainty = float(np.sqrt(variance * max(correlated, 1.0) / (bins.weight @ own**2)[0]))
+    return float(size) if abs(size) > max(DRIFT_CLEAR * uncertainty, DRIFTED * extent) else 0.0
 
 
 def residual_memory(design: TraceDesign, residual: Array, variance: float) -> tuple[float, float]:

@@ -79,8 +79,8 @@ def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
     place, tail = _least_likely(probes[free], power[free], power[free], resolution, per_probe)
     order = float(probes[free][place])
     # in a short record side lobes of a line reach its neighbours: they are looked at without it
-    rest = fit.residual - _line_curves(fit, np.array([order]))[:, 0]
-    _, others = residual_power(bins, rest, variance)
+    own, pair = fit.beside(order_columns(bins.turns, np.array([order])))
+    _, others = residual_power(bins, fit.residual - own @ pair, variance)
     near = np.abs(probes[free] - order) < LINE_WIDTH * resolution
     _, alone = _least_likely(probes[free], np.where(near, power[free], 0.0), others[free], resolution, per_probe)
     chance = PROBES_PER_PLACE * int(free.sum()) * per_probe * float(np.exp(min(tail, alone)))
@@ -112,18 +112,6 @@ def _tail(power: Array, total: Array, first: NDArray[np.int64], last: NDArray[np
     return np.asarray(np.where(places >= FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
 
 
-def _line_curves(fit: TraceFit, orders: Array) -> Array:
-    """Curves that lines of single orders fit to the residuals, shape (bins, orders)."""
-    bins = fit.design.bins
-    own = fit.design.residual(order_columns(bins.turns, orders))
-    curves = np.empty((len(bins), len(orders)))
-    for k in range(len(orders)):
-        pair = own[:, [k, k + len(orders)]]
-        weighted = pair * bins.weight[:, None]
-        curves[:, k] = pair @ np.linalg.lstsq(weighted.T @ pair, weighted.T @ fit.residual, rcond=None)[0]
-    return curves
-
-
 def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     """A fit with one line more, the orders of the lines moved to where they fit best.
 
@@ -147,8 +135,9 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     places = np.unique(places[(np.abs(places - order) < 0.5) & (distance(places, every) > CLOSEST_ORDERS * resolution)])
     if not len(places):
         raise UntrustedError("no room for a line", "")
-    squares = bins.weight @ _line_curves(fit, places) ** 2
-    return fit_orders(bins, orders, slow, np.append(fit.lines, places[int(squares.argmax())]))
+    pairs = [fit.beside(order_columns(bins.turns, place[None])) for place in places]
+    squares = [bins.weight @ (own @ pair) ** 2 for own, pair in pairs]
+    return fit_orders(bins, orders, slow, np.append(fit.lines, places[int(np.argmax(squares))]))
 
 
 def _step(fit: TraceFit) -> Array:
@@ -158,6 +147,4 @@ def _step(fit: TraceFit) -> Array:
     a, b = fit.coefficients.reshape(2, -1)[:, place]
     phase = (2 * np.pi) * bins.turns[:, None] * fit.lines
     slopes = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
-    own = fit.design.residual(slopes)
-    weighted = own * bins.weight[:, None]
-    return np.asarray(np.linalg.lstsq(weighted.T @ own, weighted.T @ fit.residual, rcond=None)[0])
+    return fit.beside(slopes)[1]

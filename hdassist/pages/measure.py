@@ -233,9 +233,10 @@ def _sweep(found: SweepResult) -> Json:
     """One direction as a JSON object."""
     return {
         **as_object(SWEEP_QUANTITIES, found),
-        "orders": [as_object(ORDER_COLUMNS, order) for order in found.orders],
-        "orders_of_cam": [as_object(ORDER_COLUMNS, order) for order in found.orders_of_cam],
-        "lines": [as_object(ORDER_COLUMNS, line) for line in found.lines],
+        **{
+            name: [as_object(ORDER_COLUMNS, order) for order in getattr(found, name)]
+            for name in ("orders", "orders_of_cam", "lines")
+        },
         "budget": [as_object(_BUDGET, source) for source in found.sources],
     }
 
@@ -259,16 +260,12 @@ def _csv(result: Measurement) -> CsvTable:
     return ["file", "direction", "sweep", "cam_deg", "error_arcsec", "fitted_arcsec"], rows
 
 
-def repeats(results: Sequence[Measurement]) -> Json | None:
-    """Mean and standard deviation of F'_ior over files, as of repeat runs; None for one file."""
+def repeats(results: Sequence[Measurement]) -> tuple[Json, list[str]]:
+    """F'_ior over files, as of repeat runs: for JSON, and in a line; both empty for one file."""
     values = [result.F_ior_arcsec for result in results]
     if len(values) < 2:
-        return None
-    spread = float(np.std(values, ddof=1))
-    return {"files": len(values), "mean_arcsec": float(np.mean(values)), "standard_deviation_arcsec": spread}
-
-
-def repeats_line(repeats: Json) -> str:
-    """Repeat runs in a line."""
-    mean, spread = repeats["mean_arcsec"], repeats["standard_deviation_arcsec"]
-    return f"{repeats['files']} files: F'_ior {mean:.2f}″ on the mean, standard deviation {spread:.2f}"
+        return {}, []
+    mean, spread = float(np.mean(values)), float(np.std(values, ddof=1))
+    found = {"files": len(values), "mean_arcsec": mean, "standard_deviation_arcsec": spread}
+    line = f"{len(values)} files: F'_ior {mean:.2f}″ on the mean, standard deviation {spread:.2f}"
+    return {"repeat_runs": found}, [line]
