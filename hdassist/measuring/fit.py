@@ -147,15 +147,16 @@ class TraceDesign:
 class TraceFit:
     """Least squares of values at the bins of a design [arcsec], shape (bins,).
 
-    lines: those of the orders that were found in the residuals, rising; coefficients: of the cosines, then of the
-    sines, shape (2 orders,); level: shape (sweeps,); drift: coefficients, shape (degree,); slopes: over columns of the
-    bins by name, each with its standard uncertainty: over speed [arcsec s/turn], over the load; residual: shape
-    (bins,); variance: of it, at weight 1; correlated: bins that err together; unmodelled: size of the residuals beyond
-    noise of reading.
+    orders: per cam turn, rising; lines: those that were found in the residuals, rising; coefficients: of the cosines,
+    then of the sines, shape (2 orders,); level: shape (sweeps,); drift: coefficients, shape (degree,); slopes: over
+    columns of the bins by name, each with its standard uncertainty: over speed [arcsec s/turn], over the load;
+    residual: shape (bins,); variance: of it, at weight 1; correlated: bins that err together; unmodelled: size of the
+    residuals beyond noise of reading.
     """
 
     def __init__(self, design: TraceDesign, values: Array, lines: Array) -> None:
-        self.design, self.lines, bins = design, lines, design.bins
+        bins = self.bins = design.bins
+        self.design, self.lines, self.orders = design, lines, design.orders
         solution, self.residual = design.project(lambda rows: values[rows]), design.residual(values)
         self.variance = float(bins.weight @ self.residual**2) / (len(bins) - design.columns)
         self.correlated, self.unmodelled = residual_memory(design, self.residual, self.variance)
@@ -184,18 +185,13 @@ class TraceFit:
     @property
     def error(self) -> Array:
         """The values without levels, drift and slopes, shape (bins,)."""
-        return self.curve(self.design.bins.turns) + self.residual
+        return self.curve(self.bins.turns) + self.residual
 
     def beside(self, curves: Array) -> tuple[Array, Array]:
         """Further columns of the design, shape (bins, columns), less what others of it fit, and their coefficients."""
         own = self.design.residual(curves)
-        weighted = own * self.design.bins.weight[:, None]
+        weighted = own * self.bins.weight[:, None]
         return own, np.asarray(np.linalg.lstsq(weighted.T @ own, weighted.T @ self.residual, rcond=None)[0])
-
-    @property
-    def orders(self) -> Array:
-        """Orders that were fitted, per cam turn, rising, shape (orders,)."""
-        return self.design.orders
 
     @property
     def amplitude(self) -> Array:
@@ -207,7 +203,7 @@ class TraceFit:
     def groups(self) -> list[OrderIndices]:
         """Places of the orders in groups: those that the record does not resolve from a line are together."""
         line = np.isin(self.orders, self.lines)
-        near = np.diff(self.orders) < RESOLVED_GAP / self.design.bins.span
+        near = np.diff(self.orders) < RESOLVED_GAP / self.bins.span
         ends = np.flatnonzero(~(near & (line[1:] | line[:-1]))) + 1
         return np.split(np.arange(len(self.orders)), ends)
 
@@ -223,7 +219,7 @@ class TraceFit:
 
     def mean_square(self, own: OrderIndices) -> Array:
         """Twice the mean products of cosines and sines of some orders over the record: of even turns, the identity."""
-        columns, weight = order_columns(self.design.bins.turns, self.orders[own]), self.design.bins.weight
+        columns, weight = order_columns(self.bins.turns, self.orders[own]), self.bins.weight
         return np.asarray(2 * (columns.T * weight) @ columns / weight.sum() if len(own) > 1 else np.eye(2))
 
     def wave(self, own: OrderIndices, square: Array | None = None) -> tuple[float, float, float, float]:
@@ -294,7 +290,7 @@ def drift_of(fit: TraceFit, extent: float) -> float:
     It is fitted together with the orders: those of the beats take most of it, but none of them closes with the cycle as
     a drift does not.
     """
-    design, bins = fit.design, fit.design.bins
+    design, bins = fit.design, fit.bins
     own, (size,) = fit.beside(bins.travel[:, None] / design.reach)
     left = fit.residual - size * own[:, 0]
     variance = float(bins.weight @ left**2) / (len(bins) - design.columns)

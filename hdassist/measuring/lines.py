@@ -51,7 +51,7 @@ class Peak:
 
 def with_lines(fit: TraceFit, finest: float) -> TraceFit:
     """A fit with the significant lines of its residuals; finest: the highest order that the readings resolve."""
-    bins, orders = fit.design.bins, fit.orders
+    bins, orders = fit.bins, fit.orders
     while len(fit.lines) < MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
         peak = highest_peak(fit, min(finest, HIGHEST_LINE * float(orders[-1])))
         if peak is None or peak.chance > LINE_FALSE_ALARM or peak.amplitude < SMALLEST_LINE * fit.amplitude.max():
@@ -65,7 +65,7 @@ def with_lines(fit: TraceFit, finest: float) -> TraceFit:
 
 def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
     """The peak of the residuals, up to an order, that stands out most from its neighbours; None: there is no room."""
-    bins = fit.design.bins
+    bins = fit.bins
     variance = float((bins.weight * fit.residual**2).mean())
     if not variance:
         return None
@@ -119,7 +119,7 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     them, or half the resolution beside one, where it takes most of the residuals: together they fit the error there.
     Raises UntrustedError where there is no room.
     """
-    bins, slow, resolution = fit.design.bins, fit.design.slow, 1 / fit.design.bins.span
+    bins, slow, resolution = fit.bins, fit.design.slow, 1 / fit.bins.span
     held = fit.unresolved[np.searchsorted(fit.orders, fit.lines)]
     with suppress(UntrustedError):  # it came to where an order is
         trial = fit_orders(bins, orders, slow, np.append(fit.lines, order))
@@ -142,7 +142,7 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
 
 def _step(fit: TraceFit) -> Array:
     """By how much the orders of the lines have to move to fit better, to first order, shape (lines,)."""
-    bins = fit.design.bins
+    bins = fit.bins
     place = np.searchsorted(fit.orders, fit.lines)
     a, b = fit.coefficients.reshape(2, -1)[:, place]
     phase = (2 * np.pi) * bins.turns[:, None] * fit.lines

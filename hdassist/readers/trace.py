@@ -124,6 +124,15 @@ class MeasuredTrace:
     time_s: Array | None = None
     load: Array | None = None
 
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """Rows of the sweeps."""
+        return np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in self.sweeps])
+
+    def one_way(self, sign: int) -> MeasuredTrace:
+        """The trace with its sweeps in a direction alone; 0 for both."""
+        return replace(self, sweeps=tuple(each for each in self.sweeps if each.direction == sign or not sign))
+
     def without(self, rows: NDArray[np.int64]) -> MeasuredTrace:
         """The trace without some rows."""
         columns = ("cam_deg", "error_arcsec", "line", "time_s", "load")
