@@ -1,6 +1,6 @@
 """Kinematic error of harmonic drives, and how to make it less: the Python interface.
 
-The names below load their parts when first used, so that importing hdassist costs nothing.
+The names below load their parts when first used, so that importing hdassist costs no time.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the answers of a lot say together: counts, and the yield with its interval."""
+"""The answers of a lot together: counts, and the yield with its interval."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
         return accept(row.request, inputs, predictions, row.place)
     except HdassistError as error:
         return failure_of(row, error)
-    except (MemoryError, OSError):  # what the system refuses is no row's
+    except (MemoryError, OSError):  # a refusal of the system is no row's
         raise
     except Exception as bug:  # that row's answer, with the exit code of a bug: the others go on
         if debug:

@@ -170,7 +170,7 @@ def draw_samples(
 
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
     the drive; further, figures that each sample has beside F'_ior, and further_name, all that they depend on beside the
-    drive, in words, without which draws with them are not kept; enough, whether samples suffice for what they are for;
+    drive, in words, without which draws with them are not kept; enough, whether samples suffice for their purpose;
     effort, limits of sampling; seen, called with the samples so far.
     Raises UsageError for a drive with rolling balls, UntrustedError where too few samples agree with the evidence, or
     too few draws are drives.
@@ -215,8 +215,8 @@ def draw_samples(
 def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: float = SURE) -> bool:
     """Whether the Monte Carlo error of no probability of keeping a limit reaches over a threshold of its verdict.
 
-    Arguments: left_arcsec, at each torque what a limit leaves F'_ior beside the self error, None without a limit; sure,
-    probability that PASS needs.
+    Arguments: left_arcsec, at each torque the room that a limit leaves F'_ior beside the self error, None without a
+    limit; sure, probability that PASS needs.
     """
     found = [samples.probability_within(left, k, sure) for k, left in enumerate(left_arcsec) if left is not None]
     return all(is_settled(each.low, each.high, sure) for each in found)

@@ -1,6 +1,6 @@
 """F'_ior of very many draws of the deviations of one drive, read off a table of its error (error/table.py).
 
-A table costs as much as some searches, a drive read off it next to nothing. Turning the wheel forward is turning back
+A table costs as much as some searches, a drive read off it hardly any. Turning the wheel forward is turning back
 all that stands: a draw whose offset points one step further has, one position further, the F'_ior of the draw before
 it. So each draw is read in all directions of what stands, and all positions of it cost one F'_ior each.
 """

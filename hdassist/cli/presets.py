@@ -211,13 +211,13 @@ class PresetsNewCommand(TextOptions, WishOptions):
       hdassist presets new own --ratio 100 --stiffness 3.1e4,5e4,5.7e4 --lost-motion '1 arcmin'
       hdassist presets new my-drive -o my-drive.yaml
 
-    --coupling first: it says how far offsets of the cam are felt, and so what turning the wheel can bring. oldham: the
-    wave generator floats on an Oldham coupling; solid: it is one piece with its hub; overhung: it sits on the end of a
-    motor's shaft.
-    What is not given grows with the size of the other drive, is marked as assumed, and has its plausible range.
+    --coupling first: it says how far offsets of the cam are felt, and so how much turning the wheel can bring. oldham:
+    the wave generator floats on an Oldham coupling; solid: it is one piece with its hub; overhung: it sits on the end
+    of a motor's shaft.
+    A value that is not given grows with the size of the other drive, is marked as assumed, and has its plausible range.
     The size is --pitch-diameter, else that of K3 by the cube law of catalogues, else that of --torque by the cube law.
     --stiffness, --lost-motion and --accuracy stand in the preset's table catalogue as they are given: evidence by which
-    check weighs what is assumed.
+    check weighs assumed values.
     """
 
     name: str

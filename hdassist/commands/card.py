@@ -93,7 +93,7 @@ def give_with_card(
     """Write a report and its card; returns the exit code.
 
     Arguments: command, for the schema; report; card that was asked for; facts that it tells, in the language of its
-    texts, None where nothing can be ordered: then there is no card; options; out.
+    texts, None where no order can be given: then there is no card; options; out.
     """
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import give

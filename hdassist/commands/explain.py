@@ -1,4 +1,4 @@
-"""`hdassist explain`: what a name stands for."""
+"""`hdassist explain`: the meaning of names."""
 
 from __future__ import annotations
 

@@ -28,10 +28,10 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
       hdassist measure --history 17-042 --archive rig1
 
     A file has a column of angles and one of errors, or of a second encoder. F'_ior is the range of the error limited to
-    the orders, without what noise adds; it is a lower bound unless the full cycle was visited. Each direction stands by
-    itself. A file of approached positions (target_deg, deviation_arcsec, side) or of torque loops (torque_Nm,
-    twist_arcsec, place) has what makers state beside F'_ior. Exit codes: 0, 4 bad file, 5 orders or F'_ior that the
-    record does not tell.
+    the orders, without the share of noise; it is a lower bound unless the full cycle was visited. Each direction stands
+    by itself. A file of approached positions (target_deg, deviation_arcsec, side) or of torque loops (torque_Nm,
+    twist_arcsec, place) has the figures that makers state beside F'_ior. Exit codes: 0, 4 bad file, 5 orders or F'_ior
+    that the record does not tell.
     """
 
     files: list[str]

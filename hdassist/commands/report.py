@@ -24,7 +24,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
     One file without scripts, for screens (light and dark) and for A4 paper; the numbers are those of check, mount and
     stiffness, and the same input gives the same bytes. -o names a .html or .md file; without it Markdown goes to
-    standard output. Nothing is ordered that what is not known could reverse.
+    standard output. An order is given only if unknown inputs cannot reverse it.
     Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy answer, 6 INCONCLUSIVE, or no position of the
     wheel that could be ordered; the report is written with 0, 3 and 6.
     """

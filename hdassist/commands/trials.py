@@ -25,13 +25,13 @@ class TrialsCommand(o.FigureOptions, o.CardOptions, o.TraceOptions, o.LoadedDriv
     seat, the first three 120 deg apart, at a light torque, measure F'_ior in each and give them all: the offset of the
     cam (wave generator) is inferred, with all that is uncertain, and the best position with it. Five or six trials are
     normal; the position to measure next is named. Turns and holes count from where the wheel stood before the first
-    trial, counter-clockwise seen from the cam side. Repeat one position: only that tells the noise.
+    trial, counter-clockwise seen from the cam side. Repeat one position: only that gives the noise.
     It is settled where the choice loses less than 5 % against the best position with a probability of 90 % (--sure),
     else the exit code is 6; values that the drive cannot show are refused at once (5). --verify compares the outcome
     with its prediction and with the other positions, and says keep, or go back (3), or that another may be better (6).
     -q prints the hole to be in, 0 being the first one, or unknown; before it is settled there is no card.
     In place of a value a record of the error may stand: its F'_ior and the uncertainty of that are those of hdassist
-    measure, the full cycle needed. What the preset has as measured.F_ior at the torque is one more trial, given or not.
+    measure, the full cycle needed. The preset's measured.F_ior at the torque is one more trial, given or not.
     Measured teeth cannot be combined with trials: these need searches, and measured teeth every state.
     """
 

@@ -67,7 +67,7 @@ def recorded_lines(
 ) -> ErrorLines:
     """Lines of drives that agree with a record, from those of drives as this one may be.
 
-    Their mean is what the record says. Without a record at this torque phases are any. misfit: standard deviation of a
+    Their mean is that of the record. Without a record at this torque phases are any. misfit: standard deviation of a
     line from that of a drive, over its size, where drives agree with the records; None where phases are any.
     """
     lines = with_waves_of_teeth(lines) if record else lines

@@ -114,7 +114,7 @@ def kinematic_error(
 ) -> KinematicError:
     """Kinematic error of a drive at a torque M_g [N*m], over the full cycle unless states are given.
 
-    Deviations that are not known count as 0 here; the room `belief` has what they may come to.
+    Deviations that are not known count as 0 here; the room `belief` has their ranges.
     Arguments: teeth, measured tooth deviations in place of first harmonics; solver, a name that cvxpy
     knows, to send each state through cvxpy instead of the engine.
     Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted.

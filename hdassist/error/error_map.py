@@ -35,7 +35,7 @@ GRID = 60  # positions of each wheel where they are solved, at most: 40 missed a
 PROMISING = 0.06  # of F'_ior: one state is solved on a hill that is estimated no further below the highest
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
 STILL_NEAR = 0.01  # of F'_ior: so near it has to be once the states around it are known
-SEARCH_REACH = 5  # steps from an extreme, along each wheel, within which nothing is higher
+SEARCH_REACH = 5  # steps from an extreme, along each wheel, within which no state is higher
 STRIDES = 4, 2  # steps to the states of the first looks around, the first of them where the grid is coarser than READ
 SHORT_CYCLE = 4000  # states of a cycle below which all are solved
 SEARCHED = 3800  # states that proposals solve of a drive, about
@@ -49,9 +49,9 @@ class Batch:
     columns: Mapping[str, Array]
 
     @classmethod
-    def of(cls, drive: Drive) -> Batch:
-        """A drive alone."""
-        return cls(drive, {"tolerances.F_i1": np.array([drive.number("tolerances.F_i1")])})
+    def of(cls, drive: Drive, count: int = 1) -> Batch:
+        """A drive alone, or so many times."""
+        return cls(drive, {"tolerances.F_i1": np.full(count, drive.number("tolerances.F_i1"))})
 
     @classmethod
     def turned(cls, drive: Drive, rotations_deg: Sequence[float] | Array) -> Batch:
@@ -64,6 +64,11 @@ class Batch:
     def take(self, rows: Indices) -> Batch:
         """The drives in some rows."""
         return Batch(self.drive, {path: column[rows] for path, column in self.columns.items()})
+
+    def drives(self) -> list[Drive]:
+        """The drives one by one."""
+        rows = zip(*(column.tolist() for column in self.columns.values()), strict=True)
+        return [self.drive.with_values(dict(zip(self.columns, row, strict=True))) for row in rows]
 
     def scalars(self, row: Indices, alpha_g: Array, alpha_b: Array) -> Array:
         """Scalars [mm] of the drives in some rows, where their wheels stand so [rad]; shapes broadcast."""
@@ -99,8 +104,8 @@ def searchable(drive: Drive) -> bool:
 class ErrorMap:
     """The error of drives that share a contact system, at one torque, over all tooth positions.
 
-    Arguments: drive, what they have in common; M_g, the torque [N*m]; formulation of the contact system, where it is
-    there already; like, a load case to start from. Raises UsageError for a drive with rolling balls.
+    Arguments: drive, all that they have in common; M_g, the torque [N*m]; formulation of the contact system, where it
+    is there already; like, a load case to start from. Raises UsageError for a drive with rolling balls.
     """
 
     def __init__(

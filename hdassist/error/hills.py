@@ -48,7 +48,7 @@ class Hills:
 
 
 def hills_of(maps: Array, to_points: Callable[[Array], Indices]) -> Hills:
-    """Points of maps of the torus, shape (drives, k, l), with no higher one beside them, and of what is upside down.
+    """Points of maps of the torus, shape (drives, k, l), with no higher one beside them, and of the map upside down.
 
     Between the points of a map they lie where a parabola through their neighbours has its top. Argument: to_points,
     from places in a map, shape (hills, 2), to points at which there is a state.

@@ -79,7 +79,7 @@ class Stiffness:
 
     @property
     def play_arcsec(self) -> float:
-        """Twist between the least torques to both sides: what the clearances leave free."""
+        """Twist between the least torques to both sides: the backlash of the clearances."""
         return self.twist_at(NEAR_ZERO * self.rated) - self.twist_at(-NEAR_ZERO * self.rated)
 
 

@@ -1,4 +1,4 @@
-"""What makers and buyers state of a drive beside F'_ior: from approached positions, and from torque loops.
+"""Figures that makers and buyers state of a drive beside F'_ior: from approached positions, and from torque loops.
 
 Positions: every deviation is that of its position and side, and scatter of the approach, alike everywhere. Statistics
 of drawn approaches say how uncertain those of the measured ones are, and by how much scatter widens a range.
@@ -29,7 +29,7 @@ SAME_TARGET = 0.5  # arcsec: targets nearer than that are one
 class StatedQuantity:
     """A quantity that makers state: name of its limit in acceptance, value and standard uncertainty [arcsec].
 
-    uncertainty_arcsec: None where nothing was repeated. of: the readings that it is of, in words.
+    uncertainty_arcsec: None without repetition. of: the readings that it is of, in words.
     """
 
     name: str

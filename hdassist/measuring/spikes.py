@@ -45,7 +45,7 @@ def without_spikes(trace: MeasuredTrace, sweeps: Sequence[AngleSweep], fit: Trac
     far = size > max(SPIKE_SIGMAS * noise, SPIKE_RANGE_SHARE * float(np.ptp(fitted)), float(size.max()) / 2)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], far, [0]]))).reshape(-1, 2)
     short = [k for first, last in edges.tolist() if last - first <= LONGEST_SPIKE for k in range(first, last)]
-    short = [k for k in short if beside[k] > size[k] / 2]  # what a fit misses is smooth
+    short = [k for k in short if beside[k] > size[k] / 2]  # the misfit is smooth
     if not short:
         return trace, ""
     words = f"lines {shortened(trace.line[rows[short]].tolist(), NAMED_LINES)}: {size[short].max():.3g}″ off the others"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hdassist.model.geometry import Array, Geometry
 from hdassist.preset.fields import Drive
 
-STRIP = 4  # cam revolutions abreast: 4 x 8 states, about square, are what the engine carries along at once
+STRIP = 4  # cam revolutions abreast: 4 x 8 states, about square, are carried along by the engine at once
 
 
 @dataclass(frozen=True)

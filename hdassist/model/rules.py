@@ -1,4 +1,4 @@
-"""What fields must satisfy together for there to be a drive: teeth that mesh, rings that fit, by the model's geometry.
+"""Rules that the fields of a drive satisfy together: teeth that mesh, rings that fit, by the model's geometry.
 
 Beside each rule stand the fields that it looks at. Lengths in mm, angles in rad.
 """
@@ -15,7 +15,7 @@ from hdassist.model.geometry import Geometry, flank_candidates
 from hdassist.preset.fields import Drive, field_table, sections
 from hdassist.preset.rules import Conflict, field_conflicts
 
-MAX_THICKNESS = 0.2  # of its radius: beyond that the theory of thin rings means nothing
+MAX_THICKNESS = 0.2  # of its radius: beyond that the theory of thin rings does not hold
 MAX_OVERLAP = 0.1  # modules that nominal teeth may overlap: the rings give way by some of it
 
 PROFILES = ("gears.m", "gears.z_g", "gears.z_b", "gears.x_g", "gears.x_b", "gears.h_a")
@@ -43,7 +43,7 @@ def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, 
     yield from field_conflicts(values)
     if not {*MESH_FIELDS, "bearing.ring_h"} <= values.keys():
         return
-    meshes = values["gears.z_b"] - values["gears.z_g"] == 2  # nothing more can be said of other teeth
+    meshes = values["gears.z_b"] - values["gears.z_g"] == 2  # other teeth have no such rule
     tables: dict[str, dict[str, Any]] = {section: {} for section, _ in sections()}
     for path, value in values.items():
         section, name = path.split(".")
@@ -115,7 +115,7 @@ def teeth_mesh(geometry: Geometry) -> Iterator[Conflict]:
     wheels = (geometry.flexspline.base_radius, geometry.r_ag), (geometry.rigid.base_radius, geometry.r_ab)
     coarse = (teeth_reach, tips_come_free, roots_have_room, rim_is_thin)
     if any(base >= tip for base, tip in wheels) or any(any(rule(geometry)) for rule in coarse):
-        return  # said by the other rules
+        return  # faults of the other rules
     try:
         flanks = flank_candidates(geometry)
     except UntrustedError:  # the tips just reach each other, the flanks do not

@@ -29,8 +29,8 @@ class PitchFile:
 
     deviation: cumulative deviations [um] without their mean, shape (teeth,), positive along +theta
     (counter-clockwise, seen from the cam side); element 0 is the tooth with the mark, and teeth follow
-    counter-clockwise. mark: the number of that tooth where it was measured. flank, file, sha256: what was measured, and
-    the file that says so. notes: what was converted or assumed.
+    counter-clockwise. mark: the number of that tooth where it was measured. flank, file, sha256: the measured flank,
+    and its file. notes: conversions and assumptions.
     """
 
     deviation: NDArray[np.float64]

@@ -55,7 +55,7 @@ def mounting_curve(
     should more than SEARCH_TOLERANCE have been missed there, everywhere.
 
     Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
-    drawn, whether samples of what is not known are drawn too. Raises UsageError where the present position is not the
+    drawn, whether samples of uncertain inputs are drawn too. Raises UsageError where the present position is not the
     first, UntrustedError where an answer cannot be trusted.
     """
     if not len(rotations_deg) or rotations_deg[0] != 0:

@@ -111,7 +111,7 @@ def _angles(result: Comparison) -> Iterator[tuple[str, float, float | None]]:
 
 
 def _why(result: Comparison) -> str:
-    """What the conclusion stands on, in a sentence."""
+    """The grounds of the conclusion, in a sentence."""
     best, kind = result.conclusion.best, result.conclusion.kind
     if kind == "agrees":
         return "noise and stiffnesses that are a little off explain the difference"
@@ -134,7 +134,7 @@ def _why(result: Comparison) -> str:
 
 
 def _facts(result: Comparison) -> Iterator[tuple[str, str]]:
-    """Where the record begins, other explanations, what is left and the next command, a label and a text each."""
+    """Where the record begins, other explanations, the residual and the next command, a label and a text each."""
     best, joint = result.conclusion.best, result.joint
     yield from (each for each in _starts(result) if not each[1].endswith("given"))
     if best and result.conclusion.kind == "one":

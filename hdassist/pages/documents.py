@@ -82,7 +82,7 @@ def _markdown(name: str, style: Style, **parts: Any) -> str:
 def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bool = False) -> Environment:
     """Where templates are found, how what they print is made safe, and what they know of blocks.
 
-    Lines with nothing but a tag leave none.
+    Lines of a tag alone leave none.
     """
     found = Environment(
         loader=PackageLoader("hdassist.pages"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
@@ -91,7 +91,7 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
     plain = replace(style, codes=False, width=UNICODE.width)
 
     def drawn(figure: Figure) -> str:
-        """A figure in characters; in a fenced block of Markdown nothing is a sign but the fence."""
+        """A figure in characters; in a fenced block of Markdown only the fence is a sign."""
         text = visible(in_characters(figure, plain))
         return text if autoescape else Markup(text.replace("```", "'''"))
 

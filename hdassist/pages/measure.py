@@ -155,7 +155,7 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
 
 
 def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Largest orders, what is missing, how the file was read and the next command, a label and a text each."""
+    """Largest orders, missing positions, how the file was read and the next command, a label and a text each."""
     found, file = result.directions[0], result.trace.file
     greatest = sorted(found.orders_of_cam, key=lambda o: -o.amplitude_arcsec)[:_NAMED_ORDERS]
     named = (
@@ -184,7 +184,7 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> 
 
 
 def _torque(torque: RecordedTorque) -> str:
-    """The torque of a record, the wind-up that was taken off, and by what."""
+    """The torque of a record, the wind-up that was taken off, and by which law."""
     words = f"{torque.mean_Nm:.4g} N·m on the mean, {torque.least_Nm:.4g} to {torque.greatest_Nm:.4g}"
     if not torque.by:
         return words
@@ -210,7 +210,7 @@ def _slow(found: SweepResult) -> str:
 
 
 def _curve(found: SweepResult) -> Curve:
-    """The error in the first sweep of a direction, without what was taken off."""
+    """The error in the first sweep of a direction, without the parts taken off."""
     first = found.bins.sweep == 0
     words = f"error, ″, {DIRECTION_NAMES[found.direction]} cam angle"
     turns = found.bins.turns[first]

@@ -54,7 +54,7 @@ LINE_QUANTITIES: tuple[Quantity[LineSeen], ...] = (
 
 
 def plan_report(choice: PlanChoice) -> Report:
-    """Which test of F'_ior of a drive is enough, and what the first of the plans sees."""
+    """Which test of F'_ior of a drive is enough, and how much the first of the plans sees."""
     drive, drives, first = choice.drive, choice.drives, choice.judged[0].plan
     limit, F_ior = drive.limit(choice.M_g), drives.percentiles(drives.F_ior_arcsec)
     names = " or a ".join(each.plan.name for each in choice.enough)

@@ -76,7 +76,7 @@ def stiffness_report(drive: Drive, found: Stiffness) -> Report:
 
 
 def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
-    """What a reader should know beside the numbers."""
+    """Warnings beside the numbers."""
     if drive.operation.rated is not None:
         return drive.origin.warnings
     asked = is_overridden("operation.M_g", drive.origin.overrides)

@@ -26,7 +26,7 @@ PLOTTED_SHARES = np.linspace(0, 100, 201)  # of drives, %
 _PLOTTED_ROWS = 5
 GAIN_SHARES = (0.05, 0.5, 0.95)  # quantiles of the gain of turning
 MORE_DRIVES = "more drives (-n) may decide it"
-FEW_DESIGNS = 8  # fewer say little of what the yield of the type may be
+FEW_DESIGNS = 8  # fewer hardly bound the yield of the type
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def _verdict(advice: TrialAdvice) -> str:
 
 
 def trials_warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
-    """What a reader should know beside the numbers."""
+    """Warnings beside the numbers."""
     yield from warnings_of(advice.drive, say)
     outcome, rig, (best, good) = advice.outcome, advice.prior.rig, advice.losses.chosen
     if advice.suspected:
@@ -121,7 +121,7 @@ def _outcome(advice: TrialAdvice, of: Prediction) -> str:
 
 
 def trials_instruction(advice: TrialAdvice) -> str:
-    """What to do with the wheel, and how sure that is; where the trials do not settle it, what to measure."""
+    """The order on the wheel, and how sure it is; where the trials do not settle it, the measurement to make."""
     if back := advice.back_to:
         there = f"Go back to {advice.where(back.rotation_deg)}, where {back.F_ior_arcsec:g} was measured"
     if advice.outcome:
@@ -245,7 +245,7 @@ def _csv(advice: TrialAdvice) -> CsvTable:
 
 
 def trials_card_facts(advice: TrialAdvice, say: Texts) -> CardFacts:
-    """What the assembly card tells of an advice; say, the texts of its language."""
+    """Contents of the assembly card of an advice; say, the texts of its language."""
     return CardFacts(
         advice.choice,
         cam_deg=advice.facing[0],

@@ -29,7 +29,7 @@ class Conflict:
 
 @dataclass(frozen=True)
 class FieldRule:
-    """A rule on fields: path of the field to look at first, message, and a hint at what to do.
+    """A rule on fields: path of the field to look at first, message, and a hint at the remedy.
 
     fault: of the fields that its arguments are named after, the numbers at fault, or True; empty or False where the
     fields go together.

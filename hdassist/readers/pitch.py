@@ -60,7 +60,7 @@ PitchForm = Literal["cumulative", "single"]
 Sense = Literal["ccw", "cw"]
 Flank = Literal["left", "right"]
 
-CHOICES = {  # by key: values, and what they are for messages
+CHOICES = {  # by key: values, and their names for messages
     "form": (get_args(PitchForm), "cumulative or single"),
     "sense": (get_args(Sense), "ccw or cw, seen from the cam side"),
     "sign": (("along", "ccw", "cw"), "along (the numbering), ccw or cw"),
@@ -193,7 +193,7 @@ class _Statements:
         return int(stated or teeth[0])
 
     def columns(self) -> tuple[int, int]:
-        """Columns of the tooth numbers and of the deviations; states what the name of the latter says."""
+        """Columns of the tooth numbers and of the deviations; states the meaning of the latter's name."""
         names = self.table.names
         teeth = [index for index, name in enumerate(names) if names_teeth(name)]
         first = teeth[0] if len(teeth) == 1 else 0

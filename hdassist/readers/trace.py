@@ -286,7 +286,7 @@ def _step_in_time(cam: Array, output: Array, ratio: float) -> tuple[float, bool]
 
 
 def _is_even(cam: Array, within_deg: float) -> bool:
-    """Whether nine in ten steps of the cam [deg] are as long but for so much: what is rounded may come round again."""
+    """Whether nine in ten steps of the cam [deg] are as long but for so much: a rounded angle may come round again."""
     return float(np.ptp(np.quantile(np.abs(np.diff(cam)), (0.05, 0.95)))) <= within_deg
 
 

@@ -1,7 +1,7 @@
 """Answers kept in the user's cache folder: found again by all that they depend on, and never trusted as they stand.
 
-A file is named by its kind and key; its first line has the key and the checksum of what follows. Whatever does not hold
-is as if it were not there. The folder may be emptied at any time, and where it cannot be written nothing is kept.
+A file is named by its kind and key; its first line has the key and the checksum of the rest. Whatever does not hold
+is as if it were not there. The folder may be emptied at any time, and where it cannot be written no data are kept.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def program(*packages: str) -> tuple[str, ...]:
 
 
 def cached(kind: str, key: str) -> bytes | None:
-    """What was kept of a kind by a key (SHA-256); None where there is nothing, or it does not hold."""
+    """Data kept of a kind by a key (SHA-256); None where there are none, or they do not hold."""
     path = _path(kind, key)
     with suppress(OSError, ValueError):
         if is_file(path) and path.stat().st_size <= LARGEST_FILE:
@@ -59,7 +59,7 @@ def cached(kind: str, key: str) -> bytes | None:
 
 
 def keep(kind: str, key: str, data: bytes) -> None:
-    """Keep data of a kind by a key (SHA-256), in place of what was there; nothing where that cannot be written."""
+    """Keep data of a kind by a key (SHA-256), in place of those before; none where that cannot be written."""
     path, line = _path(kind, key), _first_line(key, data)
     if len(line) + len(data) >= LARGEST_FILE:
         return

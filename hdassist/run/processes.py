@@ -113,7 +113,7 @@ class Processes(Executor):
                     self._is_over = True
                     self.kill()
                     answer.set_exception(BrokenExecutor())
-                except Exception as error:  # what cannot be pickled
+                except Exception as error:  # of pickling
                     answer.set_exception(error)
                 else:
                     (answer.set_result if is_done else answer.set_exception)(found)
@@ -124,7 +124,7 @@ class Processes(Executor):
             process.kill()
 
     def end(self) -> None:
-        """End processes and threads; nobody waits for what is under way: a state may take for ever."""
+        """End processes and threads; nobody waits for work under way: a state may take for ever."""
         self._is_over = True
         self.kill()
         for _ in self._threads:

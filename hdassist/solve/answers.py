@@ -1,4 +1,4 @@
-"""The proof of many solved states, and what the analyses keep of them."""
+"""The proof of many solved states, and their results."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ EMPTY = Certificate(0, 0.0, 0.0, 0.0, 0.0, 0)
 
 @dataclass(frozen=True)
 class Answers:
-    """What is kept of solved states, shape (states,) unless said otherwise.
+    """Results of solved states, shape (states,) where no other is given.
 
     rotation_arcsec: of the flexspline against the rigid wheel; zone_share: share of the torque that each mesh zone
     takes, shape (states, 2); tooth_force_N: greatest force on a flank; pull_N: forces along the scalars of the
@@ -74,7 +74,7 @@ def proven_answers(
     """Answers of states that were solved chunk by chunk, each of which is proven before the next one is asked for.
 
     Arguments: torque [N*mm], of all states or of each; place, words for where state k is, for
-    errors; progress, told how many states each chunk has.
+    errors; progress, called with how many states each chunk has.
     Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
     outside the limits of the linear model.
     """

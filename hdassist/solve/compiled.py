@@ -1,6 +1,6 @@
-"""The engines run the formulation's own data: proven to be, bit for bit, what cvxpy compiles of it.
+"""The engines run the formulation's own data: proven to be, bit for bit, those that cvxpy compiles.
 
-What cvxpy hands a solver is H, local, A, gaps and load as they were stated, whatever their numbers. So it is compiled
+cvxpy hands a solver H, local, A, gaps and load as they were stated, whatever their numbers. So it is compiled
 and compared once for each version of cvxpy, of the statement, and of the set of free freedoms; that it held is kept in
 the user's cache. The tests compile every preset, `hdassist doctor` compiles anew.
 """
@@ -21,7 +21,7 @@ from hdassist.solve import formulation as statement
 from hdassist.solve.formulation import Formulation
 
 COMPILED_TEMPLATE = "compiled"
-_proven: set[tuple[bool, ...]] = set()  # which freedoms were free in what was proven, in this process
+_proven: set[tuple[bool, ...]] = set()  # freedoms that were free in the proven programmes, in this process
 
 
 def require_compiled_as_stated(formulation: Formulation) -> None:
@@ -44,7 +44,7 @@ def require_compiled_as_stated(formulation: Formulation) -> None:
 
 
 def template_differences(formulation: Formulation) -> Iterator[str]:
-    """Names of what cvxpy compiles to other data than stated, at two torques and gaps."""
+    """Names of parts that cvxpy compiles to other data than stated, at two torques and gaps."""
     stated, place = formulation.statement, formulation.system.place
     M, m = len(formulation.local), len(formulation.H)
     P = np.zeros((M + m, M + m))

@@ -34,16 +34,16 @@ NEEDED = 0.9  # probability that the choice is good from which on the trials set
 STABLE = 0.6  # probability that the choice is good which it has to keep without any one of the trials
 SUSPECTED = 0.5  # probability of a value to be misread from which on it is named
 OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
-FITTING_TRIALS = 3  # trials, which fit any drive: predictions of later ones are held against the drive as told
+FITTING_TRIALS = 3  # trials, which fit any drive: predictions of later ones are held against the drive as stated
 LEAST_UNREPEATED = 6  # trials in positions of their own, after which one is repeated
 FALSE_ALARM = 0.05
 WORTH = 0.01  # of the error: going back for less is not worth it
-SURE_DEVIATIONS = 2.0  # standard deviations by which a value has to be worse where nothing explains it
+SURE_DEVIATIONS = 2.0  # standard deviations by which a value has to be worse where no sample explains it
 
 
 @dataclass(frozen=True)
 class TrialAdvice:
-    """What trials teach: the choice, the next trial, and what was predicted of each but the first.
+    """Result of trials: the choice, the next trial, and the prediction of each but the first.
 
     next: its position [deg], and the probability of a good choice that is expected after it; verifies: whether the last
     prediction is of the outcome of an advice, and the wheel stands there; explained: whether anything explains that,
@@ -64,19 +64,19 @@ class TrialAdvice:
 
     @property
     def drive(self) -> Drive:
-        """The drive as told."""
+        """The drive as stated."""
         return self.prior.drive
 
     @property
     def outcome(self) -> Prediction | None:
-        """The outcome of an advice, against what the trials before it predicted."""
+        """The outcome of an advice, against the prediction from the trials before it."""
         return self.predictions[-1] if self.verifies else None
 
     @property
     def back_to(self) -> Trial | None:
         """The trial to whose position to go back after an outcome: that which is expected to lose least, if less.
 
-        Where nothing explains the outcome, measured values tell, if they are further apart than noise makes likely.
+        Where no sample explains the outcome, measured values tell, if they are further apart than noise makes likely.
         """
         if not (here := self.outcome):
             return None
@@ -86,7 +86,7 @@ class TrialAdvice:
         return least if self._lost(least) + worth < self._lost(here) else None
 
     def _lost(self, trial: Trial) -> float:
-        """What the position of a trial is expected to lose; where nothing explains the outcome, the measured value."""
+        """The expected loss in the position of a trial; where no sample explains the outcome, the measured value."""
         place = self.losses.place(trial.rotation_deg)
         if place is None:  # a hole that is not allowed
             return np.inf
@@ -131,7 +131,7 @@ class TrialAdvice:
 
     @property
     def to_repeat(self) -> Trial | None:
-        """The trial to measure again where none was: values unlike the preset's drive settle nothing without it.
+        """The trial to measure again where none was: values unlike the preset's drive settle no choice without it.
 
         Where a choice is probable enough but for one value that it hinges on, or none is after LEAST_UNREPEATED trials,
         the one is repeated that is suspected, that the choice hinges on, or that was measured in the chosen position.
@@ -217,7 +217,7 @@ def advise_from_trials(
     try:
         draws, losses = teach(every)
         require_effective(prior, every, draws, effort.effective)
-        explained = not outcome or draws.misread[-1] <= SUSPECTED  # one taken for misread says nothing of the hole
+        explained = not outcome or draws.misread[-1] <= SUSPECTED  # one taken for misread does not count for the hole
     except UntrustedError:
         if not outcome:
             raise
@@ -239,7 +239,7 @@ def _of_preset(drive: Drive, rig: Rig, given: Sequence[Trial | None]) -> list[Tr
 def _without_each(
     trials: Sequence[Trial], best: int, teach: Callable[[Sequence[Trial]], tuple[Draws, PositionStatistics]]
 ) -> tuple[float, ...]:
-    """Probability that a choice, by its place, is good, without each of the trials; 0 where nothing explains them."""
+    """Probability that a choice, by its place, is good, without each of the trials; 0 where no sample explains them."""
     found = []
     for k in range(len(trials)):
         try:

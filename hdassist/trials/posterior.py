@@ -1,6 +1,6 @@
-"""What trials teach of F'_ior: draws of it in every position, as likely as the measured values make them.
+"""F'_ior after trials: draws of it in every position, as likely as the measured values make them.
 
-Given a sample of the cloud all is normal: the drive shows it with a scale, a smooth misfit and noise about the told
+Given a sample of the cloud all is normal: the drive shows it with a scale, a smooth misfit and noise about the stated
 one (belief/misfit.py), the misfit and the noise both weighed by what is measured. Any one value may be misread, so that
 one wrong value does not carry an order.
 """
@@ -45,9 +45,9 @@ OUTCOMES = 64  # of a next trial that are looked at
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Draws, all alike likely, of what is not known after trials.
+    """Draws, all alike likely, of the uncertain inputs after trials.
 
-    places among samples and directions of the prior; misfit, noise, over the told one, and scale, shape (draws,);
+    places among samples and directions of the prior; misfit, noise, over the stated one, and scale, shape (draws,);
     F_ior_arcsec at the torque of the trials, shape (draws, rotations); effective samples that they stand for; misread,
     probability of each value to be misread, shape (trials,).
     """
@@ -63,9 +63,9 @@ class Draws:
 
 @dataclass(frozen=True)
 class Prediction(Trial):
-    """A measured value against what the trials before it predicted: mean, 2.5 % and 97.5 % quantiles [arcsec].
+    """A measured value against the prediction from the trials before it: mean, 2.5 % and 97.5 % quantiles [arcsec].
 
-    surprise: standard deviations by which it is off where the drive is taken to be as told, without misfit.
+    surprise: standard deviations by which it is off where the drive is taken to be as stated, without misfit.
     """
 
     expected_arcsec: float
@@ -105,7 +105,7 @@ def learnt(
     rotations_deg: Sequence[float],
     torques: Sequence[float] = (),
 ) -> tuple[Draws, PositionStatistics]:
-    """What trials teach of the positions that may be chosen [deg].
+    """The positions that may be chosen [deg], after trials.
 
     Argument: torques [N*m] that decide, that of the trials without them. At another torque the scale is that of the
     trials; the misfit is as large, but another. Raises UntrustedError where no sample explains the trials.
@@ -159,7 +159,7 @@ def next_trial(draws: Draws, losses: PositionStatistics, noise_arcsec: float, se
 
 
 def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Prediction:
-    """What trials predict of another one, and how far that came out."""
+    """The prediction of another trial, and its error."""
     draws, told = (drawn(prior, before, [trial.rotation_deg], kinds) for kinds in ((), AS_TOLD))
     noise, as_told = (each.noise[:, None] * prior.noise([trial]) for each in (draws, told))
     noise *= np.random.default_rng([prior.seed, 2]).standard_normal((POSTERIOR_DRAWS, 1))
@@ -167,7 +167,7 @@ def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Predictio
         float(draws.F_ior_arcsec.mean()),
         np.quantile(draws.F_ior_arcsec + noise, (0.025, 0.975)).tolist(),
     )
-    # how far out in the tail where draws have run out cannot be told
+    # how far out in the tail where draws have run out is unknown
     below = norm.cdf(trial.F_ior_arcsec, told.F_ior_arcsec, as_told).mean()
     surprise = float(norm.ppf(np.clip(below, 1e-6, 1 - 1e-6)))
     return Prediction(trial.rotation_deg, trial.F_ior_arcsec, expected, low, high, surprise)
