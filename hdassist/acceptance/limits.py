@@ -9,7 +9,7 @@ from typing import Literal, TypeVar
 
 from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, ORDER_CHECK, Check
 from hdassist.errors import DataError, UsageError
-from hdassist.loading.load import load_preset
+from hdassist.loading.load import Asked, load_preset
 from hdassist.model.geometry import Array
 from hdassist.numerals import NUMBER
 from hdassist.preset.fields import Drive
@@ -160,13 +160,13 @@ class LimitText:
         return fitting[0]
 
 
-def load_limited(preset: str, overrides: Sequence[str], limits: Sequence[LimitText]) -> Drive:
-    """The drive of a preset with overrides and limits on top.
+def load_limited(preset: str, overrides: Sequence[str], limits: Sequence[LimitText], asked: Asked = ()) -> Drive:
+    """The drive of a preset with overrides and limits on top, and with options that go into its origin.
 
     Raises DataError, PresetError or UsageError, the last with limits named as they were given.
     """
     try:
-        return load_preset(preset, [*overrides, *(limit.override for limit in limits)])
+        return load_preset(preset, [*overrides, *(limit.override for limit in limits)], asked)
     except UsageError as error:
         names = [""] * len(overrides) + [f"--limit {limit}" for limit in limits]
         raise UsageError(named_overrides(error.message, names), error.hint) from None

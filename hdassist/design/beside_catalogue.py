@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from hdassist.error.stiffness import Segment, Stiffness
-from hdassist.preset.catalogue import Catalogue
+from hdassist.preset.fields import Catalogue
 
 if TYPE_CHECKING:  # the page of the stiffness needs no samples
     from hdassist.design.check import OperatingPoint

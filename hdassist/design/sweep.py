@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -16,10 +15,9 @@ from hdassist.loading.load import load_text
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
 from hdassist.preset.fields import Drive
+from hdassist.preset.overrides import OVERRIDE_PLACE
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.solve.certificate import Residual
-
-_PLACE = re.compile(r"^--set:\d+:\d+: ", re.MULTILINE)  # of an override, which here nobody has written
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +98,7 @@ class Sweep:
                 max_residual=proof.max_residual,
             )
         except HdassistError as error:
-            reason = _PLACE.sub("", error.message).replace("\n", "; ")
+            reason = OVERRIDE_PLACE.sub("", error.message).replace("\n", "; ")
             code = DataError.exit_code if isinstance(error, UsageError) else error.exit_code
             return SweepRow(values=values, M_g_Nm=M_g, reason=reason, exit_code=code)
 

@@ -12,7 +12,6 @@ from hdassist.pages.compare_presets import F_ior_words, sheet_warnings
 from hdassist.pages.mount import mount_report
 from hdassist.pages.seat import TRADE, hole_place
 from hdassist.pages.stiffness import ARCMIN, stiffness_report
-from hdassist.preset.catalogue import of_catalogue
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import ResolvedField, origin_counts, resolved_fields, value_text
@@ -122,7 +121,7 @@ def _values(drive: Drive) -> Iterator[Block]:
         "from agrees with the model by itself and proves nothing; what the model was compared with stands in "
         "docs/validation.md."
     )
-    used = [row for row in rows if row.value is not None or not of_catalogue(row.path)]
+    used = [row for row in rows if row.value is not None or not row.path.startswith("catalogue.")]
     for kind, words in ORIGIN_WORDS.items():
         found = tuple(_cells(row) for row in used if row.kind == kind)
         yield Table(f"{words}: {len(found)}", FIELD_HEADS, found, words=(0, 2, 3))

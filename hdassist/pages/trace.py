@@ -10,8 +10,7 @@ from hdassist.error.orders import Order, order_legend
 from hdassist.error.trace import Trace
 from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
-from hdassist.preset.fields import Drive
-from hdassist.preset.measured import Measured
+from hdassist.preset.fields import Drive, Measured
 from hdassist.report.blocks import Curve, Facts, Paragraph, Series, Table
 from hdassist.report.quantities import Quantity, csv_columns
 from hdassist.report.report import CsvTable, Report
@@ -34,7 +33,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     """The error of a drive over cam turns; seed, of its sample that was solved again."""
     error = trace.error
     cycle = error.kinematics.cycle_cam_revolutions
-    is_part, nominal = trace.revolutions < cycle, drive.measured != Measured()
+    is_part, nominal = trace.revolutions < cycle, drive.measured != Measured.of_defaults()
     turns = f"{error.M_g:g} N·m, {trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     start = f"{turns} from {moving} = {trace.start_deg:g}°"

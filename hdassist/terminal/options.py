@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields
 from importlib.resources import files
 from inspect import get_annotations
 from math import isfinite
@@ -141,15 +141,13 @@ class DriveOptions(OptionGroup):
         """The drive of a preset with the changes. Raises DataError, PresetError or UsageError."""
         from hdassist.loading.load import load_preset
 
-        return self.noted(load_preset(preset, self.changes))
+        return load_preset(preset, self.changes, self.taken_over())
 
-    def noted(self, drive: Drive) -> Drive:
-        """The drive, with the options in its origin that a next command on it is to have too."""
+    def taken_over(self) -> tuple[tuple[str, str], ...]:
+        """Options that a next command on the drive is to have too, by name."""
         from hdassist.terminal.brief import TAKEN_OVER
 
-        asked = tuple((name, str(value)) for name, value in self.given() if name in TAKEN_OVER)
-        drive._origin = replace(drive.origin, asked=asked)
-        return drive
+        return tuple((name, str(value)) for name, value in self.given() if name in TAKEN_OVER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +185,7 @@ class LimitedDriveOptions(LoadedDriveOptions):
         """
         from hdassist.acceptance.limits import load_limited
 
-        drive = self.noted(load_limited(preset, super().changes, self.limits))
+        drive = load_limited(preset, super().changes, self.limits, self.taken_over())
         torques = drive.operation.M_g
         for limit in self.limits:
             if limit.torque is not None and limit.torque not in torques:

@@ -10,7 +10,7 @@ from hdassist.error.stiffness import Segment, Twist, catalogue_torques
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.geometry import Geometry
 from hdassist.model.rings import shell_twist_stiffness
-from hdassist.preset.catalogue import Catalogue
+from hdassist.preset.fields import Catalogue
 from hdassist.run.run import UNCHECKED
 from tests.process import SMALL
 from tests.support import changed, wind_up
