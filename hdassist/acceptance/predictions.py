@@ -5,9 +5,10 @@ The samples are those of `hdassist check`: F'_ior has the same probability of ke
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import chain
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -26,6 +27,7 @@ from hdassist.error.error_map import searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.table import TABLE_SECTIONS
+from hdassist.error.waves import CycleEstimate, estimated_cycle
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
@@ -41,31 +43,37 @@ from hdassist.verdict import SURE, is_settled
 
 @dataclass(frozen=True)
 class PredictedQuantities:
-    """Errors and self errors of a drive by torque [N*m], and its stiffness; empty where no limit needs them."""
+    """Errors over the full cycle and self errors of a drive by torque [N*m], and its stiffness.
 
-    errors: dict[float, KinematicError]
+    Empty where no limit needs them.
+    """
+
+    kinematics: Kinematics
+    errors: dict[float, KinematicError | CycleEstimate]
     self_errors: dict[float, SelfError]
-    stiffness: Stiffness | None
+    stiffness: tuple[Stiffness, ...]
 
     @property
-    def parts(self) -> tuple[KinematicError | SelfError | Stiffness, ...]:
-        """All that was predicted."""
-        return (*self.errors.values(), *self.self_errors.values(), *filter(None, (self.stiffness,)))
+    def _parts(self) -> Iterator[KinematicError | CycleEstimate | SelfError | Stiffness]:
+        return chain(self.errors.values(), self.self_errors.values(), self.stiffness)
 
     @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states."""
-        return sum((part.certificate for part in self.parts), EMPTY)
+        return sum((part.certificate for part in self._parts), EMPTY)
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
         """Cross-checks by another solver."""
-        return tuple(filter(None, (getattr(part, "cross_check", None) for part in self.parts)))
+        return tuple(filter(None, (getattr(part, "cross_check", None) for part in self._parts)))
+
+    def F_ior(self, M_g: float) -> float:
+        """F'_ior [arcsec] at a torque [N*m], with the self error on top."""
+        return float(np.ptp(self.errors[M_g].error_arcsec)) + self.self_errors[M_g].range_arcsec
 
     def turn_range(self, M_g: float) -> float:
         """Greatest range [arcsec] of the error at a torque [N*m] within one cam turn of the full cycle."""
-        error = self.errors[M_g]
-        turn, values = error.kinematics.teeth_fixed, error.error_arcsec
+        turn, values = self.kinematics.teeth_fixed, self.errors[M_g].error_arcsec
         extent = maximum_filter1d(values, turn, mode="wrap") - minimum_filter1d(values, turn, mode="wrap")
         return float(extent.max())
 
@@ -74,21 +82,13 @@ class PredictedQuantities:
 
         Raises UsageError: an order that is none of the cycle's, or beyond what its states resolve.
         """
-        values = self.errors[M_g].error_arcsec
-        place = order_place(self.errors[M_g].kinematics, order)
+        values, place = self.errors[M_g].error_arcsec, order_place(self.kinematics, order)
         return float(2 * np.abs(np.fft.rfft(values)[place]) / len(values))
 
     def value(self, limit: Limit) -> float:
         """Value that a limit is held against, in its unit; NaN of one that is not predicted."""
         predicted = limit.check.predicted
         return predicted(self, limit.M_g_Nm or 0.0, limit.per_cam_rev or 0.0) if predicted else float("nan")
-
-    @property
-    def twist(self) -> Stiffness:
-        """The stiffness. Raises ValueError: it was not needed."""
-        if self.stiffness is None:
-            raise ValueError("the stiffness was not predicted")
-        return self.stiffness
 
 
 @dataclass(frozen=True)
@@ -177,19 +177,22 @@ class Predictions:
 def quantities(
     drive: Drive,
     limits: Sequence[Limit],
+    error_of: Callable[[float], KinematicError | CycleEstimate],
     *,
-    wheels: MeasuredTeeth | None = None,
     run: Run = Run(),
 ) -> PredictedQuantities:
-    """Quantities that limits need, at the numbers of the preset. Arguments and errors as those of predict."""
-    there, teeth = wheels.in_drive(drive) if wheels else (drive, None)
+    """Quantities that limits need, at the numbers of the preset; error_of gives the error over the cycle by torque."""
     cycles, own_at = torques_of(limits, "cycle"), torques_of(limits, "self error")
     twists = any("stiffness" in limit.check.needs for limit in limits)
-    errors = run.map(partial(kinematic_error, there, teeth=teeth, run=run.of_task), cycles)
+    errors = run.map(error_of, cycles)
     own = run.map(partial(self_error, drive, run=run.of_task), [own_at] * bool(own_at))
     twist = run.map(partial(stiffness, points=1, run=run.of_task), [drive] * twists)
-    by_torque = dict(zip(cycles, errors, strict=True))
-    found = PredictedQuantities(by_torque, dict(zip(own_at, next(own, []), strict=True)), next(twist, None))
+    found = PredictedQuantities(
+        Kinematics.of(drive),
+        dict(zip(cycles, errors, strict=True)),
+        dict(zip(own_at, next(own, []), strict=True)),
+        tuple(twist),
+    )
     run.finished(found.certificate.states)
     return found
 
@@ -210,7 +213,8 @@ def predict(
     needs. Raises UntrustedError where an answer cannot be trusted, or the preset's catalogue contradicts its other
     values.
     """
-    known = quantities(drive, limits, wheels=wheels, run=run)
+    there, teeth = wheels.in_drive(drive) if wheels else (drive, None)
+    known = quantities(drive, limits, partial(kinematic_error, there, teeth=teeth, run=run.of_task), run=run)
     without, prior = beside_measured_teeth(drive, wheels)
     unknown = unknowns(without) if known.errors else ()
     found = Predictions(tuple(limits), known, unknown, prior, sure=sure)
@@ -245,7 +249,7 @@ def _torques(drive: Drive, limits: Sequence[Limit]) -> tuple[float, ...]:
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:
     """Values of a drive, by the label of the limit that they are for, with their proof."""
-    found = quantities(drive, limits, run=UNCHECKED)
+    found = quantities(drive, limits, partial(estimated_cycle, drive), run=UNCHECKED)
     return {each.label: found.value(each) for each in limits}, found.certificate
 
 

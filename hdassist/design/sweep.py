@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
@@ -18,11 +17,11 @@ from hdassist.loading.load import load_text
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
 from hdassist.preset.fields import Drive
+from hdassist.preset.overrides import OVERRIDE_PLACE
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.solve.certificate import Residual
 
 MOST_ROWS = 1_000_000  # of a grid, at most
-_PLACE = re.compile(r"^--set:\d+:\d+: ", re.MULTILINE)  # of an override, which here nobody has written
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +101,7 @@ class Sweep:
         try:  # the drive of a row is validated as any other
             (found,) = extremes_of(load_text(self.text, self.file, [*self.overrides, *sets]), [M_g])
         except HdassistError as error:
-            reason = _PLACE.sub("", error.message).replace("\n", "; ")
+            reason = OVERRIDE_PLACE.sub("", error.message).replace("\n", "; ")
             code = DataError.exit_code if isinstance(error, UsageError) else error.exit_code
             return SweepRow(values=changes, M_g_Nm=M_g, reason=reason, exit_code=code)
         proof = attributes(found.certificate, "states", "max_residual")

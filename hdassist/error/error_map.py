@@ -49,9 +49,9 @@ class Batch:
     columns: Mapping[str, Array]
 
     @classmethod
-    def of(cls, drive: Drive) -> Batch:
-        """A drive alone."""
-        return cls(drive, {"tolerances.F_i1": np.array([drive.number("tolerances.F_i1")])})
+    def of(cls, drive: Drive, count: int = 1) -> Batch:
+        """A drive alone, or so many times."""
+        return cls(drive, {"tolerances.F_i1": np.full(count, drive.number("tolerances.F_i1"))})
 
     @classmethod
     def turned(cls, drive: Drive, rotations_deg: Sequence[float] | Array) -> Batch:
@@ -64,6 +64,11 @@ class Batch:
     def take(self, rows: Indices) -> Batch:
         """The drives in some rows."""
         return Batch(self.drive, {path: column[rows] for path, column in self.columns.items()})
+
+    def drives(self) -> list[Drive]:
+        """The drives one by one."""
+        rows = zip(*(column.tolist() for column in self.columns.values()), strict=True)
+        return [self.drive.with_values(dict(zip(self.columns, row, strict=True))) for row in rows]
 
     def scalars(self, row: Indices, alpha_g: Array, alpha_b: Array) -> Array:
         """Scalars [mm] of the drives in some rows, where their wheels stand so [rad]; shapes broadcast."""

@@ -34,7 +34,7 @@ LEVERS
 ? not known exactly, * changed here. Behind the value: a plausible step, and its change of F'_ior [arcsec]
 of a typical drive, the greatest first. Where a field is not known exactly a step is about one deviation. Fields in
 which the pinned drive differs come first, with the step to its value.
-Enter edits; an empty value takes a change back. Numbers of teeth change together: 120, 120/122, or the ratio, 60:1.
+Enter edits; an empty value takes a change back. Numbers of teeth change together: 120, or the ratio, 60:1.
 k has x_b change with W_0, so that the teeth keep their clearance.
 
 KEYS

@@ -27,7 +27,7 @@ from hdassist.terminal.answers import csv_text, together
 from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import influence_words, measure_words, samples_words, settling_words
 from hdassist.terminal.wheels import WHEEL_WORDS
-from hdassist.verdict import SEVERITY, percent_text
+from hdassist.verdict import SEVERITY, percent_text, worst_exit_code
 from hdassist.version import __version__
 
 RULE_WORDS = {
@@ -195,6 +195,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
             "summary": found,
         },
         line="\n".join(f"{name} {status}" for name, status, _ in drives),
+        exit_code=worst_exit_code(answer.exit_code for answer in answers),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -10,6 +11,7 @@ from hdassist.preset.fields import BY_PATH, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.preset.yamltext import OVERRIDE, Document, Mark, Path, SourceSpan, path_text, read_yaml, shown
 
+OVERRIDE_PLACE = re.compile(rf"^{OVERRIDE}:\d+:\d+: ", re.MULTILINE)  # in a message, of an override that nobody typed
 PER_TORQUE = [tuple(path.split(".")) for path, info in field_table().items() if kind_of(info) == "limits"]
 
 
