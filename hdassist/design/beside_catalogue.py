@@ -62,7 +62,6 @@ def accuracy_words(accuracy: float | None, points: Sequence[OperatingPoint]) -> 
     if accuracy is None:
         return ""
     point = min(points, key=lambda each: abs(each.M_g))
-    ends = (point.belief.p5, point.belief.p95) if point.belief else () if point.open_ else (point.error.F_ior_arcsec,)
-    compared = " to ".join(dict.fromkeys(f"{100 * end / accuracy:.0f}" for end in ends))
+    compared = " to ".join(dict.fromkeys(f"{100 * end / accuracy:.0f}" for end in point.range_arcsec or ()))
     words = f"F'_ior at {point.M_g:g} N·m is {compared} % of it" if compared else "F'_ior is not known"
     return f"accuracy {accuracy:g}″ (no load); {words}"
