@@ -14,7 +14,7 @@ REPORT_SUFFIXES = (".html", ".md")
 
 @dataclass(frozen=True, kw_only=True)
 class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
-    """Everything about a drive on one page: verdict, errors, mounting, stiffness, what it rests on, provenance.
+    """Everything about a drive on one page: verdict, errors, mounting, stiffness, assumptions, provenance.
 
     \b
     Examples:
