@@ -130,12 +130,10 @@ class MeasuredTrace:
         )  # fmt: skip
 
 
-def read_trace(
-    source: Readable, form: TraceForm | None = None, ratio: float | None = None, fewest: int = FEWEST_ROWS
-) -> MeasuredTrace:
+def read_trace(source: Readable, form: TraceForm | None = None, ratio: float | None = None) -> MeasuredTrace:
     """Read a measured trace: a table and the trace in it. Arguments and errors are theirs."""
     form = form or TraceForm()
-    return trace_of(read_record(source, form), form, ratio, fewest)
+    return trace_of(read_record(source, form), form, ratio)
 
 
 def read_record(source: Readable, form: TraceForm) -> NumberTable:
@@ -152,19 +150,17 @@ def read_record(source: Readable, form: TraceForm) -> NumberTable:
     return table
 
 
-def trace_of(
-    table: NumberTable, form: TraceForm, ratio: float | None = None, fewest: int = FEWEST_ROWS
-) -> MeasuredTrace:
+def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) -> MeasuredTrace:
     """The measured trace in a table, whose values it takes away.
 
     Arguments: form of the columns; ratio, cam turns per output turn, needed for angles of the output and for two
-    encoders; fewest, rows that are enough.
+    encoders.
     Raises PresetError: the first fault of its angles; DataError: no ratio; UsageError: one column for two.
     """
     first, other = _columns(table, form)
     by_second = other.shaft == "output"
-    if len(table.lines) < fewest:
-        raise _fault(table, 0, first.index, f"{len(table.lines)} rows", f"a trace has {fewest} rows or more")
+    if len(table.lines) < FEWEST_ROWS:
+        raise _fault(table, 0, first.index, f"{len(table.lines)} rows", f"a trace has {FEWEST_ROWS} rows or more")
     if ratio is None and (first.shaft == "output" or by_second):
         message = f"{table.file}: the ratio is needed to bring output and cam together"
         raise DataError(message, "--ratio 100, or --drive PRESET")
