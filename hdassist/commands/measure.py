@@ -62,7 +62,7 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
         stated, orders = parse_stated(self.budget), parse_orders(self.orders or None)
         drive = load_preset(self.preset) if self.preset is not None else None
         gearing = gearing_of(drive, self.ratio)
-        form = self.trace_form()
+        form = self.reading()
         done: list[Measurement] = []
 
         def one(name: str) -> Report:
