@@ -82,8 +82,8 @@ PREDICTED: dict[str, PredictedValue] = {
     **{f"K_{k}": lambda of, *_, k=k: of.stiffness[0].weaker(k) for k in (1, 2, 3)},
 }
 MEASURED: dict[str, MeasuredValue] = {
-    "F_IOR": lambda found, _: (found.range.value, found.uncertainty_arcsec, found.rise_arcsec),
-    "TURN_RANGE": lambda of, _: (of.revolution.value, of.revolution_uncertainty_arcsec, of.revolution_rise_arcsec),
+    "F_IOR": lambda found, _: (found.range.value, found.uncertainty_arcsec, found.range.rise),
+    "TURN_RANGE": lambda of, _: (of.revolution.value, of.revolution.uncertainty, of.revolution.rise),
     "ORDER": _amplitude,
 }
 CHECKS = tuple(

@@ -13,7 +13,7 @@ from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmpli
 from hdassist.json_parts import Json
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_notes
-from hdassist.report.blocks import Facts, Table, TwoCurves
+from hdassist.report.blocks import Curve, Facts, Table
 from hdassist.report.quantities import NO_VALUE, Quantity, as_object
 from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.brief import again, not_known, on_what
@@ -161,16 +161,16 @@ def _starts(result: Comparison) -> Iterator[tuple[str, str]]:
         yield name, f"{angle:.4g}°, {sure}" if is_known else "the record does not determine it"
 
 
-def _curves(result: Comparison) -> TwoCurves:
+def _curves(result: Comparison) -> Curve:
     """Both curves around the largest difference."""
     bins, worst = result.sweep.bins, result.largest[1]
     sweep = bins.sweep == bins.sweep[abs(bins.turns - worst).argmin()]
     shown = sweep & (abs(bins.turns - worst) <= PLOTTED_TURNS)
     predicted = result.predicted_arcsec[shown]
-    return TwoCurves(
-        bins.turns[shown], predicted + result.residual_arcsec[shown], predicted, ("measured", "predicted"),
+    return Curve(
+        bins.turns[shown], predicted + result.residual_arcsec[shown],
         x_label="cam angle, turns: around the largest difference", y_label="error, ″",
-        rows=_PLOTTED_ROWS,
+        second=predicted, names=("measured", "predicted"), rows=_PLOTTED_ROWS,
     )  # fmt: skip
 
 
