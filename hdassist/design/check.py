@@ -33,6 +33,7 @@ from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import Unknown, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
+from hdassist.run.processes import apart
 from hdassist.run.run import CROSS_SOLVER, Run
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck, require_solver
@@ -229,7 +230,7 @@ def check(
         run.finished(len(error.states))
     # cvxpy takes a second to import: another solver looks at the extremes in one process, and the self error in another
     sampled = [error.sampled(seed=run.seed) for error in solved]
-    again: Callable[[], Any] = partial(_cross_checks, there, sampled, teeth, run.of_task)
+    again: Callable[[], Any] = partial(apart, _cross_checks, there, sampled, teeth, run.of_task)
     own_error: Callable[[], Any] = partial(self_error, drive, torques, run=run.of_task)
     checks, own = run.map(_called, [again, own_error])
     errors = [replace(error, cross_check=check) for error, check in zip(solved, checks, strict=True)]
