@@ -22,7 +22,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
     \b
     Examples:
       hdassist report vzp160 -o report.html
-      hdassist report my-drive.yaml --set tolerances.F_i2=60 -o better.html
+      hdassist report my-drive.yaml --set tolerances.e_hb=60 -o better.html
       hdassist report my-drive.yaml --limit 45 -o report.md
 
     One file without scripts, for screens (light and dark) and for A4 paper; the numbers are those of check, mount and

@@ -123,8 +123,10 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
 
     changes = doubt(drive)
 
+    orders = RecordedOrders(sweep, torus, Kinematics.of(drive), asked)
+
     def fitted(asked: Alignment) -> tuple[VectorFitter, VectorFit]:
-        record = RecordedOrders(sweep, torus, Kinematics.of(drive), asked.of_file(measurement.trace, drive))
+        record = orders.read_as(asked.of_file(measurement.trace, drive))
         return VectorFitter(drive, record, torus, doubt, asked.fitted).doubted(changes)
 
     fitter, base = fitted(asked)

@@ -106,6 +106,12 @@ class RecordedOrders:
         both = design.project(lambda rows: order_columns(design.bins.turns[rows], order))[: len(self.measured)]
         self._cosine, self._sine = both[:, : len(order)].T, both[:, len(order) :].T
 
+    def read_as(self, alignment: Alignment) -> RecordedOrders:
+        """The record counted otherwise; its orders are the same."""
+        result = copy(self)
+        result.alignment = alignment
+        return result
+
     def doubting(self, waves: Complex, changes: Complex, angles: Array) -> RecordedOrders:
         """The record with the doubt of a model in its covariance (14).
 

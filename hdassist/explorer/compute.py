@@ -15,7 +15,7 @@ from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, errors_by_turn
 from hdassist.comparing.drives import differing_fields
 from hdassist.design.check import DesignCheck, check, drive_samples
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.error_map import searchable
+from hdassist.error.error_map import error_maps, searchable
 from hdassist.error.trace import trace
 from hdassist.errors import HdassistError
 from hdassist.explorer.levers import SETTING_SECTIONS, TEETH_FIELDS, step_of
@@ -225,7 +225,8 @@ def _stepped_errors(drive: Drive, steps: tuple[str, tuple[float, ...]]) -> tuple
 
 
 def _searched(rotations_deg: tuple[float, ...], drive: Drive) -> Array:
-    return errors_by_turn(drive, drive.operation.M_g, rotations_deg)[1]
+    torques = drive.operation.M_g
+    return errors_by_turn(error_maps(drive, torques), drive, torques, rotations_deg)[1]
 
 
 def _statistics_curve(found: PositionStatistics) -> SeatCurve:

@@ -46,14 +46,11 @@ NEIGHBOURS = 10.0  # bins: readings closer than that show the correlation of nei
 
 def order_columns(turns: Array, orders: Array) -> Array:
     """Cosines, then sines, of the orders at angles [turns], shape (angles, 2 orders)."""
-    # orders n + k/ratio: the wave of each is a product of two of few waves
-    whole, part = (np.unique(each.round(12), return_inverse=True) for each in np.divmod(orders, 1))
-    of_whole, of_part = (np.exp(2j * np.pi * each[:, None] * turns) for each, _ in (whole, part))
-    columns = np.empty((2, len(orders), len(turns)))
-    for k, (n, off) in enumerate(zip(whole[1], part[1], strict=True)):
-        wave = of_whole[n] * of_part[off]
-        columns[:, k] = wave.real, wave.imag
-    return columns.reshape(-1, len(turns)).T
+    whole, part = np.divmod(orders, 1)  # the wave of n + k/ratio is the product of two of few waves
+    part = part.round(12)
+    waves = {order: np.exp(2j * np.pi * order * turns) for order in {*whole.tolist(), *part.tolist()}}
+    wave = np.array([waves[n] * waves[off] for n, off in zip(whole.tolist(), part.tolist(), strict=True)])
+    return np.concatenate([wave.real, wave.imag]).T
 
 
 def curve_of(coefficients: Array, orders: Array, turns: Array) -> Array:
@@ -150,15 +147,16 @@ class TraceDesign:
 class TraceFit:
     """Least squares of values at the bins of a design [arcsec], shape (bins,).
 
-    lines: those of the orders that were found in the residuals, rising; coefficients: of the cosines, then of the
-    sines, shape (2 orders,); level: shape (sweeps,); drift: coefficients, shape (degree,); slopes: over columns of the
-    bins by name, each with its standard uncertainty: over speed [arcsec s/turn], over the load; residual: shape
-    (bins,); variance: of it, at weight 1; correlated: bins that err together; unmodelled: size of the residuals beyond
-    noise of reading.
+    orders: per cam turn, rising; lines: those that were found in the residuals, rising; coefficients: of the cosines,
+    then of the sines, shape (2 orders,); level: shape (sweeps,); drift: coefficients, shape (degree,); slopes: over
+    columns of the bins by name, each with its standard uncertainty: over speed [arcsec s/turn], over the load;
+    residual: shape (bins,); variance: of it, at weight 1; correlated: bins that err together; unmodelled: size of the
+    residuals beyond noise of reading.
     """
 
     def __init__(self, design: TraceDesign, values: Array, lines: Array) -> None:
-        self.design, self.lines, bins = design, lines, design.bins
+        bins = self.bins = design.bins
+        self.design, self.lines, self.orders = design, lines, design.orders
         solution, self.residual = design.project(lambda rows: values[rows]), design.residual(values)
         self.variance = float(bins.weight @ self.residual**2) / (len(bins) - design.columns)
         self.correlated, self.unmodelled = residual_memory(design, self.residual, self.variance)
@@ -187,23 +185,25 @@ class TraceFit:
     @property
     def error(self) -> Array:
         """The values without levels, drift and slopes, shape (bins,)."""
-        return self.curve(self.design.bins.turns) + self.residual
+        return self.curve(self.bins.turns) + self.residual
 
-    @property
-    def orders(self) -> Array:
-        """Orders that were fitted, per cam turn, rising, shape (orders,)."""
-        return self.design.orders
+    def beside(self, curves: Array) -> tuple[Array, Array]:
+        """Further columns of the design, shape (bins, columns), less what others of it fit, and their coefficients."""
+        own = self.design.residual(curves)
+        weighted = own * self.bins.weight[:, None]
+        return own, np.asarray(np.linalg.lstsq(weighted.T @ own, weighted.T @ self.residual, rcond=None)[0])
 
     @property
     def amplitude(self) -> Array:
         """Amplitude of each order [arcsec]."""
-        return np.hypot(*self.pair(self.coefficients))
+        cosine, sine = self.coefficients.reshape(2, -1)
+        return np.hypot(cosine, sine)
 
     @property
     def groups(self) -> list[OrderIndices]:
         """Places of the orders in groups: those that the record does not resolve from a line are together."""
         line = np.isin(self.orders, self.lines)
-        near = np.diff(self.orders) < RESOLVED_GAP / self.design.bins.span
+        near = np.diff(self.orders) < RESOLVED_GAP / self.bins.span
         ends = np.flatnonzero(~(near & (line[1:] | line[:-1]))) + 1
         return np.split(np.arange(len(self.orders)), ends)
 
@@ -219,7 +219,7 @@ class TraceFit:
 
     def mean_square(self, own: OrderIndices) -> Array:
         """Twice the mean products of cosines and sines of some orders over the record: of even turns, the identity."""
-        columns, weight = order_columns(self.design.bins.turns, self.orders[own]), self.design.bins.weight
+        columns, weight = order_columns(self.bins.turns, self.orders[own]), self.bins.weight
         return np.asarray(2 * (columns.T * weight) @ columns / weight.sum() if len(own) > 1 else np.eye(2))
 
     def wave(self, own: OrderIndices, square: Array | None = None) -> tuple[float, float, float, float]:
@@ -259,8 +259,7 @@ class TraceFit:
     @property
     def noise_power(self) -> Array:
         """Power of the noise in cosine and sine of each order [arcsec^2], shape (orders,)."""
-        cosine, sine = self.pair((self.factor**2).sum(axis=1))
-        return np.asarray(cosine + sine)
+        return np.asarray((self.factor**2).sum(axis=1).reshape(2, -1).sum(axis=0))
 
     @property
     def clear_of_noise(self) -> bool:
@@ -273,10 +272,6 @@ class TraceFit:
     def curve(self, turns: Array) -> Array:
         """The curve [arcsec] at cam angles [turns], without levels and drift."""
         return curve_of(self.coefficients, self.orders, turns)
-
-    def pair(self, values: Array) -> tuple[Array, Array]:
-        """Cosine and sine parts."""
-        return values[: len(self.orders)], values[len(self.orders) :]
 
 
 def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: Array | None = None) -> TraceFit:
@@ -295,15 +290,13 @@ def drift_of(fit: TraceFit, extent: float) -> float:
     It is fitted together with the orders: those of the beats take most of it, but none of them closes with the cycle as
     a drift does not.
     """
-    design, bins = fit.design, fit.design.bins
-    own = design.residual(bins.travel / design.reach)
-    square = float(bins.weight @ own**2)
-    size = float((bins.weight * own) @ fit.residual) / square
-    left = fit.residual - size * own
+    design, bins = fit.design, fit.bins
+    own, (size,) = fit.beside(bins.travel[:, None] / design.reach)
+    left = fit.residual - size * own[:, 0]
     variance = float(bins.weight @ left**2) / (len(bins) - design.columns)
     correlated, _ = residual_memory(design, left, variance)
-    uncertainty = float(np.sqrt(variance * max(correlated, 1.0) / square))
-    return size if abs(size) > max(DRIFT_CLEAR * uncertainty, DRIFTED * extent) else 0.0
+    uncertainty = float(np.sqrt(variance * max(correlated, 1.0) / (bins.weight @ own**2)[0]))
+    return float(size) if abs(size) > max(DRIFT_CLEAR * uncertainty, DRIFTED * extent) else 0.0
 
 
 def residual_memory(design: TraceDesign, residual: Array, variance: float) -> tuple[float, float]:

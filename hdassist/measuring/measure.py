@@ -16,6 +16,7 @@ from hdassist.measuring.lag import EncoderLag, encoder_lag, speed_changes
 from hdassist.measuring.lines import with_lines
 from hdassist.measuring.orders import (
     DEFAULT_ORDERS,
+    USUAL_RATIO,
     WHOLE_TURN,
     MeasuredOrder,
     order_grid,
@@ -36,7 +37,6 @@ from hdassist.measuring.uncertainty import (
 from hdassist.measuring.windup import RecordedTorque, tells_compliance
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.readers.sweeps import AngleSweep
 from hdassist.readers.trace import MeasuredTrace
 
 DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
@@ -80,7 +80,7 @@ class SweepResult:
     @property
     def bins(self) -> Bins:
         """Averages of the readings, to which the fit was made."""
-        return self.fit.design.bins
+        return self.fit.bins
 
     @property
     def uncertainty_arcsec(self) -> float:
@@ -161,52 +161,52 @@ def measure(
     """
     require_drift(drift)
     gearing = gearing_of(drive, ratio)
+    ratio = gearing.ratio if gearing else USUAL_RATIO
     notes, warnings = list(trace.notes), []
     cleaned, directions = trace, []
     torque = None if trace.load is None else RecordedTorque.of(trace.load)
     for sign in (0,) if together else (1, -1):
-        sweeps = _sweeps_of(cleaned, sign)
-        longest = max((abs(trace.cam_deg[s.stop - 1] - trace.cam_deg[s.start]) / 360 for s in sweeps), default=0.0)
+        own = cleaned.one_way(sign)
+        longest = max((float(np.ptp(own.cam_deg[s.start : s.stop])) / 360 for s in own.sweeps), default=0.0)
         if longest < SHORTEST_TURNS - 0.01:
-            if sweeps:
+            if own.sweeps:
                 notes.append(f"{'growing' if sign > 0 else 'falling'} angles left out: {longest:.2g} of a cam turn")
             continue
         while True:
-            sweeps = _sweeps_of(cleaned, sign)
-            declared, finest = _declared(cleaned, sweeps, orders, notes)
-            bins = bins_of(cleaned, sweeps, declared[-1])
+            own = cleaned.one_way(sign)
+            declared, finest = _declared(own, orders, notes)
+            bins = bins_of(own, declared[-1])
             slow = SlowTerms(DRIFTS[drift])
             if not together:
-                slow = slow_terms(bins.span, gearing.ratio if gearing else None, slow.degree)
+                slow = slow_terms(bins.span, ratio, slow.degree)
                 slow = replace(slow, over=("speed",) * (trace.time_s is not None and speed_changes(bins)))
-            fit = _fit(bins, declared, gearing, slow, notes)
+            fit = _fit(bins, declared, ratio, slow, notes)
             if torque and torque.changes and torque.by != "catalogue":
                 if tells_compliance(fit):
                     slow = replace(slow, over=(*slow.over, "load"))
-                    fit = _fit(bins, declared, gearing, slow, notes)
+                    fit = _fit(bins, declared, ratio, slow, notes)
                     torque = torque.fitted(*fit.slopes["load"])
                 elif without := torque.by_catalogue(cleaned, drive):
                     cleaned, torque = without
                     continue
                 else:
                     warnings.append(WIND_UP_LEFT)
-            cleaned, spikes = without_spikes(cleaned, sweeps, fit)
-            if not spikes:
+            found = without_spikes(own, fit)
+            if not found:
                 break
-            warnings.append(spikes)
+            cleaned, words = found
+            warnings.append(words)
         drift_left = 0.0
         if not together:  # a comparison looks for drift in the difference, and counts lines as noise
             fit, drift_left = _with_lines_or_drift(fit, finest)
             if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
                 warnings.append(DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
-                fit = _fit(bins, declared, gearing, replace(slow, degree=1), notes)
+                fit = _fit(bins, declared, ratio, replace(slow, degree=1), notes)
                 fit, drift_left = _with_lines_or_drift(fit, finest)
             elif drift_left:
                 warnings.append(DRIFT_LEFT.format(drift_left))
         wind_up = torque.uncertainty_arcsec if torque and torque.by == "catalogue" else 0.0
-        result = _sweep_result(
-            sign, cleaned, sweeps, fit, declared, drift_left, gearing, drive, stated or {}, seed, wind_up
-        )
+        result = _sweep_result(sign, own, fit, declared, drift_left, gearing, drive, stated or {}, seed, wind_up)
         if not fit.unmodelled < UNMODELLED * result.range.value:
             size = f"{fit.unmodelled:.2g}″"
             warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
@@ -221,11 +221,6 @@ def measure(
     return Measurement(trace, gearing, tuple(directions), reversal, lag, tuple(notes), tuple(warnings), seed, torque)
 
 
-def _sweeps_of(trace: MeasuredTrace, sign: int) -> list[AngleSweep]:
-    """Sweeps of a trace in a direction; 0 for both."""
-    return [sweep for sweep in trace.sweeps if sweep.direction == sign or not sign]
-
-
 def require_drift(kind: str) -> None:
     """Raise UsageError unless it is a kind of drift that can be taken off."""
     if kind not in DRIFTS:
@@ -234,20 +229,18 @@ def require_drift(kind: str) -> None:
 
 def _with_lines_or_drift(fit: TraceFit, finest: float) -> tuple[TraceFit, float]:
     """A fit with the lines up to the finest order, and the linear drift [arcsec] that it has not taken off."""
-    fit = with_lines(fit, fit.orders, finest)
-    extent = float(np.ptp(fit.design.bins.error - fit.residual))
+    fit = with_lines(fit, finest)
+    extent = float(np.ptp(fit.bins.error - fit.residual))
     return fit, 0.0 if len(fit.drift) else drift_of(fit, extent)
 
 
-def _declared(
-    trace: MeasuredTrace, sweeps: Sequence[AngleSweep], orders: Sequence[float] | None, notes: list[str]
-) -> tuple[Sequence[float], float]:
+def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[str]) -> tuple[Sequence[float], float]:
     """Declared orders, refused where the steps of the angle do not resolve them, the default ones cut instead.
 
     And the highest order per cam turn that the steps resolve.
     """
     declared = orders or DEFAULT_ORDERS
-    steps = np.concatenate([np.diff(trace.cam_deg[sweep.start : sweep.stop]) for sweep in sweeps]) / 360
+    steps = np.concatenate([np.diff(trace.cam_deg[sweep.start : sweep.stop]) for sweep in trace.sweeps]) / 360
     highest = 1 / (STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
     if declared[-1] <= highest:
         return declared, highest
@@ -261,9 +254,8 @@ def _declared(
     return kept, highest
 
 
-def _fit(bins: Bins, declared: Sequence[float], gearing: Gearing | None, slow: SlowTerms, notes: list[str]) -> TraceFit:
+def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, notes: list[str]) -> TraceFit:
     """Fit with beats where the record resolves them and has bins enough, else without."""
-    ratio = gearing.ratio if gearing else None
     with_beats, without = (
         order_grid(declared, bins.span, ratio, beats=beats, slow=not slow.by_angle) for beats in (True, False)
     )
@@ -281,7 +273,6 @@ def _fit(bins: Bins, declared: Sequence[float], gearing: Gearing | None, slow: S
 def _sweep_result(
     sign: int,
     trace: MeasuredTrace,
-    sweeps: Sequence[AngleSweep],
     fit: TraceFit,
     declared: Sequence[float],
     drift_left: float,
@@ -295,16 +286,14 @@ def _sweep_result(
 
     drift_left: linear drift [arcsec] that the fit has in it; wind_up: uncertainty of one taken off by a catalogue.
     """
-    bins = fit.design.bins
+    bins = fit.bins
     places, per_turn = visited_angles(bins, float(fit.orders[-1]))
-    rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in sweeps])
     visits = None
     if gearing:
         cycle = gearing.cycle * per_turn
         visited = np.unique(np.mod(places, cycle))
         steps = int(np.isin(np.mod(visited + 1, cycle), visited).sum())  # from one visited place to the next
-        step = float(np.median(np.abs(np.diff(trace.cam_deg[rows]))))
-        visits = Coverage(steps / per_turn, steps / cycle, step)
+        visits = Coverage(steps / per_turn, steps / cycle)
         if bins.span >= WHOLE_TURN * gearing.ratio and not len(fit.lines):
             places = visited
     grid, rng = places / per_turn, np.random.default_rng([seed, sign + 1])
@@ -341,6 +330,7 @@ def _sweep_result(
         message = f"F'_ior of {max(extent.value, 0.0):.3g}″ is not clear of its noise, u = {alone:.3g}″"
         hint = "it drifts: --drift linear" if drift_left else "record longer or with less noise; check the column"
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
+    rows = trace.rows
     drifted = fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
     return SweepResult(
         sign, fit, grid, extent, revolution, replace(cam, others=combined(common)), float(np.ptp(slow)),

@@ -85,12 +85,11 @@ def ranges_of(
     """
     best = _shrunk(fit)
     noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], draws))
-    waves = [own for own in fit.groups if np.isin(fit.orders[own], fit.lines).any()]
-    line = np.isin(np.arange(len(fit.orders)), np.concatenate([np.array([], np.int64), *waves]))
+    line = np.isin(fit.orders, fit.lines) | fit.unresolved
     own = np.where(np.tile(line, 2), 0.0, fit.coefficients)
     curves = np.concatenate([np.stack([fit.coefficients, own, best], axis=1), best[:, None] + noise], axis=1)
     curves = np.concatenate([curves, curves * np.tile(~fit.is_slow, 2)[:, None]], axis=1)
-    lines = 2 * sum(fit.wave(own)[1] for own in waves) if whole else 0.0
+    lines = 2 * sum(fit.wave(own)[1] for own in fit.groups if line[own[0]]) if whole else 0.0
     part = np.floor(turns * TURN_PARTS + 1e-6).astype(np.int64)
     part -= part[0]
     begins = range(int(part[-1]) + 1)

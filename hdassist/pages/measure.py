@@ -63,15 +63,12 @@ SWEEP_QUANTITIES: tuple[Quantity[SweepResult], ...] = (
     Quantity("revolution_range_arcsec", "range in a cam turn, at most", "″", ".2f", "revolution.value"),
     Quantity("revolution_range_standard_uncertainty_arcsec", "  standard uncertainty u", "″", ".2f",
              "revolution.uncertainty"),
-    Quantity("revolution_range_rise_arcsec", "  more in another cycle, at most", "″", ".2f",
-             "revolution.rise"),
     Quantity("cam_range_arcsec", "orders of the cam alone", "″", ".2f", "cam.value"),
     Quantity("cam_interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", "″",
              ends_text, "cam.interval"),
     Quantity("slow_range_arcsec", "  slow terms of the output", "″", ".2f", "slow_arcsec"),
     Quantity("coverage.share", "share of the cycle visited", "%", lambda share: f"{100 * share:.1f}"),
     Quantity("coverage.visited_cam_revolutions", "  visited", "cam turns", ".4g", "coverage.cam_turns"),
-    Quantity("coverage.step_cam_deg", "  a reading every", "deg of the cam", ".3g", "coverage.step_deg"),
     Quantity("rows", "rows", "", "", lambda s: int(s.bins.rows.sum())),
     Quantity("sweeps", "sweeps", "", "", lambda s: len(s.fit.level)),
     Quantity("cam_revolutions", "record", "cam turns", ".2f", "bins.span"),
@@ -236,9 +233,10 @@ def _sweep(found: SweepResult) -> Json:
     """One direction as a JSON object."""
     return {
         **as_object(SWEEP_QUANTITIES, found),
-        "orders": [as_object(ORDER_COLUMNS, order) for order in found.orders],
-        "orders_of_cam": [as_object(ORDER_COLUMNS, order) for order in found.orders_of_cam],
-        "lines": [as_object(ORDER_COLUMNS, line) for line in found.lines],
+        **{
+            name: [as_object(ORDER_COLUMNS, order) for order in getattr(found, name)]
+            for name in ("orders", "orders_of_cam", "lines")
+        },
         "budget": [as_object(_BUDGET, source) for source in found.sources],
     }
 
@@ -262,16 +260,12 @@ def _csv(result: Measurement) -> CsvTable:
     return ["file", "direction", "sweep", "cam_deg", "error_arcsec", "fitted_arcsec"], rows
 
 
-def repeats(results: Sequence[Measurement]) -> Json | None:
-    """Mean and standard deviation of F'_ior over files, as of repeat runs; None for one file."""
+def repeats(results: Sequence[Measurement]) -> tuple[Json, list[str]]:
+    """F'_ior over files, as of repeat runs: for JSON, and in a line; both empty for one file."""
     values = [result.F_ior_arcsec for result in results]
     if len(values) < 2:
-        return None
-    spread = float(np.std(values, ddof=1))
-    return {"files": len(values), "mean_arcsec": float(np.mean(values)), "standard_deviation_arcsec": spread}
-
-
-def repeats_line(repeats: Json) -> str:
-    """Repeat runs in a line."""
-    mean, spread = repeats["mean_arcsec"], repeats["standard_deviation_arcsec"]
-    return f"{repeats['files']} files: F'_ior {mean:.2f}″ on the mean, standard deviation {spread:.2f}"
+        return {}, []
+    mean, spread = float(np.mean(values)), float(np.std(values, ddof=1))
+    found = {"files": len(values), "mean_arcsec": mean, "standard_deviation_arcsec": spread}
+    line = f"{len(values)} files: F'_ior {mean:.2f}″ on the mean, standard deviation {spread:.2f}"
+    return {"repeat_runs": found}, [line]

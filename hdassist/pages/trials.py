@@ -80,8 +80,8 @@ def trials_warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
         share = f"{100 * advice.draws.misread.max():.0f} %"
         yield f"{_measured(advice, advice.suspected)} is probably misread ({share}): measure it again"
     elif (hinge := advice.hinges_on) and advice.stay[1] >= advice.needed:
-        least = f"{100 * min(advice.without):.0f} %"
-        yield f"the choice hinges on {_measured(advice, hinge)}: {least} without it, 60 % are wanted: measure it again"
+        least = f"{100 * min(advice.without):.0f} % without it, {100 * advice.stable:g} % are wanted"
+        yield f"the choice hinges on {_measured(advice, hinge)}: {least}: measure it again"
     if outcome and not outcome.as_predicted:
         yield f"{_outcome(advice, outcome)}: outside of what the trials predict: check seat and measurement"
     if outcome and advice.explained and not (advice.settled or advice.to_repeat or advice.back_to):

@@ -8,7 +8,7 @@ from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import chi2, circmean, circstd
+from scipy.special import chdtrc
 
 from hdassist.belief.evidence import measured_errors
 from hdassist.errors import UntrustedError, UsageError
@@ -35,7 +35,7 @@ STABLE = 0.6  # probability that the choice is good which it has to keep without
 SUSPECTED = 0.5  # probability of a value to be misread from which on it is named
 OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 FITTING_TRIALS = 3  # trials, which fit any drive: predictions of later ones are held against the drive as stated
-LEAST_UNREPEATED = 6  # trials in positions of their own, after which one is repeated
+ENOUGH_VALUES = 6  # in positions of their own: they tell the noise as a repeat does, if they agree with the model
 FALSE_ALARM = 0.05
 WORTH = 0.01  # of the error: going back for less is not worth it
 SURE_DEVIATIONS = 2.0  # standard deviations by which a value has to be worse where no sample explains it
@@ -101,9 +101,18 @@ class TrialAdvice:
         return tried.rotation_deg, 0.0 if place is None else float(self.losses.probability_good[place])
 
     @property
+    def stable(self) -> float:
+        """Probability that the choice is good which it has to keep without any one of the trials.
+
+        Where the values came out unlike the preset's drive, one of them, the noise or the model is off, and no one says
+        which: then no single value may carry the choice, and it has to keep all of the probability that is needed.
+        """
+        return self.needed if self.unlike_told else STABLE
+
+    @property
     def hinges_on(self) -> Trial | None:
-        """The trial without which the choice is least probable to be good, where that is less than STABLE."""
-        if not self.without or self.outcome or min(self.without) >= STABLE:
+        """The trial without which the choice is least probable to be good, where that is less than `stable`."""
+        if not self.without or self.outcome or min(self.without) >= self.stable:
             return None
         return self.trials[int(np.argmin(self.without))]
 
@@ -127,21 +136,21 @@ class TrialAdvice:
     def unlike_told(self) -> bool:
         """Whether the values are off by more than they are in FALSE_ALARM of drives that are as the preset has them."""
         squares = [one.surprise**2 for one in self.predictions[FITTING_TRIALS - 1 :]]
-        return bool(squares) and bool(chi2.sf(sum(squares), len(squares)) < FALSE_ALARM)
+        return bool(squares) and bool(chdtrc(len(squares), sum(squares)) < FALSE_ALARM)
 
     @property
     def to_repeat(self) -> Trial | None:
-        """The trial to measure again where none was: values unlike the preset's drive settle no choice without it.
+        """The trial to measure again where none was: fewer than ENOUGH_VALUES tell no noise without it.
 
-        Where a choice is probable enough but for one value that it hinges on, or none is after LEAST_UNREPEATED trials,
-        the one is repeated that is suspected, that the choice hinges on, or that was measured in the chosen position.
+        Of values unlike the preset's drive it is the most surprising one. Else, where a choice is probable enough from
+        few values or not from more, that which is suspected, that the choice hinges on, or that of the chosen position.
         """
         if self.repeats:
             return None
         if self.unlike_told:
             return max(self.predictions[FITTING_TRIALS - 1 :], key=lambda one: abs(one.surprise))
-        hinges = self.hinges_on is not None and self.stay[1] >= self.needed
-        if self.outcome or self.sure or not (hinges or len(self.trials) >= LEAST_UNREPEATED):
+        few = len(self.trials) < ENOUGH_VALUES
+        if self.outcome or (self.stay[1] < self.needed if few else self.sure):
             return None
         chosen = (trial for trial in self.trials if trial.rotation_deg == self.stay[0])
         return self.suspected or self.hinges_on or next(chosen, self.trials[0])
@@ -165,8 +174,9 @@ class TrialAdvice:
     def offset(self) -> tuple[float, float, float, float]:
         """Offset that stands with the fixed wheel: size [um] and direction [deg], each with its standard deviation."""
         size, direction = self.prior.offset(self.draws.places)
-        angles = float(circmean(direction, high=360)), float(circstd(direction, high=360))
-        return float(size.mean()), float(size.std()), *angles
+        mean = np.exp(1j * np.radians(direction)).mean()  # its length is less the more the directions differ
+        angles = np.degrees([np.angle(mean) % (2 * np.pi), np.sqrt(-2 * np.log(np.abs(mean)))]).tolist()
+        return float(size.mean()), float(size.std()), angles[0], angles[1]
 
     @property
     def facing(self) -> tuple[float, float] | tuple[None, None]:

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import softmax
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri, softmax
 
 from hdassist.belief.evidence import FREEDOM
 from hdassist.belief.misfit import (
@@ -35,7 +34,7 @@ from hdassist.mounting.positions import hole_words
 from hdassist.mounting.trial import Trial
 from hdassist.trials.prior import Places, Prior
 
-NOISE_SPREAD = 0.35  # of the logarithm of the noise over the stated one: within half and twice with 95 %
+NOISE_SPREAD = 0.56  # of the logarithm of the noise over the stated one: within a third and three times with 95 %
 LOG_NOISES = {noise: -0.5 * (np.log(noise) / NOISE_SPREAD) ** 2 for noise in 2.0 ** (np.arange(-2, 5) / 2)}
 AS_TOLD = (ErrorKind(),)  # neither misfit nor another noise
 POSTERIOR_DRAWS = 2048
@@ -150,10 +149,11 @@ def next_trial(draws: Draws, losses: PositionStatistics, noise_arcsec: float, se
     """
     rng, spread = np.random.default_rng(seed), draws.noise * noise_arcsec
     truth = rng.permutation(len(spread))[:OUTCOMES]
-    off, good = norm.ppf((rng.permutation(OUTCOMES) + 0.5) / OUTCOMES), (losses.losses < GOOD).astype(float)
+    off, good = ndtri((rng.permutation(OUTCOMES) + 0.5) / OUTCOMES), (losses.losses < GOOD).astype(float)
     after = []
     for rotation, F_ior in zip(losses.rotations_deg, draws.F_ior_arcsec.T, strict=False):
-        density = norm.pdf((F_ior[truth] + off * spread[truth])[:, None], F_ior, spread)
+        value = (F_ior[truth] + off * spread[truth])[:, None]
+        density = np.exp(-0.5 * ((value - F_ior) / spread) ** 2) / spread
         after.append((rotation, float(np.mean((density @ good / density.sum(axis=1, keepdims=True)).max(axis=1)))))
     return max(after, key=lambda each: each[1])
 
@@ -168,8 +168,8 @@ def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Predictio
         np.quantile(draws.F_ior_arcsec + noise, (0.025, 0.975)).tolist(),
     )
     # how far out in the tail where draws have run out is unknown
-    below = norm.cdf(trial.F_ior_arcsec, told.F_ior_arcsec, as_told).mean()
-    surprise = float(norm.ppf(np.clip(below, 1e-6, 1 - 1e-6)))
+    below = ndtr((trial.F_ior_arcsec - told.F_ior_arcsec) / as_told).mean()
+    surprise = float(ndtri(np.clip(below, 1e-6, 1 - 1e-6)))
     return Prediction(trial.rotation_deg, trial.F_ior_arcsec, expected, low, high, surprise)
 
 

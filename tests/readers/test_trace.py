@@ -150,6 +150,12 @@ def test_counts_of_an_unknown_encoder_are_asked_for():
     assert '"output": counts of how many in a turn?' in fault(bare, ratio=100, angle_unit="16384")
     assert read(bare, ratio=100, angle_unit="16384,deg").sense == 1
     assert read(text([CAM, -CAM / 100], "cam,output"), ratio=100, angle_unit="-deg").sense == 1
+    columns, coarse = text([CAM, -CAM / 100, CAM / 100], "cam,output,turned", digits=2), []
+    for second, unit in (("output", "-deg"), ("turned", "deg")):
+        found = read(columns, ratio=100, angle="cam", second=second, angle_unit=f"deg,{unit}")
+        coarse.append(found.step_arcsec)
+        assert not any("a turn" in note for note in found.notes)
+    assert coarse[0] == coarse[1]
     for wrong in ("0", "3bit,7", "-", "99bit", "1,2,3", "nan", "16384,", "mm"):
         with pytest.raises(UsageError, match="invalid --angle-unit"):
             read(data, ratio=100, angle_unit=wrong)
