@@ -9,7 +9,7 @@ average.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import partial
 from itertools import chain
@@ -259,10 +259,11 @@ def _solved(
         if chance >= probability:
             return [Draw(figures=figures, proof=astuple(proof))] * count
         maps = error_maps(drive, list(dict.fromkeys((*torques, *(M_g for M_g, _ in places)))))
-        chosen, found = near.drawn(maps, number) if near else ([({}, {}, 1.0)], EMPTY)
+        chosen, found = near.drawn(maps, number) if near else ([({}, 1.0)], EMPTY)
         proof += found
-        for nearer, its_shares, its_density in chosen:
-            moved = drive.with_values(nearer)
+        for nearer, its_density in chosen:
+            its_shares = [nearer.get(f.path, share) for f, share in zip(prior.fields, of_fields, strict=True)]
+            moved = drive.with_values(prior.values(np.array([its_shares]))[0])
             F_ior, turned, there, found = errors_by_turn(maps, moved, torques, rotations_deg, places)
             more, more_proof = further(moved) if further else ({}, EMPTY)
             now = {**figures, **more, **{each.figure: float(F) for each, F in zip(measured, there, strict=True)}}
@@ -273,9 +274,8 @@ def _solved(
             if measured:
                 at = [seed, number * count + len(solved)]
                 F_ior, turned = errors_shown(measured, there, torques, rotations_deg, F_ior, turned, at)
-            its = tuple(its_shares.get(f.path, share) for f, share in zip(prior.fields, of_fields, strict=True))
             at_turns, whole = tuple(map(tuple, turned.tolist())), astuple(proof + found + more_proof)
-            solved.append(Draw("", now, tuple(F_ior.tolist()), at_turns, weight, its, whole))
+            solved.append(Draw("", now, tuple(F_ior.tolist()), at_turns, weight, tuple(its_shares), whole))
             proof = EMPTY
     except HdassistError as error:
         return [Draw(refused=str(error.fault))] * count
@@ -326,18 +326,18 @@ def errors_by_turn(
     Results of shape (torques,), (torques, rotations) and (measured,). Arguments: maps of its error at all torques;
     measured, single torques [N*m] with a turn each [deg]. Raises UntrustedError where an answer cannot be trusted.
     """
-    proof, found = EMPTY, dict[float, tuple[float, Array, Iterator[float]]]()
+    proof, now, turned, there = EMPTY, dict[float, float](), dict[float, Array](), dict[tuple[float, float], float]()
     for error_map in maps:
-        now = error_map.many_extremes(Batch.of(drive), grid=COARSE_POINTS)
-        turned, of_turned = _at_turns(error_map, drive, now.first, rotations_deg)
+        found = error_map.many_extremes(Batch.of(drive), grid=COARSE_POINTS)
+        M_g, now[error_map.M_g] = error_map.M_g, found.first
+        turned[M_g], of_turned = _at_turns(error_map, drive, found.first, rotations_deg)
         # by themselves, so that their digits are the same whatever else is searched
-        alone = [turn for M_g, turn in measured if M_g == error_map.M_g]
-        there, of_measured = _at_turns(error_map, drive, now.first, alone)
-        proof += now.certificate + of_turned + of_measured
-        found[error_map.M_g] = now.first, turned, iter(there.tolist())
-    F_ior, at_measured = [found[M_g][0] for M_g in torques], [next(found[M_g][2]) for M_g, _ in measured]
-    of_turns = np.array([found[M_g][1] for M_g in torques]).reshape(len(torques), len(rotations_deg))
-    return np.array(F_ior), of_turns, np.array(at_measured), proof
+        alone = [at for at in measured if at[0] == M_g]
+        F_ior, of_measured = _at_turns(error_map, drive, found.first, [turn for _, turn in alone])
+        there |= zip(alone, F_ior.tolist(), strict=True)
+        proof += found.certificate + of_turned + of_measured
+    of_turns = np.array([turned[M_g] for M_g in torques]).reshape(len(torques), len(rotations_deg))
+    return np.array([now[M_g] for M_g in torques]), of_turns, np.array([there[at] for at in measured]), proof
 
 
 def _at_turns(error_map: ErrorMap, drive: Drive, now: float, turns: Sequence[float]) -> tuple[Array, Certificate]:

@@ -137,10 +137,8 @@ class DeviationProposal:
     effort: TableEffort = field(default_factory=partial(TableEffort, 64, Mesh((9, 5, 7, 7), 12), 0))
     draws: int = 4
 
-    def drawn(
-        self, maps: Sequence[ErrorMap], number: int
-    ) -> tuple[list[tuple[dict[str, float], dict[str, float], float]], Certificate]:
-        """Draws: values and shares of the open deviations, and density over the prior's; and the proof of all.
+    def drawn(self, maps: Sequence[ErrorMap], number: int) -> tuple[list[tuple[dict[str, float], float]], Certificate]:
+        """Draws: shares of the probability of the open deviations, and density over the prior's; the proof of all.
 
         A draw that was chosen before has an infinite density, and that one less. Arguments: maps of a drive with all
         else, those at the torques of the errors among them; its number. Raises UntrustedError where an answer cannot be
@@ -170,7 +168,7 @@ class DeviationProposal:
         searched = np.stack([each.F_ior_arcsec for each in extremes], axis=1)
         log = log_likelihood_of_errors(searched, *values_of_errors(self.errors))
         agreeing = np.exp(log - log.max())
-        ratio, chosen = agreeing / density[some], list[tuple[dict[str, float], dict[str, float], float]]()
+        ratio, chosen = agreeing / density[some], list[tuple[dict[str, float], float]]()
         even = (rng.random() + np.arange(self.draws)) / self.draws
         ones = np.minimum(np.searchsorted(np.cumsum(ratio / ratio.sum()), even), SEARCHED_DRAWS - 1)
         for k, (one, place) in enumerate(zip(ones, picked := places[some[ones]], strict=True)):
@@ -179,9 +177,8 @@ class DeviationProposal:
             for f in fields:
                 if any_direction(self.prior) and f.path in standing_directions(drive):
                     shares[f.path] = found.values[f.path][draw, direction] / f.high % 1
-            values = {f.path: float(f.value(np.array(shares[f.path]))) for f in fields}
             alike = np.inf if place in picked[:k] else 1 / np.count_nonzero(picked == place)
-            chosen.append((values, shares, float(agreeing[one] / ratio.mean() * alike)))
+            chosen.append((shares, float(agreeing[one] / ratio.mean() * alike)))
         return chosen, sum((each.certificate for each in extremes), found.certificate)
 
 

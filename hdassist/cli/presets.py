@@ -15,7 +15,6 @@ from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.json_parts import Json
-    from hdassist.preset.schema import ResolvedField
     from hdassist.report.report import Report
 
 presets_app = typer.Typer(
@@ -109,7 +108,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
             return 0
         drive = self.load(self.preset)
         rows = resolved_fields(drive)
-        cells = tuple((row.path, value_text(row.value), row.unit, row.kind, _reference(row)) for row in rows)
+        cells = tuple((row.path, value_text(row.value), row.unit, row.kind, row.reference) for row in rows)
         heads = ("field", "value", "unit", "origin", "reference")
         report = Report(
             "presets-show", drive, drive.name, blocks=(Table("", heads, cells, words=range(len(heads))),),
@@ -234,13 +233,3 @@ class PresetsNewCommand(TextOptions, WishOptions):
         given = read_requirements(other, **wish)
         write_text(self.output, similar_preset(self.name, other, given), self.force)
         return 0
-
-
-def _reference(row: ResolvedField) -> str:
-    """Where a value comes from, its plausible range first."""
-    from hdassist.preset.schema import value_text
-
-    if row.range is None:
-        return row.ref
-    bounds = f"{value_text(row.range[0])} to {value_text(row.range[1])}"
-    return f"{bounds}; {row.ref}" if row.ref else bounds

@@ -65,12 +65,6 @@ class CardFile:
             raise UsageError(f"a serial number has up to {SERIAL} printable characters")
         return cls(path, kind, say, serial.strip())
 
-    def write(self, facts: CardFacts) -> None:
-        """Make the card and write it."""
-        from hdassist.terminal.files import write_text
-
-        write_text(self.path, self.text(facts), self.force)
-
     def text(self, facts: CardFacts) -> str:
         """The card as its file has it."""
         from hdassist.pages.card import card_of
@@ -93,6 +87,7 @@ def give_with_card(
     Arguments: command, for the schema; report; card that was asked for; facts that it tells, in the language of its
     texts, None where no order can be given: then there is no card; options; out.
     """
+    from hdassist.terminal.files import write_text
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import give
 
@@ -100,7 +95,7 @@ def give_with_card(
         report = replace(report, head="")
     code = give(command, [report], options, out)
     if card and facts:
-        card.write(facts(card.say))
+        write_text(card.path, card.text(facts(card.say)), card.force)
     elif card:
         note("no card: nothing can be ordered")
     return code

@@ -32,7 +32,7 @@ from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.throughcvxpy import CrossCheck, require_solver, solve_again
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
-CHECKED = 8  # random states beside the extremes that another solver solves again
+CHECKED = 3  # random states beside the extremes that another solver solves again
 CYCLE_BLOCK = 4 * STATES_AT_A_TIME  # states whose gaps are held at once
 
 

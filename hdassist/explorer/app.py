@@ -121,7 +121,8 @@ class Explorer(Exporting):
 
     def on_mount(self) -> None:
         """Ask the first questions."""
-        self._end_when_told()
+        if not self.is_headless:  # else stops are those of the process that it runs in
+            self._end_when_told()
         self.side.border_title = "LEVERS"
         self.holes.focus()
         self.ask_of_drive()
@@ -146,7 +147,7 @@ class Explorer(Exporting):
         terminal.register(0, 0)  # a hang-up is reported unasked; no signal comes where SIGHUP is ignored (nohup)
 
         def look() -> None:
-            if terminal.poll(0) and not self.is_headless:
+            if terminal.poll(0):
                 end(signal.SIGHUP)
 
         self.set_interval(GONE, look)

@@ -197,7 +197,8 @@ class ContactSystems:
         flanks, flexspline, at_flanks = self._flexspline[tau]
         balls, of_ring, at_balls = self._ring[beta]
         inside = len(flexspline) - len(bore)
-        D = np.pad(flexspline, (0, len(balls)))
+        D = np.zeros((len(flexspline) + len(balls),) * 2)
+        D[: len(flexspline), : len(flexspline)] = flexspline
         D[inside:, inside:] += of_ring  # both see the bore
         parts, supports = (at_flanks, self._nodes, at_balls), np.zeros(len(FREEDOMS))
         supports[RIGID], supports[FLEX] = drive.supports.C_1, drive.supports.C_2

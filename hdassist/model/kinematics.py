@@ -34,12 +34,12 @@ class Kinematics:
         return moving / (self.z_g - self.z_b)
 
     @property
-    def error_sign(self) -> float:
+    def error_sign(self) -> int:
         """Sign of F_kpp against the flexspline's rotation.
 
         The rotation is the flexspline's against the rigid wheel; the latter's is its opposite.
         """
-        return -1.0 if self.fixed == "rigid" else 1.0
+        return -1 if self.fixed == "rigid" else 1
 
     @property
     def teeth_fixed(self) -> int:

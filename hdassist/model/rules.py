@@ -6,8 +6,6 @@ Beside each rule stand the fields that it looks at. Lengths in mm, angles in rad
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -118,26 +116,19 @@ def teeth_mesh(geometry: Geometry) -> Iterator[Conflict]:
     coarse = (teeth_reach, tips_come_free, roots_have_room, rim_is_thin)
     if any(base >= tip for base, tip in wheels) or any(any(rule(geometry)) for rule in coarse):
         return  # faults of the other rules
-    gap, angle = _least_gap(replace(geometry, j_n=0.0))
-    overlap, most = -gap - geometry.j_n, MAX_OVERLAP * geometry.flexspline.m
+    try:
+        flanks = flank_candidates(geometry)
+    except UntrustedError:  # the tips just reach each other, the flanks do not
+        return
+    least = int(np.argmin(flanks.gap))
+    overlap, most = -flanks.gap[least] - geometry.j_n, MAX_OVERLAP * geometry.flexspline.m
     if overlap > most:
+        angle = abs(flanks.theta[least] - flanks.zone[least] * np.pi)
         yield Conflict(
             "cam.W_0", "the teeth interfere: they run through each other under the shape the cam gives",
             f"an overlap of {overlap * 1e3:.3g} um at {np.degrees(angle):.3g}° from the major axis",
             f"at most {most * 1e3:.3g} um; check W_0 with m, x_g, x_b and h_a",
         )  # fmt: skip
-
-
-@lru_cache(maxsize=64)  # drives that differ in other things are loaded one after the other
-def _least_gap(geometry: Geometry) -> tuple[float, float]:
-    """Least nominal gap of all flanks [mm], without the clearance, and how far from the major axis it is [rad]."""
-    zones = (0,) if geometry.flexspline.z % 2 == 0 else (0, 1)  # of an even number of teeth both are the same
-    try:
-        flanks = flank_candidates(geometry, zones=zones)
-    except UntrustedError:  # the tips just reach each other, the flanks do not
-        return np.inf, 0.0
-    least = int(np.argmin(flanks.gap))
-    return float(flanks.gap[least]), float(abs(flanks.theta[least] - flanks.zone[least] * np.pi))
 
 
 def rim_is_thin(geometry: Geometry) -> Iterator[Conflict]:

@@ -20,6 +20,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.positions import MountingCurve, phase_deg, rotated
 from hdassist.preset.fields import Drive
+from hdassist.run.processes import apart
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
@@ -106,7 +107,7 @@ def _solved(
     if run.cross_check:
         # in one process: the import of cvxpy takes each of them most of a second, and much memory
         solved = [(*drive, error) for drive, error in zip(drives, errors, strict=True)]
-        checks += next(run.map(_again, [solved], [run.of_task]))
+        checks += next(run.map(apart, [_again], [solved], [run.of_task]))
     every, again = curve.every_state | places, tuple(checks)
     return replace(curve, F_ior_arcsec=values, every_state=every, certificate=proof, cross_checks=again)
 

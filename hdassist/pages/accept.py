@@ -33,14 +33,14 @@ RULE_WORDS = {
     "guard": f"guard bands of {GUARD:g} u on each side of a limit",
     "simple": "simple acceptance up to a limit",
 }
-FIGURES: tuple[Quantity[Decision | None], ...] = tuple(  # of CSV
+CHECK_FIGURES: tuple[Quantity[Decision | None], ...] = tuple(  # of CSV
     Quantity(name, "", "", "")
     for name in (
         *(each.name for each in fields(Decision) if each.name not in ("unstated", "belief")),
         *(f"belief.{each.name}" for each in fields(Belief)),
     )
 )
-FIGURES_HEAD = ",".join(("serial", "preset", *(figure.key for figure in FIGURES), "exit_code", "error", ""))
+FIGURES_HEAD = ",".join(("serial", "preset", *(figure.key for figure in CHECK_FIGURES), "exit_code", "error", ""))
 NAMED_CHECKS = 2  # reasons below the verdict
 
 
@@ -265,7 +265,7 @@ def csv(answers: Sequence[AcceptAnswer]) -> str:
         {
             "serial": answer.serial,
             "preset": answer.preset.name,
-            **{figure.key: figure.of(check) for figure in FIGURES},
+            **{figure.key: figure.of(check) for figure in CHECK_FIGURES},
             "exit_code": answer.exit_code,
             "error": answer.error and answer.error.message,
             **provenance(answer),

@@ -159,7 +159,7 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> 
     yield "orders", f"{', '.join(named)}″, with beats"
     yield "slow", _slow(found)
     if found.lines:
-        lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f} arcsec)" for line in found.lines)
+        lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f}″)" for line in found.lines)
         rise = f"; in another cycle they may add {found.range.rise:.2f}″" if found.range.rise else ""
         yield "lines", f"off the orders: {lines}{rise}"
     if reversal := result.reversal:

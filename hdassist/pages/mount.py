@@ -31,7 +31,6 @@ from hdassist.terminal.texts import Texts
 from hdassist.terminal.wheels import heading
 from hdassist.verdict import Verdict
 
-LISTED_POSITIONS = 6  # positions that the table of all samples lists, best first
 OPEN_NAMED = 4  # fields that are not known exactly, which are named
 ORDER_WORDS = {"turn": "TURN", "leave": "LEAVE", "none": "MEASURE FIRST"}
 NO_HOLE_BETTER = {
@@ -106,10 +105,12 @@ def what_to_do(advice: Advice) -> str:
 
 
 def _samples_table(advice: Advice) -> Iterator[Table]:
-    """The positions over the samples, if there are such."""
-    if found := advice.positions:
-        title = "all positions over the samples, best first"
-        yield losses_table(found, advice.curve.holes, advice.curve.torques, title, LISTED_POSITIONS)
+    """The best position over the samples, its neighbours and the present one; none where any may be the best."""
+    if (found := advice.positions) and not advice.any_hole:
+        title, best, now = "over the samples: best, its neighbours, now", found.best, found.place(0.0)
+        around = [(best + step) % len(found.rotations_deg) for step in (0, -1, 1)]
+        places = dict.fromkeys((*around, *(() if now is None else (now,))))
+        yield losses_table(found, advice.curve.holes, advice.curve.torques, title, places)
 
 
 def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:

@@ -48,7 +48,7 @@ def trials_report(advice: TrialAdvice, *, carded: bool = False) -> Report:
     count, holes, torques = len(advice.trials), drive.mounting.holes, drive.operation.M_g
     title = f"positions, least loss first, {TURNS}" + "; by the trials without the outcome" * (not advice.explained)
     back = Verdict.FAIL if advice.back_to else Verdict.INCONCLUSIVE
-    listed = [losses_table(losses, holes, torques, title, most) for most in (LISTED_HOLES, len(losses.ranked))]
+    listed = [losses_table(losses, holes, torques, title, losses.ranked[:most]) for most in (LISTED_HOLES, None)]
     return Report(
         command="trials",
         drive=drive,

@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from hdassist.preset.measured import position_fault
@@ -39,7 +40,7 @@ class FieldRule:
     fault: Callable[..., str | bool]
     hint: str = ""
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the fields that it looks at."""
         return tuple(inspect.signature(self.fault).parameters)

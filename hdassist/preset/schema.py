@@ -26,6 +26,12 @@ class ResolvedField:
     meaning: str
     range: tuple[float, float] | None
 
+    @property
+    def reference(self) -> str:
+        """Where the value comes from, its plausible range first."""
+        bounds = " to ".join(map(value_text, self.range or ()))
+        return "; ".join(filter(None, (bounds, self.ref)))
+
 
 def resolved_fields(drive: Drive) -> list[ResolvedField]:
     """Rows for every field of a drive that stands in a section, in the order of the declarations."""

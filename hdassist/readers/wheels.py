@@ -36,7 +36,7 @@ class WheelFiles:
     @property
     def is_marked(self) -> bool:
         """Whether a direction of a mark is given."""
-        return any(self.mark(name) is not None for name in WHEEL_NAMES)
+        return self.mark_b is not None or self.mark_g is not None
 
     def mark(self, name: str) -> float | None:
         """Direction [deg] of the mark of a wheel; None where it is not given."""

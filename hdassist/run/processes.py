@@ -135,6 +135,32 @@ class Processes(Executor):
             each.join(max(0.0, until - time.monotonic()))
 
 
+def apart(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Result of a function that imports much, found by a worker in a process of its own, which takes its memory along.
+
+    Elsewhere, and where processes are not forked, in this one. Raises BrokenExecutor: that process was ended.
+    """
+    if multiprocessing.parent_process() is None or _way() != "fork":
+        return function(*arguments)
+    here, there = multiprocessing.Pipe()
+    if not (child := os.fork()):
+        _work(here, there, os.getppid())
+        os._exit(0)
+    with here, there:
+        try:
+            here.send((function, arguments, {}))
+            there.close()
+            is_done, found = here.recv()
+        except (EOFError, OSError):
+            raise BrokenExecutor from None
+        finally:
+            here.close()
+            os.waitpid(child, 0)
+    if is_done:
+        return found
+    raise found
+
+
 def _work(here: Connection, there: Connection, parent: int) -> None:
     """Do tasks from a pipe, one after the other, to its end; here, the parent's end, which a fork has inherited."""
     begin_worker(parent)

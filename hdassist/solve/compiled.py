@@ -11,11 +11,11 @@ import hashlib
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from hdassist.errors import UntrustedError
-from hdassist.model.geometry import Array
 from hdassist.run.cache import cached, keep
 from hdassist.solve import formulation as statement
 from hdassist.solve.formulation import Formulation
@@ -58,15 +58,14 @@ def template_differences(formulation: Formulation) -> Iterator[str]:
         stated.gaps.value = gaps = gap * np.arange(1.0, M + 1)
         stated.load.value = load = formulation.load(torque)
         data, _, _ = stated.problem.get_problem_data("DAQP")
-        expected: dict[str, Array | None] = {"P": P, "q": np.pad(gaps, (0, m)), "A": A, "b": np.pad(-load, (0, m))}
+        expected: dict[str, Any] = {"P": P, "q": np.pad(gaps, (0, m)), "A": A, "b": np.pad(-load, (0, m))}
         expected |= {"lower_bounds": lower, "upper_bounds": None}
         if data["F"].shape[0]:
             yield "further rows"
         for name, value in expected.items():
             found = data[name]
             found = found.toarray() if hasattr(found, "toarray") else found
-            same = found is None if value is None else found is not None and np.array_equal(found, value)
-            if not same:
+            if not np.array_equal(found, value):
                 yield name
 
 

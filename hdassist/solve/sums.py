@@ -57,7 +57,7 @@ class StateSums:
 
     def put(self, rows: NDArray[np.int64], there: StateSums) -> None:
         """Put the sums of other states into some rows."""
-        mine, theirs = (vars(sums) | vars(sums.residuals) for sums in (self, there))
-        for name, values in mine.items():
+        self.residuals.shares[rows] = there.residuals.shares
+        for name, values in vars(self).items():
             if isinstance(values, np.ndarray):
-                values[rows] = theirs[name]
+                values[rows] = getattr(there, name)

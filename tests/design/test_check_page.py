@@ -8,7 +8,6 @@ from unittest import mock
 
 import pytest
 
-from hdassist.pages.check import turns_text
 from tests.process import ASSUMED, SMALL, TINY, on_terminal, run, run_cold
 
 
@@ -44,10 +43,22 @@ def test_the_short_page_fits_a_screen_and_ends_in_a_command():
     assert told["next"].startswith("hdassist mount ")
 
 
-def test_a_screen_holds_the_page_with_its_plot():
-    lines = run("check", "vzp160", "--draws", "8").stdout.splitlines()
+@pytest.mark.parametrize(
+    ("args", "verdict", "reason"),
+    [
+        (("vzp160",), "no limit set", "F'_ior, ″: median and range over 9 uncertain inputs (9 others as fitted)"),
+        (("mvz-80", "--limit", "20"), "INCONCLUSIVE", "10 N·m: F'_ior + self error ≤ 20″: "),
+    ],
+)
+def test_a_screen_answers_an_engineer_and_has_a_plot(args, verdict, reason):
+    lines = run("check", *args, "--draws", "8").stdout.splitlines()
     assert len(lines) <= 24
-    assert lines[-1].startswith("proof  ")
+    assert max(map(len, lines)) <= 80
+    assert lines[0] == f"{args[0]}, 200/202 teeth, rigid wheel fixed: {verdict}"  # verdict
+    assert lines[1].startswith(reason)  # how sure
+    starts = [line.split()[0] for line in lines if line]
+    assert [word for word in starts if word in ("measure", "next")] == ["measure", "next"]
+    assert starts[-1] == "proof"
 
 
 def test_a_coupling_is_named_where_it_is_a_lever():
@@ -147,12 +158,6 @@ def test_progress_shows_on_a_terminal_only():
     assert "%" in page
     with mock.patch("hdassist.terminal.output.BAR_PATIENCE", 0.0):
         assert run("check", TINY, "-q").stderr == ""
-
-
-def test_turns_carry_what_rounding_makes_a_whole_one() -> None:
-    assert [turns_text(deg) for deg in (0.0, 359.94, 359.97, 719.96, 725.5)] == [
-        "0 + 0.0", "0 + 359.9", "1 + 0.0", "2 + 0.0", "2 + 5.5"
-    ]  # fmt: skip
 
 
 def test_the_next_command_keeps_what_was_asked_for():

@@ -62,7 +62,7 @@ def test_the_certificate_covers_every_torque(plain):
     assert plain.certificate.states == len(plain.torque)
     assert plain.certificate.max_residual <= 1e-8
     assert plain.cross_check is not None
-    assert plain.cross_check.states == 8
+    assert plain.cross_check.states == 4
     assert plain.cross_check.max_difference_arcsec <= 0.01
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 from textual.pilot import Pilot
@@ -161,3 +162,12 @@ def test_text_of_a_preset_steers_no_terminal(tmp_path: Path) -> None:
         assert "\u202e" not in screen(app) and "a\\u202eb" in screen(app)
 
     explored(act, opened_state(str(file), FEW))
+
+
+def test_an_explorer_without_a_terminal_leaves_stops_to_the_process_that_it_runs_in() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        assert signal.getsignal(signal.SIGTERM) is before
+
+    explored(act)
