@@ -123,7 +123,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
         sheet.drive.origin.sha256,
         "; ".join(sheet.drive.origin.overrides),
         f"proof: {proof(sheet.certificate, sheet.cross_checks)}",
-        "all positions over the samples",
+        "over the samples: best, its neighbours, now",
     ):
         assert words in text
 
