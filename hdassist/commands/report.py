@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
+
+if TYPE_CHECKING:
+    from hdassist.report.report import Report
 
 REPORT_SUFFIXES = (".html", ".md")
 
@@ -36,30 +39,26 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
         from hdassist.comparing.sheet import sheet_of, sheet_states
         from hdassist.pages.documents import report_html, report_markdown
         from hdassist.pages.report import drive_report
-        from hdassist.terminal.answers import json_text, report_object
-        from hdassist.terminal.output import warn
-        from hdassist.terminal.runs import note_time
+        from hdassist.terminal.runs import give, run_each
 
-        kind = self._kind()
-        out, begun = self.open(), time.monotonic()
-        drive = self.load(self.preset)
-        with out.run(drive.name, sheet_states(drive, self.draws), self) as run:
-            sheet = sheet_of(drive, draws=self.draws, run=run)
-        report = drive_report(sheet, draws=self.draws, seed=self.seed)
-        for text in report.warnings:
-            warn(f"{drive.name}: {text}")
-        if self.verbose:
-            note_time(report, begun)
-        if self.json:
-            out.text(json_text(report_object(report)))
-        elif self.quiet:
-            out.text(f"{report.line}\n")
-        elif kind == ".html":
+        kind, out = self._kind(), self.open()
+
+        def one(name: str) -> Report:
+            drive = self.load(name)
+            with out.run(drive.name, sheet_states(drive, self.draws), self) as run:
+                return drive_report(sheet_of(drive, draws=self.draws, run=run), draws=self.draws, seed=self.seed)
+
+        reports = run_each("report", [self.preset], one, self)
+        if self.json or self.quiet:
+            return give("report", reports, self, out)
+        [report] = reports
+        code = give("report", [replace(report, head="")], self, out)  # its warnings: the page is a document
+        if kind == ".html":
             page = report_html(report)
             out.text(page.encode("ascii", "xmlcharrefreplace").decode() if self.ascii else page)
         else:
             out.text(report_markdown(report, out.style))
-        return report.exit_code
+        return code
 
     def _kind(self) -> str:
         """Suffix of the file that the report is written as. Raises UsageError for any other."""

@@ -48,7 +48,7 @@ class Facts:
 class Table:
     """Rows of cells under heads, with a title and notes.
 
-    words: places of the columns of words; the others have numbers. header: whether heads are shown.
+    words: places of the columns of words; the others have numbers.
     """
 
     title: str
@@ -56,7 +56,6 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     words: Collection[int] = (0,)
     notes: tuple[str, ...] = ()
-    header: bool = True
 
     @classmethod
     def by_row(

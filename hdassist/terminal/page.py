@@ -56,7 +56,7 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     head = Text(style.text(report.head), style="bold")
     if report.verdict:
         head.append(style.text(": ")).append(word(report.verdict, style))
-    more = (*report.details, *certificate_tables(report.certificate, report.cross_checks))
+    more = (*report.details, *certificate_facts(report.certificate, report.cross_checks))
     blocks = [*report.blocks, *(more if details else ())]
     hidden = "" if details or not more else "--details"
     proven = proof(report.certificate, report.cross_checks)
@@ -134,13 +134,12 @@ def _table(block: Table, columns: list[int], style: Style) -> RichTable:
     """Some columns of a table, of which only words with spaces wrap."""
     found = RichTable(
         box=box.ASCII2 if style.ascii else box.SIMPLE_HEAD,
-        show_header=block.header,
         pad_edge=False,
         show_edge=style.ascii,
     )
     for k in columns:
         head, *cells = (style.text(row[k]) for row in (block.heads, *block.rows))
-        widest = max(map(cell_len, (head * block.header, *cells)))
+        widest = max(map(cell_len, (head, *cells)))
         wraps = k in block.words and any(" " in cell for cell in (head, *cells))
         justify: JustifyMethod = "left" if k in block.words else "right"
         found.add_column(head, justify=justify, overflow="fold", no_wrap=not wraps, min_width=None if wraps else widest)
@@ -149,7 +148,7 @@ def _table(block: Table, columns: list[int], style: Style) -> RichTable:
     return found
 
 
-def certificate_tables(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None]) -> Iterator[Table]:
+def certificate_facts(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None]) -> Iterator[Facts]:
     """Residuals of the states behind a report with the bounds that they keep; none of a proof that has none."""
     if isinstance(found, Certificate):
         rows = [("states solved", f"{found.states}"), ("states that needed a fallback", f"{found.fallbacks}")]
@@ -158,4 +157,4 @@ def certificate_tables(found: ReportProof | None, cross_checks: Iterable[CrossCh
         if cross := certificate_object(found, cross_checks)["cross_check"]:
             words = f"{cross['states']} again by {cross['solver']}, apart by at most {CROSS_TOLERANCE:g}″"
             rows.append((words, f"{cross['max_difference_arcsec']:.1e}"))
-        yield Table("proof", ("", ""), tuple(rows), header=False)
+        yield Facts(tuple(rows))

@@ -123,7 +123,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
         sheet.drive.origin.sha256,
         "; ".join(sheet.drive.origin.overrides),
         f"proof: {proof(sheet.certificate, sheet.cross_checks)}",
-        "all positions over the samples",
+        "over the samples: best, its neighbours, now",
     ):
         assert words in text
 
@@ -220,3 +220,10 @@ def test_no_block_is_dropped(sheet):
     for page in (report_html(report), report_markdown(report, UNICODE)):
         for words in ("listed", "a line", "x of two", "y of two", "now", "then"):
             assert words in page
+
+
+def test_a_preset_that_cannot_be_read_is_an_answer_for_scripts():
+    result = run("report", "none.yaml", "--json")
+    told = json.loads(result.stdout)
+    assert (result.returncode, told["exit_code"], told["error"]["code"]) == (4, 4, "FILE_UNREADABLE")
+    assert told["schema"] == "hdassist.report/1"
