@@ -75,7 +75,7 @@ def _amplitude(found: SweepResult, order: float) -> tuple[float, float, float] |
 _TABLE = tomllib.loads(files("hdassist.acceptance").joinpath("checks.toml").read_text("utf-8"))
 PREDICTED: dict[str, PredictedValue] = {
     "F_IOR": lambda of, M_g, _: of.F_ior(M_g),
-    "TURN_RANGE": lambda of, M_g, _: of.errors[M_g].turn_range_arcsec,
+    "TURN_RANGE": lambda of, M_g, _: of.turn_range(M_g),
     "SELF_ERROR": lambda of, M_g, _: of.self_errors[M_g].range_arcsec,
     "ORDER": lambda of, M_g, order: of.amplitude(M_g, order),
     "LOST_MOTION": lambda of, *_: of.stiffness[0].lost_motion_arcsec,

@@ -13,6 +13,7 @@ from itertools import chain
 import numpy as np
 
 from hdassist.acceptance.checks import F_IOR
+from hdassist.acceptance.estimate import EstimatedCycle, estimated_cycle, turn_range_arcsec
 from hdassist.acceptance.limits import Limit, torques_of
 from hdassist.belief.evidence import STIFFNESS_FIGURES, evidence_of
 from hdassist.belief.influence import Influence, influences
@@ -26,7 +27,6 @@ from hdassist.error.error_map import searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.table import TABLE_SECTIONS
-from hdassist.error.waves import CycleEstimate, estimated_cycle
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
@@ -48,12 +48,12 @@ class PredictedQuantities:
     """
 
     kinematics: Kinematics
-    errors: dict[float, KinematicError | CycleEstimate]
+    errors: dict[float, KinematicError | EstimatedCycle]
     self_errors: dict[float, SelfError]
     stiffness: tuple[Stiffness, ...]
 
     @property
-    def _parts(self) -> Iterator[KinematicError | CycleEstimate | SelfError | Stiffness]:
+    def _parts(self) -> Iterator[KinematicError | EstimatedCycle | SelfError | Stiffness]:
         return chain(self.errors.values(), self.self_errors.values(), self.stiffness)
 
     @property
@@ -69,6 +69,10 @@ class PredictedQuantities:
     def F_ior(self, M_g: float) -> float:
         """F'_ior [arcsec] at a torque [N*m], with the self error on top."""
         return float(np.ptp(self.errors[M_g].error_arcsec)) + self.self_errors[M_g].range_arcsec
+
+    def turn_range(self, M_g: float) -> float:
+        """Greatest range [arcsec] of the error at a torque [N*m] within one cam turn of the full cycle."""
+        return turn_range_arcsec(self.errors[M_g])
 
     def amplitude(self, M_g: float, order: float) -> float:
         """Amplitude [arcsec] of an order per cam turn over the full cycle at a torque [N*m].
@@ -170,7 +174,7 @@ class Predictions:
 def quantities(
     drive: Drive,
     limits: Sequence[Limit],
-    error_of: Callable[[float], KinematicError | CycleEstimate],
+    error_of: Callable[[float], KinematicError | EstimatedCycle],
     *,
     run: Run = Run(),
 ) -> PredictedQuantities:

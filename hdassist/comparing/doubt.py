@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdassist.error.waves import SLOPE_WAVE_POINTS, Complex, ErrorWaves
+from hdassist.error.waves import Complex, ErrorWaves
 from hdassist.errors import UntrustedError
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 
 DOUBTED_SHARES = {"supports.C_2": 0.3, "supports.C_3": 0.3, "contact.c_t": 0.3, "cam.W_0": 0.02}
+SLOPE_WAVE_POINTS = 24  # around each wheel, for slopes
 DOUBTED_CLEARANCE = 1.0  # um, of gears.j_n
 
 

@@ -223,9 +223,15 @@ def _moved(before: Batch, after: Batch, path: str) -> Batch:
     return Batch(before.drive.with_values({path: after.drive.value(path)}), kept | drawn)
 
 
+def drives_of(batch: Batch) -> list[Drive]:
+    """Drives of a batch one by one."""
+    rows = zip(*(column.tolist() for column in batch.columns.values()), strict=True)
+    return [batch.drive.with_values(dict(zip(batch.columns, row, strict=True))) for row in rows]
+
+
 def _is_sound(moved: Batch, before: Batch) -> bool:
     """Whether no drive has a conflict, or more unknown fields than before (a direction, for example)."""
-    drives = zip(moved.drives(), before.drives(), strict=False)
+    drives = zip(drives_of(moved), drives_of(before), strict=False)
     return all(first_conflict(now) is None and len(unknowns(now)) <= len(unknowns(then)) for now, then in drives)
 
 

@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space
 
+from hdassist.comparing.doubt import SLOPE_WAVE_POINTS
 from hdassist.comparing.record import RecordedOrders, rms
 from hdassist.comparing.vectors import VECTOR_ORDERS, VECTORS, vectors_of, with_vectors
-from hdassist.error.waves import COARSE, SLOPE_WAVE_POINTS, WAVE_POINTS, Complex, ErrorWaves
+from hdassist.error.waves import WAVE_POINTS, Complex, ErrorWaves
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
+COARSE = 16  # positions around each wheel, for a first look at very different deviations
 DOUBT_ROUNDS = 2  # times that the alignment is fitted with the model doubted at the one before
 VECTOR_STEP = 1.0  # of a vector's unit, of a difference quotient
 LONGEST_STEP = 30.0  # of a vector's unit, or deg

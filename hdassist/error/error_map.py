@@ -65,11 +65,6 @@ class Batch:
         """The drives in some rows."""
         return Batch(self.drive, {path: column[rows] for path, column in self.columns.items()})
 
-    def drives(self) -> list[Drive]:
-        """The drives one by one."""
-        rows = zip(*(column.tolist() for column in self.columns.values()), strict=True)
-        return [self.drive.with_values(dict(zip(self.columns, row, strict=True))) for row in rows]
-
     def scalars(self, row: Indices, alpha_g: Array, alpha_b: Array) -> Array:
         """Scalars [mm] of the drives in some rows, where their wheels stand so [rad]; shapes broadcast."""
         return scalars_of({key: wave[row] for key, wave in self._waves.items()}, alpha_g, alpha_b)

@@ -17,6 +17,7 @@ from hdassist.comparing.drives import (
     differing_fields,
     differing_rows,
     drive_changes,
+    drives_of,
     paired_draws,
     sense_of_change,
 )
@@ -122,9 +123,9 @@ def test_what_is_not_known_lies_alike_in_both():
     assert a.high < b.high
     assert first.columns[a.path] / a.high == pytest.approx(second.columns[b.path] / b.high)
     assert len(set(second.columns["phases.xi_b"])) == 5
-    assert not any(map(unknowns, (*first.drives(), *second.drives())))
+    assert not any(map(unknowns, (*drives_of(first), *drives_of(second))))
     (alone,) = paired_draws([small()], 5)
-    assert alone.drives() == [small()]
+    assert drives_of(alone) == [small()]
 
 
 def test_fields_that_are_no_drive_alone_are_said_and_not_computed():
