@@ -130,7 +130,7 @@ def recorded_lines(
             off = record.apart(fitted)
             noise = max(record.noise(off, lines) or float(np.var(off)), LEAST_VARIANCE)
         free = len(read) - float(np.trace(np.linalg.solve(precision, gram))) / noise
-        beyond = max(1.0, float(off @ off) / max(free, 1.0) / noise)  # with the error that is no sum of lines
+        beyond = 1.0 if misfit else max(1.0, float(off @ off) / max(free, 1.0) / noise)  # error that is no sum of lines
         parts = found + np.sqrt(beyond) * np.linalg.solve(np.linalg.cholesky(precision).T, drawn.T).T
     return replace(lines, amplitude=parts[:, :half] + 1j * parts[:, half:])
 

@@ -72,7 +72,8 @@ def test_phasors_of_a_record_have_lines_of_the_drive_that_the_model_has_not():
     found = correct(alone, records={1.0: read}, draws=0)
     left = np.ptp(-(curve + odd) - found.correction.error_at(turns))
     (promised,) = (each for each in found.chosen.residuals if each.case == IN_PLACE)
-    assert left <= promised.p95 < 2
+    assert left < 4  # of 16 by the odd line alone
+    assert left <= promised.p95
 
 
 def test_a_record_that_begins_elsewhere_gives_the_correction_of_its_own_angles(both):
