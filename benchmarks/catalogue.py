@@ -15,7 +15,7 @@ from pathlib import Path
 from hdassist import Drive, Stiffness, load_preset, stiffness
 from hdassist.loading.load import load_text
 from hdassist.loading.write import similar_preset
-from hdassist.preset.similarity import Requirements, SimilarValue
+from hdassist.preset.similarity import PITCH_DIAMETER, SimilarValue
 from hdassist.run.run import UNCHECKED
 
 ROOT = Path(__file__).parents[1]
@@ -92,28 +92,29 @@ def presets() -> Iterator[tuple[str, str]]:
     like = load_preset("vzp160")
     for each in SIZES:
         d = round(MM_A_SIZE * each.size, 2)
-        sources = {
-            "teeth": "ratio 100, two waves",
-            "pitch_diameter": f"2.54 mm x size {each.size}: derived, no catalogue prints it",
-            "torque": RATED,
+        required = each.figures | {
+            "gears.z_g": SimilarValue(200, "given", "ratio 100, two waves"),
+            PITCH_DIAMETER: SimilarValue(d, "assumed", f"2.54 mm x size {each.size}: derived, no catalogue prints it"),
+            "operation.rated": SimilarValue(each.rated, "given", RATED),
         }
-        others = each.figures | ({"mounting.holes": SimilarValue(*each.holes)} if each.holes else {})
+        if each.holes:
+            required["mounting.holes"] = SimilarValue(*each.holes)
         yield each.name, similar_preset(
-            each.name, like, Requirements(200, d, each.rated, derived=True, sources=sources, others=others),
+            each.name, like, required,
             f"Catalogue size {each.size}, ratio 100, by similarity from vzp160. Nobody measured this model of it. "
             f"Given are ratio and rated torque (Harmonic Drive CSF), beside them what catalogues say; targets in "
             f"docs/targets/{each.name}.targets.yaml. "
             "Catalogues print neither rim nor wave nor profile shifts, and their teeth are not involute.",
         )  # fmt: skip
     for name, (d, rated) in MVZ.items():
-        sources = {
-            "pitch_diameter": f"inner diameter of the flexspline ({MVZ_SOURCE}), "
-            "which is the pitch diameter of vzp160 too",
-            "torque": MVZ_SOURCE,
+        which = f"inner diameter of the flexspline ({MVZ_SOURCE}), which is the pitch diameter of vzp160 too"
+        required = {
+            PITCH_DIAMETER: SimilarValue(d, "assumed", which),
+            "operation.rated": SimilarValue(rated, "given", MVZ_SOURCE),
         }
         title = f"MVz-{d:g}"
         yield name, similar_preset(
-            name, like, Requirements(None, d, rated, derived=True, sources=sources),
+            name, like, required,
             f"Motor gear unit {title}, by similarity from vzp160. Nobody measured this model of it. "
             "Given is the rated torque; the inner diameter of the flexspline is in the name, a ratio is not printed.",
         )  # fmt: skip

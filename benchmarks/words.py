@@ -36,24 +36,27 @@ REASONS = {
     "proposals": "a hill between the points of the grid, or a long crease, along which a climb ends early. The values "
     "of one drive as it is given do not rest on proposals: they solve every state; drawn drives do. Next: a finer "
     "grid where one zone takes nearly all.",
-    "check": "64 drives drawn from what is not known 45 %, the cross-check 15 % and the import of cvxpy 13 %, the self "
-    "error 11 % (400 pairs of phases, each with contacts, rings and a programme of its own), all other imports 9 %, "
-    "every state of both torques 6 %. Of a drawn drive (some 700 states) states solved in C are a third, the "
-    "reference that the walk starts from a sixth (of it the inverse at its contacts two thirds), contacts a tenth; "
-    "the rest is numpy and Python around 18 batches of few states. Next: climbs in C; references of drawn drives from "
-    "that of the drive as given.",
+    "check": "64 drives drawn from all that is not known 47 %, the import of cvxpy 12 % and the cross-check of ten "
+    "states 9 %, the self error 11 % (400 pairs of phases, each with contacts and a programme of its own: states in C "
+    "a quarter, their proof in numpy a third, contacts and programmes another), all other imports 11 % (scipy.special "
+    "a third of them), every state of both torques 6 %, a cam that floats 2 %. Of a drawn drive (some 700 states in 18 "
+    "batches) states solved in C are a quarter, the reference that the walk starts from a sixth, contacts and rules of "
+    "the drive a seventh; the rest is numpy and Python around batches of few states. Without any drawn drive (`--draws "
+    "0`) it is still 2.8 times. Next: climbs in C.",
     "check own.yaml": "64 drives drawn from what is not known, deviations too, 69 %: of it coarse grids of states "
     "half, climbs and what is around extremes three tenths, contacts, references and conflicts of fields the rest. "
     "The cross-check with the import of cvxpy is 16 %, the self error 10 %. Again, from kept samples, it is 1.8 "
     "times. Next: climbs in C.",
-    "mount": "64 drives, each in twelve holes at both torques, are 70 %: 0.54 of 0.7 million states, 354 a search, 196 "
-    "of them its grid, the others climbs and what is around the extremes. Two thirds of that time are in C, where "
-    "a state of the grid takes two to three times one of the cycle, because contacts of one and the next differ more. "
-    "The curve of the drive as given, by finer grids and by every state in two holes, is 15 %. Tried, against every "
-    "state of 192 searches, of which three are more than 0.01 arcsec low, by 0.5 at most: 16 x 16 positions, 16 x 12, "
-    "15 x 15 of the difference to the drive as given (two to four, by up to 0.5; a tenth to a quarter more states); "
-    "positions shifted from hole to hole (no better); drives as sums of what 16 of them differ by (0.2 to 0.9 arcsec "
-    "off). Next: fewer pivots from one state of a grid to the next.",
+    "mount": "64 drives, each in twelve holes at both torques, are 75 %: 0.55 of 0.7 million states, 354 a search, "
+    "196 of them its grid, the others climbs and the surroundings of extremes. Two thirds of that time are in C, where "
+    "a state of the grid takes some two times one of the cycle, because contacts of one and the next differ more; "
+    "states of all holes go in the order of their deviations, nearest first, which took a sixth off. The curve of the "
+    "drive as given, by finer grids and by every state in two holes, is 12 %, the import of cvxpy 4 %, twelve states "
+    "of the cross-check 3 %, all other imports 5 %. Tried, against every state of 192 searches, of which three are "
+    "more than 0.01 arcsec low, by 0.5 at most: 16 x 16 positions, 16 x 12, 15 x 15 of the difference to the drive as "
+    "given (two to four, by up to 0.5; a tenth to a quarter more states); positions shifted from hole to hole (no "
+    "better); drives as sums of differences of 16 of them (0.2 to 0.9 arcsec off). Next: one table of each draw over "
+    "phase and deviation vector, read in all holes, that proposes where to climb.",
     "trials": "a table of the error for each draw of stiffnesses and clearances, where one of the preset served "
     "before; not profiled by parts. Next: tables at further torques only for draws that keep weight after the trials.",
     "tolerance": "of 150 drives: states solved in C 45 %, proposals 12 %, deviation scalars 10 % and tables read 4 % "
@@ -63,15 +66,15 @@ REASONS = {
     "proposals and their climbs in numpy 20 %, walks and their references made 17 %, deviation scalars 10 %; by "
     "purpose, slopes by every number of the drive 14 %, tables of the error 5 %. Next: walks of neighbouring systems "
     "that share a reference, proposals in C.",
-    "stiffness": "the import of cvxpy 36 %, eight states again by another solver 33 %, all other imports 20 %. Next: "
-    "fewer states again.",
+    "stiffness": "the import of cvxpy 58 % (1.0 of it), all other imports 25 %, four states again by another "
+    "solver 10 %. Next: imports of pages that are not shown.",
     "first output": "the bar begins when the modules of the answer are there: numpy and scipy.linalg are most of "
     "their import. Next: head and bar before numpy is imported.",
     "--help": "the modules of all commands are imported for their options: typer is a quarter of it, "
     "importlib.metadata a fifth (for `doctor`). Next: import what a command needs when it runs.",
-    "memory": "each worker holds its own share of numpy and scipy (40 MB with those of the command), the one of the "
-    "cross-check cvxpy besides (80 to 110 MB); solved systems are let go at once. Next: scipy.special where it is used "
-    "alone, and the cross-check in a process that ends before the samples are drawn.",
+    "memory": "each worker holds its own share of numpy and scipy (40 MB with those of the command), the process "
+    "of the cross-check cvxpy besides (80 MB), until it ends; solved systems are let go at once. Next: scipy.special "
+    "where it is used alone.",
     "explorer": "the first number is one search of a typical drive; the proven one adds every state of its cycle at "
     "each torque, and the process that solves them. Next: torques of one cycle solved together.",
     "coned": "five times the flanks are candidates, and most of what a state costs goes with all of them. Next: "

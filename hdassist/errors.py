@@ -29,7 +29,7 @@ class Fault(StrEnum):
 
 
 class HdassistError(Exception):
-    """Base of every error that hdassist raises on purpose: a message, a hint at what to do, and its kind."""
+    """Base of every error that hdassist raises on purpose: a message, a hint at the remedy, and its kind."""
 
     exit_code = 1
     fault = Fault.BUG

@@ -1,4 +1,4 @@
-"""Numbers as files, options and trials write them: ASCII digits with a decimal point, nothing between the digits."""
+"""Numbers as files, options and trials write them: ASCII digits with a decimal point, unseparated."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ NUMBER = rf"[-+]?{UNSIGNED}"
 
 
 def number_of(text: str) -> float:
-    """Value of a number, spaces around it allowed; NaN for any other text, infinity beyond what a float holds."""
+    """Value of a number, spaces around it allowed; NaN for any other text, infinity beyond the range of floats."""
     return float(text) if re.fullmatch(NUMBER, text.strip()) else nan

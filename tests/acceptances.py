@@ -14,6 +14,7 @@ from hdassist.acceptance.request import Inputs, Request
 from hdassist.measuring.measure import Measurement
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
+from tests.process import SMALL, TINY
 
 
 def accept(
@@ -32,3 +33,18 @@ def accept(
     if left and predictions is None:
         predictions = predict(drive, left, wheels=wheels, draws=request.draws, sure=request.sure)
     return acceptance.accept(request, inputs, predictions if left else None)
+
+
+def tiny(*limits: str, **asked: Any) -> Drive:
+    """The tiny drive with limits; asked: fields of its request."""
+    return Request(TINY, limits=limits, **asked).load()
+
+
+def small(*limits: str, **asked: Any) -> Drive:
+    """The small drive with limits; asked: fields of its request."""
+    return Request(SMALL, limits=limits, **asked).load()
+
+
+def stated(number: float, uncertainty: float) -> AcceptedValue:
+    """A value measured otherwise, with its standard uncertainty, in the unit of its check."""
+    return AcceptedValue(number, 2 * uncertainty, "stated", "whole")

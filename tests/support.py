@@ -79,6 +79,5 @@ def fresh_preset(name: str) -> str:
     """Text of a preset as `hdassist presets new NAME` writes it."""
     from hdassist.loading.load import load_preset
     from hdassist.loading.write import similar_preset
-    from hdassist.preset.similarity import Requirements
 
-    return similar_preset(name, load_preset("vzp160"), Requirements())
+    return similar_preset(name, load_preset("vzp160"), {})

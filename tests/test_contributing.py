@@ -13,15 +13,16 @@ ROOT = Path(__file__).parents[1]
 
 def test_a_check_is_added_as_the_page_says(tmp_path):
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    field, check = (textwrap.dedent(block) for block in re.findall(r" +```python\n(.*?) +```", page, re.S))
+    field, declared, check, value = (
+        textwrap.dedent(block) for block in re.findall(r" +```(?:python|toml)\n(.*?) +```", page, re.S)
+    )
     shutil.copytree(ROOT / "hdassist", tmp_path / "hdassist")
     shutil.copytree(ROOT / "presets", tmp_path / "presets")
     changes = {
         "preset/fields.py": ("    order_amplitude: ", textwrap.indent(field, "    ") + "    order_amplitude: "),
-        "acceptance/checks.py": (
-            "CHECKS = (F_IOR, TURN_RANGE, SELF_ERROR, ORDER_CHECK, LOST_MOTION_CHECK, *STATED_CHECKS, *STIFFNESSES)\n",
-            check,
-        ),
+        "preset/fields.toml": ("order_amplitude = ", declared + "order_amplitude = "),
+        "acceptance/checks.toml": ("[checks.ORDER]\n", check + "\n[checks.ORDER]\n"),
+        "acceptance/checks.py": ('    "ORDER": lambda', textwrap.indent(value, "    ") + '    "ORDER": lambda'),
     }
     for name, (old, new) in changes.items():
         file = tmp_path / "hdassist" / name
@@ -33,10 +34,10 @@ def test_a_check_is_added_as_the_page_says(tmp_path):
         return run_cold(*args, env={"PYTHONPATH": str(tmp_path)}, cwd=tmp_path)
 
     small = str(ROOT / "tests/data/small.yaml")
-    done = run("accept", small, "--limit", "wind_up@1=200", "--limit", "wind_up@4=0.1", "--csv", "-")
+    done = run("accept", small, "--limit", "error_rms@1=200", "--limit", "error_rms@4=0.1", "--csv", "-")
     told = csv.DictReader(done.stdout.splitlines())
     assert [(row["code"], row["M_g_Nm"], row["verdict"]) for row in told] == [
-        ("WIND_UP", "1.0", "PASS"), ("WIND_UP", "4.0", "FAIL"),
+        ("ERROR_RMS", "1.0", "PASS"), ("ERROR_RMS", "4.0", "FAIL"),
     ]  # fmt: skip
     assert done.returncode == 3
-    assert "acceptance.wind_up" in run("explain", "WIND_UP").stdout
+    assert "acceptance.error_rms" in run("explain", "ERROR_RMS").stdout

@@ -5,16 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from hdassist.acceptance.answer import AcceptAnswer, Note, PresetRecord, now, of_predictions
-from hdassist.acceptance.checks import (
-    BUDGET,
-    COVERAGE,
-    LINES_CHECK,
-    NOT_TESTED,
-    RATED,
-    RECORD,
-    UNCERTAINTY,
-    UNKNOWN_REMARK,
-)
 from hdassist.acceptance.decision import GUARD, AcceptedValue, Decision, decide
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.predictions import Predictions
@@ -40,7 +30,7 @@ def accept(
 
     Arguments: request; inputs that it names; predictions that it needs, of the same drive and limits; place of the row
     of a lot. Raises DataError: no limit, something measured that no limit is for,
-    nothing measured where nothing is predicted, or an order that the full cycle does not have; UsageError: such an
+    nothing measured without a prediction, or an order that the full cycle does not have; UsageError: such an
     order on the command line.
     """
     drive, measured = inputs.drive, inputs.measurements
@@ -62,7 +52,7 @@ def accept(
         elif predictions and limit.check.predicted:
             values = [AcceptedValue.predicted(limit, predictions)]
         elif not request.measured_only and not limit.check.predicted:
-            values = [AcceptedValue()]  # nothing but a value that is given tells it
+            values = [AcceptedValue()]  # only a given value decides it
         else:
             continue
         decisions.append(_decisive([decide(limit, value, rule, request.sure) for value in values]))
@@ -120,14 +110,14 @@ def _of_traces(inputs: Inputs, decisions: Sequence[Decision]) -> Iterator[Note]:
         if any(d.M_g_Nm == M_g and d.extent not in (None, "whole") for d in decisions):
             shares = [each.coverage.share for each in directions if each.is_bound and each.coverage]
             visited = [f"{100 * share:.3g} % of the full cycle visited" for share in shares]
-            yield Note(COVERAGE.code, f"{where}: {' and '.join(visited) or 'unknown cycle'}")
+            yield Note("COVERAGE", f"{where}: {' and '.join(visited) or 'unknown cycle'}")
         if missing := [source.name for source in directions[0].sources if source.arcsec is None]:
-            yield Note(BUDGET.code, f"{where}: nothing stated of {', '.join(missing)}")
+            yield Note("BUDGET", f"{where}: nothing stated of {', '.join(missing)}")
         if lines := dict.fromkeys(f"{line.per_cam_rev:.3f}" for each in directions for line in each.lines):
-            rise = max(each.rise_arcsec for each in directions)
+            rise = max(each.range.rise for each in directions)
             more = f"; F'_ior may be {rise:.3g}″ greater in another cycle" if rise else ""
-            yield Note(LINES_CHECK.code, f"{where}: {', '.join(lines)} per cam turn{more}")
-        yield from (Note(RECORD.code, f"{where}: {text}") for text in measurement.warnings)
+            yield Note("LINES", f"{where}: {', '.join(lines)} per cam turn{more}")
+        yield from (Note("RECORD", f"{where}: {text}") for text in measurement.warnings)
 
 
 def _of_decisions(
@@ -137,12 +127,12 @@ def _of_decisions(
     for each in decisions:
         if each.expanded_uncertainty is not None and each.expanded_uncertainty > QUARTER * each.limit:
             text = f"U = {each.expanded_uncertainty:.3g} beside a limit of {each.limit:g}, k = {COVERAGE_FACTOR:g}"
-            yield Note(UNCERTAINTY.code, f"{each.label}: {text}")
+            yield Note("UNCERTAINTY", f"{each.label}: {text}")
     rated = inputs.drive.operation.rated
     for M_g in sorted({each.M_g_Nm for each in decisions if each.M_g_Nm}):
         if rated and abs(M_g) > rated:
-            yield Note(RATED.code, f"{M_g:g} N*m is above the rated torque of {rated:g} N*m")
+            yield Note("RATED", f"{M_g:g} N*m is above the rated torque of {rated:g} N*m")
     if predictions and predictions.unknown:
-        yield Note(UNKNOWN_REMARK.code, f"not known: {unknown_names(predictions.unknown)}")
+        yield Note("UNKNOWN", f"not known: {unknown_names(predictions.unknown)}")
     if left_out:
-        yield Note(NOT_TESTED.code, "; ".join(limit.label for limit in left_out))
+        yield Note("NOT_TESTED", "; ".join(limit.label for limit in left_out))

@@ -1,8 +1,8 @@
 """A value held against its limit: the decision, and the rule that it follows.
 
 Measured values, guard rule (JCGM 106, ISO 14253-1): accepted within the limit by GUARD standard uncertainties or
-more, which conforms with 95 % probability, rejected beyond it by as much, inconclusive between; what lines off the
-orders may add in another cycle has to find room too, and what nobody has stated of the uncertainty leaves it open.
+more, which conforms with 95 % probability, rejected beyond it by as much, inconclusive between; lines off the
+orders may add in another cycle has to find room too, and an uncertainty that nobody has stated leaves it open.
 Simple rule: accepted up to the limit. Predicted values follow the rule of `hdassist check` under both: the probability
 of keeping the limit over all that is not known exactly. That is no decision on conformity.
 """
@@ -34,9 +34,9 @@ class AcceptedValue(ClosedRecord):
 
     value, in the unit of its check, the median where there is a belief; expanded_uncertainty, k = 2, None where it is
     predicted; basis, how it is known; extent: the value of the whole cycle, a lower bound of it, that of a part which
-    says nothing of the whole, or a prediction at the preset's own numbers where others are as possible (not known);
+    does not hold for the whole, or a prediction at the preset's own numbers where others are as possible (not known);
     rise, by how much it may be greater in another cycle; unstated, sources of its uncertainty that nobody has stated;
-    belief, of a prediction over what is not known exactly.
+    belief, of a prediction over the uncertain inputs.
     """
 
     value: float | None = None

@@ -9,7 +9,7 @@ from typing import Literal, TypeVar
 
 from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, ORDER_CHECK, Check
 from hdassist.errors import DataError, UsageError
-from hdassist.loading.load import load_preset
+from hdassist.loading.load import Asked, load_preset
 from hdassist.model.geometry import Array
 from hdassist.numerals import NUMBER
 from hdassist.preset.fields import Drive
@@ -50,7 +50,7 @@ class Limit(ClosedRecord):
     def label(self) -> str:
         """The check in words, with order and torque."""
         order = self.per_cam_rev
-        words = self.check.words if order is None else f"amplitude of order {order:g}"
+        words = self.check.words if order is None else f"amplitude of order {order:g} alone"
         return words if self.M_g_Nm is None else f"{words} at {self.M_g_Nm:g} N·m"
 
     @property
@@ -160,13 +160,13 @@ class LimitText:
         return fitting[0]
 
 
-def load_limited(preset: str, overrides: Sequence[str], limits: Sequence[LimitText]) -> Drive:
-    """The drive of a preset with overrides and limits on top.
+def load_limited(preset: str, overrides: Sequence[str], limits: Sequence[LimitText], asked: Asked = ()) -> Drive:
+    """The drive of a preset with overrides and limits on top, and with options that go into its origin.
 
     Raises DataError, PresetError or UsageError, the last with limits named as they were given.
     """
     try:
-        return load_preset(preset, [*overrides, *(limit.override for limit in limits)])
+        return load_preset(preset, [*overrides, *(limit.override for limit in limits)], asked)
     except UsageError as error:
         names = [""] * len(overrides) + [f"--limit {limit}" for limit in limits]
         raise UsageError(named_overrides(error.message, names), error.hint) from None

@@ -3,7 +3,7 @@
 Columns: serial, preset, measured or measured@80 (a file), pitch_b, pitch_g (files of measured teeth),
 mark_b, mark_g (directions of their marks), NAME[@TORQUE] (a value with its uncertainty, measured otherwise), limit
 NAME[@TORQUE], section.key (an override of the preset). Names that begin with # or note are not used. A column is a
-field of the request, its cells add to that what the option would, and their faults are reported with their places.
+field of the request, its cells add to that as the option would, and their faults are reported with their places.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class LotRow:
     """One drive to accept: its request, its place (FILE:LINE; None: no row of a lot).
 
     fault: of the row itself; then the request is not to be carried out. cells: those that set options, their names in
-    messages (FILE:LINE:COLUMN: heading) and texts by how messages call what they set.
+    messages (FILE:LINE:COLUMN: heading) and texts by how messages call the values that they set.
     """
 
     request: Request
@@ -77,7 +77,7 @@ class Lot:
     rows: tuple[LotRow, ...]
 
 
-Column = tuple[str, str]  # the field of a request (or of its wheels) that a column gives, and what stands before a cell
+Column = tuple[str, str]  # the field of a request (or of its wheels) that a column gives, and the text before a cell
 
 
 def is_lot(path: str) -> bool:
@@ -121,7 +121,7 @@ def _columns(table: CellTable) -> list[Column | None]:
 
 
 def _column(name: str) -> Column:
-    """What a column gives. Raises UsageError with a hint: nothing."""
+    """The field that a column gives. Raises UsageError with a hint: none."""
     if name.lower() in PLAIN_COLUMNS:
         return name.lower(), ""
     if at := _MEASURED.fullmatch(name):

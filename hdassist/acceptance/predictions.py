@@ -5,12 +5,12 @@ The samples are those of `hdassist check`: F'_ior has the same probability of ke
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import chain
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.acceptance.checks import F_IOR
 from hdassist.acceptance.limits import Limit, torques_of
@@ -26,6 +26,7 @@ from hdassist.error.error_map import searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.table import TABLE_SECTIONS
+from hdassist.error.waves import CycleEstimate, estimated_cycle
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
@@ -41,54 +42,46 @@ from hdassist.verdict import SURE, is_settled
 
 @dataclass(frozen=True)
 class PredictedQuantities:
-    """Errors and self errors of a drive by torque [N*m], and its stiffness; empty where no limit needs them."""
+    """Errors over the full cycle and self errors of a drive by torque [N*m], and its stiffness.
 
-    errors: dict[float, KinematicError]
+    Empty where no limit needs them.
+    """
+
+    kinematics: Kinematics
+    errors: dict[float, KinematicError | CycleEstimate]
     self_errors: dict[float, SelfError]
-    stiffness: Stiffness | None
+    stiffness: tuple[Stiffness, ...]
 
     @property
-    def parts(self) -> tuple[KinematicError | SelfError | Stiffness, ...]:
-        """All that was predicted."""
-        return (*self.errors.values(), *self.self_errors.values(), *filter(None, (self.stiffness,)))
+    def _parts(self) -> Iterator[KinematicError | CycleEstimate | SelfError | Stiffness]:
+        return chain(self.errors.values(), self.self_errors.values(), self.stiffness)
 
     @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states."""
-        return sum((part.certificate for part in self.parts), EMPTY)
+        return sum((part.certificate for part in self._parts), EMPTY)
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
         """Cross-checks by another solver."""
-        return tuple(filter(None, (getattr(part, "cross_check", None) for part in self.parts)))
+        return tuple(filter(None, (getattr(part, "cross_check", None) for part in self._parts)))
 
-    def turn_range(self, M_g: float) -> float:
-        """Greatest range [arcsec] of the error at a torque [N*m] within one cam turn of the full cycle."""
-        error = self.errors[M_g]
-        turn, values = error.kinematics.teeth_fixed, error.error_arcsec
-        extent = maximum_filter1d(values, turn, mode="wrap") - minimum_filter1d(values, turn, mode="wrap")
-        return float(extent.max())
+    def F_ior(self, M_g: float) -> float:
+        """F'_ior [arcsec] at a torque [N*m], with the self error on top."""
+        return float(np.ptp(self.errors[M_g].error_arcsec)) + self.self_errors[M_g].range_arcsec
 
     def amplitude(self, M_g: float, order: float) -> float:
         """Amplitude [arcsec] of an order per cam turn over the full cycle at a torque [N*m].
 
         Raises UsageError: an order that is none of the cycle's, or beyond what its states resolve.
         """
-        values = self.errors[M_g].error_arcsec
-        place = order_place(self.errors[M_g].kinematics, order)
+        values, place = self.errors[M_g].error_arcsec, order_place(self.kinematics, order)
         return float(2 * np.abs(np.fft.rfft(values)[place]) / len(values))
 
     def value(self, limit: Limit) -> float:
         """Value that a limit is held against, in its unit; NaN of one that is not predicted."""
         predicted = limit.check.predicted
         return predicted(self, limit.M_g_Nm or 0.0, limit.per_cam_rev or 0.0) if predicted else float("nan")
-
-    @property
-    def twist(self) -> Stiffness:
-        """The stiffness. Raises ValueError: it was not needed."""
-        if self.stiffness is None:
-            raise ValueError("the stiffness was not predicted")
-        return self.stiffness
 
 
 @dataclass(frozen=True)
@@ -142,7 +135,7 @@ class Predictions:
 
     @cached_property
     def to_measure(self) -> tuple[MeasurementGain, ...]:
-        """What to measure next, for the torque that is least sure, the largest gain first."""
+        """Measurements to make next, for the torque that is least sure, the largest gain first."""
         samples, limit = self.samples, self.least_sure
         if limit is None or samples is None:
             return ()
@@ -177,19 +170,22 @@ class Predictions:
 def quantities(
     drive: Drive,
     limits: Sequence[Limit],
+    error_of: Callable[[float], KinematicError | CycleEstimate],
     *,
-    wheels: MeasuredTeeth | None = None,
     run: Run = Run(),
 ) -> PredictedQuantities:
-    """Quantities that limits need, at the numbers of the preset. Arguments and errors as those of predict."""
-    there, teeth = wheels.in_drive(drive) if wheels else (drive, None)
+    """Quantities that limits need, at the numbers of the preset; error_of gives the error over the cycle by torque."""
     cycles, own_at = torques_of(limits, "cycle"), torques_of(limits, "self error")
     twists = any("stiffness" in limit.check.needs for limit in limits)
-    errors = run.map(partial(kinematic_error, there, teeth=teeth, run=run.of_task), cycles)
+    errors = run.map(error_of, cycles)
     own = run.map(partial(self_error, drive, run=run.of_task), [own_at] * bool(own_at))
     twist = run.map(partial(stiffness, points=1, run=run.of_task), [drive] * twists)
-    by_torque = dict(zip(cycles, errors, strict=True))
-    found = PredictedQuantities(by_torque, dict(zip(own_at, next(own, []), strict=True)), next(twist, None))
+    found = PredictedQuantities(
+        Kinematics.of(drive),
+        dict(zip(cycles, errors, strict=True)),
+        dict(zip(own_at, next(own, []), strict=True)),
+        tuple(twist),
+    )
     run.finished(found.certificate.states)
     return found
 
@@ -210,7 +206,8 @@ def predict(
     needs. Raises UntrustedError where an answer cannot be trusted, or the preset's catalogue contradicts its other
     values.
     """
-    known = quantities(drive, limits, wheels=wheels, run=run)
+    there, teeth = wheels.in_drive(drive) if wheels else (drive, None)
+    known = quantities(drive, limits, partial(kinematic_error, there, teeth=teeth, run=run.of_task), run=run)
     without, prior = beside_measured_teeth(drive, wheels)
     unknown = unknowns(without) if known.errors else ()
     found = Predictions(tuple(limits), known, unknown, prior, sure=sure)
@@ -223,9 +220,10 @@ def predict(
         return all(is_settled(b.probability_low, b.probability_high, sure) for b in beliefs if b)
 
     figured = tuple(limit for limit in open_ if limit.check is not F_IOR)
+    held = torques_of((limit for limit in open_ if limit.check is F_IOR), "cycle")
     samples = draw_samples(
         prior,
-        _torques(drive, open_),
+        tuple(dict.fromkeys([*drive.operation.M_g, *held])),  # those of check too
         evidence=evidence_of(drive),
         further=partial(_figures, figured) if figured else None,
         further_name=" ".join(f"{each.check.code}@{each.M_g_Nm}#{each.per_cam_rev}" for each in figured),
@@ -236,16 +234,9 @@ def predict(
     return replace(found, samples=samples)
 
 
-def _torques(drive: Drive, limits: Sequence[Limit]) -> tuple[float, ...]:
-    """Torques [N*m] at which samples have F'_ior: those of check and of limits, or none where none is needed."""
-    held = [limit.M_g_Nm for limit in limits if limit.check is F_IOR and limit.M_g_Nm is not None]
-    needed = held or drive.catalogue.accuracy is not None
-    return tuple(dict.fromkeys([*drive.operation.M_g, *held])) if needed else ()
-
-
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:
     """Values of a drive, by the label of the limit that they are for, with their proof."""
-    found = quantities(drive, limits, run=UNCHECKED)
+    found = quantities(drive, limits, partial(estimated_cycle, drive), run=UNCHECKED)
     return {each.label: found.value(each) for each in limits}, found.certificate
 
 

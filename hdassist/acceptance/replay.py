@@ -1,4 +1,4 @@
-"""Answers of `hdassist accept` done again: whether their files are the same, and what comes out otherwise."""
+"""Answers of `hdassist accept` done again: whether their files are the same, and the differences of the results."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def changed_file(answer: AcceptAnswer) -> DataError | None:
 
 
 def still_stands(answer: AcceptAnswer, request: Request) -> bool:
-    """Whether an answer is what a request would get again: same version, options and files, and no error."""
+    """Whether an answer is that which a request would get again: same version, options and files, and no error."""
     same = (answer.version, answer.request, answer.error) == (__version__, request, None)
     return same and changed_file(answer) is None
 

@@ -14,6 +14,7 @@ from hdassist.acceptance.limits import Limit, LimitText, limits_of, load_limited
 from hdassist.acceptance.predictions import Predictions, order_place, predict
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.errors import DataError, UsageError
+from hdassist.loading.load import Asked
 from hdassist.measuring.measure import Measurement
 from hdassist.measuring.reading import Reading
 from hdassist.model.kinematics import Kinematics
@@ -89,9 +90,13 @@ class Request(ClosedRecord):
         wheels = [] if self.measured_only else self.wheels.files.values()
         return [self.preset, *(torque_and_file(text)[1] for text in self.measured), *wheels]
 
-    def load(self) -> Drive:
-        """The drive, its limits included. Raises DataError, PresetError or UsageError (a bad override or limit)."""
-        return load_limited(self.preset, self.overrides, [LimitText.parse(text, "--limit") for text in self.limits])
+    def load(self, asked: Asked = ()) -> Drive:
+        """The drive, its limits included; asked, options that go into its origin.
+
+        Raises DataError, PresetError or UsageError (a bad override or limit).
+        """
+        limits = [LimitText.parse(text, "--limit") for text in self.limits]
+        return load_limited(self.preset, self.overrides, limits, asked)
 
     def require_sound(self) -> None:
         """Raise UsageError for parts that every drive of a lot would be refused for, or the fault of their preset."""
@@ -127,14 +132,14 @@ class Request(ClosedRecord):
         return Inputs(drive, measurements, stated_values(self.values, drive), self.read_wheels(drive))
 
     def read_wheels(self, drive: Drive) -> MeasuredTeeth | None:
-        """Measured wheels; None without any, and where nothing is predicted. Raises what WheelFiles.read does."""
+        """Measured wheels; None without any, and without a prediction. Raises what WheelFiles.read does."""
         self.wheels.require_sound()
         return None if self.measured_only else self.wheels.read(drive)
 
     def predict(
         self, drive: Drive, limits: Sequence[Limit], wheels: MeasuredTeeth | None, run: Run = Run()
     ) -> Predictions | None:
-        """Predictions for limits of the drive; None without any, and where nothing is predicted.
+        """Predictions for limits of the drive; None without any, and without a prediction.
 
         Raises UntrustedError: no answer to be trusted.
         """

@@ -1,4 +1,4 @@
-"""What is not known of a drive: its prior, the evidence on it, weighted samples, and what they say of an answer.
+"""The unknown of a drive: its prior, the evidence on it, weighted samples, and the answers that these give.
 
 samples = draw_samples(prior_of(drive), drive.operation.M_g, evidence=evidence_of(drive))
 samples.percentile(0.95, 0)             # F'_ior [arcsec] at the first torque

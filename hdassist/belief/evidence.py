@@ -25,7 +25,7 @@ from hdassist.solve.answers import Certificate
 FREEDOM = 4.0  # degrees of freedom of Student's t
 MEAN_OF_TYPE = 0.15  # of a catalogue's stiffness, in the logarithm: drives of a type, and the model's misfit
 WHOLE_FLANKS = 0.30  # of K_1 with flanks that bear as a whole (numerics.stations 1)
-MISFIT = 0.10  # of what was measured on the drive: the model's alone
+MISFIT = 0.10  # of values measured on the drive: the model's alone
 SOFT_EDGE = 0.25  # of a limit that every sold drive keeps
 NO_PLAY = 2.0  # arcsec: misfit of lost motion and play where there is hardly any
 
@@ -64,7 +64,7 @@ class Evidence:
 
 
 def evidence_of(drive: Drive, *, of_type: bool = False) -> tuple[Evidence, ...]:
-    """Evidence that a preset has on a drive: its `catalogue`, and what was `measured` on it.
+    """Evidence that a preset has on a drive: its `catalogue`, and values `measured` on it.
 
     A catalogue's stiffnesses are means of the type; its lost motion and accuracy are limits that are kept. of_type:
     evidence on all drives of the type, of which this one shows the stiffness, but not their clearances and deviations.

@@ -1,8 +1,8 @@
 """Which inputs the spread of F'_ior comes from: a weighted stepwise regression of ln F'_ior over the samples.
 
 The size and the direction of a deviation are one group. Groups enter one after the other, the one that explains most
-first, as long as chance alone would hardly explain as much; each has the share of the variance that it adds, less what
-as many columns of chance would add. What is left is unexplained: products of inputs, and bends that no square follows.
+first, as long as chance alone would hardly explain as much; each has the share of the variance that it adds, less that
+which as many columns of chance would add. The rest is unexplained: products of inputs, bends that no square follows.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Influence:
 def influences(samples: Samples, torque: int) -> tuple[Influence, ...]:
     """Shares of the variance of ln F'_ior at a torque, by its place, the largest first.
 
-    What is missing to 1 is unexplained. Empty where samples are too few to tell, or F'_ior does not vary.
+    The rest to 1 is unexplained. Empty where samples are too few, or F'_ior does not vary.
     """
     return influences_on(samples, log_error(samples.F_ior_arcsec[:, torque]))
 
@@ -51,7 +51,7 @@ def groups_of(samples: Samples) -> tuple[str, ...]:
 def columns_of(samples: Samples, shares: Array, group: str) -> Array:
     """Columns of a regression that a group of fields makes of its shares, shape (samples, columns).
 
-    A number and its square; sine and cosine of a direction of which nothing is known, times the size where that is not
+    A number and its square; sine and cosine of a direction that is unknown, times the size where that is not
     known either.
     """
     columns, size = [], np.ones(len(shares))
@@ -92,9 +92,9 @@ def shares_of_variance(groups: Mapping[str, Array], y: Array, weights: Array) ->
 
 
 def explained_by(columns: Array, basis: Array, rest: Array, free: float) -> tuple[Array, float, float]:
-    """New directions of columns beside a basis, what they explain of the squares of a rest, and how probable by chance.
+    """New directions of columns beside a basis, shares explained of the squares of a rest, and probability by chance.
 
-    What they explain is less what as many columns of chance would; the probability is that of chance alone explaining
+    The share is less that of as many columns of chance; the probability is that of chance alone explaining
     as much (F test). Argument: free, degrees of freedom of the rest.
     """
     u, size, _ = np.linalg.svd(orthogonal_to(basis, columns), full_matrices=False)
@@ -108,5 +108,5 @@ def explained_by(columns: Array, basis: Array, rest: Array, free: float) -> tupl
 
 
 def orthogonal_to(basis: Array, columns: Array) -> Array:
-    """What of columns is orthogonal to a basis."""
+    """The part of columns that is orthogonal to a basis."""
     return columns - basis @ (basis.T @ columns)

@@ -1,8 +1,8 @@
 """Draws kept in the user's cache, so that the next command on the same drive goes on from them.
 
 They are found by all that they depend on: values of the drive and ranges of its prior, torques, turns, evidence, seed,
-the source of what computes them and the machine's instructions, on which the last digits depend. A file whose checksum
-or types do not hold is drawn anew.
+the source of the code that computes them and the machine's instructions, on which the last digits depend. A file whose
+checksum or types do not hold is drawn anew.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from hdassist.solve.walk import walk_library
 
 KEPT_SAMPLES = "samples"
 ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
-# of a preset, what no draw depends on: words, limits; the prior stands in the key by itself
+# of a preset, the parts that no draw depends on: words, limits; the prior stands in the key by itself
 WITHOUT_EFFECT = {"name", "description", "acceptance", "cost", "source", "uncertainty"}
 
 
@@ -60,7 +60,7 @@ _DRAWS = TypeAdapter(list[Draw])
 class KeptDraws:
     """Where the draws of samples are kept, by all that they depend on.
 
-    torques [N*m]; rotations_deg; evidence; further: what figures beside F'_ior they have, in words; seed.
+    torques [N*m]; rotations_deg; evidence; further: the figures beside F'_ior that they have, in words; seed.
     """
 
     prior: DrivePrior

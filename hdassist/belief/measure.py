@@ -1,7 +1,7 @@
-"""What to measure next: how much nearer each measurement would bring the right verdict, from the samples alone.
+"""The next measurement: how much nearer each would bring the right verdict, from the samples alone.
 
-Each sample in turn is taken for the drive that is measured. Given the measurement, ln F'_ior is what a regression over
-the samples makes of it, with the residuals of that regression; the verdict goes to the likelier side of the limit.
+Each sample in turn is taken for the drive that is measured. Given the measurement, ln F'_ior is that of a regression
+over the samples, with the residuals of that regression; the verdict goes to the likelier side of the limit.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from hdassist.belief.statistics import effective_number, log_error
 from hdassist.model.geometry import Array
 
 MEASURING_ERROR = 0.05  # standard one: of a field as a share of its probability, of a figure or F'_ior relative
-LEAST_NAMED_GAIN = 0.005  # a smaller one is not told
+LEAST_NAMED_GAIN = 0.005  # a smaller one is not named
 
 
 @dataclass(frozen=True)
 class MeasurementGain:
-    """A measurement and what is expected of it.
+    """A measurement and its expected gain.
 
     measured: path of a field, `stiffness.K_1`, `F_ior@TORQUE`, or `F_ior@TORQUE+ROTATION`, F'_ior now and turned by so
     many degrees. gain: of the probability of a right verdict; without a limit, the share of the spread that goes.
@@ -34,7 +34,7 @@ class MeasurementGain:
 
 
 def measurements(samples: Samples, torque: int, limit_arcsec: float | None = None) -> tuple[MeasurementGain, ...]:
-    """Measurements by what is expected of them at a torque, by its place, the best first.
+    """Measurements by their expected gain at a torque, by its place, the best first.
 
     Argument: limit_arcsec that F'_ior is held against, if any.
     """
@@ -43,7 +43,7 @@ def measurements(samples: Samples, torque: int, limit_arcsec: float | None = Non
 
 
 def gains_for(samples: Samples, y: Array, limit: float | None = None) -> tuple[MeasurementGain, ...]:
-    """Measurements by what is expected of them for a result y of the samples, shape (samples,), the best first.
+    """Measurements by their expected gain for a result y of the samples, shape (samples,), the best first.
 
     Argument: limit that y is held against, if any.
     """
@@ -86,7 +86,7 @@ def _predictors(samples: Samples, rng: np.random.Generator) -> Iterator[tuple[st
 def _regression(columns: Array, y: Array, weights: Array) -> tuple[Array, float, float]:
     """Prediction of y from columns, the share of its variance that is explained, and how probable by chance alone.
 
-    The share is less what chance would explain; weights of the samples sum to 1.
+    The share is less that which chance would explain; weights of the samples sum to 1.
     """
     root = np.sqrt(weights)[:, None]
     rest = orthogonal_to(root, root * y[:, None])

@@ -53,10 +53,10 @@ def errors_of_drive(
 ) -> tuple[Array, Array]:
     """F'_ior of the drive [arcsec], shape (draws, positions), of which y was measured, and its scale over the model's.
 
-    Drawn without the values, then moved by what these differ from their own draw (Matheron's rule). Arguments: f of the
-    model in positions and where it was measured, shape (draws, positions + values); variance of the misfit [arcsec^2],
-    shape (draws,), spreads of the values, shape (draws, values), correlation of the misfit over positions and values;
-    drawn, of variance 1: deviation of the scale, misfit, and noise of the values.
+    Drawn without the values, then moved by the difference of these from their own draw (Matheron's rule). Arguments: f
+    of the model in positions and where it was measured, shape (draws, positions + values); variance of the misfit
+    [arcsec^2], shape (draws,), spreads of the values, shape (draws, values), correlation of the misfit over positions
+    and values; drawn, of variance 1: deviation of the scale, misfit, and noise of the values.
     """
     of_scale, misfit, noise = drawn
     count = f.shape[1] - len(y)
@@ -151,7 +151,7 @@ def log_likelihood_of_errors(f: Array, y: Array, spreads: Array, correlation: Ar
 def require_shown(names: Sequence[str], f: Array, y: Array, spreads: Array, correlation: Array, hint: str) -> None:
     """Raise UntrustedError where no sample comes near F'_ior as measured: of equally bad ones all weigh the same.
 
-    Any one of more than ANY_TWO values may be misread. Arguments: names of the values, and what to do, for the message;
+    Any one of more than ANY_TWO values may be misread. Arguments: names of the values, and the remedy, for the message;
     the others as those of likelihood_of_errors.
     """
     variance, every = np.square(MISFITS[-1] * f.mean(axis=1)), range(len(y))

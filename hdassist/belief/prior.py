@@ -55,7 +55,7 @@ class FieldPrior:
 
     @property
     def is_any_direction(self) -> bool:
-        """Whether the field is a direction of which nothing is known."""
+        """Whether the field is a direction that is unknown."""
         return self.distribution == "even" and self.path != self.group and self.low == 0
 
 
@@ -88,7 +88,7 @@ def prior_of(drive: Drive) -> DrivePrior:
 
     A field with an uncertainty is normal. One that is assumed, or left to a default with a plausible range, is even
     over its range, in the logarithm where the range is positive and spans more than a factor of 4. A deviation that is
-    not given is even up to what its part may have, its direction even around. All others are points.
+    not given is even up to the largest that its part may have, its direction even around. All others are points.
     """
     groups = {path: each.size for each in DEVIATIONS for path in (each.size, each.direction)}
     assumed = {each.path: each for each in assumptions(drive)}

@@ -53,17 +53,14 @@ def proposed_draws(
 
 
 def proposal_of(shares: Array, evidence: tuple[Evidence, ...], pilot: Sequence[Draw]) -> Proposal | None:
-    """The proposal by the first draws' stiffness, or by F'_ior as measured; None where no field alone explains it.
+    """The proposal by the stiffness of the first draws, also the weeded ones; None where no field alone explains it.
 
     The field is that by whose share x, and its square, a regression of the log-likelihood leaves least; its density is
     that of weighted draws as far as Legendre's first two polynomials have it. Arguments: shares of these draws, shape
     (draws, at least fields).
     """
-    if any(each.M_g for each in evidence):
-        logs = {k: np.log(each.weight) for k, each in enumerate(pilot) if each.weight}
-    else:  # of draws that were weeded too
-        stiff = {k: each.figures for k, each in enumerate(pilot) if each.figures.keys() >= {*STIFFNESS_FIGURES}}
-        logs = {k: log_likelihood(evidence, {n: of[n] for n in STIFFNESS_FIGURES}) for k, of in stiff.items()}
+    stiff = {k: each.figures for k, each in enumerate(pilot) if each.figures.keys() >= {*STIFFNESS_FIGURES}}
+    logs = {k: log_likelihood(evidence, {n: of[n] for n in STIFFNESS_FIGURES}) for k, of in stiff.items()}
     found, y = list(logs), np.array(list(logs.values()))
     if len(y) < PILOT_DRAWS / 2 or np.ptp(y) == 0:
         return None

@@ -9,7 +9,7 @@ average.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import partial
 from itertools import chain
@@ -170,7 +170,7 @@ def draw_samples(
 
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
     the drive; further, figures that each sample has beside F'_ior, and further_name, all that they depend on beside the
-    drive, in words, without which draws with them are not kept; enough, whether samples suffice for what they are for;
+    drive, in words, without which draws with them are not kept; enough, whether samples suffice for their purpose;
     effort, limits of sampling; seen, called with the samples so far.
     Raises UsageError for a drive with rolling balls, UntrustedError where too few samples agree with the evidence, or
     too few draws are drives.
@@ -180,20 +180,21 @@ def draw_samples(
     solve = partial(_solved, prior, tuple(torques), rotations, evidence, further, near, run.seed)
     kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, run.seed)
     earlier = kept.read() if further_name or not further else []
-    draws, stages = list[Draw](), tuple[Samples, ...]()
+    draws, stages, alike = list[Draw](), tuple[Samples, ...](), near.draws if near else 1
     try:
         while True:
             size = min(effort.batch, max(HOPELESS, len(draws)))
             size = min(size, PILOT_DRAWS - len(draws)) if len(draws) < PILOT_DRAWS else size
             now = slice(len(draws), min(len(draws) + size, effort.most_draws))
-            solved: Iterable[Draw] = ()
+            solved: Iterable[list[Draw]] = ()
             if now.stop > len(earlier):
-                fresh = max(now.start, len(earlier)), now.stop
-                shares, density = proposed_draws(prior, evidence, draws[:PILOT_DRAWS], *fresh, run.seed)
+                fresh = max(now.start, len(earlier)) // alike, -(-now.stop // alike)
+                pilot = draws[::alike][:PILOT_DRAWS]
+                shares, density = proposed_draws(prior, evidence, pilot, *fresh, run.seed)
                 solved = run.map(solve, range(*fresh), prior.values(shares), shares.tolist(), density.tolist())
-            for each in chain(earlier[now], solved):
-                draws.append(each)
-                run.solved(each.certificate.states)
+            for some in chain([earlier[now]], solved):
+                draws += some
+                run.solved(sum(each.certificate.states for each in some))
             samples = _collected(prior, tuple(torques), rotations, evidence, draws, run.seed)
             effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
             if stages or effective >= effort.effective:
@@ -215,8 +216,8 @@ def draw_samples(
 def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: float = SURE) -> bool:
     """Whether the Monte Carlo error of no probability of keeping a limit reaches over a threshold of its verdict.
 
-    Arguments: left_arcsec, at each torque what a limit leaves F'_ior beside the self error, None without a limit; sure,
-    probability that PASS needs.
+    Arguments: left_arcsec, at each torque the room that a limit leaves F'_ior beside the self error, None without a
+    limit; sure, probability that PASS needs.
     """
     found = [samples.probability_within(left, k, sure) for k, left in enumerate(left_arcsec) if left is not None]
     return all(is_settled(each.low, each.high, sure) for each in found)
@@ -234,46 +235,51 @@ def _solved(
     values: dict[str, float],
     shares: list[float],
     density: float,
-) -> Draw:
+) -> list[Draw]:
     """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance.
 
-    Arguments: near, which draws deviations anew near F'_ior as measured; seed; number of the draw; its values, by path,
-    and their shares of probability, with the chance behind them; density that it was drawn with, over the prior's.
+    Arguments: near, which draws deviations anew near F'_ior as measured, for several draws that share all else; seed;
+    number of the draw; its values, by path, and their shares of probability, with the chance behind them; density that
+    it was drawn with, over the prior's.
     """
     *of_fields, chance = shares
-    drive = prior.drive
+    drive, count = prior.drive, near.draws if near else 1
     if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
-        return Draw(refused=f"{outside}: out of range")
+        return [Draw(refused=f"{outside}: out of range")] * count
     figures: Mapping[str, float] = {}
-    moved, proof, probability = drive.with_values(values), EMPTY, 1.0
-    if conflict := first_conflict(moved):
-        return Draw(refused=f"{conflict.path}: {conflict.message}")
+    drive, proof, probability = drive.with_values(values), EMPTY, 1.0
+    if conflict := first_conflict(drive):
+        return [Draw(refused=f"{conflict.path}: {conflict.message}")] * count
+    measured, solved = [each for each in evidence if each.M_g], list[Draw]()
+    places = [(each.M_g, each.rotation_deg) for each in measured]
     try:
         if any(each.figure in STIFFNESS_FIGURES for each in evidence):
-            figures, proof = stiffness_figures(moved)
+            figures, proof = stiffness_figures(drive)
             probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / density / KEPT_LIKELIHOOD)
         if chance >= probability:
-            return Draw(figures=figures, proof=astuple(proof))
-        if near:
-            nearer, its_shares, its_density, found = near.drawn(moved, number=number)
-            moved, density, proof = moved.with_values(nearer), density * its_density, proof + found
-            of_fields = [its_shares.get(f.path, share) for f, share in zip(prior.fields, of_fields, strict=True)]
-        measured = [each for each in evidence if each.M_g]
-        places = [(each.M_g, each.rotation_deg) for each in measured]
-        F_ior, turned, there, found = errors_by_turn(moved, torques, rotations_deg, places)
-        more, more_proof = further(moved) if further else ({}, EMPTY)
+            return [Draw(figures=figures, proof=astuple(proof))] * count
+        maps = error_maps(drive, list(dict.fromkeys((*torques, *(M_g for M_g, _ in places)))))
+        chosen, found = near.drawn(maps, number) if near else ([({}, 1.0)], EMPTY)
+        proof += found
+        for nearer, its_density in chosen:
+            its_shares = [nearer.get(f.path, share) for f, share in zip(prior.fields, of_fields, strict=True)]
+            moved = drive.with_values(prior.values(np.array([its_shares]))[0])
+            F_ior, turned, there, found = errors_by_turn(maps, moved, torques, rotations_deg, places)
+            more, more_proof = further(moved) if further else ({}, EMPTY)
+            now = {**figures, **more, **{each.figure: float(F) for each, F in zip(measured, there, strict=True)}}
+            if torques:  # accuracy is without load, where F'_ior is greatest: that under the least load keeps it too
+                least = min(range(len(torques)), key=lambda k: (torques[k] not in drive.operation.M_g, abs(torques[k])))
+                now[ACCURACY] = float(F_ior[least])
+            weight = float(np.exp(log_likelihood(evidence, now))) / (density * its_density) / probability
+            if measured:
+                at = [seed, number * count + len(solved)]
+                F_ior, turned = errors_shown(measured, there, torques, rotations_deg, F_ior, turned, at)
+            at_turns, whole = tuple(map(tuple, turned.tolist())), astuple(proof + found + more_proof)
+            solved.append(Draw("", now, tuple(F_ior.tolist()), at_turns, weight, tuple(its_shares), whole))
+            proof = EMPTY
     except HdassistError as error:
-        return Draw(refused=str(error.fault))
-    figures = {**figures, **more, **{each.figure: float(F) for each, F in zip(measured, there, strict=True)}}
-    if torques:  # accuracy is measured without load, where F'_ior is greatest: that under the least load keeps it too
-        least = min(range(len(torques)), key=lambda k: (torques[k] not in drive.operation.M_g, abs(torques[k])))
-        figures[ACCURACY] = float(F_ior[least])
-    weight = float(np.exp(log_likelihood(evidence, figures))) / density / probability
-    if measured:
-        F_ior, turned = errors_shown(measured, there, torques, rotations_deg, F_ior, turned, [seed, number])
-    whole = proof + found + more_proof
-    at_turns = tuple(map(tuple, turned.tolist()))
-    return Draw("", figures, tuple(F_ior.tolist()), at_turns, weight, tuple(of_fields), astuple(whole))
+        return [Draw(refused=str(error.fault))] * count
+    return solved
 
 
 def errors_shown(
@@ -309,6 +315,7 @@ def errors_shown(
 
 
 def errors_by_turn(
+    maps: Sequence[ErrorMap],
     drive: Drive,
     torques: Sequence[float],
     rotations_deg: Sequence[float],
@@ -316,34 +323,32 @@ def errors_by_turn(
 ) -> tuple[Array, Array, Array, Certificate]:
     """F'_ior [arcsec] of a drive at torques [N*m], and with its fixed wheel turned, and the proof of both.
 
-    Results of shape (torques,), (torques, rotations) and (measured,). All share one contact system, set up once.
-    Arguments: measured, single torques [N*m] with a turn each [deg]. Raises UsageError for rolling balls,
-    UntrustedError where an answer cannot be trusted.
+    Results of shape (torques,), (torques, rotations) and (measured,). Arguments: maps of its error at all torques;
+    measured, single torques [N*m] with a turn each [deg]. Raises UntrustedError where an answer cannot be trusted.
     """
-    every = list(dict.fromkeys((*torques, *(M_g for M_g, _ in measured))))
-    proof, found = EMPTY, dict[float, tuple[float, Array, Iterator[float]]]()
-    for error_map in error_maps(drive, every):
-        now = error_map.many_extremes(Batch.of(drive), grid=COARSE_POINTS)
-        turned, of_turned = _at_turns(error_map, now.first, rotations_deg)
+    proof, now, turned, there = EMPTY, dict[float, float](), dict[float, Array](), dict[tuple[float, float], float]()
+    for error_map in maps:
+        found = error_map.many_extremes(Batch.of(drive), grid=COARSE_POINTS)
+        M_g, now[error_map.M_g] = error_map.M_g, found.first
+        turned[M_g], of_turned = _at_turns(error_map, drive, found.first, rotations_deg)
         # by themselves, so that their digits are the same whatever else is searched
-        alone = [turn for M_g, turn in measured if M_g == error_map.M_g]
-        there, of_measured = _at_turns(error_map, now.first, alone)
-        proof += now.certificate + of_turned + of_measured
-        found[error_map.M_g] = now.first, turned, iter(there.tolist())
-    F_ior, at_measured = [found[M_g][0] for M_g in torques], [next(found[M_g][2]) for M_g, _ in measured]
-    of_turns = np.array([found[M_g][1] for M_g in torques]).reshape(len(torques), len(rotations_deg))
-    return np.array(F_ior), of_turns, np.array(at_measured), proof
+        alone = [at for at in measured if at[0] == M_g]
+        F_ior, of_measured = _at_turns(error_map, drive, found.first, [turn for _, turn in alone])
+        there |= zip(alone, F_ior.tolist(), strict=True)
+        proof += found.certificate + of_turned + of_measured
+    of_turns = np.array([turned[M_g] for M_g in torques]).reshape(len(torques), len(rotations_deg))
+    return np.array([now[M_g] for M_g in torques]), of_turns, np.array([there[at] for at in measured]), proof
 
 
-def _at_turns(error_map: ErrorMap, now: float, turns: Sequence[float]) -> tuple[Array, Certificate]:
-    """F'_ior [arcsec] of a map's drive with its fixed wheel turned [deg], shape (turns,), and the proof of it.
+def _at_turns(error_map: ErrorMap, drive: Drive, now: float, turns: Sequence[float]) -> tuple[Array, Certificate]:
+    """F'_ior [arcsec] of a drive with its fixed wheel turned [deg], shape (turns,), and the proof of it.
 
     Argument: now, F'_ior as it stands.
     """
     F_ior, away = np.full(len(turns), now), np.flatnonzero(np.array(turns) % 360)
     if not len(away):
         return F_ior, EMPTY
-    there = error_map.many_extremes(Batch.turned(error_map.drive, np.array(turns)[away]), grid=COARSE_POINTS)
+    there = error_map.many_extremes(Batch.turned(drive, np.array(turns)[away]), grid=COARSE_POINTS)
     F_ior[away] = there.F_ior_arcsec
     return F_ior, there.certificate
 

@@ -24,7 +24,7 @@ class Probability:
 
 
 def log_error(arcsec: Array) -> Array:
-    """Logarithm of errors, shape (...,); what is less than a search can see counts as RESOLVED_ERROR."""
+    """Logarithm of errors, shape (...,); less than a search can see counts as RESOLVED_ERROR."""
     return np.asarray(np.log(np.maximum(arcsec, RESOLVED_ERROR)))
 
 

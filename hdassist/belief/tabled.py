@@ -1,6 +1,6 @@
 """F'_ior of very many draws of the deviations of one drive, read off a table of its error (error/table.py).
 
-A table costs as much as some searches, a drive read off it next to nothing. Turning the wheel forward is turning back
+A table costs as much as some searches, a drive read off it hardly any. Turning the wheel forward is turning back
 all that stands: a draw whose offset points one step further has, one position further, the F'_ior of the draw before
 it. So each draw is read in all directions of what stands, and all positions of it cost one F'_ior each.
 """
@@ -19,7 +19,7 @@ from hdassist.belief.misfit import log_likelihood_of_errors
 from hdassist.belief.prior import DrivePrior, FieldPrior
 from hdassist.belief.sobol import sobol_points
 from hdassist.belief.statistics import log_error
-from hdassist.error.error_map import Batch, ErrorMap, error_maps
+from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.error.table import TABLE_SECTIONS, Mesh, Reach, error_table
 from hdassist.model.deviations import carried, standing_offset
 from hdassist.model.geometry import Array
@@ -127,21 +127,26 @@ class DeviationProposal:
     """Draws of the deviations near F'_ior as measured: which errors, and how many draws each is chosen from.
 
     Importance sampling: a draw is chosen by its likelihood with F'_ior of a table, and weighted by one over the density
-    that it was chosen with, so that weighted statistics stay those of the prior and the evidence.
+    that it was chosen with, so that weighted statistics stay those of the prior and the evidence. So many draws share
+    all else of a drive, whose table costs more than they.
     """
 
     prior: DrivePrior
     errors: tuple[Evidence, ...]
     seed: int
     effort: TableEffort = field(default_factory=partial(TableEffort, 64, Mesh((9, 5, 7, 7), 12), 0))
+    draws: int = 4
 
-    def drawn(self, drive: Drive, number: int) -> tuple[dict[str, float], dict[str, float], float, Certificate]:
-        """Values and shares of the open deviations of a draw by its number, its density over the prior's, the proof.
+    def drawn(self, maps: Sequence[ErrorMap], number: int) -> tuple[list[tuple[dict[str, float], float]], Certificate]:
+        """Draws: shares of the probability of the open deviations, and density over the prior's; the proof of all.
 
-        Argument: drive, with all else of the draw. Raises UntrustedError where an answer cannot be trusted.
+        A draw that was chosen before has an infinite density, and that one less. Arguments: maps of a drive with all
+        else, those at the torques of the errors among them; its number. Raises UntrustedError where an answer cannot be
+        trusted.
         """
-        torques, fields = list(dict.fromkeys(each.M_g for each in self.errors)), open_deviations(self.prior)
-        maps = error_maps(drive, torques)
+        drive, fields = maps[0].drive, open_deviations(self.prior)
+        maps = [each for each in maps if any(error.M_g == each.M_g for error in self.errors)]
+        torques = [each.M_g for each in maps]
         found = tabled_errors(maps, self.prior, self.effort, [self.seed, number])
         every = np.arange(found.F_ior_arcsec[0].size).reshape(len(found.shares), -1)
         places = every.ravel() if any_direction(self.prior) else every[:, 0]
@@ -163,15 +168,18 @@ class DeviationProposal:
         searched = np.stack([each.F_ior_arcsec for each in extremes], axis=1)
         log = log_likelihood_of_errors(searched, *values_of_errors(self.errors))
         agreeing = np.exp(log - log.max())
-        one = rng.choice(SEARCHED_DRAWS, p=(ratio := agreeing / density[some]) / ratio.sum())
-        draw, direction = np.divmod(places[some[one]], every.shape[1])
-        shares = dict(zip((each.path for each in fields), found.shares[draw].tolist(), strict=True))
-        for f in fields:
-            if any_direction(self.prior) and f.path in standing_directions(drive):
-                shares[f.path] = found.values[f.path][draw, direction] / f.high % 1
-        values = {f.path: float(f.value(np.array(shares[f.path]))) for f in fields}
-        proof = sum((each.certificate for each in extremes), found.certificate)
-        return values, shares, float(agreeing[one] / ratio.mean()), proof
+        ratio, chosen = agreeing / density[some], list[tuple[dict[str, float], float]]()
+        even = (rng.random() + np.arange(self.draws)) / self.draws
+        ones = np.minimum(np.searchsorted(np.cumsum(ratio / ratio.sum()), even), SEARCHED_DRAWS - 1)
+        for k, (one, place) in enumerate(zip(ones, picked := places[some[ones]], strict=True)):
+            draw, direction = np.divmod(place, every.shape[1])
+            shares = dict(zip((each.path for each in fields), found.shares[draw].tolist(), strict=True))
+            for f in fields:
+                if any_direction(self.prior) and f.path in standing_directions(drive):
+                    shares[f.path] = found.values[f.path][draw, direction] / f.high % 1
+            alike = np.inf if place in picked[:k] else 1 / np.count_nonzero(picked == place)
+            chosen.append((shares, float(agreeing[one] / ratio.mean() * alike)))
+        return chosen, sum((each.certificate for each in extremes), found.certificate)
 
 
 def standing_directions(drive: Drive) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ from hdassist.run.run import Run
 DISTANT = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
 DIFFERENCE_STEP = 0.02  # of the range: step of difference quotients, above the roughness of a search for extremes
 VALUE_DIGITS = 4  # of a found value
-INDISTINCT = 0.95  # correlation from which on two unknowns cannot be told apart
+INDISTINCT = 0.95  # correlation from which on two unknowns cannot be separated
 RANGE_SHARES = np.linspace(0, 1, 1001)  # of a field's range, at which a value is looked up
 IMPOSSIBLE = 1e6  # tolerances, each residual of a drive that cannot be computed
 
@@ -68,7 +68,7 @@ class Calibration:
     """Found values, the best set first, then others, far from it, that meet every target too.
 
     values: of the best set; shortfall: targets that it misses and bounds that hold it back, in words, empty where all
-    are met; indistinct: pairs of unknowns that the targets cannot tell apart, with their correlation; evaluations:
+    are met; indistinct: pairs of unknowns that the targets cannot separate, with their correlation; evaluations:
     drives computed.
     """
 
@@ -137,7 +137,7 @@ class _Search:
         self.known: dict[tuple[float, ...], Fit] = {}
 
     def fits(self, points: Iterable[Array]) -> list[Fit]:
-        """Sets of values at points, and what they predict."""
+        """Sets of values at points, and their predictions."""
         sets = [rounded_values(self.targets.unknowns, point) for point in points]
         fresh = [values for values in dict.fromkeys(sets) if values not in self.known]
         self.known |= zip(fresh, self.run.map(partial(_fit, self.drive, self.targets), fresh), strict=True)
@@ -145,7 +145,7 @@ class _Search:
         return [self.known[values] for values in sets]
 
     def residuals(self, points: Iterable[Array]) -> Array:
-        """What fits are off [tolerances], shape (points, targets)."""
+        """Deviations of fits [tolerances], shape (points, targets)."""
         found = [self.targets.deviations(fit.predictions, INSIDE) for fit in self.fits(points)]
         return np.asarray(np.nan_to_num(found, nan=IMPOSSIBLE))
 
@@ -189,7 +189,7 @@ def _distant(points: Iterable[Array]) -> list[int]:
 
 
 def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
-    """What a drive with other values predicts."""
+    """Predictions of a drive with other values."""
     there = drive.with_values(targets.by_path(values))
     try:
         if (conflict := first_conflict(there)) is not None:

@@ -1,4 +1,4 @@
-"""Targets of a calibration: a YAML text that says which values to find, and what is known of the drive.
+"""Targets of a calibration: a YAML text with the values to find, and the measured values of the drive.
 
 schema: hdassist.targets/1
 name: acceptance rig, drive 17
@@ -51,7 +51,7 @@ PARTS: dict[str, tuple[type, str]] = {
 class CalibrationTarget:
     """A quantity that should lie in low..high, in its unit; tolerance is a deviation that counts as one.
 
-    asked: values of the keys of its kind; value: what it should be, at best, None where any value in the range is.
+    asked: values of the keys of its kind; value: the best one, None where any value in the range is.
     """
 
     quantity: str
@@ -81,7 +81,7 @@ class CalibrationTarget:
 
     @property
     def words(self) -> str:
-        """The target in short: quantity and what it is asked with."""
+        """The target in short: quantity and its arguments."""
         return ", ".join([self.quantity, *(f"{key} {value:g} {KEY_UNITS[key]}" for key, value in self.asked.items())])
 
 
@@ -99,11 +99,11 @@ class Targets:
         return {unknown.path: value for unknown, value in zip(self.unknowns, values, strict=True)}
 
     def deviations(self, predictions: Sequence[float], inside: float = 0.0) -> list[float]:
-        """Deviation from each target of what is predicted for it, as that target's own deviation has it."""
+        """Deviation of the prediction from each target, as that target's own deviation has it."""
         return [target.deviation(each, inside) for target, each in zip(self.targets, predictions, strict=True)]
 
     def met(self, predictions: Sequence[float]) -> list[bool]:
-        """Which targets are met by what is predicted for them."""
+        """Which targets are met by their predictions."""
         return [target.low <= each <= target.high for target, each in zip(self.targets, predictions, strict=True)]
 
 
@@ -196,7 +196,7 @@ def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationT
         document.add(path, "needs either a value with its tolerance, or low, high or both, low below high", got="")
         return
     ends = (low, high) if value is None else (value, value)
-    whole = max(abs(end) for end in ends if isfinite(end))  # what a share is of
+    whole = max(abs(end) for end in ends if isfinite(end))  # the base of a share
     stated = given.get("tolerance", RANGE_TOLERANCE if value is None else None)
     is_share = isinstance(stated, str) and stated.strip().endswith("%")
     read = read_number(stated, "%" if is_share else unit)

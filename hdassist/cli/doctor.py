@@ -1,4 +1,4 @@
-"""`hdassist doctor`: whether this installation can be relied on, and what this machine and terminal offer."""
+"""`hdassist doctor`: whether this installation can be relied on, and the abilities of machine and terminal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hdassist.run.run import UNCHECKED
 from hdassist.terminal import options as o
 from hdassist.version import __version__
 
-PRESET, M_G, STORED_F_IOR, AGREES = "vzp160", 800.0, 7.706924145663, 1e-6  # arcsec: what every state gave, and how near
+PRESET, M_G, STORED_F_IOR, AGREES = "vzp160", 800.0, 7.706924145663, 1e-6  # arcsec: of every state, and how near
 CROSS = "HIGHS"
 
 
@@ -68,7 +68,7 @@ class DoctorCommand(o.PageOptions):
 
 def packages() -> Iterator[DoctorFinding]:
     """hdassist, Python, and each package it needs."""
-    from importlib.metadata import PackageNotFoundError, requires, version  # a fifth of what `hdassist --help` imports
+    from importlib.metadata import PackageNotFoundError, requires, version  # a fifth of imports of `hdassist --help`
 
     yield DoctorFinding("hdassist", "ok", f"{__version__}, Python {platform.python_version()}, {platform.platform()}")
     for needed in requires("hdassist") or ():
@@ -108,7 +108,7 @@ def cache() -> DoctorFinding:
 
 
 def surroundings() -> DoctorFinding:
-    """Cores of this machine, and what standard output shows."""
+    """Cores of this machine, and characters that standard output shows."""
     from hdassist.terminal.console import Style
 
     style = Style.of(sys.stdout)

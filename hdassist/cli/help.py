@@ -1,4 +1,4 @@
-"""Help texts: commands by what they are for, options by what they are about, no summary cut short."""
+"""Help texts: commands by their purpose, options by their subject, no summary cut short."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, TypeAlias, get_args, get_type_hints
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-# of click, of which typer has a copy: nothing but its subclasses is public
+# of click, of which typer has a copy: only its subclasses are public
 Context: TypeAlias = Any
 Formatter: TypeAlias = Any
 
@@ -80,7 +80,7 @@ def _process(parameter: Any, process: Callable[[Context, Any], Any], ctx: Contex
     return process(ctx, value)
 
 
-Row = tuple[str, tuple[str, str] | None]  # section of a help text; what stands to the left and to the right in it
+Row = tuple[str, tuple[str, str] | None]  # section of a help text; its left and right column
 
 
 def _row(parameter: Any, ctx: Context) -> Row:

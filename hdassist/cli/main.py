@@ -16,9 +16,9 @@ from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, Usa
 from hdassist.runfiles import begin_run
 from hdassist.version import __version__
 
-# What typer makes of a wrong command line, click's or its own copy of it: nothing but its subclasses is public.
+# The error of a wrong command line, click's or typer's own copy of it: only its subclasses are public.
 ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
-# faults of the system: of a device that takes no more, or none; of what it gives no more of
+# faults of the system: of a device that takes no more, or none; of resources that it has no more of
 DEVICE_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -94,7 +94,7 @@ def _as_known(error: Exception) -> HdassistError:
     if number in DEVICE_FAULTS:  # typer writes help and version; files say it themselves
         from hdassist.terminal.console import silence
 
-        silence()  # or what is left in the buffer fails once more at the end
+        silence()  # or the rest of the buffer fails once more at the end
         words, hint = f"cannot write: {os.strerror(number)}", "is standard output closed, or on a full device?"
         return DataError(words, hint, Fault.FILE_UNWRITABLE)
     if number in SCARCE:
@@ -105,7 +105,7 @@ def _as_known(error: Exception) -> HdassistError:
 
 
 def _require_lines(arguments: list[str]) -> None:
-    """Raise UsageError where an argument has a line break: it could forge a line of what is said or written."""
+    """Raise UsageError where an argument has a line break: it could forge a line of the output."""
     for text in arguments:
         if "\n" in text:
             raise UsageError(f"a line break in {text[:60]!r}", "names, paths and values are written on one line")

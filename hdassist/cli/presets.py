@@ -15,7 +15,6 @@ from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.json_parts import Json
-    from hdassist.preset.schema import ResolvedField
     from hdassist.report.report import Report
 
 presets_app = typer.Typer(
@@ -109,7 +108,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
             return 0
         drive = self.load(self.preset)
         rows = resolved_fields(drive)
-        cells = tuple((row.path, value_text(row.value), row.unit, row.kind, _reference(row)) for row in rows)
+        cells = tuple((row.path, value_text(row.value), row.unit, row.kind, row.reference) for row in rows)
         heads = ("field", "value", "unit", "origin", "reference")
         report = Report(
             "presets-show", drive, drive.name, blocks=(Table("", heads, cells, words=range(len(heads))),),
@@ -211,13 +210,13 @@ class PresetsNewCommand(TextOptions, WishOptions):
       hdassist presets new own --ratio 100 --stiffness 3.1e4,5e4,5.7e4 --lost-motion '1 arcmin'
       hdassist presets new my-drive -o my-drive.yaml
 
-    --coupling first: it says how far offsets of the cam are felt, and so what turning the wheel can bring. oldham: the
-    wave generator floats on an Oldham coupling; solid: it is one piece with its hub; overhung: it sits on the end of a
-    motor's shaft.
-    What is not given grows with the size of the other drive, is marked as assumed, and has its plausible range.
+    --coupling first: it says how far offsets of the cam are felt, and so how much turning the wheel can bring. oldham:
+    the wave generator floats on an Oldham coupling; solid: it is one piece with its hub; overhung: it sits on the end
+    of a motor's shaft.
+    A value that is not given grows with the size of the other drive, is marked as assumed, and has its plausible range.
     The size is --pitch-diameter, else that of K3 by the cube law of catalogues, else that of --torque by the cube law.
     --stiffness, --lost-motion and --accuracy stand in the preset's table catalogue as they are given: evidence by which
-    check weighs what is assumed.
+    check weighs assumed values.
     """
 
     name: str
@@ -234,13 +233,3 @@ class PresetsNewCommand(TextOptions, WishOptions):
         given = read_requirements(other, **wish)
         write_text(self.output, similar_preset(self.name, other, given), self.force)
         return 0
-
-
-def _reference(row: ResolvedField) -> str:
-    """Where a value comes from, its plausible range first."""
-    from hdassist.preset.schema import value_text
-
-    if row.range is None:
-        return row.ref
-    bounds = f"{value_text(row.range[0])} to {value_text(row.range[1])}"
-    return f"{bounds}; {row.ref}" if row.ref else bounds

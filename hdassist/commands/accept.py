@@ -62,9 +62,9 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
       grep -v '^17-04' lot.csv | hdassist accept - --preset my-drive.yaml
       hdassist accept --replay result.json
 
-    A limit is decided by what was measured, with its uncertainty and a decision rule (acceptance.rule), or else by the
+    A limit is decided by the measured value, with its uncertainty and a decision rule (acceptance.rule), or else by the
     model's prediction, as hdassist check does it. A trace passes only where --budget states encoder, coupling,
-    reseating and temperature, 0 allowed. hdassist explain CODE tells what a check means. A lot has a row for each
+    reseating and temperature, 0 allowed. hdassist explain CODE has the meaning of a check. A lot has a row for each
     drive, with the columns serial, preset, measured or measured@80, pitch_b, pitch_g (files), mark_b, mark_g,
     NAME[@TORQUE] (values like 28.1±1.2), limit NAME[@TORQUE], section.key (overrides). Exit codes: 0 PASS, 3 FAIL or a
     replay that differs, 6 INCONCLUSIVE, 4 bad preset, file or no limit, 5 no trustworthy answer; of several drives the

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 
 from hdassist.acceptance.accept import accept
 from hdassist.acceptance.answer import ANSWERS, AcceptAnswer, answer_json, read_answers
 from hdassist.acceptance.lot import Lot, LotRow, read_lot
 from hdassist.acceptance.replay import changed_file, still_stands
 from hdassist.acceptance.request import Request
-from hdassist.acceptance.work import LotWork, failure_of
+from hdassist.acceptance.work import answer_rows, failure_of
 from hdassist.commands.accept import AcceptCommand, AcceptOptions
 from hdassist.design.check import check_states
 from hdassist.errors import HdassistError, UsageError
@@ -25,11 +26,11 @@ from hdassist.run.run import Run
 from hdassist.run.stops import at_stop
 from hdassist.run.stream import stream
 from hdassist.runfiles import note_input
+from hdassist.terminal.answers import failure
 from hdassist.terminal.files import write_text
 from hdassist.terminal.output import Output, complain, note
 from hdassist.terminal.runs import give, run_each
 from hdassist.terminal.wheels import say_notes
-from hdassist.verdict import worst_exit_code
 
 ACCEPT_OWNER = KeptOwner(command="accept", inputs={})  # each answer has the files that it comes from
 
@@ -44,25 +45,22 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand
 
     def one(preset: str) -> Report:
         request = replace(base, preset=preset)
-        drive = options.noted(request.load())
+        drive = request.load(options.taken_over())
         inputs = request.read(drive)
         say_notes(inputs.wheels)
         states = 0 if request.measured_only else check_states(drive, inputs.wheels, request.draws)
         with out.progress(drive.name, states) as progress, workers(options.jobs) as executor:
             predictions = request.predict(drive, inputs.unmeasured, inputs.wheels, Run(executor, progress))
-        answer = accept(request, inputs, predictions)
-        answers.append(answer)
-        report = page.accept_report(answer, predictions, drive)
-        return replace(report, head="") if options.junit == "-" else report
+        answers.append(accept(request, inputs, predictions))
+        return page.accept_report(answers[-1], predictions, drive)
 
     def failed(preset: str, error: HdassistError) -> Json:
         answers.append(failure_of(LotRow(replace(base, preset=preset)), error))
         return answer_json(answers[-1])
 
     kept = options.json or options.junit is not None
-    code = give("accept", run_each("accept", presets, one, options, failed=failed, keep_failures=kept), options, out)
-    _write_tables(options, "accept", answers)
-    return code
+    reports = run_each("accept", presets, one, options, failed=failed, keep_failures=kept)
+    return _give(reports, answers, "accept", options, out)
 
 
 def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
@@ -73,45 +71,60 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
     that cannot be read or written; PresetError: names of columns that cannot be meant.
     """
     out = options.open()
-    base.require_sound()
-    lot = read_lot(path, base)
-    for file in (file for row in lot.rows for file in row.request.files()):
-        note_input(file)
     done: list[AcceptAnswer] = []
-    with open_kept(options.jsonl, ACCEPT_OWNER, ANSWERS, force=not options.resume) as kept:
-        known = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
-        before, is_known = kept.done, sum(map(bool, known))
+    name, sha256 = path, ""
 
-        def state() -> str:
-            where = f"are kept in {options.jsonl}: the same command with --resume goes on"
-            words = where if options.jsonl else "are done, none is kept: --jsonl FILE"
-            return f"{is_known + kept.done - before} of {len(lot.rows)} rows {words}"
+    def one(path: str) -> Report:
+        nonlocal name, sha256
+        base.require_sound()
+        lot = read_lot(path, base)
+        name, sha256 = lot.file, lot.sha256
+        for file in (file for row in lot.rows for file in row.request.files()):
+            note_input(file)
+        with open_kept(options.jsonl, ACCEPT_OWNER, ANSWERS, force=not options.resume) as kept:
+            known = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
+            before, is_known = kept.done, sum(map(bool, known))
 
-        to_do = [row for row, answer in zip(lot.rows, known, strict=True) if answer is None]
-        with at_stop(state), closing(_answers(to_do, lot.file, options, out)) as fresh:
-            for there in known:
-                answer = there or next(fresh)
-                if there is None:
-                    kept.append([answer])
-                done.append(answer)
-                if error := answer.error:
-                    complain(HdassistError(f"{page.title(answer)}: {error.message}", error.hint, error.code))
-        if options.resume:
-            kept.rewrite(done)  # in the order of the rows, each once
-    if options.jsonl:
-        note(f"wrote {options.jsonl}")
-    report = page.lot_report(lot, done)
-    give("accept", [replace(report, head="") if options.junit == "-" else report], options, out)
-    _write_tables(options, lot.file, done, lot.sha256)
-    return worst_exit_code(answer.exit_code for answer in done)
+            def state() -> str:
+                where = f"are kept in {options.jsonl}: the same command with --resume goes on"
+                words = where if options.jsonl else "are done, none is kept: --jsonl FILE"
+                return f"{is_known + kept.done - before} of {len(lot.rows)} rows {words}"
+
+            to_do = [row for row, answer in zip(lot.rows, known, strict=True) if answer is None]
+            with at_stop(state), closing(_answers(to_do, lot.file, options, out)) as fresh:
+                for there in known:
+                    answer = there or next(fresh)
+                    if there is None:
+                        kept.append([answer])
+                    done.append(answer)
+                    if error := answer.error:
+                        complain(HdassistError(f"{page.title(answer)}: {error.message}", error.hint, error.code))
+            if options.resume:
+                kept.rewrite(done)  # in the order of the rows, each once
+        if options.jsonl:
+            note(f"wrote {options.jsonl}")
+        return page.lot_report(lot, done)
+
+    reports = run_each("accept", [path], one, options, failed=lambda name, error: failure("accept", error, file=name))
+    return _give(reports, done, name, options, out, sha256)
 
 
-def _write_tables(options: AcceptOptions, name: str, answers: Sequence[AcceptAnswer], lot_sha256: str = "") -> None:
-    """Write answers as CSV and as JUnit, with a name of the whole, where they are asked for."""
-    if options.csv is not None:
-        write_text(options.csv, page.csv(answers), options.replaces(options.csv))
-    if options.junit is not None:
-        write_text(options.junit, junit(name, answers, lot_sha256), options.replaces(options.junit))
+def _give(
+    reports: Sequence[Report],
+    answers: Sequence[AcceptAnswer],
+    name: str,
+    options: AcceptOptions,
+    out: Output,
+    lot_sha256: str = "",
+) -> int:
+    """Write reports, and their answers as CSV and as JUnit with a name of the whole; returns the exit code."""
+    if options.junit == "-":
+        reports = [replace(report, head="") for report in reports]
+    code = give("accept", reports, options, out)
+    for path, text_of in ((options.csv, page.csv), (options.junit, partial(junit, name, lot_sha256=lot_sha256))):
+        if path is not None and answers:
+            write_text(path, text_of(answers), options.replaces(path))
+    return code
 
 
 def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[AcceptAnswer | None]:
@@ -153,7 +166,7 @@ def _answers(
     rows: Sequence[LotRow], words: str, options: AcceptOptions, out: Output
 ) -> Generator[AcceptAnswer, None, None]:
     """Answers to rows, in their order, as they come; words beside the bar."""
-    work = LotWork(tuple(rows), options.debug)
+    work = partial(answer_rows, rows, options.debug)
     with (
         out.progress(words, len(rows)) as progress,
         closing(stream(work, len(rows), jobs=options.jobs)) as chunks,

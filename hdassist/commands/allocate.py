@@ -24,7 +24,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
     Tolerances are recommended only where they reach the yield with a probability of --sure over all that is not known
     of the design; a size that the preset assumes is a tolerance to choose too. What one costs stands in the preset:
     cost: {tolerances.e_hb: {share: 3, k: 1.5, least: 10}} costs 3 as the preset has it and 3 (now/tolerance)^1.5 else,
-    and no less than 10 um can be made; without it 1, k = 1 and a tenth. Tolerances may grow to twice what they are.
+    and no less than 10 um can be made; without it 1, k = 1 and a tenth. Tolerances may grow to twice their value.
     Exit codes: 0 done, 3 no tolerances reach the yield, 6 none is shown to reach it, 2 wrong usage, 4 bad preset, 5 no
     trustworthy answer, 130 stopped.
     """
@@ -61,7 +61,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         )
         if not law.tolerances:
             raise UsageError(
-                "no tolerance to choose: none that the preset gives is drawn", "set tolerances.F_i2 above 0"
+                "no tolerance to choose: none that the preset gives is drawn", "set tolerances.e_hb above 0"
             )
         production, samples = self.with_designs(out, production, self.count)
         allocator = Allocator(production, tuple(room), self.wanted, self.sure, partial(self.records, out), self.count)

@@ -22,7 +22,7 @@ class ArchiveOptions(o.OptionGroup):
     history: str | None = None
 
     def archiving(self, files: Sequence[str]) -> "Callable[[Measurement], None]":
-        """What is done with each result of files. Raises UsageError for options that do not go together."""
+        """The use of each result of files. Raises UsageError for options that do not go together."""
         from hdassist.measuring.archive import add_to_archive, read_conditions
         from hdassist.terminal.output import note
 

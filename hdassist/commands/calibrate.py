@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
-    """Find stiffnesses, clearances or any other measures of a preset from what is known of the drive.
+    """Find stiffnesses, clearances or any other measures of a preset from measured values of the drive.
 
     \b
     Examples:

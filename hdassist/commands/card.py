@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hdassist.terminal.output import Output
     from hdassist.terminal.texts import Texts
 
-CARD_SUFFIXES = (".txt", ".md", ".html")
+CARD_SUFFIXES = (".txt", ".html")
 SERIAL = 60  # letters that a serial number may have
 
 
@@ -65,21 +65,13 @@ class CardFile:
             raise UsageError(f"a serial number has up to {SERIAL} printable characters")
         return cls(path, kind, say, serial.strip())
 
-    def write(self, facts: CardFacts) -> None:
-        """Make the card and write it."""
-        from hdassist.terminal.files import write_text
-
-        write_text(self.path, self.text(facts), self.force)
-
     def text(self, facts: CardFacts) -> str:
         """The card as its file has it."""
         from hdassist.pages.card import card_of
-        from hdassist.pages.documents import card_html, card_markdown, card_text
+        from hdassist.pages.documents import card_html, card_text
 
         card = card_of(facts, self.say, serial=self.serial, made=date.today())
-        if self.kind == ".txt":
-            return card_text(card, ascii=self.ascii)
-        return card_html(card) if self.kind == ".html" else card_markdown(card)
+        return card_html(card) if self.kind == ".html" else card_text(card, ascii=self.ascii)
 
 
 def give_with_card(
@@ -93,8 +85,9 @@ def give_with_card(
     """Write a report and its card; returns the exit code.
 
     Arguments: command, for the schema; report; card that was asked for; facts that it tells, in the language of its
-    texts, None where nothing can be ordered: then there is no card; options; out.
+    texts, None where no order can be given: then there is no card; options; out.
     """
+    from hdassist.terminal.files import write_text
     from hdassist.terminal.output import note
     from hdassist.terminal.runs import give
 
@@ -102,7 +95,7 @@ def give_with_card(
         report = replace(report, head="")
     code = give(command, [report], options, out)
     if card and facts:
-        card.write(facts(card.say))
+        write_text(card.path, card.text(facts(card.say)), card.force)
     elif card:
         note("no card: nothing can be ordered")
     return code

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from hdassist.report.report import Report
 
 PRESET_SUFFIXES = (".yaml", ".yml")
-OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options that say nothing of presets, beside TraceOptions
+OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options that presets do not have, beside TraceOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +29,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.SignOptions, o.TraceO
       hdassist compare vzp160 own.yaml
 
     Each deviation, of the cam (wave generator), the rigid wheel (circular spline) or the flexspline, is fitted alone,
-    then all together, through the contact model; what the record does not tell is said.
+    then all together, through the contact model; the page names causes that the record cannot separate.
 
     A FILE that is a name of the library, or ends in .yaml or .yml, is a preset; anything else is a trace (./NAME for
     one that is called like a preset). Presets are compared with the first: fields that differ, F'_ior, best hole;
@@ -98,6 +98,8 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.SignOptions, o.TraceO
         if not plain or self.only(o.TraceOptions) != o.TraceOptions(budget=[]):
             raise UsageError("how a trace is read says nothing of presets", "leave out its options, or name a trace")
         names = [self.preset, *self.files]
+        if self.csv is not None:
+            raise UsageError("a comparison of presets has no CSV", f"hdassist check {' '.join(names)} --csv FILE")
         o.stdin_once(*names)
         out = self.open()
 

@@ -32,7 +32,7 @@ class CompensateCommand(
       hdassist compensate own.yaml run80.csv --after corrected80.csv
       hdassist compensate vzp160 --torque 80 --torque -80 --details --json
 
-    The error is taken apart: what repeats with the cam, what beats, what other loads change. Then each form that
+    The error is taken apart: parts that repeat with the cam, that beat, that other loads change. Then each form that
     controllers store is fitted to it by least squares over the full cycle, for the first torque of the preset, and held
     against the drive as it may be, by all that is not known exactly (docs/unknown.md): at every torque, with the zero
     off, with a lost turn count. Errors are actual less ideal angles of the output, counter-clockwise seen from the cam

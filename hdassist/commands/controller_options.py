@@ -52,7 +52,7 @@ class ControllerOptions(o.OptionGroup):
         return controller, path
 
     def controller_texts(self, result: Correction, controller: ControllerFormat) -> tuple[str, str]:
-        """The controller's file of a correction, and what belongs to it."""
+        """The controller's file of a correction, and its companions."""
         from hdassist.correction.writers import ControllerAxis, correction_file
 
         axis = ControllerAxis(self.axis, -1 if self.clockwise else 1, self.zero, self.rows_from, self.steps_per_degree)

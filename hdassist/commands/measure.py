@@ -28,10 +28,10 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
       hdassist measure --history 17-042 --archive rig1
 
     A file has a column of angles and one of errors, or of a second encoder. F'_ior is the range of the error limited to
-    the orders, without what noise adds; it is a lower bound unless the full cycle was visited. Each direction stands by
-    itself. A file of approached positions (target_deg, deviation_arcsec, side) or of torque loops (torque_Nm,
-    twist_arcsec, place) has what makers state beside F'_ior. Exit codes: 0, 4 bad file, 5 orders or F'_ior that the
-    record does not tell.
+    the orders, without the share of noise; it is a lower bound unless the full cycle was visited. Each direction stands
+    by itself. A file of approached positions (target_deg, deviation_arcsec, side) or of torque loops (torque_Nm,
+    twist_arcsec, place) has the figures that makers state beside F'_ior. Exit codes: 0, 4 bad file, 5 orders or F'_ior
+    that the record does not tell.
     """
 
     files: list[str]
@@ -49,7 +49,7 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
         from hdassist.measuring.orders import parse_orders
         from hdassist.measuring.uncertainty import parse_stated
         from hdassist.pages.bench import bench_report
-        from hdassist.pages.measure import measure_report, repeats, repeats_line
+        from hdassist.pages.measure import measure_report, repeats
         from hdassist.readers.bench import bench_record
         from hdassist.readers.trace import read_record, trace_of
         from hdassist.terminal.answers import failure
@@ -62,7 +62,7 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
         stated, orders = parse_stated(self.budget), parse_orders(self.orders or None)
         drive = load_preset(self.preset) if self.preset is not None else None
         gearing = gearing_of(drive, self.ratio)
-        form = self.trace_form()
+        form = self.reading()
         done: list[Measurement] = []
 
         def one(name: str) -> Report:
@@ -80,6 +80,5 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
             return measure_report(result, drive, self.words_of_reading())
 
         answers = run_each("measure", self.files, one, self, failed=lambda name, e: failure("measure", e, file=name))
-        several = repeats(done)
-        more, below = ({"repeat_runs": several}, [repeats_line(several)]) if several else ({}, [])
+        more, below = repeats(done)
         return give("measure", answers, self, out, more=more, below=below)

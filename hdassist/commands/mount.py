@@ -31,13 +31,13 @@ class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOpt
     worst gains most, among the holes that mounting.allowed leaves; mounting.holes: 0 means a free angle. All that the
     preset does not know exactly is drawn jointly, as check draws it (docs/unknown.md): what is assumed with a range,
     has an uncertainty (k = 2), or is not given. A turn is ordered where it gains more than 1 % with the --probability;
-    else there is no order, no card, and exit code 6, and the page says what to measure. -q prints the hole (or the
-    angle) alone, 0 for "leave it", unknown where nothing can be ordered.
+    else there is no order, no card, and exit code 6, and the page names the measurement to make. -q prints the hole (or
+    the angle) alone, 0 for "leave it", unknown where no order can be given.
 
     Where the direction of the cam offset is not known, hdassist trials finds it from measurements in a few positions.
 
     --pitch-b and --pitch-g put measured teeth in place of the first harmonics, tooth by tooth from the mark. Every
-    state is solved then, and nothing is drawn.
+    state is solved then, and no input is drawn.
     """
 
     preset: str

@@ -1,4 +1,4 @@
-"""`hdassist plan`: what a test of F'_ior sees before it is made."""
+"""`hdassist plan`: how much of F'_ior a test sees, before it is made."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
-    """What a test of F'_ior sees before it is made: which positions or which record are enough.
+    """How much of F'_ior a test sees, before it is made: which positions or which record are enough.
 
     \b
     Examples:
@@ -25,7 +25,7 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
       hdassist plan vzp160 --positions 24 --turns 2 --json
 
     A test reads the output at some positions, from an angle that is not known, and takes the greatest less the least
-    error. It misses all that lies between, and sees nothing of what comes as often as there are positions. Each drive
+    error. It misses all that lies between, and does not see waves that come as often as there are positions. Each drive
     that this one may be, by all that is not known exactly (docs/unknown.md), is put to each test, at the first torque
     with a limit. Its teeth are smooth; noise of single teeth lowers the shares (docs/plan.md).
 

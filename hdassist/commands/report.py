@@ -14,17 +14,17 @@ REPORT_SUFFIXES = (".html", ".md")
 
 @dataclass(frozen=True, kw_only=True)
 class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
-    """Everything about a drive on one page: verdict, errors, mounting, stiffness, what it rests on, provenance.
+    """Everything about a drive on one page: verdict, errors, mounting, stiffness, assumptions, provenance.
 
     \b
     Examples:
       hdassist report vzp160 -o report.html
-      hdassist report my-drive.yaml --set tolerances.F_i2=60 -o better.html
+      hdassist report my-drive.yaml --set tolerances.e_hb=60 -o better.html
       hdassist report my-drive.yaml --limit 45 -o report.md
 
     One file without scripts, for screens (light and dark) and for A4 paper; the numbers are those of check, mount and
     stiffness, and the same input gives the same bytes. -o names a .html or .md file; without it Markdown goes to
-    standard output. Nothing is ordered that what is not known could reverse.
+    standard output. An order is given only if unknown inputs cannot reverse it.
     Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy answer, 6 INCONCLUSIVE, or no position of the
     wheel that could be ordered; the report is written with 0, 3 and 6.
     """

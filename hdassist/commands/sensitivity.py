@@ -1,4 +1,4 @@
-"""`hdassist sensitivity`: which tolerance to tighten first, or what to measure before."""
+"""`hdassist sensitivity`: which tolerance to tighten first, or the measurement to make before."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hdassist.terminal import options as o
 
 @dataclass(frozen=True, kw_only=True)
 class SensitivityCommand(o.FigureOptions, DrawOptions):
-    """Which tolerance to tighten first, and how much a step takes off F'_ior; or what to measure before.
+    """Which tolerance to tighten first, and how much a step takes off F'_ior; or the measurement to make before.
 
     \b
     Examples:

@@ -22,7 +22,7 @@ class ToleranceCommand(o.FigureOptions, DrawOptions):
       hdassist tolerance vzp160 --known phases.phi_hh
       hdassist tolerance vzp160 -n 100000 --results drives.jsonl
 
-    Designs are drawn from what is not known of them (as check draws it, weighted by the preset's catalogue), and of
+    Designs are drawn from their uncertain inputs (as check draws them, weighted by the preset's catalogue), and of
     each some drives: sizes that are given lie between zero and the preset's tolerance, others are drawn as check draws
     them, directions are any, clearances with a ± lie around their value. So the yield is a range over the designs; with
     --yield the verdict is PASS where the probability of reaching it is at least --sure, FAIL where it is at most 1 less

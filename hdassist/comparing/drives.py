@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from operator import add
 
 import numpy as np
 
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
+from hdassist.belief.tabled import COARSE_POINTS
 from hdassist.comparing.sheet import DriveSheet, sheet_of, sheet_states
-from hdassist.error.error_map import SEARCHED, extremes_of, searchable
+from hdassist.error.error_map import GRID, SEARCHED, Batch, error_maps, every_state, searchable
 from hdassist.errors import HdassistError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
@@ -125,9 +126,7 @@ def differing_fields(drives: Sequence[Drive]) -> list[str]:
 
 def estimate_comparison(drives: Sequence[Drive], draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a comparison solves, about, for a progress bar."""
-    pairs = min(draws, DRAWN_PAIRS) if any(map(unknowns, drives)) else 1
-    fields = sum(len(differing_fields((drives[0], each))) for each in drives[1:])
-    searches = 2 * pairs * len(drives[1:]) + min(pairs, SCREENED_PAIRS) * fields
+    searches = sum(2 + len(differing_fields((drives[0], each))) for each in drives[1:])
     return sum(sheet_states(drive, draws) for drive in drives) + SEARCHED * len(drives[0].operation.M_g) * searches
 
 
@@ -155,38 +154,38 @@ def drive_changes(
     """
     drawn = searchable(first) and searchable(second)
     before, after = paired_draws((first, second), pairs if drawn else 0, run.seed)
-    proof, paths, torques = EMPTY, differing_fields((first, second)), first.operation.M_g
+    grid = COARSE_POINTS if len(before) > 1 else GRID
+    proof = EMPTY
 
-    def F_ior(drives: Sequence[Drive], *, required: bool = False) -> Array:
-        """F'_ior [arcsec], shape (drives, torques); NaN where one has no answer, unless it is required."""
+    def F_ior(batches: Iterable[Batch], *, required: bool = False) -> Iterator[Array]:
+        """F'_ior [arcsec] of drives, shape (drives, torques), batch by batch."""
         nonlocal proof
-        tasks, values = [(drive, M_g, required) for drive in drives for M_g in torques], []
-        for value, certificate in run.map(_searched, tasks):
-            values.append(value)
+        errors_of = partial(_errors, torques=first.operation.M_g, grid=grid, required=required)
+        for values, certificate in run.map(errors_of, batches):
             proof += certificate
             run.solved(certificate.states)
-        return np.reshape(values, (len(drives), len(torques)))
+            yield values
 
-    errors, others = F_ior(before, required=True), F_ior(after, required=True)  # (pairs, torques)
+    def alone(paths: Iterable[str], count: int) -> dict[str, ErrorChange]:
+        """Changes by each of some fields alone over the first pairs, without those that make no drive."""
+        moved = {path: _moved(before, after, path).take(np.arange(count)) for path in paths}
+        sound = {path: batch for path, batch in moved.items() if _is_sound(batch, before)}
+        changed = zip(sound, F_ior(sound.values()), strict=True)
+        return {path: ErrorChange.of(path, errors[:count], now) for path, now in changed if not np.isnan(now).any()}
 
-    def alone(path: str, count: int) -> ErrorChange | None:
-        moved = [one.with_values({path: other.value(path)}) for one, other in zip(before, after, strict=True)][:count]
-        if not all(map(_is_drive, moved, before)):
-            return None
-        changed = F_ior(moved)
-        return None if np.isnan(changed).any() else ErrorChange.of(path, errors[:count], changed)
+    errors, others = F_ior((before, after), required=True)
 
-    single = {path: alone(path, SCREENED_PAIRS) for path in paths}
-    chosen = _largest_first(single.values())[:REPORTED_FIELDS]
-    if len(before) > SCREENED_PAIRS:
-        single |= {change.field: alone(change.field, len(before)) for change in chosen}
+    paths = differing_fields((first, second))
+    screened = alone(paths, min(len(before), SCREENED_PAIRS))
+    chosen = _largest_first(screened.values())[:REPORTED_FIELDS]
+    single = alone([change.field for change in chosen], len(before)).values()
     ranged = drawn or not (unknowns(first) or unknowns(second))
     changes = DriveChanges(
         len(before),
         tuple(sense_of_change(change) if ranged else UNKNOWN for change in (others - errors).T),
         ErrorChange.of("", errors, others),
-        tuple(_largest_first(single[change.field] for change in chosen)),
-        tuple(path for path in paths if not single[path]),
+        tuple(_largest_first(single)),
+        tuple(path for path in paths if path not in screened),
     )
     return changes, proof
 
@@ -199,38 +198,46 @@ def sense_of_change(change: Array) -> str:
     return "less" if less >= SURE_SHARE else "more" if more >= SURE_SHARE else UNKNOWN
 
 
-def _largest_first(changes: Iterable[ErrorChange | None]) -> list[ErrorChange]:
-    return sorted((each for each in changes if each), key=lambda change: -max(change.share))
+def _largest_first(changes: Iterable[ErrorChange]) -> list[ErrorChange]:
+    return sorted(changes, key=lambda change: -max(change.share))
 
 
-def paired_draws(drives: Sequence[Drive], count: int, seed: int = 0) -> list[list[Drive]]:
+def paired_draws(drives: Sequence[Drive], count: int, seed: int = 0) -> list[Batch]:
     """Draws from the unknown fields of each of some drives, a field at the same share of its range in all.
 
     Where all is known, or for a count of 0, each drive as it is.
     """
-    open_ = [{unknown.path: unknown for unknown in unknowns(drive)} for drive in drives]
-    paths = list(dict.fromkeys(path for own in open_ for path in own))
+    open_ = [unknowns(drive) for drive in drives]
+    paths = list(dict.fromkeys(unknown.path for own in open_ for unknown in own))
     if not paths or not count:
-        return [[drive] for drive in drives]
+        return [Batch.of(drive) for drive in drives]
     shares = dict(zip(paths, np.random.default_rng(seed).random((count, len(paths))).T, strict=True))
-    columns = [{path: u.low + (u.high - u.low) * shares[path] for path, u in own.items()} for own in open_]
-    return [
-        [drive.with_values({path: float(values[k]) for path, values in own.items()}) for k in range(count)]
-        for drive, own in zip(drives, columns, strict=True)
-    ]
+    drawn = [{u.path: u.low + (u.high - u.low) * shares[u.path] for u in own} for own in open_]
+    return [Batch(drive, {**Batch.of(drive, count).columns, **own}) for drive, own in zip(drives, drawn, strict=True)]
 
 
-def _is_drive(moved: Drive, before: Drive) -> bool:
-    """Whether a drive has no conflict, and no more unknown fields than before (a direction, for example)."""
-    return first_conflict(moved) is None and len(unknowns(moved)) <= len(unknowns(before))
+def _moved(before: Batch, after: Batch, path: str) -> Batch:
+    """Drives of a first batch, each with one field of its drive in a second one."""
+    kept = {each: column for each, column in before.columns.items() if each != path}
+    drawn = {path: after.columns[path]} if path in after.columns else {}
+    return Batch(before.drive.with_values({path: after.drive.value(path)}), kept | drawn)
 
 
-def _searched(task: tuple[Drive, float, bool]) -> tuple[float, Certificate]:
-    drive, M_g, required = task
+def _is_sound(moved: Batch, before: Batch) -> bool:
+    """Whether no drive has a conflict, or more unknown fields than before (a direction, for example)."""
+    drives = zip(moved.drives(), before.drives(), strict=False)
+    return all(first_conflict(now) is None and len(unknowns(now)) <= len(unknowns(then)) for now, then in drives)
+
+
+def _errors(batch: Batch, torques: Sequence[float], grid: int, *, required: bool = True) -> tuple[Array, Certificate]:
+    """F'_ior of drives [arcsec], shape (drives, torques), with its proof; NaN without an answer, unless required."""
     try:
-        (extremes,) = extremes_of(drive, [M_g])
+        if searchable(batch.drive):
+            found = [each.many_extremes(batch, grid=grid) for each in error_maps(batch.drive, torques)]
+        else:
+            found = [every_state(batch.drive, M_g) for M_g in torques]
     except HdassistError:
         if required:
             raise
-        return np.nan, EMPTY
-    return extremes.first, extremes.certificate
+        return np.full((len(batch), len(torques)), np.nan), EMPTY
+    return np.stack([each.F_ior_arcsec for each in found], axis=1), sum((each.certificate for each in found), EMPTY)

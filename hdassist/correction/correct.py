@@ -135,7 +135,7 @@ def correct(
     draws: int = EFFECTIVE_SAMPLES,
     run: Run = Run(),
 ) -> Correction:
-    """Corrections of a drive for the first of its torques, and what they leave at each.
+    """Corrections of a drive for the first of its torques, and their residuals at each.
 
     Arguments: form that is wanted; records of the drive by torque [N*m], whose zero is that of the correction then;
     draws: drives as this one may be, 0 for the preset's own numbers alone. Raises UsageError for rolling balls,
@@ -214,7 +214,7 @@ def loaded_error(
 ) -> tuple[LoadedError, Certificate]:
     """Error of drives at a torque M_g [N*m], from their values by path.
 
-    The first of them is solved in each state of its cycle, for what lines leave out and for F'_ior. alike: whether all
+    The first of them is solved in each state of its cycle, for the part that lines leave out and for F'_ior. alike: whether all
     are so near to it that the strongest lines of that are theirs too.
     """
     lines = error_lines(drive, M_g, drives, run)
@@ -265,7 +265,7 @@ def ranges_left(
 ) -> Array:
     """Ranges [arcsec] of an error over the cycle that a correction leaves, shape (offsets, drives).
 
-    Argument: turns of the cam that its zero is off. What lines do not have stays, and adds in squares.
+    Argument: turns of the cam that its zero is off. The part that lines do not have stays, and adds in squares.
     """
     kinematics = error.lines.kinematics
     taken, places = correction_curve(correction, kinematics), np.arange(error.actual.shape[1]) / error.actual.shape[1]
@@ -295,7 +295,7 @@ def share_left(correction: CorrectionTable | Phasors, error: LoadedError) -> tup
 
 
 def error_parts(errors: ErrorsByTorque) -> tuple[ErrorPart, ...]:
-    """Parts of the error of drives: by how often they come, and what other loads and the other direction change."""
+    """Parts of the error of drives: by how often they come, and the changes by other loads and the other direction."""
     design = next(iter(errors))
     each = errors[design].lines
     _, order, beats = line_orders(each)

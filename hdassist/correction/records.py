@@ -72,11 +72,10 @@ def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> 
     """
     trace, sweep = measurement.trace, measurement.directions[0]
     alignment = asked.of_file(trace, drive)
-    error = sweep.fit.curve(sweep.bins.turns) + sweep.fit.residual
-    return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * error, sweep.is_bound)
+    return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
 
 
-def with_lines(lines: ErrorLines, per_cycle: NDArray[np.int64]) -> ErrorLines:
+def with_more_lines(lines: ErrorLines, per_cycle: NDArray[np.int64]) -> ErrorLines:
     """Lines, rising, with those that come so often in the full cycle too: where there were none, of amplitude 0."""
     every = np.union1d(lines.per_cycle, per_cycle)
     amplitude = np.zeros((len(lines.amplitude), len(every)), dtype=complex)
@@ -96,10 +95,10 @@ def recorded_lines(
 ) -> ErrorLines:
     """Lines of drives that agree with a record, from those of drives as this one may be.
 
-    Their mean is what the record says. Without a record at this torque phases are any. misfit: standard deviation of a
+    Their mean is that of the record. Without a record at this torque phases are any. misfit: standard deviation of a
     line from that of a drive, over its size, where drives agree with the records; None where phases are any.
     """
-    lines = with_lines(lines, waves_of_teeth(lines.kinematics)) if record else lines
+    lines = with_more_lines(lines, waves_of_teeth(lines.kinematics)) if record else lines
     half = len(lines.per_cycle)
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
     scale = np.tile(np.sqrt((power + LEAST_LINE * power.mean()) / 2), 2)  # of cosines and sines, (2 lines,)
@@ -151,7 +150,7 @@ def strongest_lines(
     found = 1 + np.argsort(-np.abs(spectrum[1 : min(count, most) // 2]))[:MOST_LINES]
     of_noise = 4 * noise / count
     share = np.maximum(0, 1 - of_noise / np.maximum(np.abs(spectrum[found]) ** 2, LEAST_VARIANCE * 1e-6))
-    lines = with_lines(lines, found)
+    lines = with_more_lines(lines, found)
     open_ = np.sqrt(share * of_noise / 2) * (drawn[:, : len(found)] + 1j * drawn[:, -len(found) :])
     lines.amplitude[:, np.searchsorted(lines.per_cycle, found)] += share * spectrum[found] + open_
     return lines

@@ -15,7 +15,7 @@ from hdassist.planning.lines import POINTS_A_TURN, ErrorLines
 from hdassist.run.run import Run
 from hdassist.verdict import Verdict
 
-EXPLAINED = 0.5  # of what is left in place, root mean square: a cause that leaves more is none
+EXPLAINED_RMS_SHARE = 0.5  # of what is left in place, root mean square: a cause that leaves more is none
 ALIKE = 1.05  # times the least that a cause leaves: the nearest zero of such is named
 IN_ZERO_DEG = 3.0  # of the cam, as far as a zero counts as right
 
@@ -79,7 +79,7 @@ def likely_cause(before: Array, taken: Array, record: RecordedError, lines: Erro
         [power - 2 * product, power + 2 * product, 0 * power]
     )  # as it is, flipped, off
     left = np.maximum(left, 0.0)
-    if left.min() > EXPLAINED**2 * left[0, 0]:
+    if left.min() > EXPLAINED_RMS_SHARE**2 * left[0, 0]:
         return ""
     near = np.mod(np.arange(len(taken)) + len(taken) // 2, len(taken)) - len(taken) // 2
     way, place = min(np.argwhere(left <= ALIKE * left.min()).tolist(), key=lambda each: (abs(near[each[1]]), each[0]))

@@ -1,6 +1,6 @@
 """Files with which controllers take a correction in: columns, signs, units and steps as each of them reads its own.
 
-Each follows what the controller's source or manual says, and is proven by a second implementation of that in the tests.
+Each follows the controller's source or manual, and is proven by a second implementation of that in the tests.
 Positions are the controller's own, which may count the other way and from elsewhere; `ControllerAxis` says how.
 """
 
@@ -23,8 +23,8 @@ MOTEUS_BINS, INT8_MOST = 256, 127
 PEC_SECONDS = (61, 720)  # sidereal, that OnStepX keeps
 EQMOD_DIGITS, EQMOD_STEP_ARCSEC = 4, 0.0001
 TWINCAT_STEPS_A_DEGREE = 10_000
-SETPOINT_STEPS = 2  # each leaves a hundredth of what was left
-RESAMPLED_POINTS = 8192  # of what a controller plays that has its own points
+SETPOINT_STEPS = 2  # each leaves a hundredth of the rest before
+RESAMPLED_POINTS = 8192  # played by a controller that has its own points
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class ControllerAxis:
 
 @dataclass(frozen=True, eq=False)
 class PlayedCorrection:
-    """What a controller makes of its own points: the error it takes off at readings, straight between.
+    """The output of a controller from its own points: the error it takes off at readings, straight between.
 
     reading_deg and error_arcsec, shape (points,) each, in the controller's counting; period_deg of the reading; stored:
     the numbers of its file, and step_arcsec of one; scale: of these, where it has one; is_of_cam: whether the reading
@@ -66,9 +66,9 @@ class PlayedCorrection:
 class ControllerFormat:
     """The file of a controller.
 
-    turns: after which its tables may repeat; lines: the file's; setup: what to set on the machine; most_points of a
+    turns: after which its tables may repeat; lines: the file's; setup: settings of the machine; most_points of a
     table, None where the machine says; by_direction: whether it has values for each direction; step_arcsec of values;
-    played: what it makes of a table, None where its rows stand at the table's own points; comment: start of a comment,
+    played: its output from a table, None where its rows stand at the table's own points; comment: start of a comment,
     empty where it has none, and comments_at: the line before which they stand, None for the end.
     """
 
@@ -139,7 +139,7 @@ def stored_table(table: CorrectionTable, controller: ControllerFormat, axis: Con
 
 
 def correction_file(result: Correction, controller: ControllerFormat, axis: ControllerAxis) -> tuple[str, str]:
-    """The controller's file of a correction, with the residuals that it leaves as it is stored, and what belongs to it.
+    """The controller's file of a correction, with the residuals that it leaves as it is stored, and its companions.
 
     Raises UsageError: a correction that the controller cannot keep.
     """
@@ -160,7 +160,7 @@ def correction_file(result: Correction, controller: ControllerFormat, axis: Cont
 def controller_file(
     table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, preset_sha256: str
 ) -> tuple[str, str]:
-    """The controller's file, and what belongs to it: comments of the file too, where the format has any."""
+    """The controller's file, and its companions: comments of the file too, where the format has any."""
     stored_table(table, controller, axis)
     about = about_lines(table, controller, axis, preset_sha256)
     lines = controller.lines(table, axis)
@@ -173,7 +173,7 @@ def controller_file(
 def about_lines(
     table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, preset_sha256: str
 ) -> list[str]:
-    """What a file is, for whom and for which state, in 7-bit lines."""
+    """Kind of a file, its reader and its state, in 7-bit lines."""
     way = "counter-clockwise" if axis.sense == 1 else "clockwise"
     steps = axis.steps_per_degree
     step = controller.step_arcsec if controller.played is None else controller.played(table, axis).step_arcsec
@@ -254,7 +254,7 @@ def _siemens(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
 
 
 def moteus_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrection:
-    """256 values of 8 bits over the turn of the cam's encoder: what is added to it, u times the output's error.
+    """256 values of 8 bits over the turn of the cam's encoder: the addition to it, u times the output's error.
 
     Value i stands at i/256 of the turn, as the firmware computes it; its comment speaks of the middle of a bin.
     """

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from hdassist.error.stiffness import Segment, Stiffness
-from hdassist.preset.catalogue import Catalogue
+from hdassist.preset.fields import Catalogue
 
 if TYPE_CHECKING:  # the page of the stiffness needs no samples
     from hdassist.design.check import OperatingPoint
 
-CATALOGUE_UNITS = {
-    "K_1": "Nm_per_rad", "K_2": "Nm_per_rad", "K_3": "Nm_per_rad", "T_1": "Nm", "T_2": "Nm", "lost_motion": "arcsec",
-}  # fmt: skip
+STIFFNESSES = ("K_1", "K_2", "K_3")
+CATALOGUE_UNITS = {**dict.fromkeys(STIFFNESSES, "Nm_per_rad"), "T_1": "Nm", "T_2": "Nm", "lost_motion": "arcsec"}
 
 
 @dataclass(frozen=True)
@@ -32,11 +31,9 @@ class SegmentBeside:
 
 def segments_beside(catalogue: Catalogue, side: Sequence[Segment]) -> list[SegmentBeside]:
     """The segments of one side, each beside the catalogue's."""
-    theirs, comparable = (catalogue.K_1, catalogue.K_2, catalogue.K_3), not ends_elsewhere(catalogue, side)
-    return [
-        SegmentBeside(f"K_{k}", segment, K, off(segment.stiffness, K) if comparable else None)
-        for k, (segment, K) in enumerate(zip(side, theirs, strict=False), 1)
-    ]
+    comparable = not ends_elsewhere(catalogue, side)
+    rows = [(name, segment, getattr(catalogue, name)) for name, segment in zip(STIFFNESSES, side, strict=False)]
+    return [SegmentBeside(*row, off(row[1].stiffness, row[2]) if comparable else None) for row in rows]
 
 
 def ends_elsewhere(catalogue: Catalogue, side: Sequence[Segment]) -> bool:
@@ -53,8 +50,9 @@ def off(ours: float, theirs: float | None) -> float | None:
 def stiffness_object(catalogue: Catalogue, result: Stiffness) -> dict[str, Any] | None:
     """Figures of a catalogue and how far the model is off, for JSON; None where it gives none."""
     given = {f"{name}_{unit}": getattr(catalogue, name) for name, unit in CATALOGUE_UNITS.items()}
-    percents: dict[str, float | None] = dict.fromkeys(("K_1", "K_2", "K_3"))
-    percents |= {each.name: each.off_percent for each in segments_beside(catalogue, result.positive)}
+    percents = dict.fromkeys(STIFFNESSES) | {
+        each.name: each.off_percent for each in segments_beside(catalogue, result.positive)
+    }
     percents["lost_motion"] = off(result.lost_motion_arcsec, catalogue.lost_motion)
     return {**given, "off_percent": percents} if any(given.values()) else None
 
@@ -64,7 +62,6 @@ def accuracy_words(accuracy: float | None, points: Sequence[OperatingPoint]) -> 
     if accuracy is None:
         return ""
     point = min(points, key=lambda each: abs(each.M_g))
-    ends = (point.belief.p5, point.belief.p95) if point.belief else () if point.open_ else (point.error.F_ior_arcsec,)
-    compared = " to ".join(dict.fromkeys(f"{100 * end / accuracy:.0f}" for end in ends))
+    compared = " to ".join(dict.fromkeys(f"{100 * end / accuracy:.0f}" for end in point.range_arcsec or ()))
     words = f"F'_ior at {point.M_g:g} N·m is {compared} % of it" if compared else "F'_ior is not known"
     return f"accuracy {accuracy:g}″ (no load); {words}"

@@ -33,6 +33,7 @@ from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import Unknown, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
+from hdassist.run.processes import apart
 from hdassist.run.run import CROSS_SOLVER, Run
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck, require_solver
@@ -70,27 +71,25 @@ class OperatingPoint:
         return None if self.F_ior_arcsec is None else self.F_ior_arcsec + self.self_error.range_arcsec
 
     @property
-    def held_arcsec(self) -> tuple[float, float] | None:
-        """5th and 95th percentile of F'_ior with the self error on top [arcsec].
+    def range_arcsec(self) -> tuple[float, float] | None:
+        """5th and 95th percentile of F'_ior [arcsec].
 
         Both the same where all is known; None where it is not and was not drawn.
         """
-        if self.F_ior_upper_arcsec is None:
-            return None
-        own, known = self.self_error.range_arcsec, self.error.F_ior_arcsec
-        ends = (self.belief.p5, self.belief.p95) if self.belief else (known, known)
-        return ends[0] + own, ends[1] + own
+        if self.belief:
+            return self.belief.p5, self.belief.p95
+        return None if self.open_ else (self.error.F_ior_arcsec, self.error.F_ior_arcsec)
+
+    @property
+    def held_arcsec(self) -> tuple[float, float] | None:
+        """The same with the self error on top [arcsec]."""
+        own, ends = self.self_error.range_arcsec, self.range_arcsec
+        return ends and (ends[0] + own, ends[1] + own)
 
     @property
     def left_arcsec(self) -> float | None:
         """Limit less self error [arcsec], None without a limit."""
         return None if self.limit_arcsec is None else self.limit_arcsec - self.self_error.range_arcsec
-
-    @property
-    def certificates(self) -> tuple[Certificate, ...]:
-        """Certificates of the states behind the point, those of samples left out."""
-        parts = (self.error, self.self_error, self.floating)
-        return tuple(part.certificate for part in parts if part is not None)
 
     @property
     def probability(self) -> Probability | None:
@@ -148,8 +147,8 @@ class DesignCheck:
     @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states of all torques, those of self error and samples included."""
-        parts = [part for point in self.points for part in point.certificates]
-        return reduce(add, parts + ([self.samples.certificate] if self.samples else []))
+        parts = [part for point in self.points for part in (point.error, point.self_error, point.floating)]
+        return reduce(add, (part.certificate for part in (*parts, self.samples) if part is not None))
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
@@ -173,12 +172,10 @@ class DesignCheck:
     @cached_property
     def to_measure(self) -> tuple[MeasurementGain, ...]:
         """Measurements to make next, for the torque that is least sure, the largest gain first."""
-        if not self.samples:
+        left = self.points[self.least_sure].left_arcsec
+        if not self.samples or (left is not None and left <= 0):
             return ()
-        point = self.points[self.least_sure]
-        if (left := point.left_arcsec) is None:
-            return measurements(self.samples, self.least_sure)
-        return measurements(self.samples, self.least_sure, left) if left > 0 else ()
+        return measurements(self.samples, self.least_sure, left)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -233,7 +230,7 @@ def check(
         run.finished(len(error.states))
     # cvxpy takes a second to import: another solver looks at the extremes in one process, and the self error in another
     sampled = [error.sampled(seed=run.seed) for error in solved]
-    again: Callable[[], Any] = partial(_cross_checks, there, sampled, teeth, run.of_task)
+    again: Callable[[], Any] = partial(apart, _cross_checks, there, sampled, teeth, run.of_task)
     own_error: Callable[[], Any] = partial(self_error, drive, torques, run=run.of_task)
     checks, own = run.map(_called, [again, own_error])
     errors = [replace(error, cross_check=check) for error, check in zip(solved, checks, strict=True)]

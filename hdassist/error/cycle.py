@@ -11,6 +11,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.errors import UsageError
 from hdassist.model.contacts import ContactSystems, contact_system
@@ -31,7 +32,7 @@ from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.throughcvxpy import CrossCheck, require_solver, solve_again
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
-CHECKED = 8  # random states beside the extremes that another solver solves again
+CHECKED = 3  # random states beside the extremes that another solver solves again
 CYCLE_BLOCK = 4 * STATES_AT_A_TIME  # states whose gaps are held at once
 
 
@@ -71,6 +72,11 @@ class KinematicError:
         return self.range_arcsec
 
     @property
+    def turn_range_arcsec(self) -> float:
+        """Greatest range [arcsec] within one cam turn where the states are the full cycle."""
+        return float(turn_ranges(self.error_arcsec, self.kinematics).max())
+
+    @property
     def at_max(self) -> int:
         """Place of the greatest error among the states."""
         return int(np.argmax(self.error_arcsec))
@@ -103,6 +109,13 @@ class KinematicError:
         return float(self.tooth_force_N.max())
 
 
+def turn_ranges(error_arcsec: Array, kinematics: Kinematics) -> Array:
+    """Range [arcsec] of an error over the full cycle within the cam turn around each state, shape (states,) each."""
+    turn = kinematics.teeth_fixed
+    extent = maximum_filter1d(error_arcsec, turn, mode="wrap") - minimum_filter1d(error_arcsec, turn, mode="wrap")
+    return np.asarray(extent)
+
+
 def kinematic_error(
     drive: Drive,
     M_g: float,
@@ -114,7 +127,7 @@ def kinematic_error(
 ) -> KinematicError:
     """Kinematic error of a drive at a torque M_g [N*m], over the full cycle unless states are given.
 
-    Deviations that are not known count as 0 here; the room `belief` has what they may come to.
+    Deviations that are not known count as 0 here; the room `belief` has their ranges.
     Arguments: teeth, measured tooth deviations in place of first harmonics; solver, a name that cvxpy
     knows, to send each state through cvxpy instead of the engine.
     Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted.

@@ -35,7 +35,7 @@ GRID = 60  # positions of each wheel where they are solved, at most: 40 missed a
 PROMISING = 0.06  # of F'_ior: one state is solved on a hill that is estimated no further below the highest
 NEAR = 0.02  # of F'_ior: a hill whose first state is no further below the highest is climbed
 STILL_NEAR = 0.01  # of F'_ior: so near it has to be once the states around it are known
-SEARCH_REACH = 5  # steps from an extreme, along each wheel, within which nothing is higher
+SEARCH_REACH = 5  # steps from an extreme, along each wheel, within which no state is higher
 STRIDES = 4, 2  # steps to the states of the first looks around, the first of them where the grid is coarser than READ
 SHORT_CYCLE = 4000  # states of a cycle below which all are solved
 SEARCHED = 3800  # states that proposals solve of a drive, about
@@ -49,9 +49,9 @@ class Batch:
     columns: Mapping[str, Array]
 
     @classmethod
-    def of(cls, drive: Drive) -> Batch:
-        """A drive alone."""
-        return cls(drive, {"tolerances.F_i1": np.array([drive.number("tolerances.F_i1")])})
+    def of(cls, drive: Drive, count: int = 1) -> Batch:
+        """A drive alone, or so many times."""
+        return cls(drive, {"tolerances.F_i1": np.full(count, drive.number("tolerances.F_i1"))})
 
     @classmethod
     def turned(cls, drive: Drive, rotations_deg: Sequence[float] | Array) -> Batch:
@@ -64,6 +64,11 @@ class Batch:
     def take(self, rows: Indices) -> Batch:
         """The drives in some rows."""
         return Batch(self.drive, {path: column[rows] for path, column in self.columns.items()})
+
+    def drives(self) -> list[Drive]:
+        """The drives one by one."""
+        rows = zip(*(column.tolist() for column in self.columns.values()), strict=True)
+        return [self.drive.with_values(dict(zip(self.columns, row, strict=True))) for row in rows]
 
     def scalars(self, row: Indices, alpha_g: Array, alpha_b: Array) -> Array:
         """Scalars [mm] of the drives in some rows, where their wheels stand so [rad]; shapes broadcast."""
@@ -99,8 +104,8 @@ def searchable(drive: Drive) -> bool:
 class ErrorMap:
     """The error of drives that share a contact system, at one torque, over all tooth positions.
 
-    Arguments: drive, what they have in common; M_g, the torque [N*m]; formulation of the contact system, where it is
-    there already; like, a load case to start from. Raises UsageError for a drive with rolling balls.
+    Arguments: drive, all that they have in common; M_g, the torque [N*m]; formulation of the contact system, where it
+    is there already; like, a load case to start from. Raises UsageError for a drive with rolling balls.
     """
 
     def __init__(
@@ -129,7 +134,7 @@ class ErrorMap:
         """
         return every_state(drive or self.drive, self.M_g)
 
-    def points(self, count: int = READ) -> Indices:
+    def points(self, count: int) -> Indices:
         """Points of the torus at which the error is estimated, at most so many around each wheel, shape (k, l, 2)."""
         lines = [np.linspace(0, z, min(count, z // 2), endpoint=False).astype(np.int64) for z in self.board.shape]
         return self.to_lattice(np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1))
@@ -171,7 +176,7 @@ class ErrorMap:
             solved.climb(self._hills(maps), STRIDES if grid < READ else STRIDES[1:])
         tops = solved.tops()
         ends = self.state(tops.point).reshape(-1, 2)  # of the greatest and of the least rotation
-        at_max, at_min = (ends if self.sign > 0 else ends[:, ::-1]).T
+        at_max, at_min = ends[:, :: self.sign].T
         return Extremes(np.asarray(np.bincount(tops.row, tops.height)), at_max, at_min, solved.certificate)
 
 
@@ -203,6 +208,13 @@ def error_maps(drive: Drive, torques: Sequence[float]) -> list[ErrorMap]:
     return maps
 
 
+@lru_cache(maxsize=8)
+def _window(reach: int, finest: int) -> Indices:
+    """Steps from a state to those around it, at most so many along each wheel, shape (states, 2)."""
+    steps = np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach
+    return np.asarray(steps[steps.sum(axis=1) % finest == 0])
+
+
 @lru_cache(maxsize=4)  # of drives that differ in their deviations alone it is the same
 def _lattice(kinematics: Kinematics) -> tuple[States, Indices, int]:
     """States of the cycle; states j by their coordinates, shape (z_b, z_g), -1 where there is none; steps along each.
@@ -221,13 +233,15 @@ class _Solved:
     def __init__(self, search: ErrorMap, batch: Batch) -> None:
         self._search, self._batch, self._case = search, batch, search.load_case()
         self.value = np.full((len(batch), len(search.states)), np.nan)
+        self._solved = list[tuple[Indices, Indices]]()
         self.certificate = EMPTY
 
     def at_points(self, points: Indices) -> Array:
         """Rotation [arcsec] at the points of a grid, shape (k, l, 2), of all drives, shape (drives, k, l)."""
-        drives = np.arange(len(self._batch))
-        self.at(drives[:, None], points.reshape(-1, 2)[there_and_back(points.shape[:2])])
-        return np.asarray(self.value[drives[:, None, None], self._search.state(points)])
+        self.at(
+            np.arange(len(self._batch)), points.reshape(-1, 1, 2)[there_and_back(points.shape[:2])]
+        )  # near ones of all drives together
+        return np.asarray(self.value[:, self._search.state(points)])
 
     def at(self, row: Indices, point: Indices) -> Array:
         """Rotation [arcsec] of drives at points, shape (..., 2), solved where that is not known yet."""
@@ -241,6 +255,7 @@ class _Solved:
             gaps = StateGaps(self._batch.scalars(rows, states.alpha_g, states.alpha_b))
             answers = self._case.solve(gaps, partial(state_place, states, self._search.M_g))
             self.value[rows, j] = answers.rotation_arcsec
+            self._solved.append((rows, j))
             self.certificate += answers.certificate
         return np.asarray(self.value[row, state])
 
@@ -250,20 +265,14 @@ class _Solved:
         At the end around the highest alone, but SEARCH_REACH steps far: along a crease, where contacts change, a state
         may be higher than its neighbours and yet not the highest one.
         """
-        hills = hills.near_top(PROMISING)
+        finest, hills = self._search.finest, hills.near_top(PROMISING)
         for stride, share in zip((0, *strides), (NEAR, STILL_NEAR, STILL_NEAR), strict=False):
-            hills = self._highest(hills, stride * self._window(1)).near_top(share)
-        for steps in (self._window(self._search.finest), self._window(SEARCH_REACH)):
+            hills = self._highest(hills, stride * _window(1, finest)).near_top(share)
+        for steps in (_window(finest, finest), _window(SEARCH_REACH, finest)):
             while len(hills):
                 moved = self._highest(hills, steps)
                 hills = moved[moved.height > hills.height]
             hills = self.tops()
-
-    def _window(self, reach: int) -> Indices:
-        """Steps from a state to those around it, at most so many along each wheel, shape (states, 2)."""
-        steps = np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach
-        steps = steps[there_and_back((2 * reach + 1,) * 2)]
-        return np.asarray(steps[steps.sum(axis=1) % self._search.finest == 0])
 
     def _highest(self, hills: Hills, steps: Indices) -> Hills:
         """Hills at the highest of the states that are so many steps from them."""
@@ -274,7 +283,9 @@ class _Solved:
 
     def tops(self) -> Hills:
         """The highest state of each drive, and the highest one upside down."""
-        row, sign = (axis.ravel() for axis in np.meshgrid(np.arange(len(self._batch)), [1, -1], indexing="ij"))
-        value = sign[:, None] * self.value[row]
-        state = np.nanargmax(value, axis=1)
-        return Hills(row, sign, state[:, None] % np.array(self._search.board.shape), value[np.arange(len(row)), state])
+        row, sign = np.repeat(np.arange(len(self._batch)), 2), np.tile([1, -1], len(self._batch))
+        rows, states = map(np.concatenate, zip(*self._solved, strict=True))
+        order, counts = np.lexsort((self.value[rows, states], rows)), np.bincount(rows)
+        ends = np.cumsum(counts)
+        state = states[order[np.stack([ends - 1, ends - counts], axis=1).ravel()]]
+        return Hills(row, sign, state[:, None] % np.array(self._search.board.shape), sign * self.value[row, state])

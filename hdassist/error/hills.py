@@ -35,20 +35,20 @@ class Hills:
 
     @property
     def tops(self) -> Array:
-        """Greatest height of each drive upside down, and of it as it is [arcsec], shape (drives, 2)."""
+        """Greatest height of each drive as it is, and of it upside down [arcsec], shape (drives, 2)."""
         best = np.full((self.row.max(initial=0) + 1, 2), -np.inf)
-        np.maximum.at(best, (self.row, (self.sign > 0).astype(int)), self.height)
+        np.maximum.at(best, (self.row, self.sign // 2), self.height)  # column 0, or -1 upside down
         return best
 
     def near_top(self, share: float) -> Hills:
         """Those that are no more than a share of F'_ior below the highest one of their drive and sign."""
         tops = self.tops
         F_ior = np.maximum(tops.sum(axis=1), LEAST_F_IOR)
-        return self[tops[self.row, (self.sign > 0).astype(int)] - self.height <= share * F_ior[self.row]]
+        return self[tops[self.row, self.sign // 2] - self.height <= share * F_ior[self.row]]
 
 
 def hills_of(maps: Array, to_points: Callable[[Array], Indices]) -> Hills:
-    """Points of maps of the torus, shape (drives, k, l), with no higher one beside them, and of what is upside down.
+    """Points of maps of the torus, shape (drives, k, l), with no higher one beside them, and of the map upside down.
 
     Between the points of a map they lie where a parabola through their neighbours has its top. Argument: to_points,
     from places in a map, shape (hills, 2), to points at which there is a state.
@@ -69,7 +69,7 @@ def hills_of(maps: Array, to_points: Callable[[Array], Indices]) -> Hills:
 
 def there_and_back(shape: tuple[int, ...]) -> Indices:
     """Flat places of a grid in an order in which each is next to the one before."""
-    index = np.stack(np.unravel_index(np.arange(np.prod(shape)), shape))
+    index = np.indices(shape).reshape(len(shape), -1)
     path = index.copy()
     for axis in range(1, len(shape)):
         back = path[:axis].sum(axis=0) % 2 == 1

@@ -1,4 +1,4 @@
-"""Orders of the kinematic error: amplitude and phase per cam revolution, and what causes each."""
+"""Orders of the kinematic error: amplitude and phase per cam revolution, and the cause of each."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hdassist.preset.fields import Drive
 DEGREE = 4  # products of up to so many deviations are named
 UNEXPLAINED_ORDERS = 12  # orders without a known cause that are kept all the same
 NO_CAUSE = "no single cause known"
-FLOOR = 1e-9  # arcsec: what is smaller is rounding
+FLOOR = 1e-9  # arcsec: a smaller value is rounding
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def order_legend(drive: Drive) -> str:
 def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
     """Order per cam revolution, and cause, of each product of a drive's deviations up to DEGREE.
 
-    Keys (k_g, k_b): how often what turns with the flexspline and what turns with the rigid wheel, as seen
+    Keys (k_g, k_b): how often deviations that turn with the flexspline and with the rigid wheel, as seen
     from the cam, enter. Where half a turn maps teeth and balls onto each other the error is even in all deviations
     together, and an odd product needs the offset that turns with the cam, e_hh, as well.
     """

@@ -66,7 +66,7 @@ def self_error(drive: Drive, torques: Sequence[float], *, run: Run = Run()) -> l
 
 
 def limits_left(drive: Drive, torques: Sequence[float]) -> list[float | None]:
-    """What the limits of a drive leave F'_ior beside the self error [arcsec] at torques [N*m]; None without a limit."""
+    """Room that limits of a drive leave F'_ior beside self error [arcsec] at torques [N*m]; None without a limit."""
     limits = [drive.limit(M_g) for M_g in torques]
     own = self_error(drive, torques) if any(limits) else []
     return [None if limit is None else limit - each.range_arcsec for limit, each in zip_longest(limits, own)]

@@ -79,7 +79,7 @@ class Stiffness:
 
     @property
     def play_arcsec(self) -> float:
-        """Twist between the least torques to both sides: what the clearances leave free."""
+        """Twist between the least torques to both sides: the backlash of the clearances."""
         return self.twist_at(NEAR_ZERO * self.rated) - self.twist_at(-NEAR_ZERO * self.rated)
 
 
@@ -101,9 +101,9 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
     return T_1, T_2
 
 
-def stiffness_states(points: int = CURVE_POINTS) -> int:
-    """Number of states that a stiffness curve with so many torques to each side solves, about, for a progress bar."""
-    return 2 * (points + 5)
+def stiffness_states() -> int:
+    """Number of states that a stiffness curve solves, about, for a progress bar."""
+    return 2 * CURVE_POINTS + 10
 
 
 def stiffness(
@@ -119,7 +119,7 @@ def stiffness(
 
     Arguments: T_1, T_2, ends of the first two segments, by default as catalogues have them for the size;
     T_max, end of the curve, by default 1.5 T_2 [N*m]; points, torques to each side, besides those that have a name;
-    run, whose other solver solves the ends of the segments again.
+    run, whose other solver solves the least and the greatest torque to both sides again.
     Raises UsageError for torques that cannot be meant, UntrustedError where an answer cannot be trusted.
     """
     rated, defaults = rated_torque(drive), catalogue_torques(drive)
@@ -143,7 +143,7 @@ def stiffness(
     contact, tube, proof = twist.at(torque, run.solved)
     check = None
     if run.cross_check:
-        again = np.isin(np.abs(torque), ends)
+        again = np.isin(np.abs(torque), (ends[0], ends[-1]))
         formulation, gaps = twist.case.formulation, twist.case.system.delta_p
         gaps, place = np.repeat(gaps[None], np.count_nonzero(again), axis=0), partial(_place, torque[again])
         check = solve_again(formulation, torque[again], gaps, contact[again], run.cross_check, place)

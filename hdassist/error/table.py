@@ -2,8 +2,8 @@
 
 At one torque the error of a state depends on the scalars of its deviations (deviations.py). A table of it over the
 four that matter most, the vector of the teeth and that of the cam, interpolated, gives F'_ior in some 0.05 ms: enough
-for thousands of drives. What others add, harmonics or a run-out, is tabled as a slope over the same four. F'_ior read
-off it is somewhat too small, because peaks are cut off, by nearly the same share for all drives.
+for thousands of drives. The share of others, harmonics or a run-out, is tabled as a slope over the same four. F'_ior
+read off it is somewhat too small, because peaks are cut off, by nearly the same share for all drives.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Reach:
-    """What of the deviation scalars a table spans.
+    """The part of the deviation scalars that a table spans.
 
     axes: columns of its four axes, and sizes [mm] as far as they go, shape (4,); others: columns of those that it has
     slopes over.
@@ -73,7 +73,7 @@ class Reach:
 
     @classmethod
     def of(cls, drive: Drive) -> Reach:
-        """What a drive comes to in any direction of its deviations."""
+        """F'_ior of a drive in any direction of its deviations."""
         mark_kind = drive.mounting.mark_kind
         teeth = SHIFT if mark_kind == "runout" else TEETH
         sizes = dict.fromkeys((teeth, CAM_COLUMNS), 0.0)
@@ -90,8 +90,8 @@ class Reach:
 class ErrorTable:
     """Error of drives that share a contact system, at a torque, over their deviations, interpolated linearly.
 
-    drive, what they have in common; error [arcsec], shape of the mesh, NaN outside of the reach; slopes of it by the
-    other scalars [arcsec/mm], shape (others, *shape); turns, positions of each wheel that stand for the cycle.
+    drive, all that they have in common; error [arcsec], shape of the mesh, NaN outside of the reach; slopes of it by
+    the other scalars [arcsec/mm], shape (others, *shape); turns, positions of each wheel that stand for the cycle.
     """
 
     drive: Drive

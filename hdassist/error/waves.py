@@ -1,24 +1,28 @@
 """The error of a drive over both wheels' angles in the cam's frame, as waves around each of them.
 
 A state's error depends on alpha_g and alpha_b alone: it is a function on a torus. Solved on an even grid there it is
-known at any angle of any record, wherever that begins: the waves only turn. What is cut off (waves beyond HIGHEST
+known at any angle of any record, wherever that begins: the waves only turn. The rest (waves beyond HIGHEST
 around a wheel) is some hundredths of an arcsec of 28 within orders up to 12.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.error.error_map import ErrorMap
+from hdassist.error.cycle import kinematic_error, turn_ranges
+from hdassist.error.error_map import SHORT_CYCLE, ErrorMap
 from hdassist.error.hills import there_and_back
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import deviation_scalars
+from hdassist.model.geometry import Array
+from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.preset.fields import Drive
-from hdassist.run.run import Run
-from hdassist.solve.answers import EMPTY
+from hdassist.run.run import UNCHECKED, Run
+from hdassist.solve.answers import EMPTY, Certificate
 
 WAVE_POINTS = 40  # around each wheel
 COARSE = 16  # around each wheel, for a first look at very different deviations
@@ -70,3 +74,38 @@ class ErrorWaves:
             spectrum = np.fft.fft2(error.reshape(points, points)) / points**2
             found.append(np.where(held, 2 * spectrum[self.k_g % points, self.k_b % points], 0))
         return np.array(found)
+
+
+@dataclass(frozen=True)
+class CycleEstimate:
+    """Error F_kpp [arcsec] of a drive in each state of its full cycle, up to a constant, shape (states,).
+
+    turn_range_arcsec: the greatest range within one cam turn, from every state of the turn in which the estimate ranges
+    most; certificate: of all states that were solved.
+    """
+
+    error_arcsec: Array
+    turn_range_arcsec: float
+    certificate: Certificate
+
+
+def estimated_cycle(drive: Drive, M_g: float, *, short_cycle: int = SHORT_CYCLE) -> CycleEstimate:
+    """Error of a drive at a torque M_g [N*m] over its full cycle, read off its waves; of a short cycle every state.
+
+    Argument: short_cycle, states of a cycle below which all are solved. Raises UsageError for rolling balls,
+    UntrustedError where a state cannot be trusted.
+    """
+    kinematics = Kinematics.of(drive)
+    states = kinematics.cycle_states
+    if states < short_cycle:
+        solved = kinematic_error(drive, M_g, run=UNCHECKED)
+        return CycleEstimate(solved.error_arcsec, solved.turn_range_arcsec, solved.certificate)
+    torus = ErrorWaves(drive, M_g, UNCHECKED)
+    periods = torus.k_g * (states // kinematics.z_g) + torus.k_b * (states // kinematics.z_b)  # of each wave in a cycle
+    spectrum = np.zeros(states, dtype=complex)
+    np.add.at(spectrum, periods % states, torus.waves([drive])[0])
+    error = np.fft.fft(spectrum).real  # both wheels turn backwards in the cam's frame
+    first = turn_ranges(error, kinematics).argmax() - kinematics.teeth_fixed // 2
+    turn = pitch_locked_states(kinematics, (first + np.arange(kinematics.teeth_fixed)) % states)
+    worst = kinematic_error(drive, M_g, states=turn, run=UNCHECKED)
+    return CycleEstimate(error, worst.range_arcsec, torus.certificate + worst.certificate)

@@ -28,7 +28,6 @@ from hdassist.explorer.compute import (
     drive_answers,
     is_any_hole,
     lever_effects,
-    typical_of,
 )
 from hdassist.explorer.export import Exporting
 from hdassist.explorer.levers import about_field, stepped
@@ -100,7 +99,7 @@ class Explorer(Exporting):
         self.all = Vertical(id="all", classes="holes")
 
     def compose(self) -> ComposeResult:
-        """Head, F'_ior, tabs, the panes, the position looked at, what is next, the command line, the keys."""
+        """Head, F'_ior, tabs, the panes, the position looked at, the next step, the command line, the keys."""
         with self.all:
             yield from (self.lines[name] for name in LINES[:3])
             with Horizontal():
@@ -122,7 +121,8 @@ class Explorer(Exporting):
 
     def on_mount(self) -> None:
         """Ask the first questions."""
-        self._end_when_told()
+        if not self.is_headless:  # else stops are those of the process that it runs in
+            self._end_when_told()
         self.side.border_title = "LEVERS"
         self.holes.focus()
         self.ask_of_drive()
@@ -141,13 +141,13 @@ class Explorer(Exporting):
 
         for number in STOPS:
             if signal.getsignal(number) is not signal.SIG_IGN:
-                with suppress(NotImplementedError, RuntimeError, ValueError):  # not here, or not in this thread
+                with suppress(RuntimeError):  # not in this thread
                     loop.add_signal_handler(number, end, number)
         terminal = select.poll()
-        terminal.register(0, 0)  # that it hung up is told unasked; no signal says so where SIGHUP is ignored (nohup)
+        terminal.register(0, 0)  # a hang-up is reported unasked; no signal comes where SIGHUP is ignored (nohup)
 
         def look() -> None:
-            if terminal.poll(0) and not self.is_headless:
+            if terminal.poll(0):
                 end(signal.SIGHUP)
 
         self.set_interval(GONE, look)
@@ -165,15 +165,14 @@ class Explorer(Exporting):
         if self.pinned and self.pinned.check is None:
             self.ask_once(partial(drive_answers, pinned, {}, self.effort), self.pinned, "pinned")
         if known.whole and self.levers.region.width:
-            typical, _ = typical_of(known.whole)
-            self.ask_once(partial(lever_effects, drive, pinned, typical, self.effort), known, "levers")
+            self.ask_once(partial(lever_effects, drive, pinned, known.typical, self.effort), known, "levers")
         if known.whole and (self.panes["turn"].region.width or self.panes["cycle"].region.width):
             where = self.session.turn_deg, self.M_g
             self.ask_once(partial(cam_turn, drive, self._of_turn(), *where), known, "turn")
 
     def _of_turn(self) -> Mapping[str, float]:
         """Typical values for a cam turn: none where all deviations are known."""
-        return typical_of(self.known.whole)[0] if self.known.whole and unknowns(self.session.drive) else {}
+        return self.known.typical if unknowns(self.session.drive) else {}
 
     def draw(self) -> None:
         """Show the session and its answers."""
@@ -182,16 +181,17 @@ class Explorer(Exporting):
         session, known, panes = self.session, self.known, self.panes
         letters, torque = self._letters(), self.torque % len(session.drive.operation.M_g)
         self.holes.show(session, known.curve, self.pinned.curve if self.pinned else None, letters)
-        self.holes.border_subtitle = "NO ANSWER" if known.failed else "COMPUTING …" * (not known.advice)
+        self.holes.border_subtitle = "" if known.advice or known.failed else "COMPUTING …"
         effects = known.effects or LeverEffects({})
         self.levers.show(session, effects, torque, self.wanted.value, is_grouped=self.is_grouped)
-        self.side.border_subtitle = f"step: change at {self.M_g:g} N·m, ″"
+        typical = ", of a typical drive"
+        self.side.border_subtitle = f"step: change at {self.M_g:g} N·m, ″{typical * bool(known.typical)}"
         panes["seat"].show(seat_pane(session, letters))
         panes["why"].show(*words.why_blocks(known), ascii=self.ascii)
         panes["advice"].show(Paragraph(words.order_words(known)), words.facts_of(known.report), ascii=self.ascii)
         for name in ("turn", "cycle"):
-            panes[name].border_title = f"{VIEWS[name].upper()}{', of a typical drive' * bool(self._of_turn())}"
-            blocks = words.turn_blocks(known.turn, name) if known.turn else [Text("computing …", "dim")]
+            panes[name].border_title = f"{VIEWS[name].upper()}{typical * bool(self._of_turn())}"
+            blocks = words.turn_blocks(known.turn, name) if known.turn else [Text(known.without, "dim")]
             panes[name].show(*blocks, ascii=self.ascii)
         for name, line in {
             "head": words.head(session),
@@ -323,17 +323,17 @@ class Explorer(Exporting):
         self.show(replace(self.session, keeps_clearance=not self.session.keeps_clearance))
 
     def action_sort(self) -> None:
-        """Show levers by group, or by what they change."""
+        """Show levers by group, or by their effect."""
         self.is_grouped = not self.is_grouped
         self.draw()
 
     def action_evidence(self) -> None:
-        """Ask for what is known of the drive."""
+        """Ask for the samples of the drive."""
         session = self.session
         hint = (
-            f"K_1=3.1e4 lost_motion=50; h4=31 ± 2, F'_ior in a hole at {session.trial_torque:g} N·m; h4@80=31; "
-            f"supports.C_3=5200; limit=45; or the path of a trace measured in {session.here}. ± is k = 2; empty takes "
-            f"it back."
+            f"K_1=3.1e4 lost_motion=50; h4=31 +- 2, F'_ior in a hole at {session.trial_torque:g} N·m; h4@80=31; "
+            f"supports.C_3=5200 +- 260; limit=45; or the path of a trace measured in {session.here}. What stands "
+            f"behind +- is k = 2; a name without a value, like h4=, takes it back."
         )
         self._ask_change("what is known of this drive", "", hint, state.with_evidence)
 
@@ -341,10 +341,8 @@ class Explorer(Exporting):
     def edit(self) -> None:
         """Ask for another value of the field under the cursor."""
         if field := self._field():
-            title = f"{field.path}, {field.unit}" if field.unit else field.path
-            hint = f"{about_field(field)}. Empty takes a change back."
-            text = text_of(field.value)
-            self._ask_change(title, text, hint, lambda s, value: state.edited(s, field.path, value))
+            title, hint = f"{field.path} {field.unit}", f"{about_field(field)}. Empty takes a change back."
+            self._ask_change(title, text_of(field.value), hint, lambda s, value: state.edited(s, field.path, value))
 
     def _ask_change(self, title: str, text: str, hint: str, change: Callable[[Session, str], Session]) -> None:
         """Have a text filled in that changes the session."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -22,9 +22,10 @@ from hdassist.explorer.compute import (
     LeverEffects,
     SeatCurve,
     drive_answers,
+    still_typical,
     typical_of,
 )
-from hdassist.explorer.service import Failed, Question, Service
+from hdassist.explorer.service import Question, Service
 from hdassist.explorer.state import Session
 from hdassist.mounting.advice import Advice
 from hdassist.preset.fields import Drive
@@ -53,12 +54,22 @@ class Known:
     report: Report | None = None  # of the advice
     effects: LeverEffects | None = None
     turn: Report | None = None  # of a typical drive
-    failed: Failed | None = None
+    failed: HdassistError | None = None
 
     @property
     def whole(self) -> DesignCheck | None:
         """The whole answer of `check`, None before."""
         return self.check if self.page else None
+
+    @property
+    def typical(self) -> Mapping[str, float]:
+        """Values by path of a typical drive of what is not known exactly; empty before the answer is whole."""
+        return typical_of(self.whole)[0] if self.whole else {}
+
+    @property
+    def without(self) -> str:
+        """What stands in place of an answer that is not there, with the reason where there is none."""
+        return visible(f"no answer: {self.failed.message}\n{self.failed.hint}") if self.failed else "computing …"
 
 
 class SevenBits(LineFilter):
@@ -95,6 +106,7 @@ class Asking(App[int]):
         super().__init__()
         self.ascii, self.keep, self.torque = ascii, keep, 0  # place of the torque that cam turn and levers are shown at
         self.session, self.service, self.effort = session, service, effort
+        self.saved = session.changes  # that are in a preset, or were opened
         self.answers: dict[str, Known] = {}  # by the command that gives them
         self.asked: dict[str, tuple[object, ...]] = {}  # the last question of a group, by its arguments
         self._rest: Timer | None = None
@@ -108,7 +120,7 @@ class Asking(App[int]):
         """Show the session and its answers."""
 
     def ask_of_panes(self) -> None:
-        """Ask for what else is on the screen."""
+        """Ask for the rest of the screen."""
 
     def known_of(self, drive: Drive) -> Known:
         """Answers about a drive."""
@@ -121,9 +133,10 @@ class Asking(App[int]):
 
     @property
     def pinned(self) -> Known | None:
-        """Answers about the drive to compare with, None where it is the one that is shown."""
-        pinned = self.known_of(self.session.pinned)
-        return None if pinned is self.known else pinned
+        """Answers about the drive to compare with, None where it is the one that is shown or has other torques."""
+        pinned, drive = self.session.pinned, self.session.drive
+        is_other = pinned.operation.M_g == drive.operation.M_g and self.known_of(pinned) is not self.known
+        return self.known_of(pinned) if is_other else None
 
     @property
     def M_g(self) -> float:
@@ -152,7 +165,7 @@ class Asking(App[int]):
         except HdassistError as error:
             self.complain(error)
 
-    def complain(self, error: HdassistError | Failed) -> None:
+    def complain(self, error: HdassistError) -> None:
         """Notify of an error and its hint."""
         self.notify(visible(f"{error.message}\n{error.hint}".strip()), severity="error", markup=False, timeout=8)
 
@@ -161,8 +174,9 @@ class Asking(App[int]):
         self.workers.cancel_group(self, "drive")
         if self.known.advice is None:
             self.known.failed = None
-            typical = typical_of(self.known.old)[0] if self.known.old else {}
-            self.follow(partial(drive_answers, self.session.drive, typical, self.effort), self.known, "drive")
+            drive, old = self.session.drive, self.known.old
+            typical = still_typical(old, drive) if old else {}
+            self.follow(partial(drive_answers, drive, typical, self.effort), self.known, "drive")
 
     def ask_once(self, question: partial[None], known: Known, group: str) -> None:
         """Ask, unless that was the last question of its group."""
@@ -187,7 +201,7 @@ class Asking(App[int]):
         self.run_worker(follow(), group=group, exclusive=True)
 
     def when_at_rest(self) -> None:
-        """Ask for what else is on the screen once no key was pressed for a while."""
+        """Ask for the rest of the screen once no key was pressed for a while."""
         if self._rest:
             self._rest.stop()
         self._rest = self.set_timer(REST, self.ask_of_panes)

@@ -14,7 +14,7 @@ SESSION_FILE = "explore.txt"  # among the user's states: the command that comes 
 
 @dataclass(frozen=True, kw_only=True)
 class ExploreCommand(o.LoadedDriveOptions):
-    """A drive turned on the screen: where the fixed wheel is best, and what each value of the preset does.
+    """A drive turned on the screen: where the fixed wheel is best, and the effect of each value of the preset.
 
     \b
     Examples:
@@ -24,9 +24,9 @@ class ExploreCommand(o.LoadedDriveOptions):
 
     Arrow keys turn the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline); e takes what is
     known of the drive, c writes the assembly card, ? explains the screen. A number is searched first, then
-    proven; a card comes only from what mount and trials would order too. The line at the bottom is the command that
-    gives the same answer in a script; the one that comes back to the session is printed on leaving, and kept at each
-    change in explore.txt in the user's folder of states.
+    proven; a card comes only from an order that mount and trials would give too. The line at the bottom is the command
+    that gives the same answer in a script; the one that comes back to the session is printed on leaving, and kept at
+    each change in explore.txt in the user's folder of states.
     """
 
     preset: str
@@ -68,7 +68,7 @@ class ExploreCommand(o.LoadedDriveOptions):
             app.run()
         finally:
             service.close()
-        if not sys.stdout.isatty():  # the terminal is gone: what is left for it has no place
+        if not sys.stdout.isatty():  # the terminal is gone: the rest of the output has no place
             for stream in (sys.stdout, sys.stderr):
                 silence(stream)
         if app.session.changes != session.changes:

@@ -15,7 +15,7 @@ from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, errors_by_turn
 from hdassist.comparing.drives import differing_fields
 from hdassist.design.check import DesignCheck, check, drive_samples
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.error_map import searchable
+from hdassist.error.error_map import error_maps, searchable
 from hdassist.error.trace import trace
 from hdassist.errors import HdassistError
 from hdassist.explorer.levers import SETTING_SECTIONS, TEETH_FIELDS, step_of
@@ -39,7 +39,7 @@ from hdassist.trials.advice import advise_from_trials
 from hdassist.trials.prior import Rig, TrialEffort
 
 FEWEST_SEEN = 8  # effective samples: the range of fewer is none
-SEED = 0  # of samples and of what is solved again, as the commands have it
+SEED = 0  # of samples and of states solved again, as the commands have it
 LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN = 0.05, 0.5, 0.95  # percentiles
 SURE_REFINED, SURE_PROVEN, SURE_RANGE = "REFINED", "PROVEN", "90 % RANGE"  # searched; every state; percentiles
 STEP = 0.34  # of the probability of a field that is not known exactly: a step to either side, about one deviation
@@ -49,7 +49,7 @@ STEP = 0.34  # of the probability of a field that is not known exactly: a step t
 class Effort:
     """How much is computed.
 
-    draws: effective samples of what is not known exactly; jobs: processes at work, 0 for one each core.
+    draws: effective samples of uncertain inputs; jobs: processes at work, 0 for one each core.
     """
 
     draws: int = EFFECTIVE_SAMPLES
@@ -92,7 +92,7 @@ class FirstErrors:
 
 @dataclass(frozen=True)
 class LeverEffects:
-    """By field: the step that is plausible [its unit], and what it does to F'_ior at each torque [arcsec].
+    """By field: the step that is plausible [its unit], and its effect on F'_ior at each torque [arcsec].
 
     differing: fields in which the pinned drive differs; their step goes to its value.
     """
@@ -115,7 +115,7 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     Argument: typical, values by path of all that was not known exactly of a drive like it. Raises HdassistError where
     there is no answer.
     """
-    here, has_typical = with_typical(drive, typical), bool(typical or not unknowns(drive))
+    here, has_typical = drive.with_values(typical), bool(typical or not unknowns(drive))
     if searchable(drive) and has_typical:
         tell("first", FirstErrors(_searched((0.0,), here)[:, 0].tolist()))
     if searchable(drive) and not unknowns(drive):
@@ -125,7 +125,8 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     with workers(effort.jobs) as executor:
         run = Run(executor, seed=SEED)
         if has_typical:
-            tell("first", _every_state(here, run))
+            errors = run.map(partial(kinematic_error, here, run=UNCHECKED), here.operation.M_g)
+            tell("first", FirstErrors([error.F_ior_arcsec for error in errors], SURE_PROVEN))
         _checked(drive, effort, run, tell)
         if is_tried(drive):
             tried = advise_from_trials(
@@ -151,10 +152,10 @@ def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]
     return samples.prior.values(samples.shares[[near]])[0], samples.F_ior_arcsec[near].tolist()
 
 
-def with_typical(drive: Drive, typical: Mapping[str, float]) -> Drive:
-    """The drive with typical values of what is not known exactly of it."""
-    open_ = {each.path for each in prior_of(drive).fields}
-    return drive.with_values({path: value for path, value in typical.items() if path in open_})
+def still_typical(found: DesignCheck, drive: Drive) -> Mapping[str, float]:
+    """The same values, for inputs that are uncertain in another drive too and the same there."""
+    open_ = {each.path for each in prior_of(drive).fields if found.drive.value(each.path) == drive.value(each.path)}
+    return {path: value for path, value in typical_of(found)[0].items() if path in open_}
 
 
 def cam_turn(drive: Drive, typical: Mapping[str, float], rotation_deg: float, M_g: float, tell: Tell) -> None:
@@ -162,19 +163,19 @@ def cam_turn(drive: Drive, typical: Mapping[str, float], rotation_deg: float, M_
 
     Raises HdassistError where there is no answer.
     """
-    there = rotated(drive.with_values(dict(typical)), rotation_deg)
+    there = rotated(drive.with_values(typical), rotation_deg)
     turns = Kinematics.of(there).cycle_cam_revolutions
     found = trace(there, M_g, revolutions=turns, run=UNCHECKED)
     tell("turn", trace_report(there, found, SEED))
 
 
 def lever_effects(drive: Drive, pinned: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:
-    """What a plausible step of each field does to F'_ior of a typical drive, by a search.
+    """Effect of a plausible step of each field on F'_ior of a typical drive, by a search.
 
     A step of a field that is not known exactly goes about one standard deviation far, one of a field in which a pinned
     drive differs to its value. Raises HdassistError where the typical drive has no answer.
     """
-    here = with_typical(drive, typical)
+    here = drive.with_values(typical)
     if not searchable(here):
         return
     now = _searched((0.0,), here)[:, 0]
@@ -224,7 +225,8 @@ def _stepped_errors(drive: Drive, steps: tuple[str, tuple[float, ...]]) -> tuple
 
 
 def _searched(rotations_deg: tuple[float, ...], drive: Drive) -> Array:
-    return errors_by_turn(drive, drive.operation.M_g, rotations_deg)[1]
+    torques = drive.operation.M_g
+    return errors_by_turn(error_maps(drive, torques), drive, torques, rotations_deg)[1]
 
 
 def _statistics_curve(found: PositionStatistics) -> SeatCurve:
@@ -244,18 +246,13 @@ def _mount_curve(advice: Advice) -> SeatCurve:
     return SeatCurve(tuple(curve.rotation_deg.tolist()), np.stack([curve.F_ior_arcsec] * 3), sure)
 
 
-def _every_state(drive: Drive, run: Run) -> FirstErrors:
-    errors = run.map(partial(kinematic_error, drive, run=UNCHECKED), drive.operation.M_g)
-    return FirstErrors([error.F_ior_arcsec for error in errors], SURE_PROVEN)
-
-
 def _checked(drive: Drive, effort: Effort, run: Run, tell: Tell) -> None:
     """The answer of `check`, and its page; on the way that by the samples so far."""
     prior, whole = prior_of(drive), check(drive, draws=0, run=run)
-    if prior.fields and effort.draws and searchable(drive):
+    if prior.fields and searchable(drive):
 
         def seen(samples: Samples) -> None:
-            if samples.effective >= min(FEWEST_SEEN, effort.draws):
+            if samples.effective >= FEWEST_SEEN:
                 tell("check", whole.with_samples(samples))
 
         left = [point.left_arcsec for point in whole.points]

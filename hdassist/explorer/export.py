@@ -28,7 +28,7 @@ class Exporting(Asking):
 
     def named(self, end: str) -> str:
         """A file's name that begins as the preset's."""
-        return f"{Path(self.session.source.name).stem or 'drive'}{end}"
+        return f"{Path(self.session.source.name).stem}{end}"
 
     def action_card(self) -> None:
         """Write the assembly card of the advice, if there is one to write."""
@@ -42,11 +42,32 @@ class Exporting(Asking):
         name = self.named("-card.html")
         self.ask_file("assembly card", name, hint, lambda path: CardFile.named(path, say, "").text(facts))
 
-    def ask_file(self, title: str, name: str, hint: str, text: Callable[[str], str]) -> None:
-        """Ask for a file's name and write a text to it, made of that name once the form has gone."""
+    def ask_file(
+        self, title: str, name: str, hint: str, text: Callable[[str], str], written: Callable[[], object] = str
+    ) -> None:
+        """Ask for a file's name and write a text to it, made of that name; over a file only after asking.
+
+        Argument: written, called once the text is in the file.
+        """
+
+        def put(path: str, made: str) -> None:
+            put_text(path, made)
+            written()
+            self.notify(visible(f"wrote {path}"), markup=False)
+
+        def write(path: str) -> None:
+            if path == "-":
+                raise UsageError("the screen has standard output", "name a file")
+            require_writable(path, force=True)
+            keep = partial(self.attempt, partial(put, path, text(path)))
+            if Path(path).exists():
+                question = f"{path} exists. Replace it?\n\ny yes\nn no"
+                self.push_screen(Notice(question), lambda sure: keep() if sure else None)
+            else:
+                keep()
 
         def take(path: str) -> None:
-            self.set_timer(0.1, lambda: self.attempt(lambda: self.write(path, lambda: text(path))))
+            self.set_timer(0.1, partial(self.attempt, partial(write, path)))  # once the form has gone
 
         self.push_screen(Form(f"{title}: file", name, hint, take))
 
@@ -71,7 +92,8 @@ class Exporting(Asking):
             return
         name = source.file if Path(source.file).suffix else self.named("-changed.yaml")
         hint = "comments and order of the original are kept"
-        self.ask_file("save the preset", name, hint, lambda _: with_changes(source.text, source.file, overrides))
+        saved = partial(setattr, self, "saved", self.session.changes)
+        self.ask_file("save the preset", name, hint, lambda _: with_changes(source.text, source.file, overrides), saved)
 
     def action_picture(self) -> None:
         """Write the screen as SVG."""
@@ -84,34 +106,13 @@ class Exporting(Asking):
         self.notify("the command line is on the clipboard")
 
     async def action_quit(self) -> None:
-        """Leave; ask before where there is something to come back to."""
+        """Leave; ask before where there is a change, also one undone, that is in no preset and was not opened."""
         command = self.session.command("explore")
         question = f"{command}\n\ncomes back to this session, and is printed on leaving.\n\ny leave\nn stay"
-        if self.session.past:
+        if self.session.changes != self.saved or self.session.future:
             self.push_screen(Notice(question), lambda sure: self.exit() if sure else None)
         else:
             self.exit()
-
-    def write(self, path: str, text: Callable[[], str]) -> None:
-        """Write a text to a file, an existing one only after asking. Raises HdassistError where it cannot be."""
-        if path == "-":
-            raise UsageError("the screen has standard output", "name a file")
-        require_writable(path, force=True)
-        made = text()
-
-        def put(sure: bool | None) -> None:
-            if sure:
-                self.attempt(partial(self.put, path, made))
-
-        if Path(path).exists():  # once a form has gone
-            self.call_later(self.push_screen, Notice(f"{path} exists. Replace it?\n\ny yes\nn no"), put)
-        else:
-            put(True)
-
-    def put(self, path: str, text: str) -> None:
-        """Write a text to a file. Raises HdassistError where it cannot be."""
-        put_text(path, text)
-        self.notify(visible(f"wrote {path}"), markup=False)
 
 
 def without_fonts(svg: str) -> str:

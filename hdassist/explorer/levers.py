@@ -31,7 +31,7 @@ def about_field(field: ResolvedField) -> str:
 def step_of(info: FieldInfo, value: float) -> float:
     """How far a step of a field goes from a value: by its unit, else about one per cent in a round number.
 
-    By its unit only where that is at most a tenth of what the field may be: 5 deg of a phase, not of a pressure angle.
+    By its unit only where that is at most a tenth of the field's range: 5 deg of a phase, not of a pressure angle.
     """
     bounds, natural = bounds_of(info), LEVER_STEPS.get(unit_of(info), 0.0)
     if kind_of(info) == "count":

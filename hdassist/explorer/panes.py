@@ -175,7 +175,7 @@ class Pane(VerticalScroll):
 
 
 class Levers(LeverTable):
-    """The fields of the preset with their values and what a plausible step of each does."""
+    """The fields of the preset with their values and the effect of a plausible step of each."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("plus,equals_sign", "app.nudge(1)", "step", key_display="+ -"),
@@ -185,7 +185,7 @@ class Levers(LeverTable):
     ]
 
     def show(self, session: Session, effects: LeverEffects, torque: int, wanted: str, *, is_grouped: bool) -> None:
-        """Show fields whose path or meaning has some words, in the preset's order or by what they change.
+        """Show fields whose path or meaning has some words, in the preset's order or by their effect.
 
         Without words those that are no part of the drive are left out. Those in which a pinned drive differs come
         first, then those that change F'_ior most. Arguments: session; effects of steps at a torque, by its place;

@@ -1,4 +1,4 @@
-"""What the explorer asks: a form, whether to replace a file; and what explains the screen."""
+"""Questions of the explorer: a form, whether to replace a file; and the help of the screen."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LEVERS
 ? not known exactly, * changed here. Behind the value: a plausible step, and its change of F'_ior [arcsec]
 of a typical drive, the greatest first. Where a field is not known exactly a step is about one deviation. Fields in
 which the pinned drive differs come first, with the step to its value.
-Enter edits; an empty value takes a change back. Numbers of teeth change together: 120, 120/122, or the ratio, 60:1.
+Enter edits; an empty value takes a change back. Numbers of teeth change together: 120, or the ratio, 60:1.
 k has x_b change with W_0, so that the teeth keep their clearance.
 
 KEYS
@@ -50,7 +50,7 @@ q leave: the command that comes back to the session is printed
 
 
 class Form(ModalScreen[None]):
-    """A line to fill in, which stays until it is taken; what is wrong with it is said below.
+    """A line to fill in, which stays until it is taken; its faults are shown below.
 
     Arguments: title; value to begin with; hint below; take, called with the value, may raise HdassistError.
     """
@@ -62,7 +62,7 @@ class Form(ModalScreen[None]):
         self._title, self._value, self._hint, self._take = title, value, hint, take
 
     def compose(self) -> ComposeResult:
-        """Title, line, hint, and room for what is wrong."""
+        """Title, line, hint, and room for a fault."""
         with Vertical(id="form") as form:
             form.border_title = visible(self._title)
             form.border_subtitle = "Enter takes it, Escape leaves it"
@@ -71,7 +71,7 @@ class Form(ModalScreen[None]):
             yield Static("", id="wrong", markup=False)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Take what was filled in, or say what is wrong with it."""
+        """Take the text that was filled in, or show its fault."""
         try:
             self._take(event.value.strip())
         except HdassistError as error:

@@ -7,7 +7,6 @@ import multiprocessing
 import os
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -19,14 +18,6 @@ from hdassist.run.processes import begin_worker
 Question = Callable[[Callable[[str, object], None]], None]  # a function of explorer.compute with its arguments
 PRELOADED = ["__main__", "hdassist.cli.main", "hdassist.explorer.preloaded"]
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")  # a process with several cannot be forked
-
-
-@dataclass(frozen=True)
-class Failed:
-    """There is no answer: why, and what to do about it."""
-
-    message: str
-    hint: str = ""
 
 
 class Service:
@@ -55,7 +46,7 @@ class Service:
                 await asyncio.shield(begun)
             except OSError as error:
                 words = f"cannot begin a process that computes: {error.strerror or error}"
-                yield "failed", Failed(words, "ulimit -a shows why")
+                yield "failed", HdassistError(words, "ulimit -a shows why")
                 return
             while True:
                 await _readable(here)
@@ -109,9 +100,9 @@ def answer(question: Question, there: Connection) -> None:
     try:
         question(lambda *found: there.send(found))
     except HdassistError as error:
-        there.send(("failed", Failed(error.message, error.hint)))
+        there.send(("failed", error))
     except Exception as error:  # a bug: the screen says so, as this process has no terminal to say it on
         words = f"internal error: {type(error).__name__}: {error}"
-        there.send(("failed", Failed(words, "this is a bug in hdassist")))
+        there.send(("failed", HdassistError(words, "this is a bug in hdassist")))
     finally:
         there.close()

@@ -1,4 +1,4 @@
-"""What the explorer shows, as one value that never changes: each action makes another one of it."""
+"""Contents of the explorer's screen, as one value that never changes: each action makes another one of it."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from hdassist.mounting.positions import hole_of
 from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.library import read_preset
+from hdassist.preset.overrides import OVERRIDE_PLACE
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.terminal.brief import again
 from hdassist.terminal.options import TrialOptions
 
-TRIALS = TrialOptions()  # as the command has them where nothing else is asked for
+TRIALS = TrialOptions()  # as the command has them where no other is asked for
 
 Changes = tuple[tuple[str, str], ...]  # path of a field, and its value as --set takes it
 
@@ -45,15 +46,13 @@ class StateSource:
 
         Raises PresetError, or UsageError with the loader's words about them.
         """
-        if any("\n" in value for _, value in changes):
-            raise UsageError("a value is one line")
         texts = (*self.overrides, *(f"{path}={value}" for path, value in changes))
         return load_text(self.text, self.file, list({text.partition("=")[0]: text for text in texts}.values()))
 
 
 @dataclass(frozen=True)
 class Session:
-    """A preset, what was changed of it, and where its fixed wheel is looked at.
+    """A preset, its changes, and where its fixed wheel is looked at.
 
     pinned: the drive that it is compared with; turn_deg: from where the wheel stands; keeps_clearance: whether x_b
     changes with W_0 by as much; past and future: for undo and redo.
@@ -98,7 +97,7 @@ class Session:
 
     def trace_command(self, M_g: float, typical: Mapping[str, float]) -> str:
         """The same of the cam turn at a torque [N*m] of a typical drive, the fixed wheel as it is looked at."""
-        drive = self.drive.with_values(dict(typical))
+        drive = self.drive.with_values(typical)
         moved = [path for path in carried(drive) if self.turn_deg and drive.value(path) is not None]
         turned = {path: drive.number(path) + self.turn_deg for path in moved}
         values = [(path, f"{value:.6g}") for path, value in {**typical, **turned}.items()]
@@ -121,8 +120,8 @@ def is_tried(drive: Drive) -> bool:
 def edited(session: Session, path: str, value: str) -> Session:
     """The session with a field changed; an empty value takes the change back.
 
-    Teeth change together: one number of them, or the ratio (100:1), keeps their difference, 120/122 gives both. Raises
-    UsageError with the loader's words where the value is refused.
+    Teeth change together: one number of them, or the ratio (100:1), keeps their difference. Raises UsageError with
+    the loader's words where the value is refused.
     """
     drive, value = session.drive, value.strip()
     if path in TEETH_FIELDS and value.endswith(":1"):
@@ -133,8 +132,6 @@ def edited(session: Session, path: str, value: str) -> Session:
         other = TEETH_FIELDS[path == TEETH_FIELDS[0]]
         follows = drive.value(other) - drive.value(path)
         values[other] = f"{int(value) + follows}" if value.isdecimal() else ""
-        if "/" in value:
-            values = dict(zip(TEETH_FIELDS, map(str.strip, value.split("/", 1)), strict=True))
     changed = with_fields(session, values)
     if path == "cam.W_0" and session.keeps_clearance:
         x_b = drive.gears.x_b + (changed.drive.cam.W_0 - drive.cam.W_0) / drive.gears.m
@@ -168,9 +165,11 @@ def with_evidence(session: Session, text: str) -> Session:
             path = "acceptance.F_ior"
         elif name.partition(".")[0] in {path.partition(".")[0] for path in field_table()}:
             path = name
-        elif (path := f"measured.{name}") not in field_table():
+        elif re.match(r"h?[-\d]", name):
             path, is_bare = f"measured.F_ior.{name}{torque}", number_of(value) == number_of(value)
             value += f" ± {2 * TRIALS.noise:g}" * is_bare
+        else:
+            path = f"measured.{name}"
         values[path] = value
     return with_fields(session, values)
 
@@ -199,21 +198,20 @@ def pinned(session: Session) -> Session:
 
 
 def undone(session: Session) -> Session:
-    """The session before its last change."""
-    if not session.past:
-        return session
+    """The session before its last change, which it has to have."""
     back = at_step(session, session.past[-1])
     return replace(back, past=session.past[:-1], future=(session.changes, *session.future))
 
 
 def redone(session: Session) -> Session:
-    """The session with the change that was undone last."""
-    if not session.future:
-        return session
+    """The session with the change that was undone last, which it has to have."""
     on = at_step(session, session.future[0])
     return replace(on, past=(*session.past, session.changes), future=session.future[1:])
 
 
 def at_step(session: Session, changes: Changes) -> Session:
-    """The session with other changes of its preset. Raises what loading raises."""
-    return replace(session, drive=session.source.drive(changes), changes=changes)
+    """The session with other changes of its preset. Raises UsageError with the loader's words about them."""
+    try:
+        return replace(session, drive=session.source.drive(changes), changes=changes)
+    except UsageError as error:
+        raise UsageError(OVERRIDE_PLACE.sub("", error.message), error.hint) from None

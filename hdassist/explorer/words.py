@@ -36,7 +36,7 @@ def why_no_card(report: Report | None) -> str:
 
 
 def head(session: Session) -> Text:
-    """The drive, how much of it is uncertain and changed, and what it is compared with."""
+    """The drive, how much of it is uncertain and changed, and the drive beside it."""
     drive, line = session.drive, Text(no_wrap=True, overflow="ellipsis")
     line.append(visible(drive.name), "bold")
     line.append(f"  {drive.gears.z_g}/{drive.gears.z_b}  {drive.mounting.fixed} wheel fixed", "dim")
@@ -50,12 +50,12 @@ def head(session: Session) -> Text:
 def headline(session: Session, known: Known, pinned: Known | None, torque: int, width: int) -> RichTable | Text:
     """F'_ior by torque as `check` has it, as it stands and in the best hole; columns that have no room are left out.
 
-    Arguments: session; known, of it; pinned, of what it is compared with; torque, the place of the one to mark; width,
+    Arguments: session; known, of it; pinned, of the drive beside it; torque, the place of the one to mark; width,
     in characters. Before the answer is whole a typical drive, as it was and is, stands beside the old one.
     """
     found, whole = known.check or known.old, known.whole
     if not found or (known.failed and not known.check):
-        return Text("F'_ior: no answer" if known.failed else "F'_ior: computing …", "dim")
+        return Text(f"F'_ior: {known.without}")
     page = F_ior_table(found)
     sure = f"{found.samples.effective:.0f} samples" if found.samples else "every state"
     state = f"{sure if found is known.check else 'old'}{'' if whole else ' …'}"
@@ -68,16 +68,19 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
         columns["typical drive"] = [f"{before:.2f} → {now:.2f} {MARKS[known.first.sure]}" for before, now in both]
     if "limit" in columns:
         held = [(point.limit_arcsec, point.held_arcsec, point.probability) for point in found.points]
-        columns["verdict"] = [f"[{VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in columns.pop("verdict")]
+        verdicts = columns.pop("verdict")
+        if found is known.check and not whole:
+            verdicts = ["…"] * len(held)
+        columns["verdict"] = [f"[{VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in verdicts]
         columns["margin"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in held]
         columns["kept"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in held]
-    if whole and pinned and pinned.whole and len(pinned.whole.points) == len(found.points):
+    if whole and pinned and pinned.whole:
         both = zip(map(middle_of, found.points), map(middle_of, pinned.whole.points), strict=True)
         columns["change"] = [f"[{INK[0]}]{now - before:+.2f}[/]" for now, before in both]
     best_deg = known.advice.choice.chosen.rotation_deg if known.advice else 0.0
     if best_deg and known.curve and not is_any_hole(session.drive):
-        hole, place = bare(best_deg, session.drive.mounting.holes), known.curve.place(best_deg)
-        columns[f"best: {hole}"] = [f"[{INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, place]]
+        name, best = f"best: {bare(best_deg, session.drive.mounting.holes)}", known.curve.place(best_deg)
+        columns[name] = [f"[{INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, best]]
     widths = {name: 1 + max(Text.from_markup(cell).cell_len for cell in (name, *columns[name])) for name in columns}
     for name in reversed(widths):
         if sum(widths[name] for name in columns) > width:
@@ -96,14 +99,12 @@ def middle_of(point: OperatingPoint) -> float:
 
 
 def order_words(known: Known) -> str:
-    """The order with its reasons, or why there is none yet."""
-    if known.failed:
-        return f"{known.failed.message}\n{known.failed.hint}"
-    return " ".join(known.report.why) if known.report else "Nothing is ordered before it is proven …"
+    """The order with its reasons, or why there is none."""
+    return " ".join(known.report.why) if known.report else known.without
 
 
 def next_text(known: Known) -> str:
-    """The order in a line, and in another one what to measure first with what that brings."""
+    """The order in a line, and in another one the first measurement with its gain."""
     gains = dict(facts_of(known.page).rows).get("measure", "")
     return visible(order_words(known).partition("\n")[0]) + f"\nmeasure next: {gains}" * bool(gains)
 
@@ -118,14 +119,22 @@ def turn_blocks(page: Report, name: str) -> Iterator[Block]:
             yield block
 
 
+def gain_words(point: OperatingPoint, gain: float) -> str:
+    """What a measurement brings: less spread, or more sure, and how sure the side of the limit is then."""
+    if not (kept := point.probability):
+        return "less spread"
+    return f"more sure, then {100 * (max(kept.value, 1 - kept.value) + gain):.0f} %"
+
+
 def why_blocks(known: Known) -> tuple[Lines | Facts, ...]:
-    """Influences on F'_ior with their shares, measurements with what each of them brings, and other facts of check."""
+    """Influences on F'_ior with their shares, measurements with their gains, and other facts of check."""
     if not (found := known.whole):
-        return (Lines("", ("computing …",)),)
+        return (Lines("", (known.without,)),)
     point = found.points[found.least_sure]
-    gain = "less spread" if point.limit_arcsec is None else "more sure"
     shares = (f"{100 * each.share:3.0f} % {named(each.group)}" for each in found.influences)
-    gains = (f"{100 * each.gain:3.0f} % {gain}: {named(each.measured)}" for each in found.to_measure)
+    gains = (
+        f"{100 * each.gain:3.0f} % {gain_words(point, each.gain)}: {named(each.measured)}" for each in found.to_measure
+    )
     return (
         Lines(f"share of the variance of ln F'_ior at {point.M_g:g} N·m", tuple(shares) or ("no field stands out",)),
         Lines("measure next, and what it brings", tuple(gains) or ("nothing that brings more",)),

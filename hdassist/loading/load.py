@@ -25,28 +25,31 @@ from hdassist.preset.fields import (
     read_range,
     sections,
 )
-from hdassist.preset.kinds import Section, choices_of, plain, range_of, read_value, unit_of
+from hdassist.preset.kinds import Section, choices_of, plain, read_value, unit_of
 from hdassist.preset.knowledge import implausible
 from hdassist.preset.units import UnitError, is_spread, read_spread
 from hdassist.preset.yamltext import OVERRIDE, Document, InvalidValue, Path, near_miss, ordered_findings, shown
 
+Asked = tuple[tuple[str, str], ...]  # options by name, which the next command on a drive is to have too
 
-def load_preset(name_or_path: str, overrides: Sequence[str] = ()) -> Drive:
+
+def load_preset(name_or_path: str, overrides: Sequence[str] = (), asked: Asked = ()) -> Drive:
     """Load a drive.
 
-    Arguments: a name from the library, a path, or "-" for standard input; overrides like "cam.W_0=0.95".
+    Arguments: a name from the library, a path, or "-" for standard input; overrides like "cam.W_0=0.95"; asked, options
+    that go into its origin.
     Raises DataError: no such preset, or a file that cannot be read; PresetError: an invalid preset;
     UsageError: a bad override.
     """
     text, file = library.read_preset(name_or_path)
-    return load_text(text, file, overrides)
+    return load_text(text, file, overrides, asked)
 
 
-def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Drive:
+def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked: Asked = ()) -> Drive:
     """Read and validate a preset.
 
-    Arguments: text of the preset; file, its name in messages; overrides, such as "cam.W_0=0.95".
-    Result: the drive; its origin carries the SHA-256 of the text, the overrides and the warnings.
+    Arguments: text of the preset; file, its name in messages; overrides, such as "cam.W_0=0.95"; asked, options that go
+    into its origin. Result: the drive; its origin carries the SHA-256 of the text, the overrides and the warnings.
     Raises PresetError with every finding; UsageError if the text is in order and only the overrides are not.
     """
     parsed = [sets.parse(override, index) for index, override in enumerate(overrides, 1)]
@@ -67,6 +70,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = ()) -> Dr
         sha256=hashlib.sha256(data).hexdigest(),
         overrides=tuple(overrides),
         warnings=tuple(map(str, ordered_findings(document.warnings))),
+        asked=asked,
     )
     return drive
 
@@ -90,8 +94,11 @@ def _drive(document: Document) -> Drive | None:
         problems = error.errors(include_url=False, include_context=False)
         for problem in sorted(problems, key=lambda problem: problem["type"] != "extra_forbidden"):
             _translate(problem["loc"], problem["type"], problem["input"], document)
-    if drive and _follows_coupling(drive, document):
-        drive = coupling.with_cam_support(drive)
+    if drive:  # the cam's support is that of its coupling: not given, or the coupling alone is on the command line
+        fields = [tuple(path.split(".")) for path in (coupling.SUPPORT_FIELD, *coupling.COUPLING_FIELDS)]
+        given, *tried = (path in document.places and document.is_override(path) for path in fields)
+        if drive.supports.C_3 is None or (any(tried) and not given):
+            drive = coupling.with_cam_support(drive)
     valid = _valid(drive, data, document)
     for conflict, involved in conflicts(valid):
         paths = [tuple(path.split(".", 2)) for path in (conflict.path, *involved)]
@@ -101,24 +108,11 @@ def _drive(document: Document) -> Drive | None:
     return drive
 
 
-def _follows_coupling(drive: Drive, document: Document) -> bool:
-    """Whether the cam's support is that of its coupling: not given, or the coupling alone is on the command line."""
-
-    def is_tried(path: str) -> bool:
-        place = document.places.get(tuple(path.split(".")))
-        return place is not None and place.file == OVERRIDE
-
-    tried = any(map(is_tried, coupling.COUPLING_FIELDS)) and not is_tried(coupling.SUPPORT_FIELD)
-    return tried or drive.supports.C_3 is None
-
-
 def _check_schema(document: Document, data: dict[str, Any]) -> None:
     if "schema" not in data:
         document.add(("schema",), "missing key", f"write schema: {PRESET_SCHEMA}")
     elif not isinstance(given := data.pop("schema"), InvalidValue) and given != PRESET_SCHEMA:
         document.add(("schema",), f"must be {PRESET_SCHEMA}")
-    if data.pop("alternatives", None):
-        document.warn(("alternatives",), "no command reads them any more", "leave them out")
 
 
 def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
@@ -189,14 +183,9 @@ def _translate(path: Path, kind: str, value: Any, document: Document) -> None:
         document.add(path, f"must be one of {', '.join(choices)}", near_miss(str(value), choices))
     elif kind == "string_type":
         document.add(path, "must be text", "put it in quotes" if isinstance(value, int | float) else "")
-    elif path == ("name",):
-        words = "must be one line of 1 to 200 characters"
-        document.add(path, words, "what is longer stands in description" * bool(value))
     else:
-        unit = unit_of(field_table().get(str(path[1]), info) if section == "uncertainty" else info)
-        converted = isinstance(yamltext.scalar_value(document.written(path)), str)  # written in another unit
-        hint = f"that is {value:g} {unit}" if converted else ""
-        document.add(path, f"out of range: {range_of(info, unit)}", hint)
+        words = "must be one line of 1 to 200 characters"  # the name
+        document.add(path, words, "what is longer stands in description" * bool(value))
 
 
 def _unknown_hint(path: Path, value: Any, model: type[Section] | None) -> str:
@@ -224,12 +213,8 @@ def _valid(drive: Drive | None, data: dict[str, Any], document: Document) -> dic
     for path, info in field_table().items():
         section, name = path.split(".")
         given = data.get(section, {})
-        if (section,) in bad or (section, name) in bad:
-            continue
-        if name in given:
-            valid[path] = read_value(info, given[name])
-        elif not info.is_required():
-            valid[path] = info.default
+        if bad.isdisjoint({(section,), (section, name)}) and (name in given or not info.is_required()):
+            valid[path] = read_value(info, given[name]) if name in given else info.default
     return valid
 
 

@@ -29,12 +29,6 @@ MAX_NAME = 200
 WIDTH = 110  # of a description
 
 
-def _require_name(name: str) -> None:
-    """Raise UsageError for a name that a preset cannot have."""
-    if not 1 <= len(name) <= MAX_NAME or not name.isprintable():
-        raise UsageError(f"a drive needs a name of 1 to {MAX_NAME} printable characters")
-
-
 def _about(info: FieldInfo) -> str:
     """Unit and meaning of a field, for the comment beside it."""
     unit = unit_of(info)
@@ -53,7 +47,8 @@ def similar_preset(name: str, like: Drive, required: Requirements, description: 
     Arguments: name; like, the other drive; requirements of the new one; description, in place of the usual. Raises
     UsageError: a name that a preset cannot have, requirements that contradict each other, or no drive that meshes.
     """
-    _require_name(name)
+    if not 1 <= len(name) <= MAX_NAME or not name.isprintable():
+        raise UsageError(f"a drive needs a name of 1 to {MAX_NAME} printable characters")
     entries = similar(like, required)
     text = "\n".join(_similar_lines(name, like, entries, description)) + "\n"
     try:

@@ -75,7 +75,7 @@ OWNER = KeptOwner(command="archive", version="", inputs={})
 
 @dataclass(frozen=True)
 class DriveHistory:
-    """What a drive showed in one hole, at one torque [N*m], the cam turning one way, over whole cycles; by date.
+    """Results of a drive in one hole, at one torque [N*m], the cam turning one way, over whole cycles; by date.
 
     chi_square of no change, and its probability.
     """
@@ -108,7 +108,7 @@ def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
         fresh = [_ENTRY.validate_python(about | _result(each)) for each in found.directions]
     except ValidationError as error:
         raise UsageError(f"invalid --serial or --conditions: {why_invalid(error)}") from None
-    with suppress(OSError):  # what is wrong is said of the file
+    with suppress(OSError):  # the file's fault is reported
         Path(folder).mkdir()
     with open_kept(str(Path(folder) / ARCHIVE_FILE), OWNER, ENTRIES, patience=WRITERS_WAIT) as kept:
         known = {(each.serial, each.sha256, each.direction) for each in kept.records()}

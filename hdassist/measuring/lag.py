@@ -1,7 +1,7 @@
 """Lag between the two encoders: one that is read later shows the way of its shaft in between as error.
 
 A lag times the speed is an offset that changes sign with the direction and grows with the speed. At an even speed it is
-part of the level, and F'_ior has nothing of it; friction and play change the level with the direction too. So a lag is
+part of the level, and F'_ior has no part of it; friction and play change the level with the direction too. So a lag is
 known only where the speed changes within a sweep.
 """
 

@@ -31,7 +31,7 @@ class Reading(ClosedRecord, TraceForm):
         require_drift(self.drift)
 
     def measured(self, file: str, drive: Drive, *, seed: int = 0, together: bool = False) -> Measurement:
-        """What a record of a drive shows; seed and together as of `measure`. Raises what it and read_trace do."""
+        """Results of a record of a drive; seed and together as of `measure`. Raises what it and read_trace do."""
         table = read_record(file, self)
         if bench_record(table):
             words = f"{table.file}: approached positions or a torque loop, which is no trace"

@@ -16,7 +16,7 @@ from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
 
-LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up nothing that shows
+LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up too little to see
 LOAD_APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
 CATALOGUE_SHARE = 0.1  # of a wind-up: standard uncertainty of a drive's stiffness by its catalogue; a guess
 CLEAR_SENSE = 0.5  # correlation of error and wind-up
@@ -79,5 +79,5 @@ class RecordedTorque:
 
 def tells_compliance(fit: TraceFit) -> bool:
     """Whether the load of a fit's bins has a part that goes neither with its orders nor with its slow terms."""
-    load = fit.design.bins.load
+    load = fit.bins.load
     return float(np.std(fit.design.residual(load))) > LOAD_APART * float(np.std(load))

@@ -1,4 +1,4 @@
-"""What of a drive's stiffnesses, clearances and shapes is assumed, and between what bounds it may really lie."""
+"""Assumed stiffnesses, clearances and shapes of a drive, and the bounds between which they may really lie."""
 
 from __future__ import annotations
 

@@ -157,7 +157,7 @@ def contact_system(drive: Drive, tau: float = 0.0, beta: float | None = None) ->
 
 @dataclass(frozen=True)
 class _Part:
-    """What one kind of contact has by itself: G, shape (n, 9), delta_p [mm] and local [mm/N], shape (n,)."""
+    """One kind of contact by itself: G, shape (n, 9), delta_p [mm] and local [mm/N], shape (n,)."""
 
     G: Array
     delta_p: Array
@@ -165,7 +165,7 @@ class _Part:
 
 
 class ContactSystems:
-    """Contact systems of a drive at many phases: what hangs on one phase alone is made once for each."""
+    """Contact systems of a drive at many phases: a part that depends on one phase alone is made once for each."""
 
     def __init__(self, drive: Drive) -> None:
         self._drive, self._geometry = drive, Geometry.of(drive)
@@ -197,7 +197,8 @@ class ContactSystems:
         flanks, flexspline, at_flanks = self._flexspline[tau]
         balls, of_ring, at_balls = self._ring[beta]
         inside = len(flexspline) - len(bore)
-        D = np.pad(flexspline, (0, len(balls)))
+        D = np.zeros((len(flexspline) + len(balls),) * 2)
+        D[: len(flexspline), : len(flexspline)] = flexspline
         D[inside:, inside:] += of_ring  # both see the bore
         parts, supports = (at_flanks, self._nodes, at_balls), np.zeros(len(FREEDOMS))
         supports[RIGID], supports[FLEX] = drive.supports.C_1, drive.supports.C_2
@@ -247,7 +248,7 @@ def _flank_part(geometry: Geometry, flanks: Flanks, face: Face) -> _Part:
     w, v, chi = nominal_shape(flanks.theta, geometry.W_0, geometry.r_m)
     # the nominal gap was drawn on the nominal shape, which is a displacement of the elastic rim
     shape = s_cos * (v + flanks.h_c * chi) + np.sin(flanks.alpha) * w
-    # it was drawn at the open edge; beyond it the rim stands back by what the wave has fallen
+    # it was drawn at the open edge; beyond it the rim stands back by as much as the wave has fallen
     gaps = flanks.gap + geometry.j_n + shape * (1 + np.tile(face.fall, pairs))
     return _Part(G, gaps, np.tile(face.compliance, pairs))
 

@@ -41,7 +41,7 @@ _COLUMN = {order: 6 + 2 * place for place, order in enumerate(TOOTH_ORDERS)}
 
 
 def column_of(deviation: Deviation, mark_kind: str) -> int:
-    """First of the two columns of scalars that a deviation counts in; mark_kind: what xi_g and xi_b are."""
+    """First of the two columns of scalars that a deviation counts in; mark_kind: the meaning of xi_g and xi_b."""
     if deviation.order > 1:
         return _COLUMN[deviation.order]
     if deviation.kind == "cam":
@@ -94,7 +94,7 @@ def deviation_scalars(drive: Drive, alpha_g: Array, alpha_b: Array) -> Array:
 def waves_of(value: Callable[[str], Array | float], mark_kind: str) -> Waves:
     """Amplitudes [mm] of deviations where the wheels have not turned, by column, part and order, as complex numbers.
 
-    Arguments: value, sizes [um] and directions [deg] by the path of their field; mark_kind, what xi_g and xi_b are.
+    Arguments: value, sizes [um] and directions [deg] by the path of their field; mark_kind: that of xi_g and xi_b.
     """
     waves: Waves = {}
     mark = 0.0 if mark_kind == "runout" else MARK_TO_PHASE[mark_kind]

@@ -6,7 +6,7 @@ Lengths in mm, angles in rad. Angles theta are measured from the major axis of t
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,20 +112,19 @@ class Flanks:
         return Flanks(**{part.name: getattr(self, part.name).repeat(times) for part in fields(self)})
 
 
-def flank_candidates(
-    geometry: Geometry, tau: float = 0.0, samples: int = FLANK_SAMPLES, zones: tuple[int, ...] = (0, 1)
-) -> Flanks:
-    """Every flank pair of a mesh zone that can touch, with its least gap over the active height.
+@lru_cache(maxsize=64)  # the rules of a drive look at the flanks that its contacts are made of
+def flank_candidates(geometry: Geometry, tau: float = 0.0, samples: int = FLANK_SAMPLES) -> Flanks:
+    """Every flank pair that can touch, with its least gap over the active height.
 
-    Arguments: geometry; tau, the tooth phase in tooth pitches; samples, heights tried on each flank; zones, of which
-    flanks are wanted. Pairs whose teeth do not overlap radially cannot touch and are left out.
+    Arguments: geometry; tau, the tooth phase in tooth pitches; samples, heights tried on each flank. Pairs whose teeth
+    do not overlap radially cannot touch and are left out.
     """
     z_g = geometry.flexspline.z
     index = np.arange(-z_g, 2 * z_g)
     angle = 2 * np.pi * (index + tau) / z_g
-    near = [index[np.abs(angle - zone * np.pi) <= np.pi / 2 + 1e-9] for zone in zones]
+    near = [index[np.abs(angle - axis) <= np.pi / 2 + 1e-9] for axis in (0.0, np.pi)]
     tooth = np.repeat(np.concatenate(near), 2)
-    zone = np.repeat(np.repeat(zones, [len(teeth) for teeth in near]), 2)
+    zone = np.repeat([0, 1], [2 * len(teeth) for teeth in near])
     side = np.tile([1.0, -1.0], len(tooth) // 2)
     theta = 2 * np.pi * (tooth + tau) / z_g
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hdassist.model.geometry import Array, Geometry
 from hdassist.preset.fields import Drive
 
-STRIP = 4  # cam revolutions abreast: 4 x 8 states, about square, are what the engine carries along at once
+STRIP = 4  # cam revolutions abreast: 4 x 8 states, about square, are carried along by the engine at once
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,12 @@ class Kinematics:
         return moving / (self.z_g - self.z_b)
 
     @property
-    def error_sign(self) -> float:
+    def error_sign(self) -> int:
         """Sign of F_kpp against the flexspline's rotation.
 
         The rotation is the flexspline's against the rigid wheel; the latter's is its opposite.
         """
-        return -1.0 if self.fixed == "rigid" else 1.0
+        return -1 if self.fixed == "rigid" else 1
 
     @property
     def teeth_fixed(self) -> int:

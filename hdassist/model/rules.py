@@ -1,4 +1,4 @@
-"""What fields must satisfy together for there to be a drive: teeth that mesh, rings that fit, by the model's geometry.
+"""Rules that the fields of a drive satisfy together: teeth that mesh, rings that fit, by the model's geometry.
 
 Beside each rule stand the fields that it looks at. Lengths in mm, angles in rad.
 """
@@ -6,8 +6,6 @@ Beside each rule stand the fields that it looks at. Lengths in mm, angles in rad
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,7 @@ from hdassist.model.geometry import Geometry, flank_candidates
 from hdassist.preset.fields import Drive, field_table, sections
 from hdassist.preset.rules import Conflict, field_conflicts
 
-MAX_THICKNESS = 0.2  # of its radius: beyond that the theory of thin rings means nothing
+MAX_THICKNESS = 0.2  # of its radius: beyond that the theory of thin rings does not hold
 MAX_OVERLAP = 0.1  # modules that nominal teeth may overlap: the rings give way by some of it
 
 PROFILES = ("gears.m", "gears.z_g", "gears.z_b", "gears.x_g", "gears.x_b", "gears.h_a")
@@ -45,7 +43,7 @@ def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, 
     yield from field_conflicts(values)
     if not {*MESH_FIELDS, "bearing.ring_h"} <= values.keys():
         return
-    meshes = values["gears.z_b"] - values["gears.z_g"] == 2  # nothing more can be said of other teeth
+    meshes = values["gears.z_b"] - values["gears.z_g"] == 2  # other teeth have no such rule
     tables: dict[str, dict[str, Any]] = {section: {} for section, _ in sections()}
     for path, value in values.items():
         section, name = path.split(".")
@@ -117,27 +115,20 @@ def teeth_mesh(geometry: Geometry) -> Iterator[Conflict]:
     wheels = (geometry.flexspline.base_radius, geometry.r_ag), (geometry.rigid.base_radius, geometry.r_ab)
     coarse = (teeth_reach, tips_come_free, roots_have_room, rim_is_thin)
     if any(base >= tip for base, tip in wheels) or any(any(rule(geometry)) for rule in coarse):
-        return  # said by the other rules
-    gap, angle = _least_gap(replace(geometry, j_n=0.0))
-    overlap, most = -gap - geometry.j_n, MAX_OVERLAP * geometry.flexspline.m
+        return  # faults of the other rules
+    try:
+        flanks = flank_candidates(geometry)
+    except UntrustedError:  # the tips just reach each other, the flanks do not
+        return
+    least = int(np.argmin(flanks.gap))
+    overlap, most = -flanks.gap[least] - geometry.j_n, MAX_OVERLAP * geometry.flexspline.m
     if overlap > most:
+        angle = abs(flanks.theta[least] - flanks.zone[least] * np.pi)
         yield Conflict(
             "cam.W_0", "the teeth interfere: they run through each other under the shape the cam gives",
             f"an overlap of {overlap * 1e3:.3g} um at {np.degrees(angle):.3g}° from the major axis",
             f"at most {most * 1e3:.3g} um; check W_0 with m, x_g, x_b and h_a",
         )  # fmt: skip
-
-
-@lru_cache(maxsize=64)  # drives that differ in other things are loaded one after the other
-def _least_gap(geometry: Geometry) -> tuple[float, float]:
-    """Least nominal gap of all flanks [mm], without the clearance, and how far from the major axis it is [rad]."""
-    zones = (0,) if geometry.flexspline.z % 2 == 0 else (0, 1)  # of an even number of teeth both are the same
-    try:
-        flanks = flank_candidates(geometry, zones=zones)
-    except UntrustedError:  # the tips just reach each other, the flanks do not
-        return np.inf, 0.0
-    least = int(np.argmin(flanks.gap))
-    return float(flanks.gap[least]), float(abs(flanks.theta[least] - flanks.zone[least] * np.pi))
 
 
 def rim_is_thin(geometry: Geometry) -> Iterator[Conflict]:

@@ -1,6 +1,6 @@
-"""What is not known of the deviations of a drive: which fields, and how far they may go.
+"""Unknown deviations of a drive: which fields, and how far they may go.
 
-A size that is not given may be anything up to what its part may have; a direction that is not given, any direction.
+A size that is not given may be anything up to the bound of its part; a direction that is not given, any direction.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from hdassist.preset.knowledge import (
 
 @dataclass(frozen=True)
 class Unknown:
-    """A field that is assumed or not given, by path: what it may really lie between, in the field's unit, and why."""
+    """A field that is assumed or not given, by path: the bounds of its true value, in the field's unit, and why."""
 
     path: str
     low: float
@@ -59,9 +59,9 @@ def unknown_turn(drive: Drive) -> tuple[str, ...]:
 
 
 def no_hole_better(drive: Drive) -> Literal["", "floating", "standing", "turning"]:
-    """Why the fixed wheel of a drive is as good in any hole: its cam floats, or there is nothing to turn against.
+    """Why the fixed wheel of a drive is as good in any hole: its cam floats, or no deviation stands to turn against.
 
-    floating: offsets of the cam are not felt; standing: nothing that stands still with the seat deviates; turning: the
+    floating: offsets of the cam are not felt; standing: no part that stands still with the seat deviates; turning: the
     fixed wheel has no deviation. Empty where one hole may be better than another.
     """
     standing, turning = _sides(drive)
@@ -73,7 +73,7 @@ def no_hole_better(drive: Drive) -> Literal["", "floating", "standing", "turning
 
 
 def _sides(drive: Drive) -> tuple[list[Deviation], list[Deviation]]:
-    """Deviations, known or not, of what stands still with the seat of the fixed wheel, and of that wheel.
+    """Deviations, known or not, of parts that stand still with the seat of the fixed wheel, and of that wheel.
 
     Offsets of a cam that floats (C_3 = 0) are not felt, and not among them.
     """
@@ -87,7 +87,7 @@ def _sides(drive: Drive) -> tuple[list[Deviation], list[Deviation]]:
 
 
 def unknown_notes(drive: Drive) -> tuple[str, ...]:
-    """A warning for what computes with 0 where a deviation is not known; none where all are."""
+    """A warning where a deviation is not known and counts as 0; none where all are known."""
     open_ = unknowns(drive)
     return (f"not known, and computed as 0: {unknown_names(open_)}",) if open_ else ()
 

@@ -1,4 +1,4 @@
-"""Where to mount the fixed wheel: what each position brings over all that is not known of the drive, and the order."""
+"""Where to mount the fixed wheel: the gain of each position over all that is not known of the drive, and the order."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ TURNED_STATES = 700  # that a sample solves for a further position, about
 class Advice:
     """Advice on one drive.
 
-    curve of the drive as the preset has it, with unknown deviations as 0; samples of what is not known exactly, None
-    where there is nothing to draw or nothing was drawn; positions over them; gain_probability, that of the best other
+    curve of the drive as the preset has it, with unknown deviations as 0; samples of the uncertain inputs, None
+    without samples; positions over them; gain_probability, that of the best other
     position to be better than the present one; stay_probability, that the present one is nearly as good as the best;
     measured: wheels in place of first harmonics, for which there is the curve alone; unknown: deviations that are not
-    known; open_: fields, by path, that are not known exactly; as_given: whether to order by the values as given where
-    nothing was drawn; needed: probability of a gain for which a turn is ordered.
+    known; open_: fields, by path, that are not known exactly; as_given: whether to order by the values as given
+    without samples; needed: probability of a gain for which a turn is ordered.
     """
 
     drive: Drive
@@ -87,7 +87,7 @@ class Advice:
 
     @property
     def any_hole(self) -> bool:
-        """Whether nothing is known of the direction that decides, nor F'_ior measured: any hole may be the best one."""
+        """Whether the direction that decides is unknown, and F'_ior not measured: any hole may be the best one."""
         is_known = self.no_hole_better or measured_errors(self.drive)
         return bool(self.unknown and self.deciding and not is_known)
 
@@ -109,11 +109,12 @@ class Advice:
 
     @cached_property
     def order(self) -> str:
-        """Order on the wheel: turn, leave, or none, where what is not known could reverse it.
+        """Order on the wheel: turn, leave, or none, where unknown inputs could reverse it.
 
         A turn is ordered where it gains more than LEAST_GAIN with the probability that is needed; the wheel is left
         where that is as improbable, or no position is clearly better than the present one. A forbidden position is
-        always left. Where nothing is open, or wanted as given, the curve decides, unless a deviation is not known.
+        always left. Without unknown inputs, or where they are wanted as given, the curve decides, unless a deviation is
+        not known.
         """
         forbidden = not self.curve.usable[0]
         if self.no_hole_better:
@@ -200,7 +201,7 @@ def advise(
     """Find the position in which to mount the fixed wheel of a drive.
 
     Arguments: torques [N*m]; rotations_deg, positions of the curve [deg], 0 first, where the wheel stands; measured,
-    wheels in place of first harmonics, for which nothing is drawn; draws, effective samples of what is not known at
+    wheels in place of first harmonics, for which no deviation is drawn; draws, effective samples of uncertain inputs at
     least, 0 for none; needed, probability of a gain for which a turn is ordered, to which that of keeping a limit is
     drawn too, as `check` does. Raises UsageError for invalid positions, UntrustedError where an answer cannot be
     trusted, or the preset's catalogue contradicts its other values.
@@ -209,7 +210,7 @@ def advise(
     prior = prior_of(known)
     drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
     curve = mounting_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)
-    # of a wheel that was measured nothing is open
+    # of a measured wheel all is known
     open_ = tuple(each.path for each in prior.fields if known.value(each.path) == drive.value(each.path))
     advice = Advice(
         drive, curve, measured=measured, unknown=unknowns(known), open_=open_, as_given=not draws, needed=needed

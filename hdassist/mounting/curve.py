@@ -20,6 +20,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.positions import MountingCurve, phase_deg, rotated
 from hdassist.preset.fields import Drive
+from hdassist.run.processes import apart
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
@@ -54,7 +55,7 @@ def mounting_curve(
     should more than SEARCH_TOLERANCE have been missed there, everywhere.
 
     Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
-    drawn, whether samples of what is not known are drawn too. Raises UsageError where the present position is not the
+    drawn, whether samples of uncertain inputs are drawn too. Raises UsageError where the present position is not the
     first, UntrustedError where an answer cannot be trusted.
     """
     if not len(rotations_deg) or rotations_deg[0] != 0:
@@ -106,7 +107,7 @@ def _solved(
     if run.cross_check:
         # in one process: the import of cvxpy takes each of them most of a second, and much memory
         solved = [(*drive, error) for drive, error in zip(drives, errors, strict=True)]
-        checks += next(run.map(_again, [solved], [run.of_task]))
+        checks += next(run.map(apart, [_again], [solved], [run.of_task]))
     every, again = curve.every_state | places, tuple(checks)
     return replace(curve, F_ior_arcsec=values, every_state=every, certificate=proof, cross_checks=again)
 

@@ -1,4 +1,4 @@
-"""Positions of the fixed wheel over samples of F'_ior: which is best, how sure that is, and what a wrong one loses."""
+"""Positions of the fixed wheel over samples of F'_ior: which is best, how sure that is, and the loss by a wrong one."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class PositionStatistics:
 
     @cached_property
     def losses(self) -> Array:
-        """What each position loses against the best one, as a share of the error there, shape (samples, positions)."""
+        """Loss of each position against the best one, as a share of the error there, shape (samples, positions)."""
         return np.asarray(self.merits / self.merits.min(axis=1, keepdims=True) - 1)
 
     def _mean(self, values: Array) -> Array:
@@ -118,7 +118,7 @@ class PositionStatistics:
 
     @property
     def best_gains(self) -> Array:
-        """The same of the position that is best in each sample: what turning may bring at most, shape (samples,)."""
+        """The same of the position that is best in each sample: the most that turning may bring, shape (samples,)."""
         return np.asarray(1 - self.merits.min(axis=1))
 
     def range_of(self, values: Array) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""F'_ior against the mounting angle of the fixed wheel: what turning it on its seat brings.
+"""F'_ior against the mounting angle of the fixed wheel: the gain of turning it on its seat.
 
 Source: Lyuminarsky et al. 2019, Fig. 3, doi 10.18698/0536-1044-2019-11-3-8.
 """

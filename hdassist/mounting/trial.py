@@ -38,10 +38,11 @@ class Tried:
 def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> Trial:
     """Read 120=17.3 (degrees) or h4=17.3 (holes of the seat, of which some are allowed). Raises UsageError for else."""
     where, _, value = text.lower().partition("=")
-    F_ior = number_of(value)
+    rotation, F_ior = read_trial_position(where, text, holes, allowed), number_of(value)
     if not 0 < F_ior <= LARGEST_ERROR:
-        raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE=VALUE", TRIAL_HINT)
-    return Trial(read_trial_position(where, text, holes, allowed), F_ior)
+        wanted = f"expected F'_ior in arcsec, as {where}=17.3, or the file of a record, as {where}=run.csv"
+        raise UsageError(f"invalid trial {shown(text)!r}: {wanted}", TRIAL_HINT)
+    return Trial(rotation, F_ior)
 
 
 def read_trial_position(where: str, text: str, holes: int, allowed: Sequence[int] | str = "all") -> float:

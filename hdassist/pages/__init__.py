@@ -1,1 +1,1 @@
-"""What an answer looks like: on a terminal, as JSON, CSV, HTML and Markdown."""
+"""The forms of an answer: on a terminal, as JSON, CSV, HTML and Markdown."""

@@ -7,13 +7,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, fields
 from math import floor, log10
 
-from hdassist.acceptance.answer import AcceptAnswer, answer_json, provenance
+from hdassist.acceptance.answer import AcceptAnswer, answer_json, lot_summary, provenance
 from hdassist.acceptance.decision import GUARD, Decision
 from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.lot import Lot
 from hdassist.acceptance.predictions import Belief, Predictions
 from hdassist.acceptance.replay import answer_differences
-from hdassist.acceptance.statistics import lot_summary
 from hdassist.belief.statistics import Probability
 from hdassist.errors import DataError
 from hdassist.json_parts import attributes
@@ -27,15 +26,21 @@ from hdassist.terminal.answers import csv_text, together
 from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import influence_words, measure_words, samples_words, settling_words
 from hdassist.terminal.wheels import WHEEL_WORDS
-from hdassist.verdict import SEVERITY, percent_text
+from hdassist.verdict import SEVERITY, percent_text, worst_exit_code
 from hdassist.version import __version__
 
 RULE_WORDS = {
     "guard": f"guard bands of {GUARD:g} u on each side of a limit",
     "simple": "simple acceptance up to a limit",
 }
-CHECK_FIELDS = tuple(each.name for each in fields(Decision) if each.name != "belief")
-BELIEF_FIELDS = tuple(each.name for each in fields(Belief))
+CHECK_FIGURES: tuple[Quantity[Decision | None], ...] = tuple(  # of CSV
+    Quantity(name, "", "", "")
+    for name in (
+        *(each.name for each in fields(Decision) if each.name not in ("unstated", "belief")),
+        *(f"belief.{each.name}" for each in fields(Belief)),
+    )
+)
+FIGURES_HEAD = ",".join(("serial", "preset", *(figure.key for figure in CHECK_FIGURES), "exit_code", "error", ""))
 NAMED_CHECKS = 2  # reasons below the verdict
 
 
@@ -77,7 +82,7 @@ DECISION_COLUMNS: tuple[Quantity[Decision], ...] = (
 
 
 def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Report:
-    """An acceptance of a drive; predictions, what the model says of it, None where nothing was predicted."""
+    """An acceptance of a drive; predictions, those of the model, None without any."""
     found = by_severity(answer.checks)
     worst = [check for check in found if check.verdict == found[0].verdict]
     reasons = [f"{check.label}: {check.reason}" if check.reason else sentence(check) for check in worst[:NAMED_CHECKS]]
@@ -133,7 +138,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
 
 
 def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[tuple[str, str]]:
-    """Largest influences, what to measure, remarks and the next command, a label and a text each."""
+    """Largest influences, the next measurement, remarks and the next command, a label and a text each."""
     if predictions and predictions.samples:
         if (least := predictions.least_sure) and predictions.influences:
             yield "influence", f"{influence_words(predictions.influences)} at {least.M_g_Nm:g} N·m"
@@ -164,13 +169,13 @@ def is_open(check: Decision) -> bool:
 
 
 def to_explain(checks: Iterable[Decision]) -> str:
-    """The command that explains what failed, or is open where it was measured; empty where nothing is."""
+    """The command that explains failed checks, or measured ones that are open; empty without any."""
     codes = [each.code for each in checks if each.verdict in ("FAIL", "INCONCLUSIVE") and not is_open(each)]
     return f"hdassist explain {' '.join(dict.fromkeys(codes))}" if codes else ""
 
 
 def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
-    """Counts, yield, each drive with the check that decides, and what to do about the rest."""
+    """Counts, yield, each drive with the check that decides, and the remedy for the rest."""
     found = lot_summary(answers)
     counts = [f"{count} {verdict}" for verdict, count in found["verdicts"].items() if count]
     why = "no drive is decided: each line says why"
@@ -195,6 +200,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
             "summary": found,
         },
         line="\n".join(f"{name} {status}" for name, status, _ in drives),
+        exit_code=worst_exit_code(answer.exit_code for answer in answers),
     )
 
 
@@ -207,7 +213,7 @@ def _deciding(answer: AcceptAnswer) -> str:
 
 
 def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[tuple[str, str]]:
-    """Remarks, what to measure and the next command, a label and a text each."""
+    """Remarks, the next measurement and the next command, a label and a text each."""
     remarks = Counter(code for answer in answers for code in {remark.code for remark in answer.remarks})
     yield "remarks", "; ".join(f"{code}: {_drives(remarks[code])}" for code in sorted(remarks))
     checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
@@ -253,23 +259,13 @@ def title(answer: AcceptAnswer) -> str:
     return shown(name, len(name))
 
 
-def figures(check: Decision | None) -> dict[str, object]:
-    """All that is known of a check, by its name in files; nothing without a check."""
-    own = {name: getattr(check, name, None) for name in CHECK_FIELDS}
-    belief = {f"belief.{name}": getattr(check and check.belief, name, None) for name in BELIEF_FIELDS}
-    return {**own, "unstated": " ".join(check.unstated) if check else None, **belief}
-
-
-FIGURES_HEAD = ",".join(("serial", "preset", *figures(None), "exit_code", "error", ""))  # of CSV
-
-
 def csv(answers: Sequence[AcceptAnswer]) -> str:
     """One row per drive and check; a drive without an answer has a row with its error."""
     rows = [
         {
             "serial": answer.serial,
             "preset": answer.preset.name,
-            **figures(check),
+            **{figure.key: figure.of(check) for figure in CHECK_FIGURES},
             "exit_code": answer.exit_code,
             "error": answer.error and answer.error.message,
             **provenance(answer),

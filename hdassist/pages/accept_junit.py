@@ -2,7 +2,7 @@
 
 A case's class is its drive, its name the limit; remarks on a drive stand once, in the output of its suite. FAIL and
 INCONCLUSIVE are failures of that type: neither may look green. A drive without an answer is an error, a limit
-that was left out is skipped. What an answer rests on are properties of the suite, where every reader looks for them.
+that was left out is skipped. The grounds of an answer are properties of the suite, where every reader looks for them.
 There are no durations and no machine names; the time of an answer is a property.
 """
 

@@ -116,7 +116,7 @@ def _words(way: Allocation, found: Allocated) -> str:
 
 
 def _facts(found: Allocated) -> Iterator[tuple[str, str]]:
-    """Where no way is sure enough, what the self error takes and the next measurement; the next command."""
+    """Where no way is sure enough, the share of the self error and the next measurement; the next command."""
     passed = found.verdict is Verdict.PASS
     if not passed:
         taken = (

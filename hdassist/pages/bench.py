@@ -1,4 +1,4 @@
-"""Approached positions or torque loops as a report: what makers and buyers state beside F'_ior."""
+"""Approached positions or torque loops as a report: the figures that makers and buyers state beside F'_ior."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import ResolvedField, value_text
 from hdassist.report.blocks import Facts, Table
 from hdassist.report.quantities import NO_VALUE
-from hdassist.report.report import CsvTable, Report
+from hdassist.report.report import Report
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import measure_words
@@ -29,7 +29,7 @@ DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "most by")
 
 
 def drives_report(result: DrivesComparison, seed: int) -> Report:
-    """Drives beside each other, the first as what the others are held against; seed, of draws and samples."""
+    """Drives beside each other, the first as the measure of the others; seed, of draws and samples."""
     names = ", ".join(f"{letter} {sheet.drive.origin.file}" for letter, sheet in _lettered(result).items())
     rows = tuple(_drive_rows(result))
     verdict = _verdict(rows, len(result.torques) > 1)
@@ -50,7 +50,6 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
         certificate=result.certificate,
         cross_checks=tuple(cross for sheet in result.sheets for cross in sheet.cross_checks),
         values=_values(result, seed),
-        csv=_csv(result),
         line=verdict,
         about=", ".join(sheet.drive.name for sheet in result.sheets),
     )
@@ -69,7 +68,7 @@ def sheet_warnings(sheet: DriveSheet) -> tuple[str, ...]:
 
 
 def F_ior_words(point: OperatingPoint, digits: str = ".2f") -> str:
-    """F'_ior [arcsec] at a torque, or its 5th to 95th percentile over what is not known."""
+    """F'_ior [arcsec] at a torque, or its 5th to 95th percentile over the uncertain inputs."""
     found = point.belief
     return f"{found.p5:{digits}} to {found.p95:{digits}}" if found else f"{point.error.F_ior_arcsec:{digits}}"
 
@@ -170,7 +169,7 @@ def _values(result: DrivesComparison, seed: int) -> Json:
 
 
 def _drive_object(sheet: DriveSheet, seed: int) -> Json:
-    """What `check` and `mount` say of a drive in their JSON, as far as it is compared."""
+    """The JSON of `check` and `mount` on a drive, as far as it is compared."""
     check, best = report_object(check_page.check_report(sheet.check, seed)), sheet.advice.choice.target
     ordered = {"hole": best.hole, "rotation_deg": best.rotation_deg, "F_ior_arcsec": list(best.F_ior_arcsec)}
     return {
@@ -180,10 +179,3 @@ def _drive_object(sheet: DriveSheet, seed: int) -> Json:
         "order": sheet.advice.order,
         "best": None if sheet.advice.order == "none" else ordered,
     }
-
-
-def _csv(result: DrivesComparison) -> CsvTable:
-    """One row per drive and torque."""
-    tables = {letter: check_page.check_csv(sheet.check) for letter, sheet in _lettered(result).items()}
-    heads, _ = tables["A"]
-    return ["drive", *heads], [[letter, *row] for letter, (_, rows) in tables.items() for row in rows]

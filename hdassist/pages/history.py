@@ -58,7 +58,7 @@ def _sentence(found: DriveHistory) -> str:
 
 
 def _facts(entries: Sequence[ArchiveEntry]) -> Iterator[tuple[str, str]]:
-    """What is left out of the comparison and of the uncertainty, a label and a text each."""
+    """The parts left out of the comparison and of the uncertainty, a label and a text each."""
     parts = sum(each.F_ior_is_lower_bound for each in entries)
     yield "left out", f"{parts} of a part of the cycle: lower bounds" if parts else ""
     missing = dict.fromkeys(name for each in entries for name in each.unstated)

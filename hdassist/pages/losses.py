@@ -15,11 +15,13 @@ LEVELS = {"expected": 0.5, "low": 0.05, "high": 0.95}  # quantiles
 SHARES = ("probability_good", "expected_loss")  # of a position
 
 
-def losses_table(found: PositionStatistics, holes: int, torques: Sequence[float], title: str, most: int) -> Table:
-    """The positions best first, at most so many: how sure each is good, its F'_ior at each torque, its loss."""
+def losses_table(
+    found: PositionStatistics, holes: int, torques: Sequence[float], title: str, places: Iterable[int]
+) -> Table:
+    """Some of the positions, by their places: how sure each is good, its F'_ior at each torque, its loss."""
     heads = ("position", "good, %", "median", "5 %", "95 %", "loss, %")
     rows = []
-    for place in found.ranked[:most]:
+    for place in places:
         spread = [beside(found.quantile(level, place), ".1f") for level in LEVELS.values()]
         good, loss = f"{100 * found.probability_good[place]:.0f}", f"{100 * found.expected_loss[place]:.1f}"
         rows.append((hole_words(found.rotations_deg[place], holes), good, *spread, loss))

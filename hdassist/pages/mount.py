@@ -28,10 +28,9 @@ from hdassist.solve.answers import EMPTY
 from hdassist.terminal.brief import again, probability_words
 from hdassist.terminal.influence_words import influence_words, measure_words, more_draws, samples_words, settling_words
 from hdassist.terminal.texts import Texts
-from hdassist.terminal.wheels_page import heading
+from hdassist.terminal.wheels import heading
 from hdassist.verdict import Verdict
 
-LISTED_POSITIONS = 6  # positions that the table of all samples lists, best first
 OPEN_NAMED = 4  # fields that are not known exactly, which are named
 ORDER_WORDS = {"turn": "TURN", "leave": "LEAVE", "none": "MEASURE FIRST"}
 NO_HOLE_BETTER = {
@@ -42,7 +41,7 @@ NO_HOLE_BETTER = {
 
 
 def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
-    """What a reader should know beside the numbers, in the language of the texts."""
+    """Warnings beside the numbers, in the language of the texts."""
     found = list(warnings_of(advice.drive, say))
     if advice.open_ and not advice.as_given and not advice.positions:
         found.append(say("warning.not_drawn", count=len(advice.open_)))
@@ -82,7 +81,7 @@ def mount_report(
 
 
 def what_to_do(advice: Advice) -> str:
-    """The order; where none can be given, why, and what to measure."""
+    """The order; where none can be given, why, and the measurement to make."""
     if advice.order != "none":
         why = NO_HOLE_BETTER.get(advice.no_hole_better)
         return (f"No hole is better than another: {why}. " if why else "") + instruction(advice.choice)
@@ -106,10 +105,12 @@ def what_to_do(advice: Advice) -> str:
 
 
 def _samples_table(advice: Advice) -> Iterator[Table]:
-    """The positions over the samples, if there are such."""
-    if found := advice.positions:
-        title = "all positions over the samples, best first"
-        yield losses_table(found, advice.curve.holes, advice.curve.torques, title, LISTED_POSITIONS)
+    """The best position over the samples, its neighbours and the present one; none where any may be the best."""
+    if (found := advice.positions) and not advice.any_hole:
+        title, best, now = "over the samples: best, its neighbours, now", found.best, found.place(0.0)
+        around = [(best + step) % len(found.rotations_deg) for step in (0, -1, 1)]
+        places = dict.fromkeys((*around, *(() if now is None else (now,))))
+        yield losses_table(found, advice.curve.holes, advice.curve.torques, title, places)
 
 
 def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
@@ -145,7 +146,7 @@ def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
 
 
 def _measure(advice: Advice) -> str:
-    """Measurements where nothing is ordered, or more samples; empty where any hole may be the best one."""
+    """Measurements where no order is given, or more samples; empty where any hole may be the best one."""
     if advice.order != "none" or advice.any_hole or not advice.gain_probability:
         return ""
     words = measure_words(advice.to_measure, True, advice.curve.holes)
@@ -245,7 +246,7 @@ def _percentiles(found: tuple[float, float, float]) -> Json:
 
 
 def _belief(advice: Advice) -> Json | None:
-    """F'_ior over the samples: now at each torque, and in every position; None where nothing was drawn."""
+    """F'_ior over the samples: now at each torque, and in every position; None without samples."""
     if not (found := advice.positions):
         return None
     now = [_percentiles(found.range_of(each)) for each in found.now_arcsec]
@@ -270,7 +271,7 @@ def _csv(advice: Advice) -> CsvTable:
 
 
 def mount_card_facts(advice: Advice, say: Texts) -> CardFacts:
-    """What the assembly card tells of an advice; say, the texts of its language."""
+    """Contents of the assembly card of an advice; say, the texts of its language."""
     drive, drawn = advice.drive, advice.positions
     offset, cam = standing_offset(drive)
     return CardFacts(

@@ -8,6 +8,7 @@ from operator import attrgetter
 
 import numpy as np
 
+from hdassist.belief.samples import ErrorBelief
 from hdassist.json_parts import samples_object
 from hdassist.model.unknown import unknown_notes
 from hdassist.planning.plan import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgement
@@ -19,6 +20,7 @@ from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict
 
 _LARGE_LINE = 0.1  # of the variance
+DRAWN_GROUPS = 36  # of numbers of positions: more of them are drawn over each other
 _ENOUGH_WORDS = {Verdict.PASS: "yes", Verdict.FAIL: "no", Verdict.INCONCLUSIVE: "open"}
 
 
@@ -54,9 +56,12 @@ LINE_QUANTITIES: tuple[Quantity[LineSeen], ...] = (
 
 
 def plan_report(choice: PlanChoice) -> Report:
-    """Which test of F'_ior of a drive is enough, and what the first of the plans sees."""
+    """Which test of F'_ior of a drive is enough, and how much the first of the plans sees."""
     drive, drives, first = choice.drive, choice.drives, choice.judged[0].plan
     limit, F_ior = drive.limit(choice.M_g), drives.percentiles(drives.F_ior_arcsec)
+    if choice.samples:  # the range that every page has
+        belief = ErrorBelief.of(choice.samples, drive.operation.M_g.index(choice.M_g))
+        F_ior = belief.p5, belief.p50, belief.p95
     names = " or a ".join(each.plan.name for each in choice.enough)
     how = {Verdict.PASS: "will do", Verdict.FAIL: "will not do"}.get(choice.verdict, "may do")
     answer = f"{first.name if choice.asked else names or 'any of these tests'} {how}"
@@ -127,17 +132,16 @@ def _blind(choice: PlanChoice) -> str:
 
 
 def seen_curve(choice: PlanChoice) -> Curve:
-    """Share of F'_ior that is seen in 95 of 100 cases, over the number of positions in a turn of the output."""
-    often = np.array([line.per_output_turn for line in choice.lines if line.variance_share >= _LARGE_LINE])
+    """Share of F'_ior that is seen in 95 of 100 cases over the number of positions, the least of some neighbours."""
     points = {each.plan.readings: 100 * each.seen[0] for each in choice.over_positions}
-    marks = [CurveMark(N, share, "blind", "limit") for N, share in points.items() if not (often % N).all()]
+    groups = np.array_split([*points], min(DRAWN_GROUPS, len(points)))
+    alike = f", least of {len(groups[0])} numbers" * (len(groups[0]) > 1)
     found = [each.plan.readings for each in choice.enough if not each.plan.is_record]
-    marks += [CurveMark(N, points[N], "enough", "target") for N in found]
     return Curve(
-        np.array([*points], dtype=float),
-        np.array([*points.values()]),
-        x_label="positions in an output turn (B: blind to a large line, E: enough)",
-        y_label="% of F'_ior seen in 95 of 100 cases",
-        marks=tuple(marks),
+        np.array([group.mean() for group in groups]),
+        np.array([min(points[N] for N in group) for group in groups]),
+        x_label="positions in an output turn" + " (E: enough)" * bool(found),
+        y_label=f"% of F'_ior seen in 95 of 100 cases{alike}",
+        marks=tuple(CurveMark(N, points[N], "enough", "target") for N in found),
         rows=6,
     )

@@ -22,7 +22,7 @@ STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
 
 @dataclass(frozen=True)
 class FieldEffect:
-    """A field at a torque: its share of the variance of ln F'_ior, and what its tolerance does; None without any."""
+    """A field at a torque: its share of the variance of ln F'_ior, and its tolerance's effect; None without any."""
 
     M_g: float
     path: str
@@ -92,7 +92,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
 
 
 def _answer(found: Sensitivities) -> tuple[str, str]:
-    """The tolerance to tighten first and what a step of it brings; or why there is none, and what to do."""
+    """The tolerance to tighten first and the gain of a step; or why there is none, and the remedy."""
     first, largest = found.first, found.largest
     percentile = f"the 95th percentile of F'_ior, {first.now:.2f}″"
     if found.is_worth_tightening:

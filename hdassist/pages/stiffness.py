@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from math import pi
 
 from hdassist.design.beside_catalogue import SegmentBeside, ends_elsewhere, off, segments_beside, stiffness_object
 from hdassist.error.stiffness import LOST_MOTION_SHARE, Segment, Stiffness
-from hdassist.json_parts import Json
+from hdassist.json_parts import attributes
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.report.blocks import Curve, Facts, Table
@@ -16,6 +16,7 @@ from hdassist.report.report import Report
 from hdassist.terminal.brief import again, on_what
 
 ARCMIN = pi / 10800  # rad
+TWIST_CAPTION = "Twist of the drive without deviations, the cam held"
 
 
 def _scaled(stiffness: float) -> str:
@@ -48,25 +49,25 @@ _ON_PAGE: tuple[Quantity[SegmentBeside], ...] = (
 
 def stiffness_report(drive: Drive, found: Stiffness) -> Report:
     """The stiffness of a drive: twist over torque, K1, K2, K3, lost motion."""
-    curve = {
-        "torque_Nm": found.torque,
-        "twist_arcsec": found.twist_arcsec,
-        "contact_arcsec": found.contact_arcsec,
-        "tube_arcsec": found.tube_arcsec,
-    }
+    curve = {"torque_Nm": found.torque, **attributes(found, "twist_arcsec", "contact_arcsec", "tube_arcsec")}
+    sides = {"positive": found.positive, "negative": found.negative}
+    rows = [each for side in sides.values() for each in segments_beside(drive.catalogue, side)]
     lines = [f"K{k}: {_scaled(segment.stiffness)}e4 N*m/rad" for k, segment in enumerate(found.positive, 1)]
     return Report(
         command="stiffness",
         drive=drive,
         head=f"{drive.name}: torsional stiffness without deviations, the cam held",
-        blocks=(segments_table(drive, found), Facts.of(_facts(drive, found)), twist_curve(found)),
+        blocks=(
+            Table.by_row("torsional stiffness in both directions", _ON_PAGE, rows),
+            Facts.of(_facts(drive, found)),
+            Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, ″", TWIST_CAPTION),
+        ),
         certificate=found.certificate,
         cross_checks=(found.cross_check,),
         values={
             **as_object(WHOLE_QUANTITIES, found),
             "catalogue": stiffness_object(drive.catalogue, found),
-            "positive": segment_objects(found.positive),
-            "negative": segment_objects(found.negative),
+            **{name: [as_object(SEGMENT_QUANTITIES, each) for each in side] for name, side in sides.items()},
             "curve": curve,
         },
         csv=csv_columns(**curve),
@@ -76,19 +77,13 @@ def stiffness_report(drive: Drive, found: Stiffness) -> Report:
 
 
 def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
-    """What a reader should know beside the numbers."""
+    """Warnings beside the numbers."""
     if drive.operation.rated is not None:
         return drive.origin.warnings
     asked = is_overridden("operation.M_g", drive.origin.overrides)
     whose = "the greatest torque asked for" if asked else "the greatest of operation.M_g"
     stands = f"no operation.rated in the preset: {result.rated:g} N*m, {whose}, stands for it"
     return (*drive.origin.warnings, f"{stands} in lost motion; --set operation.rated=T tells it" if asked else stands)
-
-
-def twist_curve(found: Stiffness) -> Curve:
-    """Twist over torque."""
-    caption = "Twist of the drive without deviations, the cam held"
-    return Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, ″", caption)
 
 
 def _facts(drive: Drive, found: Stiffness) -> Iterator[tuple[str, str]]:
@@ -102,14 +97,3 @@ def _facts(drive: Drive, found: Stiffness) -> Iterator[tuple[str, str]]:
     yield "  catalogue", f"{theirs:g}″, with friction; ours is off by {percent}" if theirs else ""
     yield "assumed", on_what(drive)
     yield "next", again("check", drive)
-
-
-def segments_table(drive: Drive, found: Stiffness) -> Table:
-    """A row for each segment of both sides, beside the catalogue's stiffness where it gives one."""
-    rows = [each for side in (found.positive, found.negative) for each in segments_beside(drive.catalogue, side)]
-    return Table.by_row("torsional stiffness in both directions", _ON_PAGE, rows)
-
-
-def segment_objects(side: Iterable[Segment]) -> list[Json]:
-    """Segments of one side for JSON."""
-    return [as_object(SEGMENT_QUANTITIES, segment) for segment in side]

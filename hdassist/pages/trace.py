@@ -10,13 +10,12 @@ from hdassist.error.orders import Order, order_legend
 from hdassist.error.trace import Trace
 from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
-from hdassist.preset.fields import Drive
-from hdassist.preset.measured import Measured
+from hdassist.preset.fields import Drive, Measured
 from hdassist.report.blocks import Curve, Facts, Paragraph, Series, Table
 from hdassist.report.quantities import Quantity, csv_columns
-from hdassist.report.report import CsvTable, Report
+from hdassist.report.report import Report
 from hdassist.terminal.brief import again, not_known, on_what
-from hdassist.terminal.wheels_page import heading
+from hdassist.terminal.wheels import heading
 
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
 MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
@@ -34,7 +33,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     """The error of a drive over cam turns; seed, of its sample that was solved again."""
     error = trace.error
     cycle = error.kinematics.cycle_cam_revolutions
-    is_part, nominal = trace.revolutions < cycle, drive.measured != Measured()
+    is_part, nominal = trace.revolutions < cycle, drive.measured != Measured.of_defaults()
     turns = f"{error.M_g:g} N·m, {trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     start = f"{turns} from {moving} = {trace.start_deg:g}°"
@@ -43,6 +42,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     orders = sorted(trace.orders, key=lambda o: -o.amplitude_arcsec)
     listed = sorted(orders[:_LISTED_ORDERS], key=lambda o: o.per_cam_rev)
     words = f"error F_kpp, ″, at {error.M_g:g} N·m"
+    angles = {f"{name}_deg": np.degrees(getattr(error.states, name)) for name in ("phi_h", "phi_g", "phi_b")}
     return Report(
         command="trace",
         drive=drive,
@@ -70,12 +70,12 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
             "M_g_Nm": error.M_g,
             f"{moving}_deg": trace.start_deg,
             "cam_revolutions": trace.revolutions,
-            "phi_h_deg": np.degrees(error.states.phi_h),
+            "phi_h_deg": angles["phi_h_deg"],
             **attributes(error, "error_arcsec", "range_arcsec"),
             "orders": trace.orders,
             "seed": seed,
         },
-        csv=trace_csv(trace),
+        csv=csv_columns(**angles, **attributes(error, "error_arcsec", "rotation_arcsec")),
         line=f"{error.range_arcsec:.2f} arcsec",
         warnings=(*drive.origin.warnings, *unknown_notes(drive)),
     )
@@ -96,10 +96,3 @@ def _facts(drive: Drive, trace: Trace) -> Iterator[tuple[str, str]]:
     whole = ("trace", "-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
     command, *more = whole if trace.revolutions < cycle else ("mount",)
     yield "next", again(command, drive, *more, pitch=trace.measured)
-
-
-def trace_csv(trace: Trace) -> CsvTable:
-    """One row per state."""
-    states = trace.error.states
-    angles = {f"{name}_deg": np.degrees(getattr(states, name)) for name in ("phi_h", "phi_g", "phi_b")}
-    return csv_columns(**angles, **attributes(trace.error, "error_arcsec", "rotation_arcsec"))

@@ -48,7 +48,7 @@ def trials_report(advice: TrialAdvice, *, carded: bool = False) -> Report:
     count, holes, torques = len(advice.trials), drive.mounting.holes, drive.operation.M_g
     title = f"positions, least loss first, {TURNS}" + "; by the trials without the outcome" * (not advice.explained)
     back = Verdict.FAIL if advice.back_to else Verdict.INCONCLUSIVE
-    listed = [losses_table(losses, holes, torques, title, most) for most in (LISTED_HOLES, len(losses.ranked))]
+    listed = [losses_table(losses, holes, torques, title, losses.ranked[:most]) for most in (LISTED_HOLES, None)]
     return Report(
         command="trials",
         drive=drive,
@@ -73,15 +73,15 @@ def _verdict(advice: TrialAdvice) -> str:
 
 
 def trials_warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
-    """What a reader should know beside the numbers."""
+    """Warnings beside the numbers."""
     yield from warnings_of(advice.drive, say)
     outcome, rig, (best, good) = advice.outcome, advice.prior.rig, advice.losses.chosen
     if advice.suspected:
         share = f"{100 * advice.draws.misread.max():.0f} %"
         yield f"{_measured(advice, advice.suspected)} is probably misread ({share}): measure it again"
     elif (hinge := advice.hinges_on) and advice.stay[1] >= advice.needed:
-        least = f"{100 * min(advice.without):.0f} %"
-        yield f"the choice hinges on {_measured(advice, hinge)}: {least} without it, 60 % are wanted: measure it again"
+        least = f"{100 * min(advice.without):.0f} % without it, {100 * advice.stable:g} % are wanted"
+        yield f"the choice hinges on {_measured(advice, hinge)}: {least}: measure it again"
     if outcome and not outcome.as_predicted:
         yield f"{_outcome(advice, outcome)}: outside of what the trials predict: check seat and measurement"
     if outcome and advice.explained and not (advice.settled or advice.to_repeat or advice.back_to):
@@ -121,7 +121,7 @@ def _outcome(advice: TrialAdvice, of: Prediction) -> str:
 
 
 def trials_instruction(advice: TrialAdvice) -> str:
-    """What to do with the wheel, and how sure that is; where the trials do not settle it, what to measure."""
+    """The order on the wheel, and how sure it is; where the trials do not settle it, the measurement to make."""
     if back := advice.back_to:
         there = f"Go back to {advice.where(back.rotation_deg)}, where {back.F_ior_arcsec:g} was measured"
     if advice.outcome:
@@ -245,7 +245,7 @@ def _csv(advice: TrialAdvice) -> CsvTable:
 
 
 def trials_card_facts(advice: TrialAdvice, say: Texts) -> CardFacts:
-    """What the assembly card tells of an advice; say, the texts of its language."""
+    """Contents of the assembly card of an advice; say, the texts of its language."""
     return CardFacts(
         advice.choice,
         cam_deg=advice.facing[0],

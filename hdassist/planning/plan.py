@@ -58,7 +58,7 @@ class ReadingPlan:
         return cls(name, round(cam_turns * POINTS_A_TURN), 1 / POINTS_A_TURN / ratio, is_record=True)
 
     def sees_all(self, cycle_output: int) -> bool:
-        """Whether nothing is left out of a cycle of so many output turns."""
+        """Whether no part is left out of a cycle of so many output turns."""
         return self.is_record and self.readings * self.step_turns >= cycle_output - 1e-9
 
     def seen_as(self, per_output_turn: Array) -> Array:
@@ -73,7 +73,7 @@ class ReadingPlan:
 
 @dataclass(frozen=True)
 class PlanDemands:
-    """What a test has to keep.
+    """Demands on a test.
 
     wrong: share of all tested drives that may pass though beyond the limit, or fail though within, at most;
     noise_arcsec: standard uncertainty of the range that it reads; corrected: whether that is divided by the median
@@ -87,7 +87,7 @@ class PlanDemands:
 
 @dataclass(frozen=True)
 class PlanJudgement:
-    """What a plan sees of F'_ior: share at 5, 50 and 95 % of drives and starts.
+    """The part of F'_ior that a plan sees: share at 5, 50 and 95 % of drives and starts.
 
     false_pass: probability that a drive passes though beyond the limit; false_fail: that it fails though within; None
     without a limit. verdict: PASS where both keep what is demanded, over the whole Monte
@@ -105,8 +105,8 @@ class PlanJudgement:
 class DrivesUnderTest:
     """Drives that may come to a test: their error [arcsec] over the full cycle, shape (drives, points), and weights.
 
-    cycle_output: output turns of the cycle; left_arcsec: what the limit leaves F'_ior, None without one; demands; seed
-    of the starts and of the noise.
+    cycle_output: output turns of the cycle; left_arcsec: the room that the limit leaves F'_ior, None without one;
+    demands; seed of the starts and of the noise.
     """
 
     curves: Array
@@ -145,7 +145,7 @@ class DrivesUnderTest:
         return np.asarray((np.array(seen) + LEAST_ARCSEC) / (self.F_ior_arcsec + LEAST_ARCSEC))
 
     def judge(self, plan: ReadingPlan) -> PlanJudgement:
-        """What a plan sees, and how often its verdict is wrong."""
+        """The part that a plan sees, and how often its verdict is wrong."""
         rng, demands, drives = np.random.default_rng(self.seed), self.demands, len(self.curves)
         shares = self.seen_shares(plan, rng.random((drives, max(LEAST_STARTS, RANDOM_STARTS // drives))))
         seen = self.percentiles(shares)
@@ -164,7 +164,7 @@ class DrivesUnderTest:
         return PlanJudgement(plan, seen, false_pass, false_fail, self._verdict(low, high))
 
     def _verdict(self, low: float, high: float) -> Verdict:
-        """Whether a probability of being wrong, by the ends of its Monte Carlo interval, is what may be."""
+        """Whether a probability of being wrong, by the ends of its Monte Carlo interval, is allowed."""
         if high <= self.demands.wrong:
             return Verdict.PASS
         return Verdict.FAIL if low > self.demands.wrong else Verdict.INCONCLUSIVE

@@ -6,69 +6,52 @@ A size or direction that a preset does not give is unknown, not zero.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
-from hdassist.preset.kinds import Section, field
+from hdassist.preset.kinds import DECLARED_FIELDS, Section
 
 Part = Literal["g", "b", "h"]
-WHEELS: tuple[Part, Part] = ("g", "b")
-
-
-def _size(meaning: str) -> Any:
-    return field(meaning, "um", None, unknown=True, ge=0, le=1000)
-
-
-def _direction(meaning: str) -> Any:
-    return field(meaning, "deg", None, unknown=True, ge=-3600, le=3600)
 
 
 class Tolerances(Section):
     """Deviations of the parts: first harmonics, as peak-to-peak for teeth and as offset for the cam."""
 
-    F_i1: float | None = _size("tangential composite deviation F'_i1 of the flexspline")
-    F_i2: float | None = _size("tangential composite deviation F'_i2 of the rigid wheel")
-    e_hb: float | None = _size("cam offset that stands still with the rigid wheel")
-    e_hh: float | None = _size("cam offset that turns with the cam")
-    e_hg: float | None = _size("cam offset that goes with the flexspline")
-    e_b: float | None = _size("offset of the rigid wheel's pitch circle from its pilot (half its run-out)")
+    F_i1: float | None
+    F_i2: float | None
+    e_hb: float | None
+    e_hh: float | None
+    e_hg: float | None
+    e_b: float | None
 
 
 class Phases(Section):
     """Directions of the deviations at phi_h = phi_g = 0, counter-clockwise seen from the cam side."""
 
-    xi_g: float | None = _direction("phase (or mark, see mounting.mark_kind) of the flexspline")
-    xi_b: float | None = _direction("phase (or mark, see mounting.mark_kind) of the rigid wheel")
-    phi_hb: float | None = _direction("direction of e_hb")
-    phi_hh: float | None = _direction("direction of e_hh, from the minor axis of the cam")
-    phi_hg: float | None = _direction("direction of e_hg")
-    phi_eb: float | None = _direction("direction of e_b, the mark of its greatest run-out")
-
-
-def _amplitude(order: int, whose: str) -> Any:
-    return _size(f"amplitude of order {order} of {whose}")
-
-
-def _phase(size: str) -> Any:
-    return _direction(f"phase of {size}, as xi_b of the first harmonic")
+    xi_g: float | None
+    xi_b: float | None
+    phi_hb: float | None
+    phi_hh: float | None
+    phi_hg: float | None
+    phi_eb: float | None
 
 
 class Harmonics(Section):
     """Deviations of the teeth of higher order, along the pitch circle."""
 
-    a_g2: float | None = _amplitude(2, "the flexspline's teeth")
-    a_g3: float | None = _amplitude(3, "the flexspline's teeth")
-    a_g4: float | None = _amplitude(4, "the flexspline's teeth")
-    a_b2: float | None = _amplitude(2, "the rigid wheel's teeth (ovality)")
-    a_b3: float | None = _amplitude(3, "the rigid wheel's teeth")
-    a_b4: float | None = _amplitude(4, "the rigid wheel's teeth")
-    a_s2: float | None = _amplitude(2, "the rigid wheel's teeth, pressed on them by its seat")
-    xi_g2: float | None = _phase("a_g2")
-    xi_g3: float | None = _phase("a_g3")
-    xi_g4: float | None = _phase("a_g4")
-    xi_b2: float | None = _phase("a_b2")
-    xi_b3: float | None = _phase("a_b3")
-    xi_b4: float | None = _phase("a_b4")
-    xi_s2: float | None = _phase("a_s2")
+    a_g2: float | None
+    a_g3: float | None
+    a_g4: float | None
+    a_b2: float | None
+    a_b3: float | None
+    a_b4: float | None
+    a_s2: float | None
+    xi_g2: float | None
+    xi_g3: float | None
+    xi_g4: float | None
+    xi_b2: float | None
+    xi_b3: float | None
+    xi_b4: float | None
+    xi_s2: float | None
 
 
 @dataclass(frozen=True)
@@ -97,29 +80,12 @@ class Deviation:
         return self.kind in ("cam", "seat")
 
 
-COMPOSITES: dict[Part, Deviation] = {
-    "g": Deviation("tolerances.F_i1", "phases.xi_g", "composite", "g"),
-    "b": Deviation("tolerances.F_i2", "phases.xi_b", "composite", "b"),
-}
-CAM_OFFSETS: dict[Part, Deviation] = {
-    "h": Deviation("tolerances.e_hh", "phases.phi_hh", "cam", "h"),
-    "g": Deviation("tolerances.e_hg", "phases.phi_hg", "cam", "g"),
-    "b": Deviation("tolerances.e_hb", "phases.phi_hb", "cam", "b"),
-}
-DEVIATIONS = (
-    *COMPOSITES.values(),
-    *CAM_OFFSETS.values(),
-    Deviation("tolerances.e_b", "phases.phi_eb", "centre", "b"),
-    *(
-        Deviation(f"harmonics.a_{wheel}{order}", f"harmonics.xi_{wheel}{order}", "harmonic", wheel, order)
-        for wheel in WHEELS
-        for order in (2, 3, 4)
-    ),
-    Deviation("harmonics.a_s2", "harmonics.xi_s2", "seat", "b", 2),
-)
+DEVIATIONS = tuple(Deviation(**each) for each in DECLARED_FIELDS["deviations"])
+COMPOSITES = {each.part: each for each in DEVIATIONS if each.kind == "composite"}
+CAM_OFFSETS = {each.part: each for each in DEVIATIONS if each.kind == "cam"}
 DEVIATION_FIELDS = frozenset(path for each in DEVIATIONS for path in (each.size, each.direction))
 # sizes, by wheel, that measured pitch deviations replace
 IN_TEETH: dict[str, tuple[str, ...]] = {
     wheel: tuple(d.size for d in DEVIATIONS if d.part == wheel and d.kind in ("composite", "harmonic"))
-    for wheel in WHEELS
+    for wheel in COMPOSITES
 }

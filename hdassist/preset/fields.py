@@ -1,6 +1,5 @@
-"""Fields of a preset, each declared once with its unit, range, default and meaning.
+"""Sections of a preset and the drive that they make; fields.toml declares each field's unit, range, default, meaning.
 
-Schema, validation, unit strings, help texts and tests read these declarations.
 Numbers are in the unit of their field; the model converts them.
 """
 
@@ -11,107 +10,32 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, PrivateAttr, ValidationInfo, field_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, field_validator
 from pydantic.fields import FieldInfo
 
 from hdassist.numerals import number_of
-from hdassist.preset.catalogue import Catalogue
-from hdassist.preset.components import Bearing, Cam, Contact, Flexspline, Gears, Material, Supports
 from hdassist.preset.deviations import Harmonics, Phases, Tolerances
 from hdassist.preset.kinds import (
-    CLOSED,
+    DeclaredModel,
     OneLine,
     PerOrder,
+    PerPosition,
     PerTorque,
     Section,
-    field,
     in_range,
     kind_of,
     range_of,
+    read_measure,
     unit_of,
 )
-from hdassist.preset.measured import Measured
 from hdassist.preset.units import read_number
 from hdassist.preset.yamltext import MAX_FINDINGS, InvalidValue, near_miss
 
 PRESET_SCHEMA = "hdassist.preset/1"
 
-
-class Mounting(Section):
-    """How the drive is built in."""
-
-    fixed: Literal["rigid", "flexspline"] = field("the wheel that stands still", default="rigid")
-    mark_kind: Literal["xi", "runout", "pitch"] = field(
-        "what phases.xi_g and xi_b are: phases, marks of greatest radial run-out, "
-        "or marks of greatest cumulative pitch deviation",
-        default="xi",
-    )
-    holes: int = field("holes of the seat of the fixed wheel (0: free angle)", default=12, ge=0, le=360)
-    first_hole: float = field("angle of hole 0", "deg", 0.0, ge=-360, le=360)
-    allowed: Annotated[Literal["all"] | tuple[int, ...], "holes"] = field("usable holes", default="all")
-
-
-class Operation(Section):
-    """Load."""
-
-    M_g: Annotated[tuple[Annotated[float, Field(ge=-1e7, le=1e7)], ...], "numbers"] = field(
-        "torques on the flexspline, counter-clockwise positive", "N*m"
-    )
-    rated: float | None = field("rated torque", "N*m", None, gt=0, le=1e7)
-    dT: float = field("flexspline and cam warmer than the rigid wheel", "K", 0.0, ge=-150, le=150)
-
-
-def _limit(meaning: str, unit: str = "arcsec", most: float = 1e6) -> Any:
-    return field(meaning, unit, None, gt=0, le=most)
-
-
-class Acceptance(Section):
-    """Limits, and the rule that decides."""
-
-    F_ior: PerTorque = field(
-        "limit of F'_ior with the self error, per torque {80: 30} or for all torques", "arcsec", {}
-    )
-    turn_range: PerTorque = field("limit of the range within one cam turn, as F_ior", "arcsec", {})
-    self_error: PerTorque = field("limit of the self error, as F_ior", "arcsec", {})
-    order_amplitude: PerOrder = field(
-        "limit of the amplitude of orders per cam turn {2: 10} at each torque, or at one {2@80: 8}", "arcsec", {}
-    )
-    lost_motion: float | None = _limit("limit of the lost motion")
-    positioning: float | None = _limit("limit of the positioning error one way")
-    repeatability: float | None = _limit("limit of the repeatability, plus and minus")
-    bidirectional: float | None = _limit("limit of the repeatability from both sides, plus and minus")
-    hysteresis_loss: float | None = _limit("limit of the hysteresis loss")
-    starting_torque: float | None = _limit("limit of the torque at the cam that starts it", "N*m", 1e7)
-    backdrive_torque: float | None = _limit("limit of the torque at the output that drives it back", "N*m", 1e7)
-    ratchet_torque: float | None = _limit("least torque at the output at which teeth ratchet", "N*m", 1e9)
-    K_1: float | None = _limit("least torsional stiffness near zero", "N*m/rad", 1e12)
-    K_2: float | None = _limit("least torsional stiffness of the second segment", "N*m/rad", 1e12)
-    K_3: float | None = _limit("least torsional stiffness of the third segment", "N*m/rad", 1e12)
-    rule: Literal["guard", "simple"] = field(
-        "decision rule for measured values: guard bands of 1.65 standard uncertainties, or simple acceptance",
-        default="guard",
-    )
-
-
-class Numerics(Section):
-    """Resolution of the model."""
-
-    n_max: int = field("highest bending mode of the rings", default=40, ge=4, le=200)
-    n_2: int = field("nodes between bore and outer ring", default=100, ge=12, le=720)
-    nominal_curve: Literal["linear", "inextensible"] = field(
-        "shape of the rim on the cam: the ring's bending mode, or a closed curve of unchanged length",
-        default="inextensible",
-    )
-    stations: int = field(
-        "stations along the face of each flank, which is coned; 1: flanks bear as a whole, with contact.c_t",
-        default=5, ge=1, le=16,
-    )  # fmt: skip
-    n_beta: int = field("ball positions per ball pitch with rolling balls", default=48, ge=4, le=1000)
-    n_phase: int = field("tooth phases, and ball phases, of the self error", default=20, ge=2, le=200)
-
-
 # fields that presets had once, with a hint
 REMOVED = {
+    "alternatives": "no command reads them any more: leave them out",
     "acceptance.margin": "no margin any more: predictions are held by their probability, hdassist accept --sure",
     "numerics.window": "no flank window any more: every tooth that may touch is looked at",
 }
@@ -120,22 +44,173 @@ REMOVED = {
 IDENTIFIED_WITH: dict[str, str | int] = {"nominal_curve": "linear", "stations": 1}
 
 
+class Gears(Section):
+    """Teeth of the two wheels."""
+
+    z_g: int
+    z_b: int
+    m: float
+    alpha: float
+    x_g: float
+    x_b: float
+    h_a: float
+    h_f: float
+    j_n: float
+
+    @property
+    def pitch_diameter(self) -> float:
+        """Pitch diameter of the flexspline [mm]."""
+        return self.m * self.z_g
+
+    @property
+    def root_radius(self) -> float:
+        """Radius of the root of the flexspline's teeth [mm]."""
+        return self.m * (self.z_g + 2 * self.x_g - 2 * self.h_f) / 2
+
+
+class Material(Section):
+    """Material of the flexspline, of the cam and of its bearing."""
+
+    E: float
+    nu: float
+    alpha_T: float
+
+
+class Flexspline(Section):
+    """Rim under the teeth and the shell behind it."""
+
+    h_1: float
+    h_3: float
+    b_w: float
+    l: float
+    k_t: float
+
+
+class Bearing(Section):
+    """Flexible bearing between flexspline and cam."""
+
+    N: int
+    ring_b: float
+    ring_h: float
+    d_ball: float | None
+    g_b: float
+    ball_motion: Literal["locked", "rolling"]
+    beta: float
+
+
+class Cam(Section):
+    """Wave generator."""
+
+    W_0: float
+    coupling: Literal["solid", "oldham", "overhung", "unknown"]
+    shaft_d: float | None
+    overhang: float | None
+
+
+class Supports(Section):
+    """Radial stiffness of the supports of the bodies; 0 leaves the body free, anything else is 1 N/mm or more."""
+
+    C_1: float
+    C_2: float
+    C_3: float | None
+
+
+class Contact(Section):
+    """Local compliance of the contacts."""
+
+    c_t: float
+    k_face: float
+    c_ball: float
+    c_bore: float
+
+
+class Mounting(Section):
+    """How the drive is built in."""
+
+    fixed: Literal["rigid", "flexspline"]
+    mark_kind: Literal["xi", "runout", "pitch"]
+    holes: int
+    first_hole: float
+    allowed: Annotated[Literal["all"] | tuple[int, ...], "holes"]
+
+
+class Operation(Section):
+    """Load."""
+
+    M_g: Annotated[tuple[float, ...], "numbers"]
+    rated: float | None
+    dT: float
+
+
+class Catalogue(Section):
+    """Catalogue values of the drive: shown beside the model's figures, and no limit."""
+
+    K_1: float | None
+    K_2: float | None
+    K_3: float | None
+    T_1: float | None
+    T_2: float | None
+    lost_motion: float | None
+    accuracy: float | None
+
+
+class Measured(Section):
+    """Values measured on this drive; +- is its expanded uncertainty (k = 2). It weighs uncertain inputs."""
+
+    K_1: float | None
+    K_2: float | None
+    K_3: float | None
+    lost_motion: float | None
+    play: float | None
+    F_ior: PerPosition
+
+
+class Acceptance(Section):
+    """Limits, and the rule that decides."""
+
+    F_ior: PerTorque
+    turn_range: PerTorque
+    self_error: PerTorque
+    order_amplitude: PerOrder
+    lost_motion: float | None
+    positioning: float | None
+    repeatability: float | None
+    bidirectional: float | None
+    hysteresis_loss: float | None
+    starting_torque: float | None
+    backdrive_torque: float | None
+    ratchet_torque: float | None
+    K_1: float | None
+    K_2: float | None
+    K_3: float | None
+    rule: Literal["guard", "simple"]
+
+
+class Numerics(Section):
+    """Resolution of the model."""
+
+    n_max: int
+    n_2: int
+    nominal_curve: Literal["linear", "inextensible"]
+    stations: int
+    n_beta: int
+    n_phase: int
+
+
 class Source(Section):
     """Where a value comes from."""
 
-    kind: Literal["given", "assumed", "identified"] = field("how sure the value is")
-    ref: str = field("page, figure, standard or reason", default="")
-    range: Annotated[tuple[float, float] | None, "numbers"] = field(
-        "plausible range of the value, in the field's unit", default=None
-    )
+    kind: Literal["given", "assumed", "identified"]
+    ref: str
+    range: Annotated[tuple[float, float] | None, "numbers"]
 
 
 class CostLaw(Section):
-    """What a tolerance costs: share at the value that the preset gives, and 1/tolerance^k of it at others."""
+    """Cost of a tolerance: share at the value that the preset gives, and 1/tolerance^k of it at others."""
 
-    share: float = field("cost at the preset's tolerance, in any unit", default=1.0, gt=0, le=1e9)
-    k: float = field("power of 1/tolerance that the cost grows with", default=1.0, gt=0, le=10)
-    least: float | None = field("least tolerance that can be made, in the field's unit", default=None, gt=0, le=1000)
+    share: float
+    k: float
+    least: float | None
 
 
 BY_PATH: dict[str, type[Section]] = {"source": Source, "cost": CostLaw}  # tables whose keys are paths of fields
@@ -155,34 +230,30 @@ class Origin:
     asked: tuple[tuple[str, str], ...] = ()
 
 
-class Drive(BaseModel):
+class Drive(DeclaredModel):
     """A strain wave drive as a preset describes it."""
 
-    model_config = CLOSED
-
-    name: OneLine = field("name of the drive", min_length=1, max_length=200)
-    description: str = field("what the drive is, and how its numbers were found", default="")
+    name: Annotated[OneLine, Field(min_length=1, max_length=200)]
+    description: str
     gears: Gears
-    material: Material = Material()
+    material: Material = Material.of_defaults()
     flexspline: Flexspline
     bearing: Bearing
     cam: Cam
     supports: Supports
-    contact: Contact = Contact()
-    tolerances: Tolerances = Tolerances()
-    phases: Phases = Phases()
-    harmonics: Harmonics = Harmonics()
-    uncertainty: dict[str, Annotated[float, Field(ge=0)]] = field(
-        "expanded uncertainty (k = 2) of fields, in their unit", default={}
-    )
-    mounting: Mounting = Mounting()
+    contact: Contact = Contact.of_defaults()
+    tolerances: Tolerances = Tolerances.of_defaults()
+    phases: Phases = Phases.of_defaults()
+    harmonics: Harmonics = Harmonics.of_defaults()
+    uncertainty: dict[str, float]
+    mounting: Mounting = Mounting.of_defaults()
     operation: Operation
-    catalogue: Catalogue = Catalogue()
-    measured: Measured = Measured()
-    acceptance: Acceptance = Acceptance()
-    numerics: Numerics = Numerics()
-    cost: dict[str, CostLaw] = field("what tolerances cost, for hdassist allocate", default={})
-    source: dict[str, Source] = field("origin of single values", default={})
+    catalogue: Catalogue = Catalogue.of_defaults()
+    measured: Measured = Measured.of_defaults()
+    acceptance: Acceptance = Acceptance.of_defaults()
+    numerics: Numerics = Numerics.of_defaults()
+    cost: dict[str, CostLaw]
+    source: dict[str, Source]
 
     _origin: Origin = PrivateAttr(default=Origin())
 
@@ -243,15 +314,10 @@ def field_table() -> dict[str, FieldInfo]:
     return {f"{section}.{name}": info for section, model in sections() for name, info in model.model_fields.items()}
 
 
-def fields() -> Iterator[tuple[str, FieldInfo]]:
-    """Path and declaration of each field, in the order they are written."""
-    yield from field_table().items()
-
-
 @cache
 def measures() -> dict[str, FieldInfo]:
     """Path and declaration of each field that holds a single number, and so may have an uncertainty."""
-    return {path: info for path, info in fields() if kind_of(info) == "number"}
+    return {path: info for path, info in field_table().items() if kind_of(info) == "number"}
 
 
 @cache
@@ -271,7 +337,7 @@ def _read_entry(name: str, path: str, entry: Any, table: Mapping[str, Any]) -> A
         hint = f"like {known[0]}" if path in field_table() else _near_path(path, known, table)
         return InvalidValue(words, hint, at_key=True)
     if name == "uncertainty":
-        return read_number(entry, unit_of(measures()[path]))
+        return read_measure(Drive.model_fields[name], entry, unit_of(measures()[path]))
     if name == "source" and isinstance(entry, dict) and "range" in entry:
         return entry | {"range": read_range(path, entry["range"])}
     return entry

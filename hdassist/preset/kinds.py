@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import tomllib
+from importlib.resources import files
 from math import inf, isfinite
-from typing import Annotated, Any, Literal, NamedTuple, cast, get_args
+from typing import Annotated, Any, Literal, NamedTuple, Self, cast, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 from pydantic.fields import FieldInfo
@@ -32,33 +34,41 @@ def _one_line(text: str) -> str:
 OneLine = Annotated[str, AfterValidator(_one_line)]  # of a name: with a line break it could forge a line of a report
 
 
-class Section(BaseModel):
-    """A group of preset fields: immutable, closed, and read as each field declares."""
+UNKNOWN = "unknown"  # written in a preset in place of a value
+DECLARED_FIELDS: dict[str, Any] = tomllib.loads(files("hdassist.preset").joinpath("fields.toml").read_text("utf-8"))
+
+
+def _declared(meaning: str, unit: str = "", default: Any = ..., *, unknown: bool = False, **bounds: float) -> Any:
+    """A field as fields.toml declares it: meaning, unit, default (none: required), whether it may be unknown, range."""
+    extra: dict[str, Any] = {"unit": unit, UNKNOWN: unknown, "bounds": bounds}
+    return Field(default, description=meaning, json_schema_extra=extra)
+
+
+class DeclaredModel(BaseModel):
+    """A part of a preset: immutable, closed, its fields as fields.toml declares them."""
 
     model_config = CLOSED
+
+    def __init_subclass__(cls) -> None:
+        """Join each field with its declaration; one that may be None is so by default."""
+        declared = DECLARED_FIELDS[cls.__name__] if cls.__annotations__ else {}
+        for name in declared:
+            none = {"default": None} if "None" in cls.__annotations__[name] else {}
+            setattr(cls, name, _declared(**none | declared[name]))
+
+
+class Section(DeclaredModel):
+    """A group of preset fields, read as each is declared."""
 
     @field_validator("*", mode="before")
     @classmethod
     def _read(cls, value: Any, info: ValidationInfo) -> Any:
         return read_value(cls.model_fields[str(info.field_name)], value)
 
-
-UNKNOWN = "unknown"  # written in a preset in place of a value
-
-
-def field(
-    meaning: str,
-    unit: str = "",
-    default: Any = ...,
-    *,
-    unknown: bool = False,
-    **limits: float,
-) -> Any:
-    """Declare a field: meaning, unit, default (none: required), whether it may be unknown, range."""
-    extra = {"unit": unit, UNKNOWN: unknown}
-    return Field(  # type: ignore[call-overload]
-        default, description=meaning, json_schema_extra=extra, **limits
-    )
+    @classmethod
+    def of_defaults(cls) -> Self:
+        """The section where a preset leaves it out."""
+        return cls.model_validate({})
 
 
 def may_be_unknown(info: FieldInfo) -> bool:
@@ -71,9 +81,8 @@ def is_number(key: str) -> bool:
     return isfinite(number_of(key))
 
 
-LimitArcsec = Annotated[float, Field(gt=0, le=1e6)]
-PerTorque = Annotated[dict[str, LimitArcsec], "limits"]
-PerOrder = Annotated[dict[str, LimitArcsec], "orders"]
+PerTorque = Annotated[dict[str, float], "limits"]
+PerOrder = Annotated[dict[str, float], "orders"]
 
 
 class UncertainReading(NamedTuple):
@@ -86,10 +95,9 @@ class UncertainReading(NamedTuple):
         return f"{self.value:g} ± {self.uncertainty:g}"
 
 
-LARGEST_READING = 1e6
 PerPosition = Annotated[dict[str, UncertainReading], "readings"]
 WANTED_LISTS = {"numbers": "must be a list of numbers", "holes": "must be all, or a list of hole numbers"}
-# of a table of values: pattern of its keys, what they must be, an example of a key, and of a table
+# of a table of values: pattern of its keys, their meaning, an example of a key, and of a table
 KEYED_TABLES = {
     "limits": (NUMBER, "a torque in N*m, or all", "", ""),
     "orders": (rf"{UNSIGNED}(@{NUMBER})?", "an order per cam turn, or ORDER@TORQUE in N*m", "", "like {2: 10}"),
@@ -101,7 +109,7 @@ KEYED_TABLES = {
 
 
 def read_value(info: FieldInfo, value: Any) -> Any:
-    """What a preset gives for a field, in the form that the field holds; where it cannot be read `InvalidValue`."""
+    """The value of a field in a preset, in the form that the field holds; where it cannot be read `InvalidValue`."""
     kind, unit = kind_of(info), unit_of(info)
     if isinstance(value, InvalidValue) or kind in ("text", "choice") or (value is None and is_optional(info)):
         return value
@@ -116,17 +124,15 @@ def read_value(info: FieldInfo, value: Any) -> Any:
         required = f"in {unit}" if unit else ""
         hint = required if info.is_required() else f"leave the key out for its default, {info.default}"
         return InvalidValue("needs a value", hint)
-    if kind == "number":
-        return read_number(value, unit, spread=True)
-    if kind == "count":
-        return read_count(value)
+    if kind in ("number", "count"):
+        return read_measure(info, value, unit, spread=True)
     if kind in KEYED_TABLES:
-        return _read_table(value, unit, kind)
+        return _read_table(info, value)
     if isinstance(value, dict) or (kind == "holes" and isinstance(value, str)):
         return InvalidValue(WANTED_LISTS[kind])
     items = value if isinstance(value, list | tuple) else [value]
     if kind == "numbers":
-        return tuple(read_number(item, unit) for item in items)
+        return tuple(read_measure(info, item, unit) for item in items)
     holes = tuple(map(read_count, items))
     unread = [
         InitErrorDetails(type="int_type", loc=(index,), input=hole)
@@ -138,11 +144,22 @@ def read_value(info: FieldInfo, value: Any) -> Any:
     return holes
 
 
-def _read_table(value: Any, unit: str, kind: FieldKind) -> Any:
+def read_measure(info: FieldInfo, value: Any, unit: str, *, spread: bool = False) -> float | InvalidValue:
+    """A number in a unit and in the range of a field; spread: a text of it may have an uncertainty."""
+    number = read_count(value) if kind_of(info) == "count" else read_number(value, unit, spread=spread)
+    if isinstance(number, InvalidValue) or in_range(info, number):
+        return number
+    hint = f"that is {number:g} {unit}" if isinstance(value, str) else ""
+    return InvalidValue(f"out of range: {range_of(info, unit)}", hint)
+
+
+def _read_table(info: FieldInfo, value: Any) -> Any:
     """A table of values by torque, order or position; a single limit is that of all torques."""
+    kind = kind_of(info)
     pattern, expected, like_key, like_table = KEYED_TABLES[kind]
+    read, unit = _read_reading if kind == "readings" else read_measure, unit_of(info)
     if not isinstance(value, dict):
-        limit = InvalidValue("must be a table of keys", like_table) if like_table else read_number(value, unit)
+        limit = InvalidValue("must be a table of keys", like_table) if like_table else read(info, value, unit)
         return limit if isinstance(limit, InvalidValue) else {"all": limit}
     table: dict[str, float | UncertainReading | InvalidValue] = {}
     known: set[tuple[float | str, ...]] = set()
@@ -155,21 +172,21 @@ def _read_table(value: Any, unit: str, kind: FieldKind) -> Any:
         elif meant in known:
             table[key] = InvalidValue("given twice", at_key=True)
         else:
-            table[key] = _read_reading(item, unit) if kind == "readings" else read_number(item, unit)
+            table[key] = read(info, item, unit)
         known.add(meant)
     return table
 
 
-def _read_reading(value: Any, unit: str) -> UncertainReading | InvalidValue:
+def _read_reading(info: FieldInfo, value: Any, unit: str) -> UncertainReading | InvalidValue:
     if isinstance(value, InvalidValue | UncertainReading):
         return value
     try:
         reading = UncertainReading(*read_spread(str(value), unit))
     except UnitError as error:
         return error
-    if all(0 < number <= LARGEST_READING for number in reading):
+    if all(in_range(info, number) for number in reading):
         return reading
-    return InvalidValue(f"out of range: value and uncertainty above 0, up to {plain(LARGEST_READING)} {unit}")
+    return InvalidValue(f"out of range: value and uncertainty {range_of(info, unit)}")
 
 
 def unit_of(info: FieldInfo) -> str:
@@ -178,12 +195,12 @@ def unit_of(info: FieldInfo) -> str:
 
 
 def _extra(info: FieldInfo) -> dict[str, Any]:
-    """What a field was declared with beside its type, default and range."""
+    """The declaration of a field beside its type, default and range."""
     return cast(dict[str, Any], info.json_schema_extra or {})
 
 
 def kind_of(info: FieldInfo) -> FieldKind:
-    """What a field takes: a number, count, text, choice, several numbers, holes, limits, readings."""
+    """Kind of a field's value: a number, count, text, choice, several numbers, holes, limits, readings."""
     parts = (*info.metadata, info.annotation, *get_args(info.annotation))
     return next((KINDS[part] for part in parts if part in KINDS), "choice")
 
@@ -200,13 +217,7 @@ def choices_of(info: FieldInfo) -> tuple[str, ...]:
 
 def bounds_of(info: FieldInfo) -> dict[str, float]:
     """Bounds of a field, or of each item of it, as far as it has them: ge and le, in its range; gt, just out of it."""
-    bounds: dict[str, float] = {}
-    parts: list[Any] = [info]
-    for part in parts:  # grows by its own parts
-        if isinstance(part, FieldInfo):
-            bounds |= {name: getattr(x, name) for x in part.metadata for name in ("ge", "gt", "le") if hasattr(x, name)}
-        parts += [part.annotation] if isinstance(part, FieldInfo) else get_args(part)
-    return bounds
+    return dict(_extra(info).get("bounds", {}))
 
 
 def range_of(info: FieldInfo, unit: str = "") -> str:
@@ -243,7 +254,7 @@ def text_of(value: Any) -> str:
     """A value as a preset has it, with every digit it has, and no more."""
     if value is None:
         return UNKNOWN
-    if isinstance(value, bool | str):
+    if isinstance(value, bool | str | UncertainReading):
         return str(value)
     if isinstance(value, tuple):
         return f"[{', '.join(map(text_of, value))}]"

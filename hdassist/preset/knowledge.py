@@ -33,14 +33,6 @@ STANDING_OFFSET, TURNING_OFFSET, CENTRE_OFFSET = 0.5, 0.2, 0.06
 # of half of F'_i, amplitudes of order 2 and of orders 3 and 4; assumed: twice as much breaks the accuracy that
 # catalogues promise of size 20, half as much makes the one recorded drive one in a hundred (docs/validation.md)
 SECOND_ORDER, HIGHER_ORDERS = 0.08, 0.04
-# by cam.coupling: stiffness of the cam's support and its plausible range [N/mm] at the reference diameter, with which
-# they grow, and why
-CAM_SUPPORTS = {
-    "unknown": (1e4, 1e3, 1e5, "the middle of a range from a compliant to a solid hub"),
-    "solid": (4.5e4, 2e4, 1e5, "a solid hub on a stiff shaft; by judgement"),
-    # the cam's 8 N*m at 15 mm press the slides by 530 N: friction of 0.08 of that over an offset of 80 um is 500 N/mm
-    "oldham": (0.0, 0.0, 500.0, "self-aligning; what friction of its slides adds is a guess"),
-}
 # N/mm for each mm of its bore: radial stiffness of the bearing of a shaft with an overhung cam, and its range; a guess
 SHAFT_BEARING = (5e3, 2e3, 1e4)
 
@@ -98,6 +90,8 @@ class Proportion:
 
 _TABLES = tomllib.loads(files("hdassist.preset").joinpath("knowledge.toml").read_text("utf-8"))
 LAWS = {path: Law(**law) for path, law in _TABLES["laws"].items()}
+# by cam.coupling: stiffness of the cam's support and its plausible range [N/mm] at the reference diameter, and why
+CAM_SUPPORTS: dict[str, tuple[float, float, float, str]] = _TABLES["cam_supports"]
 PROPORTIONS = [Proportion(**each) for each in _TABLES["proportions"]]
 
 

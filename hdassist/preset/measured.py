@@ -1,27 +1,10 @@
-"""What was measured on the drive itself: evidence of it, by which all that is not known of it is weighed."""
+"""Positions at which F'_ior was measured: holes of the seat, or turns of the fixed wheel."""
 
 from __future__ import annotations
 
 from math import nan
 
 from hdassist.numerals import number_of
-from hdassist.preset.kinds import PerPosition, Section, field
-
-
-class Measured(Section):
-    """What was measured on this drive; +- is its expanded uncertainty (k = 2). It weighs what is not known exactly."""
-
-    K_1: float | None = field("torsional stiffness up to catalogue.T_1, cam held", "N*m/rad", None, ge=1e-3, le=1e12)
-    K_2: float | None = field("torsional stiffness from there to catalogue.T_2", "N*m/rad", None, ge=1e-3, le=1e12)
-    K_3: float | None = field("torsional stiffness above that", "N*m/rad", None, ge=1e-3, le=1e12)
-    lost_motion: float | None = field("twist between +-4 % of the rated torque", "arcsec", None, ge=0, le=1e6)
-    play: float | None = field("twist that the clearances leave free, without load", "arcsec", None, ge=0, le=1e6)
-    F_ior: PerPosition = field(
-        "F'_ior where the wheel was, hole of its seat or turn in deg from where it stands, @ torque in N*m "
-        "{h0@80: 28.1 +- 1, h4@80: 17.3 +- 1}",
-        "arcsec", {},
-    )  # fmt: skip
-
 
 FARTHEST_TURN = 3600.0  # deg that a wheel can be meant to be turned by
 

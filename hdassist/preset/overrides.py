@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from hdassist.errors import Finding, UsageError
-from hdassist.preset.fields import BY_PATH, fields
+from hdassist.preset.fields import BY_PATH, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.preset.yamltext import OVERRIDE, Document, Mark, Path, SourceSpan, path_text, read_yaml, shown
 
-PER_TORQUE = [tuple(path.split(".")) for path, info in fields() if kind_of(info) == "limits"]
+OVERRIDE_PLACE = re.compile(rf"^{OVERRIDE}:\d+:\d+: ", re.MULTILINE)  # in a message, of an override that nobody typed
+PER_TORQUE = [tuple(path.split(".")) for path, info in field_table().items() if kind_of(info) == "limits"]
 
 
 @dataclass(frozen=True)

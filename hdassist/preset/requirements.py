@@ -4,54 +4,67 @@ from __future__ import annotations
 
 import re
 from math import isfinite
-from typing import Any
 
 from hdassist.errors import UsageError
 from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.kinds import choices_of, plain
-from hdassist.preset.similarity import Requirements, SimilarValue, teeth_of_ratio
+from hdassist.preset.kinds import choices_of, plain, range_of
+from hdassist.preset.similarity import PITCH_DIAMETER, STIFFNESS, Requirements, SimilarValue
 from hdassist.preset.units import read_number
 from hdassist.preset.yamltext import InvalidValue, near_miss, scalar_value, shown
 
-MEASURES = {"pitch_diameter": "mm", "torque": "N*m", "lost_motion": "arcsec", "accuracy": "arcsec"}  # and their units
+# options of a measure: their fields and units
+MEASURES = {
+    "pitch_diameter": (PITCH_DIAMETER, "mm"), "torque": ("operation.rated", "N*m"),
+    "lost_motion": ("catalogue.lost_motion", "arcsec"), "accuracy": ("catalogue.accuracy", "arcsec"),
+}  # fmt: skip
 
 
-def read_requirements(like: Drive, **given: Any) -> Requirements:
+def read_requirements(like: Drive, *, ratio: float | None = None, **given: str | None) -> Requirements:
     """Requirements on a drive that is to be like another one.
 
-    Arguments, None where not given: coupling of the cam, as cam.coupling has it; shaft, diameter and overhang [mm] of
-    one that it is overhung on, like 14x30; pitch_diameter [mm] and torque [N*m]; teeth, like 160/162; ratio, of the
-    drive built in as the other one; of a catalogue three stiffnesses [N*m/rad], lost_motion and accuracy [arcsec]. All
-    but the ratio are texts, which may have a unit.
+    Arguments, None where not given: ratio, of the drive built in as the other one; coupling of the cam, as cam.coupling
+    has it; shaft, diameter and overhang [mm] of one that it is overhung on, like 14x30; pitch_diameter [mm] and torque
+    [N*m]; teeth, like 160/162; of a catalogue three stiffnesses [N*m/rad], lost_motion and accuracy [arcsec]: texts,
+    which may have a unit.
     Raises UsageError: an option that cannot be read, or two that contradict each other.
     """
-    options = {name: f"--{name.replace('_', '-')}" for name in MEASURES}
-    given = {name: value for name, value in given.items() if value is not None}
-    values = {name: _measure(options[name], given[name], MEASURES[name]) for name in MEASURES if name in given}
-    sources = {name: f"{options[name]} {plain(value)}" for name, value in values.items()}
-    others = _coupling(given.get("coupling"), given.get("shaft"))
-    for name in ("lost_motion", "accuracy"):
-        if name in values:
-            others[f"catalogue.{name}"] = SimilarValue(values[name], "given", f"{options[name]} {given[name]}")
-    z_g = _teeth(given["teeth"]) if "teeth" in given else None
-    if z_g is not None:
-        sources["teeth"] = f"--teeth {z_g}/{z_g + 2}"
-    if (ratio := given.get("ratio")) is not None:
-        if not (isfinite(ratio) and ratio > 0):
-            raise UsageError(f"invalid --ratio {ratio:g}: expected a number above 0")
-        by_ratio = teeth_of_ratio(like, ratio)
-        if z_g not in (None, by_ratio):
+    required: dict[str, SimilarValue] = {}
+    for name, (path, unit) in MEASURES.items():
+        if (text := given.get(name)) is not None:
+            option = f"--{name.replace('_', '-')}"
+            required[path] = SimilarValue(_measure(option, text, unit), "given", f"{option} {text}")
+    if (teeth := given.get("teeth")) is not None:
+        z_g = _teeth(teeth)
+        required["gears.z_g"] = SimilarValue(z_g, "given", f"--teeth {z_g}/{z_g + 2}")
+    if ratio is not None:
+        z_g = _teeth_of_ratio(like, ratio)
+        by_teeth = required.get("gears.z_g")
+        if by_teeth and by_teeth.value != z_g:
             raise UsageError(
-                f"{sources['teeth']} contradicts --ratio {plain(ratio)}, which takes {by_ratio}/{by_ratio + 2}",
+                f"{by_teeth.ref} contradicts --ratio {plain(ratio)}, which takes {z_g}/{z_g + 2}",
                 "leave one of them out",
             )
-        z_g = by_ratio
-        sources["teeth"] = f"--ratio {plain(ratio)}, two waves"
-    K = _stiffnesses(given["stiffness"]) if "stiffness" in given else None
-    if K is not None:
-        sources["stiffness"] = f"--stiffness {','.join(map(plain, K))}; not fitted, hdassist stiffness compares"
-    d, T = values.get("pitch_diameter"), values.get("torque")
-    return Requirements(z_g, d, T, K, sources=sources, others=others)
+        required["gears.z_g"] = SimilarValue(z_g, "given", f"--ratio {plain(ratio)}, two waves")
+    if (stiffness := given.get("stiffness")) is not None:
+        K = tuple(_measure("--stiffness", part, "N*m/rad") for part in stiffness.split(","))
+        if len(K) != 3:
+            raise UsageError(f"invalid --stiffness {shown(stiffness)}: expected three numbers", "like 3.1e4,5e4,5.7e4")
+        ref = f"--stiffness {','.join(map(plain, K))}; not fitted, hdassist stiffness compares"
+        required[STIFFNESS] = SimilarValue(K, "given", ref)
+    return required | _coupling(given.get("coupling"), given.get("shaft"))
+
+
+def _teeth_of_ratio(like: Drive, ratio: float) -> int:
+    """Teeth of the flexspline that make a ratio, built in as another drive is."""
+    if not (isfinite(ratio) and ratio > 0):
+        raise UsageError(f"invalid --ratio {ratio:g}: expected a number above 0")
+    z_g = 2 * ratio if like.mounting.fixed == "rigid" else 2 * ratio - 2
+    if z_g != round(z_g) or not like.allows("gears.z_g", z_g):
+        raise UsageError(
+            f"a ratio of {plain(ratio)} needs {z_g:g} teeth on the flexspline",
+            f"two waves: twice the ratio, a whole number of teeth from {range_of(field_table()['gears.z_g'])}",
+        )
+    return int(z_g)
 
 
 def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue]:
@@ -101,10 +114,3 @@ def _measure(option: str, text: str, unit: str) -> float:
     if not value > 0:
         raise UsageError(f"invalid {option} {shown(text)}: expected a number above 0 {unit}")
     return value
-
-
-def _stiffnesses(text: str) -> tuple[float, float, float]:
-    values = [_measure("--stiffness", part, "N*m/rad") for part in text.split(",")]
-    if len(values) != 3:
-        raise UsageError(f"invalid --stiffness {shown(text)}: expected three numbers", "like 3.1e4,5e4,5.7e4")
-    return values[0], values[1], values[2]

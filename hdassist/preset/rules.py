@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from hdassist.preset.measured import position_fault
@@ -28,7 +29,7 @@ class Conflict:
 
 @dataclass(frozen=True)
 class FieldRule:
-    """A rule on fields: path of the field to look at first, message, and a hint at what to do.
+    """A rule on fields: path of the field to look at first, message, and a hint at the remedy.
 
     fault: of the fields that its arguments are named after, the numbers at fault, or True; empty or False where the
     fields go together.
@@ -39,7 +40,7 @@ class FieldRule:
     fault: Callable[..., str | bool]
     hint: str = ""
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the fields that it looks at."""
         return tuple(inspect.signature(self.fault).parameters)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from hdassist.preset.fields import Drive, fields
-from hdassist.preset.kinds import UNKNOWN, UncertainReading, may_be_unknown, unit_of
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import UNKNOWN, may_be_unknown, text_of, unit_of
 from hdassist.preset.overrides import is_overridden
 
 
@@ -26,11 +26,17 @@ class ResolvedField:
     meaning: str
     range: tuple[float, float] | None
 
+    @property
+    def reference(self) -> str:
+        """Where the value comes from, its plausible range first."""
+        bounds = " to ".join(map(value_text, self.range or ()))
+        return "; ".join(filter(None, (bounds, self.ref)))
+
 
 def resolved_fields(drive: Drive) -> list[ResolvedField]:
     """Rows for every field of a drive that stands in a section, in the order of the declarations."""
     rows = []
-    for path, info in fields():
+    for path, info in field_table().items():
         section, name = path.split(".")
         table, value, source = getattr(drive, section), drive.value(path), drive.source.get(path)
         kind, ref, bounds = (str(source.kind), source.ref, source.range) if source else ("given", "", None)
@@ -51,11 +57,5 @@ def origin_counts(drive: Drive) -> dict[str, int]:
 
 
 def value_text(value: Any) -> str:
-    """A value with every digit it has."""
-    if value is None:
-        return "-"
-    if isinstance(value, tuple) and not isinstance(value, UncertainReading):
-        return ", ".join(map(value_text, value))
-    if isinstance(value, dict):
-        return ", ".join(f"{key}: {value_text(item)}" for key, item in value.items()) or "-"
-    return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
+    """A value as a preset has it, without brackets; a dash where there is none."""
+    return "-" if value is None else text_of(value).strip("[]{}") or "-"

@@ -6,7 +6,7 @@ Each field follows its law (`knowledge`); profile shifts keep the bore in propor
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from math import log10
 from typing import Any, NoReturn
 
@@ -17,6 +17,8 @@ from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import plain, range_of, unit_of
 from hdassist.preset.knowledge import CATALOGUE_K3, LAWS, REFERENCE, TORQUE_DENSITY, F_p, Law, growth
 
+PITCH_DIAMETER = "gears.pitch_diameter"
+STIFFNESS = "catalogue.K"
 FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
 FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
 ASSUMED_CLASSES = (7, 8)  # of ISO 1328-1: that of the value of F'_i, and that of the upper end of its range
@@ -41,25 +43,8 @@ class SimilarValue:
     range: tuple[float, float] | None = None
 
 
-@dataclass(frozen=True)
-class Requirements:
-    """Requirements on a new drive: teeth of the flexspline, pitch diameter [mm], torque [N*m], K1 to K3 [N*m/rad].
-
-    derived: whether the diameter follows from another requirement; sources: of "teeth", "pitch_diameter", "torque" and
-    "stiffness"; others: further fields, by path.
-    """
-
-    z_g: int | None = None
-    diameter: float | None = None
-    torque: float | None = None
-    stiffness: tuple[float, float, float] | None = None
-    derived: bool = False
-    sources: Mapping[str, str] = field(default_factory=dict)
-    others: Mapping[str, SimilarValue] = field(default_factory=dict)
-
-    def source(self, name: str) -> str:
-        """Source of the teeth, diameter, torque or stiffness, for the preset."""
-        return self.sources.get(name, "hdassist presets new")
+# on a new drive: its fields, by path, its PITCH_DIAMETER [mm], and its STIFFNESS, K1 to K3 [N*m/rad] at once
+Requirements = dict[str, SimilarValue]
 
 
 def rated_of(drive: Drive) -> float:
@@ -75,35 +60,30 @@ def size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
     the size has.
     """
     own, stiffer = like.gears.pitch_diameter, 1.0
-    T, K = required.torque, required.stiffness
-    if K is not None and not 0 < K[0] <= K[1] <= K[2]:
+    T = required["operation.rated"].value if "operation.rated" in required else None
+    K: tuple[float, ...] = required[STIFFNESS].value if STIFFNESS in required else ()
+    if K and not 0 < K[0] <= K[1] <= K[2]:
         raise UsageError(f"K1, K2, K3 must be above 0 and rise: {', '.join(map(plain, K))} N*m/rad")
-    if required.diameter is not None:
-        kind = "assumed" if required.derived else "given"
-        size = SimilarValue(required.diameter, kind, required.source("pitch_diameter"))
-    elif K is not None:
+    if size := required.get(PITCH_DIAMETER):
+        of_catalogues = CATALOGUE_K3 * (size.value / REFERENCE) ** 3
+        stiffer = K[2] / of_catalogues if K else 1.0
+        if not 1 / FARTHEST_STIFFNESS <= stiffer <= FARTHEST_STIFFNESS:
+            _refuse_size(f"K3 = {plain(K[2])} N*m/rad", size.value, f"about {rounded(of_catalogues, 2):g}")
+    elif K:
         d = rounded(REFERENCE * (K[2] / CATALOGUE_K3) ** (1 / 3))
-        size = SimilarValue(
-            d, "assumed", f"{d:g} mm from K3 = {plain(K[2])} N*m/rad, which grows with d^3 in catalogues"
-        )
-    elif T is not None:
+        why = f"{d:g} mm from K3 = {plain(K[2])} N*m/rad, which grows with d^3 in catalogues"
+        size = SimilarValue(d, "assumed", why)
+    elif T is None:
+        return SimilarValue(own, "assumed", f"the pitch diameter of {like.name}, {own:g} mm"), stiffer
+    else:
         d = rounded(own * (T / rated_of(like)) ** (1 / 3))
         low, high = ((T / density) ** (1 / 3) for density in reversed(TORQUE_DENSITY))
         why = f"{d:g} mm from {plain(T)} N*m, d^3 as {like.name}; catalogues have {low:.3g} to {high:.3g} mm for it"
-        size = SimilarValue(d, "assumed", why)
-    else:
-        size = SimilarValue(own, "assumed", f"the pitch diameter of {like.name}, {own:g} mm")
-    if T is not None and (K is not None or required.diameter is not None):
-        low, high = (density * size.value**3 for density in TORQUE_DENSITY)
-        if not low / FARTHEST_TORQUE <= T <= high * FARTHEST_TORQUE:
-            _refuse_size(
-                f"a rated torque of {plain(T)} N*m", size.value, f"{rounded(low, 2):g} to {rounded(high, 2):g} N*m"
-            )
-    if K is not None and required.diameter is not None:
-        of_catalogues = CATALOGUE_K3 * (size.value / REFERENCE) ** 3
-        stiffer = K[2] / of_catalogues
-        if not 1 / FARTHEST_STIFFNESS <= stiffer <= FARTHEST_STIFFNESS:
-            _refuse_size(f"K3 = {plain(K[2])} N*m/rad", size.value, f"about {rounded(of_catalogues, 2):g}")
+        return SimilarValue(d, "assumed", why), stiffer
+    low, high = (density * size.value**3 for density in TORQUE_DENSITY)
+    if T is not None and not low / FARTHEST_TORQUE <= T <= high * FARTHEST_TORQUE:
+        usual = f"{rounded(low, 2):g} to {rounded(high, 2):g} N*m"
+        _refuse_size(f"a rated torque of {plain(T)} N*m", size.value, usual)
     return size, stiffer
 
 
@@ -122,38 +102,32 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     """
     size, stiffer = size_of(like, required)
     d, s = size.value, size.value / like.gears.pitch_diameter
-    z_g = required.z_g or like.gears.z_g
-    m = rounded(d / z_g, 12)
-    kind = "given" if required.z_g else "assumed"
-    teeth = required.source("teeth") if required.z_g else f"as {like.name}"
-    entries = {
-        "gears.z_g": SimilarValue(z_g, kind, teeth),
-        "gears.z_b": SimilarValue(z_g + 2, kind, teeth),
-        "gears.m": SimilarValue(m, size.kind, f"{d:.6g} mm / {z_g} teeth; {size.ref}"),
+    as_like = {path: SimilarValue(like.value(path), "assumed", f"as {like.name}") for path in _choices(like)}
+    teeth = required.get("gears.z_g", as_like["gears.z_g"])
+    m = rounded(d / teeth.value, 12)
+    entries = as_like | {
+        "gears.z_b": replace(teeth, value=teeth.value + 2),
+        "gears.m": SimilarValue(m, size.kind, f"{d:.6g} mm / {teeth.value} teeth; {size.ref}"),
     }
     for path, law in LAWS.items():
         optional = path in WHERE_GIVEN and path not in _given(like)
         if like.value(path) is not None and path != like.unused_tooth_field and not optional:
             entries[path] = _scaled(like, path, law, s, m, stiffer)
-    entries |= _shifts(like, entries, d)
-    entries |= _tolerances(d, m)
-    entries |= _load(like, required, s, d)
-    entries |= {path: SimilarValue(like.value(path), "assumed", f"as {like.name}") for path in _choices(like)}
-    K = required.stiffness or ()
-    entries |= {
-        f"catalogue.K_{k}": SimilarValue(value, "given", required.source("stiffness")) for k, value in enumerate(K, 1)
-    }
-    entries |= required.others
+    entries |= _shifts(like, entries, d) | _tolerances(d, m)
+    entries |= _load(like, required, s, d) | required
+    if stiffness := required.get(STIFFNESS):
+        entries |= {f"{STIFFNESS}_{k}": replace(stiffness, value=K) for k, K in enumerate(stiffness.value, 1)}
     if "cam.coupling" in entries:
         del entries["supports.C_3"]  # it follows from that
-    for path, entry in entries.items():
+    written = {path: entries[path] for path in field_table() if path in entries}
+    for path, entry in written.items():
         if isinstance(entry.value, float) and not like.allows(path, entry.value):
             unit = unit_of(info := field_table()[path])
             raise UsageError(
                 f"no such drive: {path} would be {entry.value:.3g} {unit}".rstrip(),
                 f"a preset takes {range_of(info, unit)}; other teeth, or another size",
             )
-    return {path: entries[path] for path in field_table() if path in entries}
+    return written
 
 
 def _given(drive: Drive) -> set[str]:
@@ -162,8 +136,8 @@ def _given(drive: Drive) -> set[str]:
 
 
 def _choices(like: Drive) -> list[str]:
-    """Fields of the mounting and of the numerical model in which a drive differs from their defaults."""
-    settings = (path for path in _given(like) if path.startswith(("mounting.fixed", "numerics.")))
+    """Teeth, and fields of the mounting and of the numerical model in which a drive differs from their defaults."""
+    settings = (path for path in _given(like) if path.startswith(("gears.z_g", "mounting.fixed", "numerics.")))
     return [path for path in settings if like.value(path) != field_table()[path].default]
 
 
@@ -217,34 +191,17 @@ def _tolerances(d: float, m: float) -> dict[str, SimilarValue]:
 
 
 def _load(like: Drive, required: Requirements, s: float, d: float) -> dict[str, SimilarValue]:
-    own = rated_of(like)
-    rated = rounded(own * s**3, 3) if required.torque is None else required.torque
-    shares = tuple(rounded(torque / own * rated, 3) for torque in like.operation.M_g)
-    if required.torque is None:
+    own, rating = rated_of(like), required.get("operation.rated")
+    if rating is None:
+        rated = rounded(own * s**3, 3)
         bounds = [rounded(density * d**3, 2) for density in TORQUE_DENSITY]
         ref = f"{like.name} x d^3 = {s**3:.4g}; catalogues have it from {bounds[0]:g} to {bounds[1]:g} N*m"
         rating = SimilarValue(rated, "assumed", ref, _around(like, "operation.rated", rated, *bounds))
-    else:
-        rating = SimilarValue(rated, "given", required.source("torque"))
+    shares = tuple(rounded(torque / own * rating.value, 3) for torque in like.operation.M_g)
     return {
         "operation.M_g": SimilarValue(shares, "assumed", f"the shares of the rated torque that {like.name} has"),
         "operation.rated": rating,
     }
-
-
-def teeth_of_ratio(like: Drive, ratio: float) -> int:
-    """Teeth of the flexspline that make a ratio, built in as another drive is.
-
-    Raises UsageError where it takes no whole number of teeth.
-    """
-    z_g = 2 * ratio if like.mounting.fixed == "rigid" else 2 * ratio - 2
-    info = field_table()["gears.z_g"]
-    if z_g != round(z_g) or not like.allows("gears.z_g", z_g):
-        raise UsageError(
-            f"a ratio of {plain(ratio)} needs {z_g:g} teeth on the flexspline",
-            f"two waves: twice the ratio, a whole number of teeth from {range_of(info)}",
-        )
-    return int(z_g)
 
 
 def rounded(value: float, digits: int = 4) -> float:

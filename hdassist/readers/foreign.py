@@ -1,4 +1,4 @@
-"""Files of other programs: what they are, and rows of a table in place of those whose meaning is known.
+"""Files of other programs: their kinds, and rows of a table in place of those whose meaning is known.
 
 PHD2 guide log: sections of rows under a line of names; RARawDistance in pixels, `Pixel scale` and `Dec` above them.
 Where no row has a pulse (RADuration), the mount follows the sky by itself; a line between rows may move the star.
@@ -56,7 +56,7 @@ def readable_parts(text: TextFile, notes: list[str]) -> Iterator[tuple[int, str]
 
 
 def _of_pe_file(lines: list[str], notes: list[str]) -> Iterator[str]:
-    """Angle of what turns once a worm period, the cam, by motor steps, else by time."""
+    """Angle of the shaft that turns once a worm period, the cam, by motor steps, else by time."""
     period, steps = (_stated(rf"^!{key}{_NUMBER}", lines) for key in ("WormPeriod", "StepsPerWorm"))
     if not (period and period > 0):
         raise DataError("a PE file of EQMOD without its !WormPeriod", "!WormPeriod=479 above the rows, in s")

@@ -60,7 +60,7 @@ PitchForm = Literal["cumulative", "single"]
 Sense = Literal["ccw", "cw"]
 Flank = Literal["left", "right"]
 
-CHOICES = {  # by key: values, and what they are for messages
+CHOICES = {  # by key: values, and their names for messages
     "form": (get_args(PitchForm), "cumulative or single"),
     "sense": (get_args(Sense), "ccw or cw, seen from the cam side"),
     "sign": (("along", "ccw", "cw"), "along (the numbering), ccw or cw"),
@@ -193,7 +193,7 @@ class _Statements:
         return int(stated or teeth[0])
 
     def columns(self) -> tuple[int, int]:
-        """Columns of the tooth numbers and of the deviations; states what the name of the latter says."""
+        """Columns of the tooth numbers and of the deviations; states the meaning of the latter's name."""
         names = self.table.names
         teeth = [index for index, name in enumerate(names) if names_teeth(name)]
         first = teeth[0] if len(teeth) == 1 else 0
@@ -203,19 +203,14 @@ class _Statements:
             if wanted and len(others) > 1 and names:
                 others = [index for index in others if meaning(names[index]) == wanted] or others
         if len(others) > 1:
-            self._refuse_columns(others)
+            got = " and ".join(f'"{self.table.name(column)}"' for column in others)
+            line = self.table.names_line if names else int(self.table.lines[0])
+            self.table.add(line, 1, "", f"{len(others)} columns of deviations", got, COLUMNS_HINT)
         elif names:
-            self._name_says(names[others[0]])
+            self._take_name(names[others[0]], self.table.names_line)
         return first, others[0]
 
-    def _refuse_columns(self, columns: list[int]) -> None:
-        table = self.table
-        got = " and ".join(f'"{table.name(column)}"' for column in columns)
-        line = table.names_line if table.names else int(table.lines[0])
-        table.add(line, 1, "", f"{len(columns)} columns of deviations", got, COLUMNS_HINT)
-
-    def _name_says(self, name: str) -> None:
-        line = self.table.names_line
+    def _take_name(self, name: str, line: int) -> None:
         for key, value in (("form", form_in(name)), ("flank", flank_in(name)), ("unit", length_in(name))):
             if value == AMBIGUOUS:
                 if not self.stated[key] and key not in self.asked:

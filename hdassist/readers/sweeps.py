@@ -37,7 +37,7 @@ class AngleError(ValueError):
 
 
 def guessed_wrap(angle: Angles, count: float) -> float | None:
-    """Angle [deg] after which an encoder begins again: a turn, or what its counter holds; None if it does not.
+    """Angle [deg] after which an encoder begins again: a turn, or the range of its counter; None if it does not.
 
     All angles lie within it, with steps of more than half of it. Argument: count, size of a count [deg].
     """

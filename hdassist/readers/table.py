@@ -278,7 +278,7 @@ class _Rows:
         self.lines.frombytes(lines.tobytes())
 
     def _plain(self, part: str) -> Cells | None:
-        """Rows of a part that has nothing but numbers and separators, shape (rows, columns); None for any other part.
+        """Rows of a part of numbers and separators alone, shape (rows, columns); None for any other part.
 
         It reads the same numbers as `_row`, only faster.
         """

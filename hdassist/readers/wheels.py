@@ -31,13 +31,12 @@ class WheelFiles:
     @property
     def files(self) -> dict[str, str]:
         """The given files by wheel."""
-        named = {"b": self.pitch_b, "g": self.pitch_g}
-        return {name: file for name, file in named.items() if file is not None}
+        return {name: file for name in WHEEL_NAMES if (file := getattr(self, f"pitch_{name}")) is not None}
 
     @property
     def is_marked(self) -> bool:
         """Whether a direction of a mark is given."""
-        return any(self.mark(name) is not None for name in WHEEL_NAMES)
+        return self.mark_b is not None or self.mark_g is not None
 
     def mark(self, name: str) -> float | None:
         """Direction [deg] of the mark of a wheel; None where it is not given."""

@@ -1,1 +1,1 @@
-"""How work is carried out and kept; nothing here knows what the work is about."""
+"""How work of any kind is carried out and kept."""

@@ -1,7 +1,7 @@
 """Answers kept in the user's cache folder: found again by all that they depend on, and never trusted as they stand.
 
-A file is named by its kind and key; its first line has the key and the checksum of what follows. Whatever does not hold
-is as if it were not there. The folder may be emptied at any time, and where it cannot be written nothing is kept.
+A file is named by its kind and key; its first line has the key and the checksum of the rest. Whatever does not hold
+is as if it were not there. The folder may be emptied at any time, and where it cannot be written no data are kept.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ def program(*packages: str) -> tuple[str, ...]:
     return source.hexdigest(), *versions, *kernels, platform.platform(), platform.python_version()
 
 
-def cached(kind: str, key: str, folder: Path | None = None) -> bytes | None:
-    """What was kept of a kind by a key (SHA-256); None where there is nothing, or it does not hold."""
-    path = _path(kind, key, folder)
+def cached(kind: str, key: str) -> bytes | None:
+    """Data kept of a kind by a key (SHA-256); None where there are none, or they do not hold."""
+    path = _path(kind, key)
     with suppress(OSError, ValueError):
         if is_file(path) and path.stat().st_size <= LARGEST_FILE:
             first, _, data = path.read_bytes().partition(b"\n")
@@ -58,32 +58,32 @@ def cached(kind: str, key: str, folder: Path | None = None) -> bytes | None:
     return None
 
 
-def keep(kind: str, key: str, data: bytes, folder: Path | None = None) -> None:
-    """Keep data of a kind by a key (SHA-256), in place of what was there; nothing where that cannot be written."""
-    path, line = _path(kind, key, folder), _first_line(key, data)
+def keep(kind: str, key: str, data: bytes) -> None:
+    """Keep data of a kind by a key (SHA-256), in place of those before; none where that cannot be written."""
+    path, line = _path(kind, key), _first_line(key, data)
     if len(line) + len(data) >= LARGEST_FILE:
         return
     with suppress(OSError, ValueError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with in_place_of(path) as beside:
             beside.write_bytes(line + b"\n" + data)
-        _bound(path.parent)
+        _bound()
 
 
-def cached_files(folder: Path | None = None) -> list[tuple[float, int, Path]]:
+def cached_files() -> list[tuple[float, int, Path]]:
     """When each file of the cache was used last [s], its size [bytes] and path, the oldest first."""
     found: list[tuple[float, int, Path]] = []
     with suppress(OSError):
-        for path in (folder or cache_folder()).iterdir():
+        for path in cache_folder().iterdir():
             with suppress(OSError):
                 if is_file(path):
                     found.append((path.stat().st_mtime, path.stat().st_size, path))
     return sorted(found)
 
 
-def _bound(folder: Path) -> None:
+def _bound() -> None:
     """Remove the oldest files where all together are too large."""
-    files = cached_files(folder)
+    files = cached_files()
     total = sum(size for _, size, _ in files)
     if total > MOST:
         for _, size, path in files:
@@ -93,8 +93,8 @@ def _bound(folder: Path) -> None:
             total -= size
 
 
-def _path(kind: str, key: str, folder: Path | None) -> Path:
-    return (folder or cache_folder()) / f"{kind}-{key[:16]}"
+def _path(kind: str, key: str) -> Path:
+    return cache_folder() / f"{kind}-{key[:16]}"
 
 
 def _first_line(key: str, data: bytes) -> bytes:

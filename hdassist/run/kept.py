@@ -52,14 +52,14 @@ def own_schema(own: str) -> AfterValidator:
 
 
 class ClosedRecord:
-    """What stands in a file of ours: nothing but its fields, and finite numbers."""
+    """Contents of a file of ours: its fields alone, and finite numbers."""
 
     __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class KeptOwner(ClosedRecord):
-    """What decides the records of a file: command, inputs (SHA-256 of each), options, seed and version of hdassist.
+    """All that decides the records of a file: command, inputs (SHA-256 of each), options, seed and version of hdassist.
 
     preset: name of the drive, empty where there are several; inputs and version: empty where each record has its own.
     """
@@ -73,7 +73,7 @@ class KeptOwner(ClosedRecord):
     seed: int | None = None
 
     def require_same(self, now: KeptOwner, path: str) -> None:
-        """Raise UsageError, with what differs, where the records of a file are not those of the owner now."""
+        """Raise UsageError, with the differences, where the records of a file are not those of the owner now."""
         before, after = (_flat(json.loads(json.dumps(asdict(owner)))) for owner in (self, now))
         differences = [
             f"{key}: {_short(before.get(key))} there, {_short(after.get(key))} here"
@@ -90,10 +90,10 @@ _OTHER_FILE = "name another file, or remove this one"
 
 @dataclass(frozen=True)
 class RecordKind(Generic[RecordT]):
-    """What the records of a file are.
+    """Kind of the records of a file.
 
     adapter: their type, closed and of finite numbers; fault: why a record cannot be the item of a number, empty where
-    it can; hint: what to do about one that does not hold.
+    it can; hint: the remedy for one that does not hold.
     """
 
     adapter: TypeAdapter[RecordT]
@@ -176,7 +176,7 @@ class Kept(Generic[RecordT]):
         vars(self).update(vars(fresh), _path=self._path)
 
     def require_there(self) -> None:
-        """Raise DataError unless the file of this name is still the one that this run writes, and nothing is cut."""
+        """Raise DataError unless the file of this name is still the one that this run writes, and no line is cut."""
         if self._path is None:
             return
         with suppress(OSError):
@@ -205,7 +205,7 @@ class Kept(Generic[RecordT]):
         name = str(self._path)
         first = next(_lines(self._descriptor), b"")
         if not first.endswith(b"\n") and _sealed(asdict(self._owner), b"").startswith(first):
-            return self.begin()  # nothing, or what a run that was killed has begun to write
+            return self.begin()  # empty, or begun by a run that was killed
         found, self._checksum = _owner_of(first, name)
         found.require_same(self._owner, name)
         self._size = len(first)
@@ -305,7 +305,7 @@ def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> int:
 
 @contextmanager
 def _writing(path: str | None, hint: str = "") -> Iterator[None]:
-    """Raise DataError, with a hint, for what the system says of a file."""
+    """Raise DataError, with a hint, for the system's error of a file."""
     try:
         yield
     except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it

@@ -10,7 +10,7 @@ from pathlib import Path
 
 @contextmanager
 def muted_output() -> Iterator[None]:
-    """What compiled code writes to standard output goes nowhere meanwhile: HiGHS 1.16 has a banner for each solver."""
+    """Output of compiled code goes nowhere meanwhile: HiGHS 1.16 has a banner for each solver."""
     try:
         kept = os.dup(1)
     except OSError:  # it is closed

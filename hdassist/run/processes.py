@@ -113,7 +113,7 @@ class Processes(Executor):
                     self._is_over = True
                     self.kill()
                     answer.set_exception(BrokenExecutor())
-                except Exception as error:  # what cannot be pickled
+                except Exception as error:  # of pickling
                     answer.set_exception(error)
                 else:
                     (answer.set_result if is_done else answer.set_exception)(found)
@@ -124,7 +124,7 @@ class Processes(Executor):
             process.kill()
 
     def end(self) -> None:
-        """End processes and threads; nobody waits for what is under way: a state may take for ever."""
+        """End processes and threads; nobody waits for work under way: a state may take for ever."""
         self._is_over = True
         self.kill()
         for _ in self._threads:
@@ -133,6 +133,32 @@ class Processes(Executor):
         ending: list[threading.Thread | BaseProcess] = [*self._threads, *self._processes]
         for each in ending:
             each.join(max(0.0, until - time.monotonic()))
+
+
+def apart(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Result of a function that imports much, found by a worker in a process of its own, which takes its memory along.
+
+    Elsewhere, and where processes are not forked, in this one. Raises BrokenExecutor: that process was ended.
+    """
+    if multiprocessing.parent_process() is None or _way() != "fork":
+        return function(*arguments)
+    here, there = multiprocessing.Pipe()
+    if not (child := os.fork()):
+        _work(here, there, os.getppid())
+        os._exit(0)
+    with here, there:
+        try:
+            here.send((function, arguments, {}))
+            there.close()
+            is_done, found = here.recv()
+        except (EOFError, OSError):
+            raise BrokenExecutor from None
+        finally:
+            here.close()
+            os.waitpid(child, 0)
+    if is_done:
+        return found
+    raise found
 
 
 def _work(here: Connection, there: Connection, parent: int) -> None:

@@ -31,19 +31,19 @@ class Run:
         return iter((self.executor.map if self.executor else map)(function, *columns))
 
     def solved(self, states: int) -> None:
-        """Tell the progress that so many states more were solved."""
+        """Report to the progress that so many states more were solved."""
         if self.progress:
             self.progress(states)
 
     @property
     def of_task(self) -> Run:
-        """The run of one task: in a process of its own, which tells nothing before it is done, or in this one."""
+        """The run of one task: in a process of its own, which reports once it is done, or in this one."""
         return replace(self, executor=None, progress=None if self.executor else self.progress)
 
     def finished(self, states: int) -> None:
-        """Tell the progress of a task's states, where it could not do so itself."""
+        """Report the states of a task to the progress, where it could not do so itself."""
         if self.executor:
             self.solved(states)
 
 
-UNCHECKED = Run(cross_check=None)  # in this process, nothing solved again
+UNCHECKED = Run(cross_check=None)  # in this process, no state solved again

@@ -1,6 +1,6 @@
 """Stops from outside: SIGINT, SIGTERM and SIGHUP end the command where it is, whatever it is doing.
 
-Nothing is raised: an exception in the middle of an import, a fork or a library may be swallowed there. What has to be
+No exception is raised: one in the middle of an import, a fork or a library may be swallowed there. What has to be
 put away is registered by who made it. This module is imported before all others, and imports none of them.
 """
 
@@ -35,7 +35,7 @@ def end_at_stops() -> None:
 
 @contextmanager
 def at_stop(action: Callable[[], str | None]) -> Iterator[None]:
-    """Do something should the process be stopped meanwhile; what it returns is added to the line on standard error."""
+    """Do something should the process be stopped meanwhile; its result is added to the line on standard error."""
     _at_stop.append(action)
     try:
         yield
@@ -46,7 +46,7 @@ def at_stop(action: Callable[[], str | None]) -> Iterator[None]:
 def until_interrupted(items: Iterator[ItemT]) -> Generator[ItemT, None, bool]:
     """Items as they come, to the first interrupt, which ends the waiting for the next one and not the process.
 
-    For what can answer with the items that it has; a second stop ends the process. Result: whether it was interrupted.
+    For work that can answer with the items that it has; a second stop ends the process. Result: whether interrupted.
     """
     global _is_waiting, _is_interruptible
     _is_interruptible, is_known = True, False

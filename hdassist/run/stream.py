@@ -1,6 +1,6 @@
 """Very many items worked on by processes: records in the order of the items, as they come.
 
-Items go out in chunks that take a few seconds each, by what those before them took, and only so many ahead of the one
+Items go out in chunks that take a few seconds each, by the time of those before them, and only so many ahead of the one
 that is waited for: memory does not grow with the number of items.
 """
 

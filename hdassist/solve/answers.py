@@ -1,9 +1,9 @@
-"""The proof of many solved states, and what the analyses keep of them."""
+"""The proof of many solved states, and their results."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,11 +36,12 @@ class Certificate:
     @property
     def max_residual(self) -> float:
         """Greatest of the four residuals."""
-        return float(max(astuple(self)[1:-1]))
+        return max(self.negative_force, self.negative_gap, self.complementarity, self.equilibrium)
 
     def __add__(self, other: Certificate) -> Certificate:
-        worst = {f.name: max(getattr(self, f.name), getattr(other, f.name)) for f in fields(Residuals)}
-        return Certificate(self.states + other.states, fallbacks=self.fallbacks + other.fallbacks, **worst)
+        worst = {name: max(value, vars(other)[name]) for name, value in vars(self).items()}
+        both = {"states": self.states + other.states, "fallbacks": self.fallbacks + other.fallbacks}
+        return Certificate(**worst | both)
 
 
 EMPTY = Certificate(0, 0.0, 0.0, 0.0, 0.0, 0)
@@ -48,7 +49,7 @@ EMPTY = Certificate(0, 0.0, 0.0, 0.0, 0.0, 0)
 
 @dataclass(frozen=True)
 class Answers:
-    """What is kept of solved states, shape (states,) unless said otherwise.
+    """Results of solved states, shape (states,) where no other is given.
 
     rotation_arcsec: of the flexspline against the rigid wheel; zone_share: share of the torque that each mesh zone
     takes, shape (states, 2); tooth_force_N: greatest force on a flank; pull_N: forces along the scalars of the
@@ -73,7 +74,7 @@ def proven_answers(
     """Answers of states that were solved chunk by chunk, each of which is proven before the next one is asked for.
 
     Arguments: torque [N*mm], of all states or of each; place, words for where state k is, for
-    errors; progress, told how many states each chunk has.
+    errors; progress, called with how many states each chunk has.
     Raises UntrustedError where a state is not solved, its residuals are above TOLERANCE, or the answer is
     outside the limits of the linear model.
     """
@@ -82,8 +83,8 @@ def proven_answers(
     for sums in chunks:
         _require_proof(sums.residuals, place, certificate.states)
         _require_linear(system, sums.rotation, place, certificate.states)
-        worst = {name: float(each.max()) for name, each in vars(sums.residuals).items()}
-        certificate += Certificate(len(sums.rotation), fallbacks=sums.given_up, **worst)
+        force, gap, product, balance = sums.residuals.shares.max(axis=0).tolist()
+        certificate += Certificate(len(sums.rotation), force, gap, product, balance, sums.given_up)
         parts.append(sums)
         if progress:
             progress(len(sums.rotation))

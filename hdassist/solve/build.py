@@ -1,4 +1,4 @@
-"""Compiles the walk: the build hook of the package, and what finds the result again.
+"""Compiles the walk: the build hook of the package, and the search for the library.
 
 One C source, no Python headers, one shared library for each instruction set; the wheel is `py3-none-PLATFORM`.
 Without a compiler, or with HDASSIST_PURE set, the wheel is pure Python and the numpy engine runs.

@@ -32,6 +32,6 @@ class WalkHook(BuildHookInterface[Any]):
             build_data["pure_python"], build_data["tag"] = False, f"py3-none-{platform_tag}"
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:  # noqa: ARG002
-        """Leave nothing behind."""
+        """Leave no file behind."""
         if version != "editable":
             shutil.rmtree(self._folder, ignore_errors=True)

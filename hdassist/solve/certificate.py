@@ -17,21 +17,18 @@ Residual = Annotated[float, Field(strict=True, ge=0, le=TOLERANCE)]  # of a prov
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals of system (1) for each state, each as a share of its scale, shape (states,).
+    """Residuals of system (1) of states, each as a share of its scale, shape (states, 4).
 
-    negative_force: of the greatest force; negative_gap: of the greatest gap without force;
-    complementarity: of the product of both; equilibrium: of the sum of the forces' (and moments') sizes.
+    Columns: negative force, of the greatest force; negative gap, of the greatest gap without force; complementarity, of
+    the product of both; equilibrium, of the sum of the forces' (and moments') sizes.
     """
 
-    negative_force: Array
-    negative_gap: Array
-    complementarity: Array
-    equilibrium: Array
+    shares: Array
 
     @property
     def worst(self) -> Array:
-        """Greatest of the four residuals of each state; infinite where one is not a number."""
-        worst = np.max([*vars(self).values()], axis=0)
+        """Greatest residual of each state, shape (states,); infinite where one is not a number."""
+        worst = self.shares.max(axis=1)
         return np.where(np.isnan(worst), np.inf, worst)
 
 
@@ -63,9 +60,6 @@ def residuals(system: ContactSystem, delta_p: Array, torque: float, forces: Arra
     with np.errstate(divide="ignore", invalid="ignore"):
         # a freedom without any force on it is in balance: a ball on one axis pushes along the other by rounding alone
         unbalanced = np.where(np.abs(balance) <= rounding, 0.0, np.abs(balance) / balance_scale)
-    return Residuals(
-        negative_force=np.maximum(-forces.min(axis=1), 0) / force_scale,
-        negative_gap=np.maximum(-gaps.min(axis=1), 0) / gap_scale,
-        complementarity=np.abs(gaps * forces).max(axis=1) / (force_scale * gap_scale),
-        equilibrium=unbalanced.max(axis=1),
-    )
+    pulled, closed = (np.maximum(-signed.min(axis=1), 0) for signed in (forces, gaps))
+    product = np.abs(gaps * forces).max(axis=1) / (force_scale * gap_scale)
+    return Residuals(np.stack([pulled / force_scale, closed / gap_scale, product, unbalanced.max(axis=1)], axis=1))

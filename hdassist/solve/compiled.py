@@ -1,6 +1,6 @@
-"""The engines run the formulation's own data: proven to be, bit for bit, what cvxpy compiles of it.
+"""The engines run the formulation's own data: proven to be, bit for bit, those that cvxpy compiles.
 
-What cvxpy hands a solver is H, local, A, gaps and load as they were stated, whatever their numbers. So it is compiled
+cvxpy hands a solver H, local, A, gaps and load as they were stated, whatever their numbers. So it is compiled
 and compared once for each version of cvxpy, of the statement, and of the set of free freedoms; that it held is kept in
 the user's cache. The tests compile every preset, `hdassist doctor` compiles anew.
 """
@@ -11,17 +11,17 @@ import hashlib
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from hdassist.errors import UntrustedError
-from hdassist.model.geometry import Array
 from hdassist.run.cache import cached, keep
 from hdassist.solve import formulation as statement
 from hdassist.solve.formulation import Formulation
 
 COMPILED_TEMPLATE = "compiled"
-_proven: set[tuple[bool, ...]] = set()  # which freedoms were free in what was proven, in this process
+_proven: set[tuple[bool, ...]] = set()  # freedoms that were free in the proven programmes, in this process
 
 
 def require_compiled_as_stated(formulation: Formulation) -> None:
@@ -44,7 +44,7 @@ def require_compiled_as_stated(formulation: Formulation) -> None:
 
 
 def template_differences(formulation: Formulation) -> Iterator[str]:
-    """Names of what cvxpy compiles to other data than stated, at two torques and gaps."""
+    """Names of parts that cvxpy compiles to other data than stated, at two torques and gaps."""
     stated, place = formulation.statement, formulation.system.place
     M, m = len(formulation.local), len(formulation.H)
     P = np.zeros((M + m, M + m))
@@ -58,15 +58,14 @@ def template_differences(formulation: Formulation) -> Iterator[str]:
         stated.gaps.value = gaps = gap * np.arange(1.0, M + 1)
         stated.load.value = load = formulation.load(torque)
         data, _, _ = stated.problem.get_problem_data("DAQP")
-        expected: dict[str, Array | None] = {"P": P, "q": np.pad(gaps, (0, m)), "A": A, "b": np.pad(-load, (0, m))}
+        expected: dict[str, Any] = {"P": P, "q": np.pad(gaps, (0, m)), "A": A, "b": np.pad(-load, (0, m))}
         expected |= {"lower_bounds": lower, "upper_bounds": None}
         if data["F"].shape[0]:
             yield "further rows"
         for name, value in expected.items():
             found = data[name]
             found = found.toarray() if hasattr(found, "toarray") else found
-            same = found is None if value is None else found is not None and np.array_equal(found, value)
-            if not same:
+            if not np.array_equal(found, value):
                 yield name
 
 

@@ -47,7 +47,7 @@ class Springs:
     """Candidates in contact at one place, springs side by side, as one, shape (m,), in units of the programme.
 
     series: compliance, 0 where none is in contact; offset: how far it closes before it pushes, beyond lowest, the gap
-    of the first candidate there; above: what the gap of each candidate has more than that, shape (M,).
+    of the first candidate there; above: the gap of each candidate beyond that, shape (M,).
     """
 
     series: Array
@@ -89,7 +89,7 @@ class Formulation:
 
     P is H, compliance between the places of structure and supports together, shape (m, m), and on the diagonal local,
     that of each candidate by itself, shape (M,); A is given at the places, shape (free, m), of which candidates have
-    copies; all in units. references: what the engines have solved it at, by the torque [N*mm].
+    copies; all in units. references: solutions of the engines, by the torque [N*mm].
     """
 
     system: ContactSystem

@@ -26,7 +26,7 @@ CARRIES = 1e-9  # of the greatest force: more is contact
 
 
 class LoadCase:
-    """A contact system under a torque: many states are solved by the walk, few, and what that gives up, one by one.
+    """A contact system under a torque: many states are solved by the walk, few, and those that it gives up, one by one.
 
     Arguments: formulation, the programme of the system; M_g, torque on the flexspline [N*m]; like, the load case of a
     system that is the same or differs a little, whose contact set this one takes over; many, whether many states will
@@ -59,7 +59,7 @@ class LoadCase:
         self.load(M_g)
 
     def load(self, M_g: float) -> None:
-        """Go on with another torque [N*m]; what was factored stays."""
+        """Go on with another torque [N*m]; factors stay."""
         self._torque = M_g * N_MM
 
     def solve(
@@ -72,8 +72,8 @@ class LoadCase:
     ) -> Answers:
         """Solve states and prove each answer.
 
-        Arguments: gaps of the states; place, words for where state k is, for errors; progress, told how many states
-        were solved since the last call; pull, whether forces along the deviation scalars are asked for. Raises
+        Arguments: gaps of the states; place, words for where state k is, for errors; progress, called with how many
+        states were solved since the last call; pull, whether forces along the deviation scalars are asked for. Raises
         UntrustedError where a state is not solved, or its answer is outside the limits of the linear model.
         """
         firsts = range(0, len(gaps), STATES_AT_A_TIME)
@@ -95,7 +95,7 @@ class LoadCase:
     def sums(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
         """Sums of states without their proof, and forces along the deviation scalars where asked for.
 
-        A state that nothing solves has sums that hold nothing, or NaN; states behind it are not tried, and NaN. Raises
+        A state that no solver solves has sums without proof, or NaN; states behind it are not tried, and NaN. Raises
         UntrustedError where a solver that was asked for has no answer.
         """
         if self._walk is None and len(gaps) >= self._pays and (reference := self._reference()):

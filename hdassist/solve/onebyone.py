@@ -47,8 +47,8 @@ class OneByOne:
     def solve(self, delta_p: Array, torque: float) -> tuple[Array, Array, int]:
         """Forces [N], shape (states, M), free displacements [mm, rad], and how many states the first way gave up.
 
-        A state that nothing solves has an answer without proof, or NaN. What makes one state hopeless makes its
-        neighbours so, and each costs all ways: the first one that nothing solves is the last one tried. Arguments:
+        A state that no solver solves has an answer without proof, or NaN. The cause of one hopeless state makes its
+        neighbours so, and each costs all ways: the first one that no solver solves is the last one tried. Arguments:
         delta_p, gaps without force [mm], shape (states, M); torque [N*mm] on the flexspline. Raises UntrustedError
         where the solver asked for fails.
         """

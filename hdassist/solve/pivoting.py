@@ -1,4 +1,4 @@
-"""The walk over states in numpy: what runs where nothing was compiled, and the oracle of walk.c.
+"""The walk over states in numpy: the engine where none was compiled, and the oracle of walk.c.
 
 At a contact set that is fixed, forces of the contacts and gaps of the others (the values) are linear in the gaps
 without force. A state whose values are all positive there is solved, whichever way that set was found; where one is
@@ -100,8 +100,8 @@ class Pivoting:
             column, row = tableau[:, r].copy(), tableau[r].copy()
             pivot = column[r]
             if not pivot > SMALLEST:
-                break  # without it nothing would hold the torque
-            # so that the one update makes of row and column what becomes of them, too
+                break  # without it no contact would hold the torque
+            # so that the one update serves row and column, too
             column[r], row[r] = pivot + 1, pivot - 1
             dger(-1 / pivot, column, row, a=tableau, overwrite_x=1, overwrite_y=1, overwrite_a=1)
             changed[r] = not changed[r]

@@ -1,4 +1,4 @@
-"""The programme solved at one contact set, for any deviations and torque: what the walk over states starts from."""
+"""The programme solved at one contact set, for any deviations and torque: the start of the walk over states."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Reference:
 
     The coordinate of a place with a single candidate is its value (its force in contact, its gap else), of one with
     stations the approach, in units of the programme; those of the free freedoms, their displacements, come last.
-    held: what contact_system of walk.c describes, in its order; sizes: the numbers before them.
+    held: as contact_system of walk.c describes, in its order; sizes: the numbers before them.
     Arguments: formulation; contact, candidates that carry force in a state near those asked for, shape (M,). Raises
     ValueError where that set does not hold the parts in place.
     """
@@ -80,7 +80,7 @@ class Reference:
         return np.asarray(at_places * held["gain"][candidates] + held["constant"][candidates])
 
     def of_teeth(self, gaps: StateGaps) -> tuple[Array | None, Array | None]:
-        """Gaps [mm] that measured teeth add at the places, shape (states, m), and what those add to the coordinates."""
+        """Gaps [mm] that measured teeth add at the places, shape (states, m), and their effect on the coordinates."""
         if gaps.at_flanks is None:
             return None, None
         at_places = np.zeros((len(gaps), len(self._touching)))
@@ -88,7 +88,7 @@ class Reference:
         return at_places, self._coordinates(at_places)
 
     def _coordinates(self, gaps: Array) -> Array:
-        """What gaps at the places [mm], shape (states, m), add to the coordinates, shape (states, m + free)."""
+        """The effect of gaps at the places [mm], shape (states, m), on the coordinates, shape (states, m + free)."""
         found = gaps[:, self._touching] @ self._by_gaps
         found[:, np.flatnonzero(~self._touching)] += gaps[:, ~self._touching]
         return np.asarray(found / self._gap_unit)

@@ -14,7 +14,7 @@ from hdassist.solve.certificate import Residuals, residuals
 
 @dataclass(frozen=True)
 class StateSums:
-    """Sums of states, shape (states,) unless said otherwise; NaN in a state that was given up.
+    """Sums of states, shape (states,) where no other is given; NaN in a state that was given up.
 
     rotation [rad] of the flexspline; moment [N*mm] of each mesh zone, shape (states, 2); tooth_force [N], greatest on a
     flank; residuals; pull [N], forces along the scalars of the deviations, shape (states, scalars), where asked for;
@@ -57,7 +57,7 @@ class StateSums:
 
     def put(self, rows: NDArray[np.int64], there: StateSums) -> None:
         """Put the sums of other states into some rows."""
-        mine, theirs = (vars(sums) | vars(sums.residuals) for sums in (self, there))
-        for name, values in mine.items():
+        self.residuals.shares[rows] = there.residuals.shares
+        for name, values in vars(self).items():
             if isinstance(values, np.ndarray):
-                values[rows] = theirs[name]
+                values[rows] = getattr(there, name)

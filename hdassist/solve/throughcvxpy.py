@@ -120,7 +120,7 @@ def solve_again(
 ) -> CrossCheck:
     """Solve states of one system by another solver, called through cvxpy, and compare the rotations.
 
-    Arguments: torques M_g [N*m] and rotation_arcsec, what the engine found [arcsec], shape (states,); delta_p, gaps
+    Arguments: torques M_g [N*m] and rotation_arcsec, of the engine [arcsec], shape (states,); delta_p, gaps
     without force [mm], shape (states, M); solver, its name, behind which SECOND_SOLVER stands; place, words for where
     state k is, for errors. By the solvers that come with cvxpy the outcome is kept in the user's cache, for the same
     states and rotations to the last digit. Raises UntrustedError where two rotations differ by more than

@@ -42,6 +42,7 @@
 #define FEW 64           /* candidates that the tableau has room for at first */
 #define TOGETHER 2       /* pivots that are carried out together */
 #define BATCH 64         /* states that are certified together */
+#define TOUR 1024        /* states that are put in order together, a multiple of BATCH */
 
 #if defined(__AVX512F__)
 #define WIDTH 8
@@ -119,6 +120,8 @@ typedef struct {
     double *panels;      /* compliance in panels of WIDTH columns */
     double *force, *at_place, *moved, *gap, *free, *blocks; /* of a batch */
     int *loaded;
+    int *order;          /* (TOUR) states in the order in which they are solved */
+    double *left;        /* (columns + 1, TOUR) scratch: scalars of those that are left, and how far off they are */
     long states, since_made;
     int lost;
 } walk;
@@ -580,7 +583,7 @@ void walk_free(walk *w) {
                      w->rows[0], w->columns[0],
                      w->all, w->input, w->first, w->touching, w->lower, w->least, w->unloaded,
                      w->candidates, w->panels, w->force, w->at_place, w->moved, w->gap, w->free, w->blocks,
-                     w->loaded};
+                     w->loaded, w->order, w->left};
     for (size_t k = 0; k < sizeof rooms / sizeof *rooms; k++) free_aligned(rooms[k]);
     free(w);
 }
@@ -611,10 +614,11 @@ walk *walk_new(const int32_t *sizes, const void *const *arrays) {
     w->moved = room(BATCH * m, sizeof(double)), w->gap = room(BATCH * m, sizeof(double));
     w->free = room(BATCH * (size_t)s->free, sizeof(double));
     w->blocks = room((BATCH + ABREAST) * (m + FREEDOMS), sizeof(double));
+    w->order = room(TOUR, sizeof(int)), w->left = room((s->columns + 1) * (size_t)TOUR, sizeof(double));
     if (!(w->candidate && w->position && w->loaded && w->changed && w->last && w->tableau && w->rows[0] && w->columns[0] && w->value && w->correction &&
           w->start && w->all && w->input && w->first && w->touching && w->lower && w->least && w->unloaded &&
           w->candidates && w->panels && w->force && w->at_place && w->moved && w->gap && w->free &&
-          w->blocks)) {
+          w->blocks && w->order && w->left)) {
         walk_free(w);
         return NULL;
     }
@@ -642,6 +646,43 @@ walk *walk_new(const int32_t *sizes, const void *const *arrays) {
     return w;
 }
 
+/* Put states in an order in which their scalars, shape (states, p), change little from one to the next, and so few candidates
+ * change sides: always the nearest of those that are left, where that is a shorter way than the order given. */
+static void arrange(walk *w, int states, int p, const double *scalars) {
+    double *left = w->left, *distance = left + (size_t)p * TOUR, given = 0, way = 0;
+    int *order = w->order;
+    for (int i = 0; i < states; i++) {
+        double step = 0;
+        for (int c = 0; c < p; c++) {
+            left[c * TOUR + i] = scalars[(size_t)i * p + c];
+            if (i) step += (left[c * TOUR + i] - left[c * TOUR + i - 1]) * (left[c * TOUR + i] - left[c * TOUR + i - 1]);
+        }
+        order[i] = i;
+        given += sqrt(step);
+    }
+    for (int k = 1; k < states && way < given; k++) {
+        const int n = states - k;
+        double *off = distance + k, nearest = INFINITY;
+        memset(off, 0, sizeof(double) * n);
+        for (int c = 0; c < p; c++) {
+            const double *restrict x = left + c * TOUR + k, here = x[-1];
+            SIMD(omp simd)
+            for (int i = 0; i < n; i++) off[i] += (x[i] - here) * (x[i] - here);
+        }
+        LEAST(nearest)
+        for (int i = 0; i < n; i++) nearest = off[i] < nearest ? off[i] : nearest;
+        const int at = k + first_below(n, off, nearest), other = order[at];
+        order[at] = order[k], order[k] = other;
+        for (int c = 0; c < p; c++) {
+            const double x = left[c * TOUR + at];
+            left[c * TOUR + at] = left[c * TOUR + k], left[c * TOUR + k] = x;
+        }
+        way += sqrt(nearest);
+    }
+    if (!(way < given)) /* or not a number */
+        for (int i = 0; i < states; i++) order[i] = i;
+}
+
 /* Solve states and certify each; how many were given up, whose answers are NaN.
  * torque: N*mm; scalars: (states, p); tooth_gaps: (states, m) added to the gaps at each place, and tooth_values:
  * (states, R) what they add to the coordinates at the reference, both NULL without measured teeth. */
@@ -651,11 +692,16 @@ long walk_solve(walk *w, long states, double torque, int p, const double *scalar
     answers made = {rotation, moment, tooth_force, residual, pull}, *out = &made;
     const contact_system *s = w->system;
     const int M = s->M, m = s->m, R = m + s->free;
-    long given_up = 0, first = 0;
+    long given_up = 0;
+    double shares[BATCH * 4];
+    long places[BATCH];
     int held = 0;
     w->lost = 0;
     w->torque = torque;
-    for (long j = 0; j < states; j++) {
+    for (long turn = 0; turn < states; turn++) {
+        const long begun = turn / TOUR * TOUR;
+        if (turn == begun && !tooth_gaps) arrange(w, states - begun < TOUR ? states - begun : TOUR, p, scalars + (size_t)begun * p);
+        const long j = places[held] = tooth_gaps ? turn : begun + w->order[turn - begun];
         double *F = w->force + (size_t)held * M, *free = w->free + (size_t)held * s->free;
         double *at_place = w->at_place + (size_t)held * m, *moved = w->moved + (size_t)held * m;
         w->states++;
@@ -696,11 +742,12 @@ long walk_solve(walk *w, long states, double torque, int p, const double *scalar
             out->rotation[j] = free[w->freedom[s->rotation]];
             sum_up(w, at_place, j, out);
         }
-        if (++held == BATCH || j == states - 1) {
-            certify(w, held, out->residual + 4 * (size_t)first);
-            for (long k = first; k <= j; k++)
-                if (isnan(out->rotation[k])) give_up(s, k, out);
-            first = j + 1;
+        if (++held == BATCH || turn == states - 1) {
+            certify(w, held, shares);
+            for (int k = 0; k < held; k++) {
+                memcpy(out->residual + 4 * (size_t)places[k], shares + 4 * k, sizeof(double) * 4);
+                if (isnan(out->rotation[places[k]])) give_up(s, places[k], out);
+            }
             held = 0;
         }
     }

@@ -82,7 +82,7 @@ class Walk:
         sums = rotation, moment, tooth_force, residual, pulls
         arrays = (scalars, *self._reference.of_teeth(gaps), *sums)  # held until the call has ended
         given_up = self._library.walk_solve(self._walk, count, torque, p, *map(_address, arrays))
-        return StateSums(rotation, moment, tooth_force, Residuals(*residual.T), pulls, given_up)
+        return StateSums(rotation, moment, tooth_force, Residuals(residual), pulls, given_up)
 
 
 def walk_near_state(

@@ -123,7 +123,7 @@ class _QuietConsole(Console):
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
         """Segments without control characters but those that rich adds to them when it writes colours.
 
-        Style.text does the same before the layout; here nothing that went past it gets through.
+        Style.text does the same before the layout; here whatever went past it is caught.
         """
         for segment in super().render(renderable, options):
             yield segment if segment.is_control else segment._replace(text=visible(segment.text))

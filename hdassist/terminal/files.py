@@ -57,7 +57,7 @@ def give_stdout(answer: str | bytes) -> None:
     except BrokenPipeError:
         silence()
     except OSError as error:
-        silence()  # or what is left in the buffer fails once more at the end
+        silence()  # or the rest of the buffer fails once more at the end
         raise _unwritable("standard output", error.strerror or str(error)) from None
 
 

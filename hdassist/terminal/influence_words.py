@@ -62,7 +62,7 @@ def measure_words(found: Sequence[MeasurementGain], held: bool, holes: int = 0) 
 
 
 def more_draws(samples: Samples) -> str:
-    """What settles a verdict that is left open by its Monte Carlo interval alone."""
+    """The remedy for a verdict that is left open by its Monte Carlo interval alone."""
     return f"no measurement, more samples settle it: --draws {MORE_DRAWS * round(samples.effective)}"
 
 

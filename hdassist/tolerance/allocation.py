@@ -55,7 +55,9 @@ def tolerances(drive: Drive, law: ProductionLaw) -> tuple[Tolerance, ...]:
     for each in law.tolerances:
         cost, now = drive.cost.get(each.path), each.high
         least = cost.least if cost and cost.least is not None else TIGHTER * now
-        found.append(Tolerance(each.path, now, least, max(LOOSER * now, least), cost or CostLaw(), cost is None))
+        found.append(
+            Tolerance(each.path, now, least, max(LOOSER * now, least), cost or CostLaw.of_defaults(), cost is None)
+        )
     return tuple(found)
 
 

@@ -127,7 +127,7 @@ def sensitivities(production: Production, samples: Samples, records: Records) ->
 
 
 def to_measure(law: ProductionLaw, samples: Samples, torque: int) -> tuple[MeasurementGain, ...]:
-    """What to measure of a design next, by the share of the spread of ln F'_ior that goes, the best first."""
+    """The next measurements of a design, by the share of the spread of ln F'_ior that goes, the best first."""
     shared = {each.path for each in law.shared} - DEVIATION_FIELDS
     found = measurements(samples, torque) if samples.F_ior_arcsec[:, torque].all() else ()
     return tuple(each for each in found if each.measured in shared or each.measured.startswith("stiffness."))

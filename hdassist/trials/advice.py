@@ -8,7 +8,7 @@ from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import chi2, circmean, circstd
+from scipy.special import chdtrc
 
 from hdassist.belief.evidence import measured_errors
 from hdassist.errors import UntrustedError, UsageError
@@ -34,16 +34,16 @@ NEEDED = 0.9  # probability that the choice is good from which on the trials set
 STABLE = 0.6  # probability that the choice is good which it has to keep without any one of the trials
 SUSPECTED = 0.5  # probability of a value to be misread from which on it is named
 OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
-FITTING_TRIALS = 3  # trials, which fit any drive: predictions of later ones are held against the drive as told
-LEAST_UNREPEATED = 6  # trials in positions of their own, after which one is repeated
+FITTING_TRIALS = 3  # trials, which fit any drive: predictions of later ones are held against the drive as stated
+ENOUGH_VALUES = 6  # in positions of their own: they tell the noise as a repeat does, if they agree with the model
 FALSE_ALARM = 0.05
 WORTH = 0.01  # of the error: going back for less is not worth it
-SURE_DEVIATIONS = 2.0  # standard deviations by which a value has to be worse where nothing explains it
+SURE_DEVIATIONS = 2.0  # standard deviations by which a value has to be worse where no sample explains it
 
 
 @dataclass(frozen=True)
 class TrialAdvice:
-    """What trials teach: the choice, the next trial, and what was predicted of each but the first.
+    """Result of trials: the choice, the next trial, and the prediction of each but the first.
 
     next: its position [deg], and the probability of a good choice that is expected after it; verifies: whether the last
     prediction is of the outcome of an advice, and the wheel stands there; explained: whether anything explains that,
@@ -64,19 +64,19 @@ class TrialAdvice:
 
     @property
     def drive(self) -> Drive:
-        """The drive as told."""
+        """The drive as stated."""
         return self.prior.drive
 
     @property
     def outcome(self) -> Prediction | None:
-        """The outcome of an advice, against what the trials before it predicted."""
+        """The outcome of an advice, against the prediction from the trials before it."""
         return self.predictions[-1] if self.verifies else None
 
     @property
     def back_to(self) -> Trial | None:
         """The trial to whose position to go back after an outcome: that which is expected to lose least, if less.
 
-        Where nothing explains the outcome, measured values tell, if they are further apart than noise makes likely.
+        Where no sample explains the outcome, measured values tell, if they are further apart than noise makes likely.
         """
         if not (here := self.outcome):
             return None
@@ -86,7 +86,7 @@ class TrialAdvice:
         return least if self._lost(least) + worth < self._lost(here) else None
 
     def _lost(self, trial: Trial) -> float:
-        """What the position of a trial is expected to lose; where nothing explains the outcome, the measured value."""
+        """The expected loss in the position of a trial; where no sample explains the outcome, the measured value."""
         place = self.losses.place(trial.rotation_deg)
         if place is None:  # a hole that is not allowed
             return np.inf
@@ -101,9 +101,18 @@ class TrialAdvice:
         return tried.rotation_deg, 0.0 if place is None else float(self.losses.probability_good[place])
 
     @property
+    def stable(self) -> float:
+        """Probability that the choice is good which it has to keep without any one of the trials.
+
+        Where the values came out unlike the preset's drive, one of them, the noise or the model is off, and no one says
+        which: then no single value may carry the choice, and it has to keep all of the probability that is needed.
+        """
+        return self.needed if self.unlike_told else STABLE
+
+    @property
     def hinges_on(self) -> Trial | None:
-        """The trial without which the choice is least probable to be good, where that is less than STABLE."""
-        if not self.without or self.outcome or min(self.without) >= STABLE:
+        """The trial without which the choice is least probable to be good, where that is less than `stable`."""
+        if not self.without or self.outcome or min(self.without) >= self.stable:
             return None
         return self.trials[int(np.argmin(self.without))]
 
@@ -127,21 +136,21 @@ class TrialAdvice:
     def unlike_told(self) -> bool:
         """Whether the values are off by more than they are in FALSE_ALARM of drives that are as the preset has them."""
         squares = [one.surprise**2 for one in self.predictions[FITTING_TRIALS - 1 :]]
-        return bool(squares) and bool(chi2.sf(sum(squares), len(squares)) < FALSE_ALARM)
+        return bool(squares) and bool(chdtrc(len(squares), sum(squares)) < FALSE_ALARM)
 
     @property
     def to_repeat(self) -> Trial | None:
-        """The trial to measure again where none was: values unlike the preset's drive settle nothing without it.
+        """The trial to measure again where none was: fewer than ENOUGH_VALUES tell no noise without it.
 
-        Where a choice is probable enough but for one value that it hinges on, or none is after LEAST_UNREPEATED trials,
-        the one is repeated that is suspected, that the choice hinges on, or that was measured in the chosen position.
+        Of values unlike the preset's drive it is the most surprising one. Else, where a choice is probable enough from
+        few values or not from more, that which is suspected, that the choice hinges on, or that of the chosen position.
         """
         if self.repeats:
             return None
         if self.unlike_told:
             return max(self.predictions[FITTING_TRIALS - 1 :], key=lambda one: abs(one.surprise))
-        hinges = self.hinges_on is not None and self.stay[1] >= self.needed
-        if self.outcome or self.sure or not (hinges or len(self.trials) >= LEAST_UNREPEATED):
+        few = len(self.trials) < ENOUGH_VALUES
+        if self.outcome or (self.stay[1] < self.needed if few else self.sure):
             return None
         chosen = (trial for trial in self.trials if trial.rotation_deg == self.stay[0])
         return self.suspected or self.hinges_on or next(chosen, self.trials[0])
@@ -165,8 +174,9 @@ class TrialAdvice:
     def offset(self) -> tuple[float, float, float, float]:
         """Offset that stands with the fixed wheel: size [um] and direction [deg], each with its standard deviation."""
         size, direction = self.prior.offset(self.draws.places)
-        angles = float(circmean(direction, high=360)), float(circstd(direction, high=360))
-        return float(size.mean()), float(size.std()), *angles
+        mean = np.exp(1j * np.radians(direction)).mean()  # its length is less the more the directions differ
+        angles = np.degrees([np.angle(mean) % (2 * np.pi), np.sqrt(-2 * np.log(np.abs(mean)))]).tolist()
+        return float(size.mean()), float(size.std()), angles[0], angles[1]
 
     @property
     def facing(self) -> tuple[float, float] | tuple[None, None]:
@@ -217,7 +227,7 @@ def advise_from_trials(
     try:
         draws, losses = teach(every)
         require_effective(prior, every, draws, effort.effective)
-        explained = not outcome or draws.misread[-1] <= SUSPECTED  # one taken for misread says nothing of the hole
+        explained = not outcome or draws.misread[-1] <= SUSPECTED  # one taken for misread does not count for the hole
     except UntrustedError:
         if not outcome:
             raise
@@ -239,7 +249,7 @@ def _of_preset(drive: Drive, rig: Rig, given: Sequence[Trial | None]) -> list[Tr
 def _without_each(
     trials: Sequence[Trial], best: int, teach: Callable[[Sequence[Trial]], tuple[Draws, PositionStatistics]]
 ) -> tuple[float, ...]:
-    """Probability that a choice, by its place, is good, without each of the trials; 0 where nothing explains them."""
+    """Probability that a choice, by its place, is good, without each of the trials; 0 where no sample explains them."""
     found = []
     for k in range(len(trials)):
         try:

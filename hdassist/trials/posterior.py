@@ -1,6 +1,6 @@
-"""What trials teach of F'_ior: draws of it in every position, as likely as the measured values make them.
+"""F'_ior after trials: draws of it in every position, as likely as the measured values make them.
 
-Given a sample of the cloud all is normal: the drive shows it with a scale, a smooth misfit and noise about the told
+Given a sample of the cloud all is normal: the drive shows it with a scale, a smooth misfit and noise about the stated
 one (belief/misfit.py), the misfit and the noise both weighed by what is measured. Any one value may be misread, so that
 one wrong value does not carry an order.
 """
@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import softmax
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri, softmax
 
 from hdassist.belief.evidence import FREEDOM
 from hdassist.belief.misfit import (
@@ -35,7 +34,7 @@ from hdassist.mounting.positions import hole_words
 from hdassist.mounting.trial import Trial
 from hdassist.trials.prior import Places, Prior
 
-NOISE_SPREAD = 0.35  # of the logarithm of the noise over the stated one: within half and twice with 95 %
+NOISE_SPREAD = 0.56  # of the logarithm of the noise over the stated one: within a third and three times with 95 %
 LOG_NOISES = {noise: -0.5 * (np.log(noise) / NOISE_SPREAD) ** 2 for noise in 2.0 ** (np.arange(-2, 5) / 2)}
 AS_TOLD = (ErrorKind(),)  # neither misfit nor another noise
 POSTERIOR_DRAWS = 2048
@@ -45,9 +44,9 @@ OUTCOMES = 64  # of a next trial that are looked at
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Draws, all alike likely, of what is not known after trials.
+    """Draws, all alike likely, of the uncertain inputs after trials.
 
-    places among samples and directions of the prior; misfit, noise, over the told one, and scale, shape (draws,);
+    places among samples and directions of the prior; misfit, noise, over the stated one, and scale, shape (draws,);
     F_ior_arcsec at the torque of the trials, shape (draws, rotations); effective samples that they stand for; misread,
     probability of each value to be misread, shape (trials,).
     """
@@ -63,9 +62,9 @@ class Draws:
 
 @dataclass(frozen=True)
 class Prediction(Trial):
-    """A measured value against what the trials before it predicted: mean, 2.5 % and 97.5 % quantiles [arcsec].
+    """A measured value against the prediction from the trials before it: mean, 2.5 % and 97.5 % quantiles [arcsec].
 
-    surprise: standard deviations by which it is off where the drive is taken to be as told, without misfit.
+    surprise: standard deviations by which it is off where the drive is taken to be as stated, without misfit.
     """
 
     expected_arcsec: float
@@ -105,7 +104,7 @@ def learnt(
     rotations_deg: Sequence[float],
     torques: Sequence[float] = (),
 ) -> tuple[Draws, PositionStatistics]:
-    """What trials teach of the positions that may be chosen [deg].
+    """The positions that may be chosen [deg], after trials.
 
     Argument: torques [N*m] that decide, that of the trials without them. At another torque the scale is that of the
     trials; the misfit is as large, but another. Raises UntrustedError where no sample explains the trials.
@@ -150,16 +149,17 @@ def next_trial(draws: Draws, losses: PositionStatistics, noise_arcsec: float, se
     """
     rng, spread = np.random.default_rng(seed), draws.noise * noise_arcsec
     truth = rng.permutation(len(spread))[:OUTCOMES]
-    off, good = norm.ppf((rng.permutation(OUTCOMES) + 0.5) / OUTCOMES), (losses.losses < GOOD).astype(float)
+    off, good = ndtri((rng.permutation(OUTCOMES) + 0.5) / OUTCOMES), (losses.losses < GOOD).astype(float)
     after = []
     for rotation, F_ior in zip(losses.rotations_deg, draws.F_ior_arcsec.T, strict=False):
-        density = norm.pdf((F_ior[truth] + off * spread[truth])[:, None], F_ior, spread)
+        value = (F_ior[truth] + off * spread[truth])[:, None]
+        density = np.exp(-0.5 * ((value - F_ior) / spread) ** 2) / spread
         after.append((rotation, float(np.mean((density @ good / density.sum(axis=1, keepdims=True)).max(axis=1)))))
     return max(after, key=lambda each: each[1])
 
 
 def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Prediction:
-    """What trials predict of another one, and how far that came out."""
+    """The prediction of another trial, and its error."""
     draws, told = (drawn(prior, before, [trial.rotation_deg], kinds) for kinds in ((), AS_TOLD))
     noise, as_told = (each.noise[:, None] * prior.noise([trial]) for each in (draws, told))
     noise *= np.random.default_rng([prior.seed, 2]).standard_normal((POSTERIOR_DRAWS, 1))
@@ -167,9 +167,9 @@ def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Predictio
         float(draws.F_ior_arcsec.mean()),
         np.quantile(draws.F_ior_arcsec + noise, (0.025, 0.975)).tolist(),
     )
-    # how far out in the tail where draws have run out cannot be told
-    below = norm.cdf(trial.F_ior_arcsec, told.F_ior_arcsec, as_told).mean()
-    surprise = float(norm.ppf(np.clip(below, 1e-6, 1 - 1e-6)))
+    # how far out in the tail where draws have run out is unknown
+    below = ndtr((trial.F_ior_arcsec - told.F_ior_arcsec) / as_told).mean()
+    surprise = float(ndtri(np.clip(below, 1e-6, 1 - 1e-6)))
     return Prediction(trial.rotation_deg, trial.F_ior_arcsec, expected, low, high, surprise)
 
 

@@ -59,7 +59,7 @@ class Rig:
             raise UsageError(f"invalid trials: {stated}: {wanted}", "--trial-torque 80")
 
 
-COMPARED = 16  # drives with a table of one system, to see what it misses
+COMPARED = 16  # drives with a table of one system, to see its error
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class TrialEffort:
 
     @property
     def of_one_system(self) -> TrialEffort:
-        """As many samples where nothing but deviations is unknown, from finer tables."""
+        """As many samples where only deviations are unknown, from finer tables."""
         table = TableEffort(self.systems * self.table.deviations, Mesh(), min(COMPARED, self.systems))
         return replace(self, systems=1, most_systems=8, batch=1, table=table)
 
@@ -207,7 +207,7 @@ def _tabled(
 def _collected(
     belief: DrivePrior, rig: Rig, torques: tuple[float, ...], systems: Samples, tables: Sequence[TabledErrors | None]
 ) -> Prior:
-    """Samples of all systems that are drives, F'_ior by tables made up for what these miss on the mean."""
+    """Samples of all systems that are drives, F'_ior by tables corrected for their mean error."""
     drive, kept = belief.drive, [each for each in tables if each]
     if not kept:
         raise UntrustedError("no draw has an answer at the torque of the trials", "hdassist check says why")
@@ -246,8 +246,8 @@ def open_prior(drive: Drive) -> DrivePrior:
     """The prior of a drive, as `check` has it, with the offset that stands with the fixed wheel open.
 
     That offset is anywhere up to WIDEST times the preset's, in any direction, unless the preset gives an uncertainty
-    for it or does not know it; so is the one that turns with the cam. Raises UsageError where nothing is known of the
-    size of the standing offset.
+    for it or does not know it; so is the one that turns with the cam. Raises UsageError where no distribution is
+    known of the size of the standing offset.
     """
     belief, (size, direction), own = prior_of(drive), standing_offset(drive), "tolerances.e_hh"
     known = {each.path: each for each in belief.fields}

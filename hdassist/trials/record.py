@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from hdassist.errors import UntrustedError
@@ -18,11 +19,11 @@ def read_trial_or_record(
 ) -> Trial:
     """Read h4=17.3 as read_trial does, or h4=run.csv, a record of the drive's error over its full cycle.
 
-    reading: of the record; seed of its bootstrap. Raises what read_trial, read_trace and measure do; UntrustedError for
-    a record of less than the cycle.
+    A record's file has a suffix or a folder in its name. reading: of the record; seed of its bootstrap. Raises
+    those of read_trial, read_trace and measure; UntrustedError for a record of less than the cycle.
     """
     where, _, file = text.partition("=")
-    if not any(letter.isalpha() for letter in file.lower().replace("e", "")):
+    if not re.search(r"[/\\]|\.[A-Za-z]", file):
         return read_trial(text, drive.mounting.holes, allowed)
     rotation = read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
     greatest = reading.measured(file, drive, seed=seed).directions[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ from hdassist.acceptance.limits import limits_of
 from hdassist.acceptance.predictions import predict, quantities
 from hdassist.design.check import check
 from hdassist.error.cycle import kinematic_error
+from hdassist.error.waves import estimated_cycle
 from hdassist.loading.load import load_preset
+from hdassist.model.kinematics import Kinematics
 from hdassist.pages.check import check_report
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.run import UNCHECKED
@@ -68,14 +71,20 @@ def test_other_values_are_those_of_each_sample(drawn):
     there, limits, found = drawn
     samples = found.samples
     sampled = there.with_values(samples.prior.values(samples.shares)[1])
-    own = quantities(sampled, limits)
+    own = quantities(sampled, limits, partial(estimated_cycle, sampled), run=UNCHECKED)
     for limit in limits:
         expected = own.value(limit)
         assert samples.figures[limit.label][1] == pytest.approx(expected, rel=1e-9)
     # the second way: the error of that drive over every state
     error = kinematic_error(sampled, 4.0, run=UNCHECKED).error_arcsec
     second = 2 * abs(np.mean(error * np.exp(-2j * np.pi * 20 * np.arange(len(error)) / len(error))))
-    assert samples.figures["amplitude of order 2 at 4 N·m"][1] == pytest.approx(second, rel=1e-6)
+    assert samples.figures["amplitude of order 2 alone at 4 N·m"][1] == pytest.approx(second, rel=1e-6)
+
+
+def test_a_sample_of_a_long_cycle_needs_an_eighth_of_its_states():
+    there = load_preset("vzp160", ["operation.M_g=80", "acceptance.turn_range=1000"])
+    samples = predict(there, limits_of(there), draws=2, run=UNCHECKED).samples
+    assert samples.certificate.states / samples.draws < Kinematics.of(there).cycle_states / 8
 
 
 def test_each_limit_is_decided_by_the_samples(drawn):

@@ -379,3 +379,14 @@ def test_what_is_wrong_with_a_preset_is_said_to_each_of_its_rows(folder):
         ["preset: no such preset or file: none"] * 2 + ["preset: folder is a directory, not a preset"]
     )
     assert all(answer["request"]["limits"] == ["F_ior@1=9"] for answer in answers)
+
+
+@pytest.mark.parametrize(("text", "words"), [("serial;mine\n1;2\n", "mine: no such column"), ("", "empty")])
+def test_a_table_that_cannot_be_used_is_an_error_in_json_too(folder, here, text, words):
+    (folder / "bad.csv").write_text(text)
+    code, out, said = here("accept", "bad.csv", "--preset", SMALL, "--json", "--junit", "bad.xml")
+    told = json.loads(out)
+    assert (code, told["exit_code"], told["file"]["name"]) == (4, 4, "bad.csv")
+    assert words in told["error"]["message"]
+    assert words in said
+    assert not (folder / "bad.xml").exists()

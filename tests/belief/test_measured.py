@@ -64,6 +64,18 @@ def test_errors_in_holes_narrow_the_error_and_the_direction_of_the_offset(hidden
     assert not {"F_ior@4"} & {each.measured for each in measurements(after, 0)}  # it was measured
 
 
+def test_draws_of_the_deviations_share_a_stiffness_whose_table_costs_most(hidden):
+    readings = ", ".join(f"h{hole}@4: {value} ± 0.5" for hole, value in hidden.items())
+    samples = believed(tiny(*UNKNOWN, W_0, f"measured.F_ior={{{readings}}}"), (4.0,), SamplingEffort(1, 1, 16, 16))
+    of_field = dict(zip((each.path for each in samples.prior.fields), samples.shares.T, strict=True))
+    assert [len(np.unique(four)) for four in of_field["cam.W_0"].reshape(-1, 4)] == [1] * 4
+    assert len(np.unique(of_field["cam.W_0"])) == 4
+    offsets = np.stack([of_field["tolerances.e_hb"], of_field["phases.phi_hb"]])
+    chosen = offsets[:, samples.weights > 0]  # one that is chosen twice counts twice, in one place
+    assert np.unique(chosen, axis=1).shape == chosen.shape
+    assert chosen.shape[1] > 4
+
+
 def test_errors_count_by_the_normal_distribution_of_scale_misfit_noise_and_one_misread_value():
     y, f, told = np.array([[24.0, 15.0, 20.0], [25.0, 15.5, 28.0], [0.5, 1.0, 0.5]])
     turns = (0.0, 60.0, 180.0)

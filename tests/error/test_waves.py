@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.error.waves import ErrorWaves
+from hdassist.error.waves import ErrorWaves, estimated_cycle
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED, Run
@@ -29,3 +29,36 @@ def test_the_error_is_the_sum_of_its_waves(fixed):
 def test_rolling_balls_are_refused():
     with pytest.raises(UsageError, match="locked balls"):
         ErrorWaves(load_preset(SMALL, ["bearing.ball_motion=rolling", "bearing.d_ball=3"]), 4.0)
+
+
+def test_an_estimated_cycle_has_the_range_and_the_orders_of_every_state_from_a_tenth_of_them():
+    drive = load_preset("vzp160")
+    exact, found = kinematic_error(drive, 80.0, run=UNCHECKED), estimated_cycle(drive, 80.0)
+    assert np.ptp(found.error_arcsec) == pytest.approx(exact.range_arcsec, rel=0.01)
+    spectra = [np.abs(np.fft.rfft(each))[1:1201] / len(each) for each in (found.error_arcsec, exact.error_arcsec)]
+    assert spectra[0] == pytest.approx(spectra[1], abs=0.01)  # arcsec, up to order 12
+    assert found.turn_range_arcsec == pytest.approx(exact.turn_range_arcsec, rel=1e-3)
+    assert found.certificate.states < exact.certificate.states / 10
+
+
+def test_the_worst_turn_of_an_estimate_is_solved_where_flanks_part():
+    drive = load_preset("size-25-100", ["operation.M_g=3"])  # a light load: the waves alone are 5 % off
+    sets = {
+        "tolerances.e_hb": 60.0,
+        "phases.phi_hb": 40.0,
+        "tolerances.F_i1": 30.0,
+        "phases.xi_g": 10.0,
+        "phases.xi_b": 80.0,
+    }
+    exact, found = (
+        kinematic_error(drive.with_values(sets), 3.0, run=UNCHECKED),
+        estimated_cycle(drive.with_values(sets), 3.0),
+    )
+    assert found.turn_range_arcsec <= exact.turn_range_arcsec + 1e-9
+    assert found.turn_range_arcsec == pytest.approx(exact.turn_range_arcsec, rel=0.015)
+
+
+def test_of_a_short_cycle_every_state_is_solved():
+    drive = load_preset(SMALL)
+    exact = kinematic_error(drive, 4.0, run=UNCHECKED).error_arcsec
+    assert estimated_cycle(drive, 4.0).error_arcsec == pytest.approx(exact, abs=1e-9)

@@ -9,11 +9,13 @@ from functools import cache
 from multiprocessing import resource_tracker
 
 from textual.pilot import Pilot
+from textual.widgets import Input
 
 from hdassist.errors import HdassistError
 from hdassist.explorer.app import Explorer
 from hdassist.explorer.compute import Effort
-from hdassist.explorer.service import Failed, Question
+from hdassist.explorer.screens import Form
+from hdassist.explorer.service import Question
 from hdassist.explorer.state import Session, opened_state
 from tests.process import TINY, no_processes
 
@@ -46,7 +48,7 @@ def _answers(pickled: bytes) -> list[tuple[str, object]]:
         with no_processes():
             pickle.loads(pickled)(lambda *answer: found.append(answer))
     except HdassistError as error:
-        found.append(("failed", Failed(error.message, error.hint)))
+        found.append(("failed", error))
     return found
 
 
@@ -96,3 +98,37 @@ def screen(app: Explorer) -> str:
 def said(app: Explorer) -> str:
     """What was notified."""
     return "\n".join(notification.message for notification in app._notifications)
+
+
+def F_ior(app: Explorer, rotation_deg: float) -> float:
+    """F'_ior in a position, as the holes have it."""
+    curve = app.known.curve
+    assert curve is not None
+    place = curve.place(rotation_deg)
+    assert place is not None
+    return float(curve.F_ior_arcsec[1, 0, place])
+
+
+async def to_lever(app: Explorer, pilot: Pilot[int], path: str) -> None:
+    if path not in app.levers.rows:  # no part of the drive: it has to be looked for
+        app.wanted.value = path
+        await pilot.pause()
+    app.levers.focus()
+    await pilot.pause()  # from then on the cursor stays on its field when others are ranked above it
+    app.levers.move_cursor(row=app.levers.get_row_index(path))
+    await pilot.pause()
+
+
+async def known_is(app: Explorer, pilot: Pilot[int], text: str) -> None:
+    """Type what is known of the drive, and wait for the answer."""
+    await pilot.press("e")
+    await filled(app, pilot, text)
+    await settled(app, pilot)
+    assert not isinstance(app.screen, Form), screen(app)
+
+
+async def filled(app: Explorer, pilot: Pilot[int], text: str) -> None:
+    """Fill a text in the form that is open, and take it."""
+    app.screen.query_one(Input).value = text
+    await pilot.press("enter")
+    await pilot.pause(0.3)  # a file is written once the form has gone

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from hdassist.errors import HdassistError
 from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, FirstErrors, SeatCurve, cam_turn, drive_answers
-from hdassist.explorer.service import Failed, Question, Service
+from hdassist.explorer.service import Question, Service
 from hdassist.mounting.advice import Advice
 from tests.explorer.rig import QUICK, tiny
 
@@ -54,7 +55,7 @@ def test_an_answer_that_is_there_comes_before_the_next_is_computed(service: Serv
 def test_what_cannot_be_computed_is_an_answer_too(service: Service) -> None:
     question = partial(cam_turn, tiny("operation.M_g=[9000000.0]").drive, {}, 0.0, 9e6)
     [failed] = asyncio.run(told(service, question))
-    assert isinstance(failed, Failed) and "linear model" in failed.message
+    assert isinstance(failed, HdassistError) and "linear model" in failed.message
 
 
 def test_no_process_that_can_begin_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,7 +65,7 @@ def test_no_process_that_can_begin_is_said(monkeypatch: pytest.MonkeyPatch) -> N
     service = Service()
     monkeypatch.setattr(service, "_begin", refused)
     [failed] = asyncio.run(told(service, turn()))
-    assert isinstance(failed, Failed) and "cannot begin a process" in failed.message
+    assert isinstance(failed, HdassistError) and "cannot begin a process" in failed.message
 
 
 def processes() -> set[int]:

@@ -39,8 +39,6 @@ def test_units_are_converted_as_in_a_preset(session: Session) -> None:
 def test_a_refused_value_bears_the_loaders_words_and_changes_nothing(session: Session) -> None:
     with pytest.raises(UsageError, match=r"gears\.j_n: out of range: 0 to 200 um"):
         state.edited(session, "gears.j_n", "-3")
-    with pytest.raises(UsageError, match="one line"):
-        state.edited(session, "gears.j_n", "3\n4")
 
 
 def test_an_empty_value_takes_the_change_back(session: Session) -> None:
@@ -54,7 +52,7 @@ def test_undo_and_redo_go_over_edits_and_evidence_but_not_turns(session: Session
     assert dict(last.changes)["measured.F_ior.h2@1"] == "28.1 ± 2"
     back = state.undone(last)
     assert (back.changes, back.turn_deg) == (steps[0].changes, 60)
-    assert state.undone(back).changes == state.undone(state.undone(back)).changes == ()
+    assert state.undone(back).changes == ()
     assert state.redone(state.redone(state.undone(back))).changes == last.changes
     assert state.edited(back, "gears.j_n", "9").future == ()  # what was undone is forgotten
 

@@ -13,6 +13,7 @@ import sys
 import tempfile
 import termios
 import time
+from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -68,6 +69,12 @@ class Terminal:
         while words not in (seen := self.read()):
             assert time.monotonic() < end and self.process.poll() is None, seen
         return seen
+
+    def wait_for_end_of(self, words: str) -> None:
+        """Wait until words stand on the screen no longer."""
+        end = time.monotonic() + LONGEST
+        while words in (seen := self.read()):
+            assert time.monotonic() < end, seen
 
     def end(self) -> int:
         """Exit code; all that is sent until then is read."""
@@ -126,8 +133,7 @@ def test_a_session_in_a_terminal() -> None:
         terminal.press("h9=3\r")
         terminal.wait_for("the seat's holes")
         terminal.press("\x1b")
-        while "what is known" in terminal.read():  # an escape and a letter at once would be another key
-            pass
+        terminal.wait_for_end_of("what is known")  # an escape and a letter at once would be another key
         terminal.press("e")
         terminal.wait_for("what is known")
         terminal.press("h1=28.1\r")
@@ -145,6 +151,24 @@ def test_a_session_in_a_terminal() -> None:
             f"its numbers: hdassist check {TINY} --torque=4 --set {FEW[1]} {MEASURED.replace('h0', 'h1')}\r\n" in left
         )
     assert vanished(before)
+
+
+WHEEL = "\x1b[<65;20;14M"  # of a mouse, a notch down over the middle of the screen
+
+
+@needs_proc
+def test_the_wheel_scrolls_lists_and_plots_and_a_copied_command_reaches_the_clipboard_over_ssh() -> None:
+    with explorer() as terminal:
+        terminal.wait_for("Turn the rigid wheel")
+        for view, first in (("3", "gears.z_g"), ("5", "greatest around each cam turn")):
+            terminal.press(view)
+            terminal.wait_for(first)
+            terminal.press(20 * WHEEL)
+            terminal.wait_for_end_of(first)
+        terminal.press("y")
+        terminal.wait_for("clipboard")
+        command = f"hdassist mount {TINY} --torque=4 --set {FEW[1]}"
+        assert b"\x1b]52;c;" + b64encode(command.encode()) in terminal.sent
 
 
 @needs_proc

@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.preset.fields import field_table, fields
+from hdassist.preset.fields import field_table
 from hdassist.preset.kinds import bounds_of, choices_of, kind_of
 from hdassist.preset.yamltext import read_yaml
 from hdassist.solve.certificate import TOLERANCE
@@ -72,7 +72,7 @@ BY_CODE = {0: "solved", 3: "solved", 4: "refused", 5: "untrusted"}
 def numbers() -> dict[str, tuple[float, float]]:
     """Ends of the range of each field that holds a number and moves one, by path."""
     found = {}
-    for path, info in fields():
+    for path, info in field_table().items():
         bounds = bounds_of(info)
         if kind_of(info) in ("number", "count") and not path.startswith(LIMITS) and {"ge", "le"} <= {*bounds}:
             found[path] = bounds["ge"], min(bounds["le"], WORK.get(path, np.inf))
@@ -85,7 +85,7 @@ def ends() -> Iterator[Change]:
         yield from ({path: _as_field(path, end)} for end in (low, high))
         if low == 0 and kind_of(field_table()[path]) == "number":
             yield from ({path: tiny} for tiny in TINY)
-    for path, info in fields():
+    for path, info in field_table().items():
         if kind_of(info) == "choice" and not path.startswith(LIMITS):
             yield from ({path: word} | _needed(word) for word in choices_of(info))
     for torque in (-1e7, -1e-300, 1e-300, 1e-9, 1e-3, 1e3, 1e7):

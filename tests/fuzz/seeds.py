@@ -102,7 +102,6 @@ def presets() -> Args:
     more += (
         "mounting: {fixed: rigid, holes: 12, allowed: [0, 3]}\nuncertainty: {phases.xi_b: 10}\n"
         "acceptance: {F_ior: {1: 60, all: 70}, order_amplitude: {2: 5}, rule: guard}\n"
-        "alternatives: [{gears.j_n: 5}]\n"
         "source: {gears.m: {kind: given, ref: page 6}, gears.j_n: {kind: assumed, ref: x}}\n"
     )
     return *texts, more, fresh_preset("fresh"), DRIVE

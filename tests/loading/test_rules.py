@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from hdassist.errors import UsageError
 from hdassist.loading.load import load_text
 from hdassist.model.geometry import Geometry, flank_candidates
 from hdassist.model.rules import BEARING_FIELDS, MAX_OVERLAP, MODEL_RULES, conflicts
-from hdassist.preset.fields import Drive, fields
+from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.rules import FIELD_RULES
 
 REFERENCE = (Path(__file__).parents[1] / "validation/vzp160_reference.yaml").read_bytes()
@@ -23,7 +24,7 @@ def load(*overrides: str) -> Drive:
 
 def values() -> dict[str, object]:
     drive = load()
-    return {path: getattr(getattr(drive, path.split(".")[0]), path.split(".")[1]) for path, _ in fields()}
+    return {path: getattr(getattr(drive, path.split(".")[0]), path.split(".")[1]) for path in field_table()}
 
 
 @pytest.mark.parametrize(
@@ -139,6 +140,13 @@ def test_the_message_has_the_overlap_of_the_contact_model(W_0: float) -> None:
     assert f"an overlap of {overlap(drive) * 1e3:.3g} um" in caught.value.message
 
 
-def test_a_flank_window_is_refused_with_what_there_is_instead() -> None:
-    with pytest.raises(UsageError, match=r"numerics\.window: unknown key \(no flank window any more: every tooth"):
-        load("numerics.window=30")
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("numerics.window=30", "numerics.window: unknown key (no flank window any more: every tooth"),
+        ("alternatives=[1]", "alternatives: unknown key (no command reads them any more: leave them out)"),
+    ],
+)
+def test_what_presets_had_once_is_refused_with_a_hint(override: str, message: str) -> None:
+    with pytest.raises(UsageError, match=re.escape(message)):
+        load(override)

@@ -11,7 +11,7 @@ from hdassist.model.unknown import (
     unknowns,
 )
 from hdassist.preset.deviations import DEVIATIONS
-from hdassist.preset.fields import fields
+from hdassist.preset.fields import field_table
 from hdassist.preset.kinds import may_be_unknown
 from hdassist.preset.knowledge import F_p
 from tests.process import SMALL
@@ -27,7 +27,7 @@ def test_a_drive_that_gives_everything_leaves_nothing_open():
 
 
 def test_each_deviation_that_is_not_given_is_open_with_its_direction():
-    paths = {path for path, info in fields() if may_be_unknown(info)}
+    paths = {path for path, info in field_table().items() if may_be_unknown(info)}
     sizes = {each.size: each.direction for each in DEVIATIONS}
     assert paths == {*sizes, *sizes.values()}
     for size, direction in sizes.items():

@@ -95,6 +95,8 @@ def test_all_pages_say_the_same_numbers_and_the_same_probability():
         for place in (*page.get("measure", ()), page["current"], page["best_bet"], page["worst"]):
             assert place["F_ior_arcsec"] == positions[place["hole"]]
     assert mounted["samples"] == checked["samples"]
+    planned = answer("plan", *few)["F_ior_arcsec"]
+    assert list(planned.values()) == pytest.approx([now[0][f"{name}_arcsec"] for name in planned])
 
 
 def test_mount_draws_as_many_samples_as_check_with_the_same_sureness():

@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from hdassist import load_preset
+from hdassist.pages.plan import seen_curve
+from hdassist.planning.plan import choose_plan
 from tests.process import TINY, run
 
 OPEN = ("--set", "phases.xi_b=unknown", "--draws", "8")
@@ -21,10 +24,19 @@ def test_a_screen_says_what_twelve_positions_see_and_what_is_enough():
     assert lines[0] == "tiny, test at 1 N·m: record of 10 cam turns will do"
     assert lines[1].startswith("12 positions see ")
     assert any(line.startswith("next ") and "hdassist measure record.csv --drive" in line for line in lines)
-    assert any("positions in an output turn (B: blind to a large line, E: enough)" in line for line in lines)
+    assert any("positions in an output turn" in line for line in lines)
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80
     assert "looks like (0: blind)" in run("plan", TINY, "--no-plot", "--details").stdout
+
+
+def test_the_picture_has_the_least_share_of_neighbouring_numbers_of_positions():
+    choice = choose_plan(load_preset(TINY))
+    curve, seen = seen_curve(choice), {each.plan.readings: 100 * each.seen[0] for each in choice.over_positions}
+    assert len(curve.x) <= 36 < len(seen)  # each has a column of a narrow terminal
+    per = len(seen) / len(curve.x)
+    for x, least in zip(curve.x, curve.y, strict=True):
+        assert least == pytest.approx(min(share for N, share in seen.items() if abs(N - x) <= per / 2))
 
 
 def test_with_a_limit_the_page_has_wrong_verdicts_and_fits_a_screen():

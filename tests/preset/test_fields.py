@@ -19,7 +19,7 @@ from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Geometry
 from hdassist.model.kinematics import Kinematics, ball_phase, pitch_locked_states
 from hdassist.mounting.positions import MountingCurve, seat_positions
-from hdassist.preset.fields import Acceptance, Drive, field_table, fields
+from hdassist.preset.fields import Acceptance, Drive, field_table
 from hdassist.preset.kinds import is_optional, kind_of
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
@@ -110,7 +110,7 @@ MOVES = [
 ]
 LIMITS = [
     path
-    for path, info in fields()
+    for path, info in field_table().items()
     if path.startswith("acceptance.")
     if kind_of(info) in ("limits", "orders") or is_optional(info)
 ]
@@ -124,7 +124,7 @@ def marked() -> set[str]:
 
 
 def test_no_field_is_left_out():
-    assert {path for path, *_ in MOVES} | {*LIMITS} | marked() == {path for path, _ in fields()}
+    assert {path for path, *_ in MOVES} | {*LIMITS} | marked() == set(field_table())
 
 
 @pytest.mark.parametrize(

@@ -18,14 +18,17 @@ from hdassist.model.rules import conflicts
 from hdassist.preset.fields import Drive, field_table, measures
 from hdassist.preset.knowledge import LAWS, F_p
 from hdassist.preset.schema import origin_counts, resolved_fields
-from hdassist.preset.similarity import Requirements, rated_of, similar
+from hdassist.preset.similarity import PITCH_DIAMETER, STIFFNESS, SimilarValue, rated_of, similar
 from hdassist.run.run import UNCHECKED
 
 LIKE = load_preset("vzp160")
 
 
 def made(like: Drive = LIKE, **wish: object) -> Drive:
-    return load_text(similar_preset("own", like, Requirements(**wish)), "own")  # type: ignore[arg-type]
+    """A drive like another one: teeth z_g, pitch diameter [mm], torque [N*m], stiffness K1, K2, K3 [N*m/rad]."""
+    paths = {"z_g": "gears.z_g", "diameter": PITCH_DIAMETER, "torque": "operation.rated", "stiffness": STIFFNESS}
+    required = {paths[name]: SimilarValue(value, "given", "hdassist presets new") for name, value in wish.items()}
+    return load_text(similar_preset("own", like, required), "own")
 
 
 def bore(drive: Drive) -> float:
@@ -116,7 +119,7 @@ def test_what_nobody_knows_is_unknown_and_not_zero() -> None:
 
 
 def test_ranges_are_those_of_the_known_drive_at_its_size() -> None:
-    entries = similar(LIKE, Requirements())
+    entries = similar(LIKE, {})
     for path in ("gears.j_n", "flexspline.k_t", "bearing.ring_h", "supports.C_2", "contact.k_face", "contact.c_ball"):
         assert entries[path].range == LIKE.source[path].range
         assert entries[path].value == LIKE.value(path)
@@ -126,13 +129,13 @@ def test_ranges_are_those_of_the_known_drive_at_its_size() -> None:
 def test_teeth_are_as_stiff_as_the_flanks_of_the_known_drive_need_them() -> None:
     whole = LIKE.model_copy(update={"numerics": LIKE.numerics.model_copy(update={"stations": 1})})
     used = {"contact.k_face", "contact.c_t"}
-    assert set(similar(LIKE, Requirements())) & used == {"contact.k_face"}
-    assert set(similar(whole, Requirements())) & used == {"contact.c_t"}
+    assert set(similar(LIKE, {})) & used == {"contact.k_face"}
+    assert set(similar(whole, {})) & used == {"contact.c_t"}
 
 
 def test_tolerances_follow_the_standard() -> None:
     assert [round(F_p(160, 0.8, accuracy)) for accuracy in (6, 7, 8, 9)] == [28, 40, 56, 79]
-    F_i1 = similar(LIKE, Requirements())["tolerances.F_i1"]
+    F_i1 = similar(LIKE, {})["tolerances.F_i1"]
     assert (F_i1.value, F_i1.range) == (40, (0, 56))
 
 

@@ -16,7 +16,7 @@ import pytest
 
 from hdassist.cli.main import THREADS
 from hdassist.errors import DataError, UntrustedError
-from hdassist.run.processes import count, workers
+from hdassist.run.processes import apart, count, workers
 from tests.process import CLEAN, SMALL
 
 BEGUN = """
@@ -111,6 +111,41 @@ def test_no_number_of_jobs_is_one_for_each_core():
 
 def refuse(error: Exception) -> None:
     raise error
+
+
+APART = """
+import os, sys
+from hdassist.errors import UntrustedError
+from hdassist.run.processes import apart, workers
+
+with workers(1) as executor:
+    worker = executor.submit(os.getpid).result()
+    parent, modules = "__import__('os').getppid()", "'wave' in __import__('sys').modules"
+    print(executor.submit(apart, eval, f"(__import__('wave') and {parent}, {modules})").result() == (worker, True))
+    print(executor.submit(eval, modules).result())
+    try:
+        executor.submit(apart, int, "x").result()
+    except ValueError:
+        print(executor.submit(abs, -3).result())
+try:
+    with workers(1) as executor:
+        executor.submit(apart, eval, "__import__('os').kill(__import__('os').getpid(), 9)").result()
+except UntrustedError as error:
+    print(error.fault.name)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are spawned elsewhere")
+def test_a_task_apart_leaves_nothing_in_the_worker_and_its_end_from_outside_is_an_error():
+    found = subprocess.run(
+        [sys.executable, "-c", APART], env=CLEAN | dict.fromkeys(THREADS, "1"), capture_output=True, text=True,
+        timeout=60, check=True,
+    )  # fmt: skip
+    assert found.stdout.split() == ["True", "False", "3", "WORKERS_LOST"]
+
+
+def test_a_task_apart_is_done_here_where_there_are_no_workers():
+    assert apart(os.getpid) == os.getpid()
 
 
 @pytest.mark.parametrize(

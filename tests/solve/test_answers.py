@@ -35,28 +35,26 @@ def test_residuals_are_those_of_the_system_written_out(system):
         a[k] = system.G[:, k] @ forces / stiffness if stiffness else at.pop(0)
     gap = system.delta_p + compliance(system) @ forces + system.G @ a
     most, widest = np.abs(forces).max(), np.abs(system.delta_p).max()
-    assert found.negative_force[0] == pytest.approx(-forces.min() / most)
-    assert found.negative_gap[0] == pytest.approx(-gap.min() / widest)
-    assert found.complementarity[0] == pytest.approx(np.abs(gap * forces).max() / (most * widest))
+    assert found.shares[0, 0] == pytest.approx(-forces.min() / most)
+    assert found.shares[0, 1] == pytest.approx(-gap.min() / widest)
+    assert found.shares[0, 2] == pytest.approx(np.abs(gap * forces).max() / (most * widest))
     shares = [
         abs(system.G[:, k] @ forces - system.C[k] * a[k] + torque * (k == ROTATION))
         / (np.abs(system.G[:, k]) @ np.abs(forces) + abs(torque) * (k == ROTATION))
         for k in range(9)
     ]
-    assert found.equilibrium[0] == pytest.approx(max(shares))
+    assert found.shares[0, 3] == pytest.approx(max(shares))
     # each state has its own
     pushing = np.maximum(forces, 0)
     alone = residuals(system, system.delta_p[None] + 0.2, torque, pushing[None], 2 * free[None])
     both = [np.stack(pair) for pair in ((system.delta_p, system.delta_p + 0.2), (forces, pushing), (free, 2 * free))]
     together = residuals(system, both[0], torque, *both[1:])
-    for name in ("negative_force", "negative_gap", "complementarity", "equilibrium"):
-        expected = [getattr(found, name)[0], getattr(alone, name)[0]]
-        assert getattr(together, name) == pytest.approx(np.array(expected))
+    assert together.shares == pytest.approx(np.concatenate([found.shares, alone.shares]))
     assert together.worst == pytest.approx(np.array([found.worst[0], alone.worst[0]]))
     # nothing that pushes: the torque is not held at all
     idle = residuals(system, system.delta_p[None], torque, 0 * forces[None], 0 * free[None])
-    assert (idle.negative_force[0], idle.complementarity[0], idle.equilibrium[0]) == (0, 0, 1)
-    assert idle.negative_gap[0] == pytest.approx(-system.delta_p.min() / widest)
+    assert idle.shares[0, [0, 2, 3]].tolist() == [0, 0, 1]
+    assert idle.shares[0, 1] == pytest.approx(-system.delta_p.min() / widest)
 
 
 def test_what_is_kept_of_a_state_is_that_of_its_forces(system, formulation):

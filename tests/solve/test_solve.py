@@ -162,18 +162,18 @@ def test_states_solved_again_are_counted_and_the_greatest_difference_is_told(for
 @pytest.mark.parametrize(
     ("residual", "spoil"),
     [
-        ("negative_force", lambda f, a: (f - 1e-6 * f.max(), a)),
-        ("equilibrium", lambda f, a: (f * (1 + 1e-6), a)),
-        ("complementarity", lambda f, a: (f, a + np.array([1e-7, 0, 0]))),
-        ("negative_gap", lambda f, a: (f, a + np.array([1e-7, 0, 0]))),
+        (0, lambda f, a: (f - 1e-6 * f.max(), a)),
+        (3, lambda f, a: (f * (1 + 1e-6), a)),
+        (2, lambda f, a: (f, a + np.array([1e-7, 0, 0]))),
+        (1, lambda f, a: (f, a + np.array([1e-7, 0, 0]))),
     ],
 )
 def test_a_wrong_answer_has_no_certificate(formulation, system, residual, spoil):
     forces, free, _ = load_case(formulation, 80e3).forces(system.delta_p[None])
     right = residuals(system, system.delta_p[None], 80e3, forces, free)
-    assert getattr(right, residual)[0] < 1e-11
+    assert right.shares[0, residual] < 1e-11
     wrong = residuals(system, system.delta_p[None], 80e3, *spoil(forces, free))
-    assert getattr(wrong, residual)[0] > 1e-8
+    assert wrong.shares[0, residual] > 1e-8
 
 
 def test_the_certificate_is_made_from_the_unscaled_system(system):
@@ -324,7 +324,7 @@ def test_the_sample_of_the_cross_check_is_seeded(reference):
         kinematic_error(reference, 80, states=states, run=Run(seed=seed)).cross_check for seed in (1, 1, 2)
     )
     assert one == same
-    assert 8 <= one.states <= 10
+    assert 3 <= one.states <= 5
     assert len({one.states, other.states}) == 2 or one.max_difference_arcsec != other.max_difference_arcsec
 
 

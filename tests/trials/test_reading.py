@@ -2,10 +2,13 @@
 
 import pytest
 
+from hdassist import load_preset
 from hdassist.errors import UsageError
 from hdassist.mounting.positions import usable_positions
 from hdassist.mounting.trial import Trial, read_trial
 from hdassist.trials.prior import Rig
+from hdassist.trials.record import read_trial_or_record
+from tests.process import SMALL
 
 
 @pytest.mark.parametrize("holes", [12, 14, 25, 49])
@@ -52,6 +55,13 @@ NO_TRIALS = [
 def test_what_is_no_trial(text: str) -> None:
     with pytest.raises(UsageError, match=r"trial|holes|no hole"):
         read_trial(text, 12)
+
+
+@pytest.mark.parametrize("value", ["34um", "1O.5", "rum", ""])
+def test_a_value_that_is_neither_a_number_nor_a_file_says_what_is_expected_of_its_hole(value: str) -> None:
+    wanted = r"invalid trial 'h4=.*': expected F'_ior in arcsec, as h4=17\.3, or the file of a record, as h4=run\.csv"
+    with pytest.raises(UsageError, match=wanted):
+        read_trial_or_record(f"h4={value}", load_preset(SMALL))
 
 
 def test_holes_of_a_seat_without_holes() -> None:

@@ -60,7 +60,7 @@ def test_a_record_of_less_than_the_cycle_is_no_trial(record):
         ("h4={missing}", 4, "no such file"),
         ("h4={empty}", 4, "the file is empty"),
         ("h4={short}", 4, "less than one cam turn in one direction"),
-        ("h4=17,3", 2, "expected HOLE=VALUE"),
+        ("h4=17,3", 2, "expected F'_ior in arcsec, as h4=17.3"),
         ("h12={short}", 2, "the seat's holes are h0 to h11"),
         ("x={short}", 2, "expected HOLE=VALUE"),
     ],

@@ -182,7 +182,7 @@ def test_repeats_tell_the_noise(cloud: Prior) -> None:
     )
     assert close.noise.mean() < once.noise.mean() < far.noise.mean()
     assert far.noise.mean() > 1.25  # the values' own standard deviation is three times the told one
-    assert far.misread.max() > close.misread.max()  # or one of them is misread
+    assert np.all(far.misread[3:] > 10 * close.misread[3:])  # or one of them is misread
 
 
 def test_a_drive_that_errs_more_than_the_model_is_found_all_the_same(cloud: Prior) -> None:

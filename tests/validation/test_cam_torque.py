@@ -11,7 +11,7 @@ from hdassist import load_preset
 from hdassist.loading.load import load_text
 from hdassist.loading.write import similar_preset
 from hdassist.model.contacts import ContactSystems
-from hdassist.preset.similarity import Requirements
+from hdassist.preset.similarity import PITCH_DIAMETER, SimilarValue
 from tests.support import changed, solve_state
 from tests.validation.case import Case, Kind, about, parameters
 from tests.validation.whole_flanks import whole_flanks
@@ -29,7 +29,9 @@ TORQUE = 80e3  # N*mm
 def share(z_g: int, stations: int) -> float:
     """Torque on the cam over M_g/u, mean over the phases: a drive like vzp160 as identified with such flanks."""
     like = whole_flanks() if stations == 1 else load_preset("vzp160")
-    text = similar_preset(f"teeth-{z_g}", like, Requirements(z_g, 160.0, 800.0), "")
+    given = {"gears.z_g": z_g, PITCH_DIAMETER: 160.0, "operation.rated": 800.0}
+    required = {path: SimilarValue(value, "given", "") for path, value in given.items()}
+    text = similar_preset(f"teeth-{z_g}", like, required)
     drive = changed(load_text(text, f"teeth-{z_g}"), numerics__stations=stations)
     systems, found = ContactSystems(drive), []
     for tau, beta in product(PHASES, PHASES):

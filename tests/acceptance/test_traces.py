@@ -1,0 +1,145 @@
+"""Measured traces: of the full cycle or of a part, in one direction or two, with all that is stated of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hdassist.acceptance.answer import answer_json
+from hdassist.acceptance.decision import GUARD
+from hdassist.acceptance.limits import limits_of
+from hdassist.acceptance.request import Request, torque_and_file
+from hdassist.errors import DataError, UsageError
+from hdassist.measuring.measure import measure
+from hdassist.measuring.uncertainty import STATED
+from tests.acceptances import accept, small, stated, tiny
+from tests.process import TINY
+from tests.rigs import drive_error, recorded, turn_range, whole_range
+
+CYCLE = 30  # cam turns of the small drive
+RATE = 60  # states of a trace in each
+NOTHING = dict.fromkeys(STATED, 0.0)  # every source of the budget stated to be none
+RNG = np.random.default_rng(3)
+CURVE = drive_error(RNG, CYCLE)
+
+
+def rig(turns: int, noise: float = 0.2):
+    x = np.arange(turns * RATE) / RATE
+    return recorded(x, CURVE(x) + noise * np.random.default_rng(turns).standard_normal(len(x)))
+
+
+def test_a_trace_of_the_full_cycle_decides():
+    drive = small("F_ior@4=50", "turn_range@4=50", "order_2=50")
+    found = accept(drive, {4.0: measure(rig(CYCLE), drive=drive)}, measured_only=True)
+    F_ior, within, second = found.checks
+    assert F_ior.value == pytest.approx(whole_range(CURVE, CYCLE), abs=1.5 * F_ior.expanded_uncertainty)
+    fine = np.arange(CYCLE * 720) / 720
+    assert within.value == pytest.approx(turn_range(CURVE, CYCLE), abs=1.5 * within.expanded_uncertainty)
+    spectrum = 2 * np.abs(np.fft.rfft(CURVE(fine))) / len(fine)
+    assert second.value == pytest.approx(spectrum[2 * CYCLE], abs=2 * second.expanded_uncertainty)
+    assert {k.extent for k in (F_ior, within, second)} == {"whole"}
+    assert found.left_out == ("amplitude of order 2 alone at 1 N·m",)
+    assert {note.code for note in found.remarks} == {"BUDGET", "NOT_TESTED"}
+
+
+def test_a_part_of_the_cycle_can_fail_a_drive_and_never_pass_it():
+    measured = {4.0: measure(rig(5), drive=small())}
+    for limit, verdict in ((1.0, "FAIL"), (1000.0, "INCONCLUSIVE")):
+        drive = small(f"F_ior@4={limit}", f"turn_range@4={limit}")
+        found = accept(drive, measured)
+        assert [d.verdict for d in found.checks] == [verdict] * 2
+        assert "COVERAGE" in [note.code for note in found.remarks]
+    assert accept(small("order_2=1"), measured, measured_only=True).verdict == "INCONCLUSIVE"
+
+
+def test_an_order_of_a_trace_is_the_one_that_was_asked_for():
+    measured = {4.0: measure(rig(CYCLE), drive=small())}
+    with pytest.raises(UsageError, match=r"2\.01 is none of the full cycle"):  # not that of order 2, its neighbour
+        accept(small("order_2.01=1"), measured, measured_only=True)
+
+
+def test_a_part_beside_the_whole_cycle_leaves_what_the_whole_says():
+    x = np.concatenate([np.arange(CYCLE * RATE), np.arange(CYCLE * RATE, 20 * RATE, -1)]) / RATE
+    both = recorded(x, 0.2 * np.random.default_rng(8).standard_normal(len(x)) + CURVE(x))
+    drive = small("F_ior@4=1000", "turn_range@4=1000", "order_2=1000")
+    found = accept(drive, {4.0: measure(both, drive=drive, stated=NOTHING)}, measured_only=True)
+    assert [d.verdict for d in found.checks] == ["PASS"] * 3
+    assert {d.extent for d in found.checks} == {"whole"}
+
+
+def test_a_source_that_nobody_has_stated_keeps_a_drive_from_passing():
+    trace, limits = rig(CYCLE), ("F_ior@4=500", "turn_range@4=500", "order_2=500")
+    for missing in ("encoder", "temperature"):
+        stated_of = {name: 0.0 for name in STATED if name != missing}
+        measured = {4.0: measure(trace, drive=small(), stated=stated_of)}
+        found = accept(small(*limits), measured, measured_only=True)
+        assert [d.verdict for d in found.checks] == ["INCONCLUSIVE"] * 3
+        assert {d.reason for d in found.checks} == {
+            f"nothing stated of {missing}: --budget {missing}=U, U in ″, 0 where a source adds nothing"
+        }
+        lenient = small(*limits, overrides=("acceptance.rule=simple",))
+        assert accept(lenient, measured, measured_only=True).verdict == "PASS"
+        assert accept(small("F_ior@4=1"), measured, measured_only=True).verdict == "FAIL"  # that much is known
+    assert accept(small(*limits), {4.0: measure(trace, drive=small(), stated=NOTHING)}, measured_only=True).verdict == (
+        "PASS"
+    )
+
+
+def test_what_lines_may_add_in_another_cycle_has_to_find_room():
+    x = np.arange(CYCLE * RATE) / RATE
+    error = CURVE(x) + 2 * np.cos(2 * np.pi * 12.96 * x) + 0.1 * np.random.default_rng(2).standard_normal(len(x))
+    measured = measure(recorded(x, error), drive=small(), stated=NOTHING)
+    (found,) = measured.directions
+    within = found.range.value + GUARD * found.uncertainty_arcsec
+    verdicts = []
+    for limit in (within + 0.5 * found.range.rise, within + 1.01 * found.range.rise):
+        told = accept(small(f"F_ior@4={limit!r}"), {4.0: measured}, measured_only=True)
+        verdicts.append(told.verdict)
+        assert [note.code for note in told.remarks if note.code == "LINES"] == ["LINES"]
+        (check,) = answer_json(told)["checks"]
+        assert (check["rise"], check["unstated"]) == (found.range.rise, [])
+    assert verdicts == ["INCONCLUSIVE", "PASS"]
+
+
+def test_the_worse_verdict_of_two_directions_counts():
+    x = np.concatenate([np.arange(CYCLE * RATE), np.arange(CYCLE * RATE, 0, -1)]) / RATE
+    grows = np.arange(len(x)) < CYCLE * RATE
+    noise = np.where(grows, 4.0, 0.05) * np.random.default_rng(5).standard_normal(len(x))
+    both = recorded(x, noise + np.where(grows, 1.1, 1.0) * CURVE(x))
+    found = measure(both, drive=small())
+    clean, noisy = sorted(found.directions, key=lambda d: d.uncertainty_arcsec)
+    reach = GUARD * clean.uncertainty_arcsec, GUARD * noisy.uncertainty_arcsec
+    limit = clean.range.value - 2 * reach[0]
+    assert clean.range.value < noisy.range.value < limit + reach[1]  # the greater one by itself does not fail
+    assert accept(small(f"F_ior@4={limit}"), {4.0: found}, measured_only=True).verdict == "FAIL"
+
+
+def test_remarks_that_count():
+    drive = small("F_ior@4=50", overrides=("operation.rated=3",))
+    noisy = accept(drive, {4.0: measure(rig(CYCLE, noise=12.0), drive=drive)})
+    codes = [note.code for note in noisy.remarks]
+    assert "UNCERTAINTY" in codes
+    assert "RATED" in codes
+    clean = accept(drive, stated={limits_of(drive)[0]: stated(20.0, 0.1)})
+    assert clean.exit_code == 0
+
+
+def test_what_has_no_limit_is_refused():
+    with pytest.raises(DataError, match="no limit to accept it by"):
+        accept(tiny())
+    with pytest.raises(DataError, match="measured at 1 N\\*m, where it has no limit"):
+        accept(small("F_ior@4=3"), {1.0: measure(rig(5), drive=small())})
+    with pytest.raises(DataError, match="nothing was measured"):
+        accept(tiny("F_ior@4=3"), measured_only=True)
+
+
+def test_the_torque_of_a_trace():
+    drive = tiny("F_ior@4=9")
+    texts = ("run.csv", "4=a:b.csv", "4.4.4=run.csv", "x=run.csv")
+    assert list(map(torque_and_file, texts)) == [("", texts[0]), ("4", "a:b.csv"), ("", texts[2]), ("", texts[3])]
+    assert Request(TINY, measured=texts[:1]).traces(drive) == {4.0: "run.csv"}
+    assert Request(TINY, measured=texts[1:2]).traces(drive) == {4.0: "a:b.csv"}
+    with pytest.raises(UsageError, match="at which torque"):
+        Request(TINY, measured=texts[:1]).traces(tiny("F_ior=9"))
+    with pytest.raises(UsageError, match="two traces at 4"):
+        Request(TINY, measured=texts[:2]).read(drive)

@@ -1,0 +1,116 @@
+"""Files that the explorer writes, and leaving it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from textual.pilot import Pilot
+
+from hdassist.explorer.app import Explorer
+from hdassist.explorer.screens import Notice
+from hdassist.explorer.state import with_evidence
+from hdassist.loading.load import load_text
+from tests.explorer.rig import FEW, explored, filled, said, screen, tiny, to_lever
+from tests.process import TINY, run
+
+SETS = [word for text in FEW for word in ("--set", text)]
+
+
+def test_a_picture_is_of_the_screen_and_loads_nothing(tmp_path: Path) -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("g")
+        await filled(app, pilot, str(tmp_path / "screen.svg"))
+        made = (tmp_path / "screen.svg").read_text()
+        assert made.startswith("<svg") and "LEVERS" in made and "@font-face" not in made
+
+    explored(act)
+
+
+def test_the_preset_is_saved_with_its_comments_and_never_over_a_file_unasked(tmp_path: Path) -> None:
+    original = Path(TINY).read_text()
+    there = tmp_path / "mine.yaml"
+
+    async def save(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("s")
+        await filled(app, pilot, str(there))
+
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await to_lever(app, pilot, "gears.j_n")
+        await pilot.press("plus")
+        await save(app, pilot)
+        wanted = original.replace("j_n: 18", "j_n: 19").replace("[1, 4]", "[4.0]")
+        assert there.read_text() == f"{wanted}mounting:\n  holes: 6\n"
+        assert load_text(there.read_bytes(), str(there)).gears.j_n == 19 and f"wrote {there}" in said(app)
+        there.write_text("precious")
+        await save(app, pilot)
+        assert isinstance(app.screen, Notice)
+        await pilot.press("n")
+        assert there.read_text() == "precious"
+        await save(app, pilot)
+        await pilot.press("y")
+        assert "j_n: 19" in there.read_text()
+
+    explored(act)
+
+
+def test_leaving_asks_while_a_change_is_in_no_preset_also_one_that_was_undone(tmp_path: Path) -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await to_lever(app, pilot, "gears.j_n")
+        await pilot.press("plus", "q")
+        await pilot.pause()
+        assert "comes back to this session" in screen(app) and "gears.j_n=19" in screen(app)
+        await pilot.press("n", "u", "q")
+        await pilot.pause()
+        assert "comes back to this session" in screen(app)
+        await pilot.press("n", "r", "s")
+        await filled(app, pilot, str(tmp_path / "mine.yaml"))
+        await pilot.press("q")
+        await pilot.pause()
+        assert not app.is_running
+
+    explored(act)
+
+
+def test_leaving_asks_nothing_where_all_that_is_known_was_typed_before_the_screen() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("q")
+        await pilot.pause()
+        assert not app.is_running
+
+    explored(act, with_evidence(tiny(), "h0=28.1"))
+
+
+def test_a_file_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("s")
+        await filled(app, pilot, str(tmp_path / "nowhere" / "mine.yaml"))
+        assert "cannot write" in said(app) and "there is no directory" in said(app)
+
+    explored(act)
+
+
+def test_the_card_is_that_of_the_command(tmp_path: Path) -> None:
+
+    card = tmp_path / "card.txt"
+    assert run("mount", TINY, *SETS, "--draws", "8", "-q", "--card", str(card)).returncode == 0
+
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("c")
+        await filled(app, pilot, str(tmp_path / "card.pdf"))
+        assert "its name ends in .txt, .html" in said(app)
+        await pilot.press("c")
+        await filled(app, pilot, str(tmp_path / "mine.txt"))
+        assert (tmp_path / "mine.txt").read_text() == card.read_text()
+
+    explored(act)
+
+
+def test_the_report_is_the_page_of_check(tmp_path: Path) -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("w")
+        await filled(app, pilot, str(tmp_path / "page.md"))
+        assert app.known.check is not None
+        value = f"{app.known.check.points[0].error.F_ior_arcsec:.2f}"
+        assert value in (tmp_path / "page.md").read_text()
+
+    explored(act)

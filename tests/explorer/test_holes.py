@@ -1,0 +1,150 @@
+"""F'_ior over the holes, the seat, and where the wheel is looked at."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from hdassist.belief.samples import EFFECTIVE_SAMPLES
+from hdassist.design.check import check
+from hdassist.explorer.app import Explorer
+from hdassist.explorer.asking import REST
+from hdassist.explorer.compute import FULL, SURE_RANGE
+from hdassist.explorer.screens import Form
+from hdassist.explorer.state import Session, opened_state
+from hdassist.explorer.words import order_words
+from hdassist.mounting.advice import Advice
+from hdassist.trials.advice import TrialAdvice
+from tests.explorer.rig import FEW, QUICK, F_ior, explored, known_is, said, screen, settled, tiny
+from tests.process import SMALL
+
+
+def test_arrows_turn_the_wheel_and_the_values_are_those_of_the_position() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("right", "right", "left")
+        assert app.session.turn_deg == 60
+        assert "hole 1 (60°)" in screen(app) and f"{F_ior(app, 60):.2f}" in screen(app)
+        await pilot.press("b")
+        positions = [60.0 * k for k in range(6)]
+        assert app.session.turn_deg == min(positions, key=lambda at: F_ior(app, at)) != 0
+        await pilot.press("0")
+        assert app.session.turn_deg == 0
+        await pilot.press("down", "down")
+        assert app.session.turn_deg == 120
+        await pilot.click(app.holes, offset=(5, 4))
+        assert app.session.turn_deg == 180
+
+    explored(act)
+
+
+def test_holes_that_are_not_allowed_are_marked_and_never_the_best() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        barred = [key for key in app.holes.rows if "x" in str(app.holes.get_row(key)[0])]
+        assert [round(float(str(key.value)) / 60) for key in barred] == [0, 3, 4]  # the wheel stands in one of them
+        await pilot.press("b")
+        assert app.session.turn_deg == min([60.0, 120.0, 300.0], key=lambda at: F_ior(app, at))
+
+    explored(act, tiny("mounting.allowed=[1, 2, 5]"), size=(140, 40))
+
+
+def test_the_best_and_the_worst_hole_are_those_of_mount() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        assert app.known.advice is not None
+        ranked = [position.hole for position in app.known.advice.choice.ranked]
+        signs = {k: str(app.holes.get_row(key)[0]) for k, key in enumerate(app.holes.rows)}
+        assert [k for k, text in signs.items() if "B" in text] == ranked[:1]
+        assert [k for k, text in signs.items() if "W" in text] == ranked[-1:]
+
+    explored(act, tiny("uncertainty.phases.phi_hb=60", "mounting.holes=12"), size=(140, 40))
+
+
+@pytest.fixture(scope="module")
+def likely() -> str:
+    """F'_ior in three holes that the small drive can show: as computed of it, turned by a hole."""
+    app = explored(lambda app, pilot: pilot.pause(), opened_state(SMALL, FEW))
+    values = [F_ior(app, 60.0 * k) for k in range(6)]
+    return " ".join(f"h{k}={values[(k - 1) % 6]:.1f}" for k in (0, 2, 4))
+
+
+def test_several_measured_positions_have_the_answer_of_trials(likely: str) -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await known_is(app, pilot, likely)
+        found = app.known
+        assert isinstance(found.advice, TrialAdvice) and found.curve is not None and found.report is not None
+        assert [trial.F_ior_arcsec for trial in found.advice.trials] == [
+            float(word.partition("=")[2]) for word in likely.split()
+        ]
+        told = screen(app)
+        assert "◆" in told and "90 % RANGE" in told and "hdassist trials" in told and "any position" not in told
+        assert set(found.curve.sure) == {SURE_RANGE}
+        assert order_words(found) == " ".join(found.report.why) and found.report.command == "trials"
+        assert not found.advice.settled
+        await pilot.press("c")
+        assert "no card: nothing is ordered" in said(app)
+        await pilot.press("u")
+        await settled(app, pilot)
+        assert isinstance(app.known.advice, Advice) and "◆" not in screen(app)
+        await pilot.press("r")
+        assert app.known is found
+
+    explored(act, opened_state(SMALL, FEW), size=(140, 40))
+
+
+TURNABLE = ("phases.xi_b=unknown", "phases.phi_eb=unknown", "tolerances.e_b=0")  # any hole may be the best
+
+
+def range_of_check(session: Session) -> str:
+    """F'_ior over all that is not known exactly, as `hdassist check` has it and the explorer writes it."""
+    (point,) = check(session.drive, draws=QUICK.draws).points
+    assert FULL.draws == EFFECTIVE_SAMPLES and point.belief
+    return f"{point.belief.p50:.2f} {point.belief.p5:.1f} to {point.belief.p95:.1f}"
+
+
+def test_unknown_directions_have_a_range_with_its_verdict_no_order_and_no_card(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        told = screen(app)
+        assert "any position may be the best" in told and "PROVEN" not in told
+        assert app.known.curve is not None and range_of_check(app.session) in told
+        low, _, high = app.known.curve.F_ior_arcsec[:, 0, 0]
+        assert f"{low:.1f}…{high:.1f}" in told and "best:" not in told
+        (point,) = check(app.session.drive, draws=QUICK.draws).points
+        assert point.held_arcsec is not None
+        margin = 2050 - point.held_arcsec[1]
+        assert f"2050 {point.verdict} {margin:+.2f} {100 * point.probability.value:.0f} %" in " ".join(told.split())
+        assert app.known.check is not None
+        gain, kept = app.known.check.to_measure[0].gain, point.probability.value
+        then = max(kept, 1 - kept) + gain  # how sure the side of the limit is
+        assert f"{100 * gain:3.0f} % more sure, then {100 * then:.0f} %: F'_ior at 4 N·m" in told
+        await pilot.press("c")
+        await pilot.pause()
+        assert "no card" in said(app) and not isinstance(app.screen, Form) and not list(tmp_path.iterdir())
+
+    explored(act, tiny(*TURNABLE, "acceptance.F_ior=2050"), size=(140, 40))
+
+
+def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        curve = app.known.curve
+        assert curve is not None and set(curve.sure) == {SURE_RANGE}
+        told = screen(app)
+        assert range_of_check(app.session) in told
+        low, _, high = curve.F_ior_arcsec[:, 0, 0]
+        assert 0 < low < high and f"{low:.1f}…{high:.1f}" in told
+        await pilot.press("right")
+        await pilot.pause(REST + 0.2)
+        await settled(app, pilot)
+        assert "CAM TURN, of a typical drive" in screen(app) and "hdassist mount" in screen(app)
+        await pilot.press("4")
+        await settled(app, pilot)
+        assert "hdassist trace" in screen(app) and "PROVEN" not in told + screen(app)
+        at = shlex.split(app.command_line())
+        assert any(word.startswith("tolerances.e_hh=") for word in at)  # the typical drive's, not 0
+
+    explored(act, tiny("tolerances.e_hh=unknown"), size=(160, 45))

@@ -1,0 +1,173 @@
+"""What stands on the screen, at each size."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+from textual.pilot import Pilot
+
+from hdassist.design.check import check
+from hdassist.explorer.app import Explorer
+from hdassist.explorer.asking import REST
+from hdassist.explorer.screens import Notice
+from hdassist.explorer.state import opened_state
+from hdassist.preset.schema import resolved_fields
+from tests.explorer.rig import FEW, explored, known_is, screen, settled, tiny, to_lever
+from tests.process import TINY
+
+
+def test_the_screen_has_error_seat_holes_levers_cam_turn_and_the_order() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.pause(REST + 0.2)
+        await settled(app, pilot)
+        told = screen(app)
+        assert app.known.advice is not None and "Turn the rigid wheel" in told
+        assert "SEAT" in told and "LEVERS" in told and "F'_ior by hole, ″" in told
+        assert f"= hdassist mount {TINY[:40]}" in told
+        assert "PROVEN" in told and "80 N·m" not in told
+        found = app.known.turn
+        assert found is not None and told.count("cam angle, turns") == 2 and "hdassist trace" not in told
+        (point,) = check(app.session.drive).points
+        assert f"▸4 N·m {point.error.F_ior_arcsec:.2f}" in " ".join(told.split()) and "every state" in told
+
+    explored(act, size=(140, 44))
+
+
+def test_what_is_pinned_and_which_torque_is_shown_stand_on_every_screen() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        assert "▸1 N·m" in screen(app) and "vs tiny " in screen(app)
+        await pilot.press("m")
+        assert "▸4 N·m" in screen(app) and "▸1 N·m" not in screen(app)
+        await known_is(app, pilot, "gears.j_n=8")
+        await pilot.press("p")
+        assert "vs tiny with 1 changed" in screen(app)
+
+    explored(act, tiny("operation.M_g=[1.0, 4.0]"), size=(80, 24))
+
+
+def test_a_drive_at_another_torque_is_compared_with_none() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        def heads() -> list[str]:
+            return screen(app).partition("1 holes")[0].split()
+
+        await known_is(app, pilot, "gears.j_n=8")
+        assert "change" in heads() and "┄" in screen(app)
+        await known_is(app, pilot, "operation.M_g=[1]")
+        assert "change" not in heads() and "┄" not in screen(app)
+
+    explored(act, size=(120, 30))
+
+
+def test_one_pane_at_a_time_where_there_is_little_room() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        assert "LEVERS" not in screen(app) and all(len(row) == 80 for row in screen(app).split("\n"))
+        assert "F'_ior by hole, ″" in screen(app)
+        for key, title in (
+            ("3", "LEVERS"),
+            ("2", "270"),
+            ("4", "CAM TURN"),
+            ("6", "WHY"),
+            ("7", "ADVICE"),
+            ("1", "F'_ior by hole, ″"),
+        ):
+            await pilot.press(key)
+            await pilot.pause()
+            assert title in screen(app)
+        await pilot.resize_terminal(60, 18)
+        await pilot.pause()
+        assert "hole 0 (0°), where it stands" in screen(app) and "too small" not in screen(app)
+        await pilot.resize_terminal(140, 40)
+        await pilot.pause()
+        assert "LEVERS" in screen(app) and "SEAT" in screen(app)
+        await pilot.resize_terminal(50, 15)
+        await pilot.pause()
+        assert "too small for the explorer" in screen(app) and "LEVERS" not in screen(app)
+        await pilot.resize_terminal(100, 30)
+        await settled(app, pilot)
+        assert "LEVERS" in screen(app) and "too small" not in screen(app)
+
+    explored(act, size=(80, 24))
+
+
+def test_the_whole_seat_with_its_quarters_and_every_hole_have_room_in_80_columns() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        assert all(f"\n{hole:>4} " in screen(app) for hole in range(12))
+        await pilot.press("2")
+        await pilot.pause()
+        told = screen(app)
+        assert all(f" {angle} " in told for angle in (90, 180, 270)) and all(f" {k} " in told for k in range(12))
+
+    explored(act, tiny("mounting.holes=12"), size=(80, 24))
+
+
+def test_keys_at_the_bottom_are_those_that_work_where_the_focus_is_and_are_pressed_by_a_click() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        def keys() -> str:
+            return str(app.lines["keys"].render()).replace("\N{NO-BREAK SPACE}", " ")
+
+        assert "e evidence" in keys() and "x_b with W_0" not in keys() and "undo" not in keys()
+        await pilot.press("3", "tab")
+        await to_lever(app, pilot, "gears.j_n")
+        assert "k x_b with W_0" in keys() and "o by group" in keys()
+        await pilot.press("plus")
+        assert "u undo" in keys()
+        await pilot.press("k")
+        assert "x_b keeps clearance" in screen(app)
+        shown = list(app.levers.rows)
+        await pilot.press("o")
+        in_order = [field.path for field in resolved_fields(app.session.drive)]
+        grouped = [str(key.value) for key in app.levers.rows]
+        assert grouped == [path for path in in_order if path in grouped] and "numerics.window" not in grouped
+        assert shown != list(app.levers.rows) or app.known.effects is None
+        await pilot.click(app.lines["tabs"], offset=(3, 0))
+        await pilot.pause()
+        assert app.all.has_class("holes")
+
+    explored(act, size=(100, 30))
+
+
+def test_explanation_and_torque_are_a_key_away() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.press("question_mark")
+        assert isinstance(app.screen, Notice) and "REFINED" in screen(app)
+        await pilot.press("escape", "4", "m")
+        await pilot.pause(REST + 0.2)
+        await settled(app, pilot)
+        assert "error F_kpp, ″, at 4 N·m" in screen(app) and "hdassist trace" in screen(app) and "▸4 N·m" in screen(app)
+
+    explored(act, tiny("operation.M_g=[1.0, 4.0]"))
+
+
+def test_in_seven_bits_the_screen_is_as_wide_and_says_the_same() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        views = [told := screen(app)]
+        assert "SEAT" in told and "4 N*m" in told and "@ PROVEN" in told and "computing ~" not in told[:400]
+        await pilot.press("question_mark")
+        await pilot.pause()
+        views.append(screen(app))
+        assert "o  the extremes of the cycle" in views[1]
+        assert all(view.isascii() for view in views) and "e evidence" in told
+        assert {len(line) for view in views for line in view.splitlines()} == {140}
+
+    explored(act, size=(140, 40), ascii=True)
+
+
+def test_text_of_a_preset_steers_no_terminal(tmp_path: Path) -> None:
+    file = tmp_path / "drive.yaml"
+    text = Path(TINY).read_text().replace("name: tiny", 'name: "a\\u202eb"').replace("mounting", "mounting")
+    file.write_text(text)
+
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        assert "\u202e" not in screen(app) and "a\\u202eb" in screen(app)
+
+    explored(act, opened_state(str(file), FEW))
+
+
+def test_an_explorer_without_a_terminal_leaves_stops_to_the_process_that_it_runs_in() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        assert signal.getsignal(signal.SIGTERM) is before
+
+    explored(act)
