@@ -214,8 +214,8 @@ def loaded_error(
 ) -> tuple[LoadedError, Certificate]:
     """Error of drives at a torque M_g [N*m], from their values by path.
 
-    The first of them is solved in each state of its cycle, for the part that lines leave out and for F'_ior. alike: whether all
-    are so near to it that the strongest lines of that are theirs too.
+    The first of them is solved in each state of its cycle, for the part that lines leave out and for F'_ior. alike:
+    whether all are so near to it that the strongest lines of that are theirs too.
     """
     lines = error_lines(drive, M_g, drives, run)
     solved = kinematic_error(drive.with_values(drives[0]), M_g, run=replace(run, cross_check=None))
