@@ -42,7 +42,7 @@ def corrected(number: int, draws: int, seed: int, span: float) -> dict[str, Corr
     from benchmarks.honesty import hidden_drive
     from hdassist.belief.prior import prior_of
     from hdassist.comparing.record import Alignment
-    from hdassist.correction.correct import correct, correction_of
+    from hdassist.correction.correct import PHASORS, correct, correction_of
     from hdassist.correction.forms import CAM_POINTS, CorrectionForm
     from hdassist.correction.records import recorded_error
     from hdassist.error.cycle import kinematic_error
@@ -54,7 +54,7 @@ def corrected(number: int, draws: int, seed: int, span: float) -> dict[str, Corr
     from hdassist.run.run import UNCHECKED, Run
 
     rng = np.random.default_rng([seed, number])
-    forms = (CorrectionForm(None), CorrectionForm("output", POINTS), CorrectionForm("cam", CAM_POINTS))
+    tables = (CorrectionForm("output", POINTS), CorrectionForm("cam", CAM_POINTS))
     try:
         preset, there, teeth = hidden_drive(rng, RATIOS)
         M_g = preset.operation.M_g[0]
@@ -66,24 +66,24 @@ def corrected(number: int, draws: int, seed: int, span: float) -> dict[str, Corr
         trace = MeasuredTrace("run.csv", "", cam_deg, readings, rows + 1, 0.0, tuple(sweeps(cam_deg)), ())
         alone = preset.model_copy(update={"operation": preset.operation.model_copy(update={"M_g": (M_g,)})})
         records = {M_g: recorded_error(measure(trace, drive=alone, together=True), alone, Alignment())}
-        found = {}
+        found: dict[str, CorrectedDrive] = {}
         if span < 1:
             result = correct(alone, records=records, draws=draws, run=Run(seed=number))
         else:
             prior = prior_of(alone)
             values = prior.values(prior.shares(2 * draws, number))
             drives = [each for each in values if first_conflict(alone.with_values(each)) is None][:draws]
-            result = correction_of(alone, drives, records, forms[0], Run(seed=number))
+            result = correction_of(alone, drives, records, PHASORS, Run(seed=number))
         lines, plain = result.errors[M_g].lines, plain_left(turns, actual, rows, -readings)
         mean = replace(lines, amplitude=lines.amplitude.mean(axis=0)[None])
-        for form in forms:
+        for form in (result.chosen.form, *tables):
             stored = next(each for each in result.stored if each.form == form)
             left = float(np.ptp(actual - form.fitted(mean, M_g).error_at(turns)[0]))
             refused = "refused" if stored.is_refused else ""
             promised = stored.residuals[0].p95
-            found[form.name] = CorrectedDrive(float(np.ptp(actual)), left, promised, plain, refused)
+            found[form.turn or "phasors"] = CorrectedDrive(float(np.ptp(actual)), left, promised, plain, refused)
     except HdassistError as fault:
-        return {form.name: CorrectedDrive(refused=fault.message) for form in forms}
+        return {form: CorrectedDrive(refused=fault.message) for form in ("phasors", "output", "cam")}
     return found
 
 

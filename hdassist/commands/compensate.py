@@ -12,6 +12,7 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from hdassist.correction.forms import CorrectionForm
     from hdassist.correction.records import RecordedError
+    from hdassist.measuring.measure import SweepResult
     from hdassist.preset.fields import Drive
     from hdassist.report.report import Report
 
@@ -28,6 +29,7 @@ class CompensateCommand(
       hdassist compensate own.yaml --csv phasors.csv
       hdassist compensate own.yaml --form output --points 720 --csv table.csv
       hdassist compensate own.yaml run80.csv run800.csv --each-load --json
+      hdassist compensate own.yaml run80.csv --after corrected80.csv
       hdassist compensate vzp160 --torque 80 --torque -80 --details --json
 
     The error is taken apart: parts that repeat with the cam, that beat, that other loads change. Then each form that
@@ -39,7 +41,8 @@ class CompensateCommand(
 
     A FILE is a record at a torque of the preset, in their order; then the correction is that of the record: of the full
     cycle in the record's own angles, of part of it by the drives of the preset that agree, in the preset's angles.
-    Exit codes: 0, 2 wrong options, 4 bad file, 5 refused or no trustworthy answer.
+    --after has a record with the correction of the same options on: whether the promise is kept, or the likely cause.
+    Exit codes: 0, 2 wrong options, 3 promise not kept, 4 bad file, 5 refused or no trustworthy answer, 6 open.
     """
 
     preset: str
@@ -47,6 +50,7 @@ class CompensateCommand(
     form: Literal["phasors", "output", "cam", "half-cam"] = "phasors"
     points: int | None = None
     each_load: bool = False
+    after: str | None = None
     plot: bool = True
     details: bool = False
 
@@ -55,38 +59,46 @@ class CompensateCommand(
         from hdassist.correction.forms import CAM_POINTS, USUAL_POINTS, CorrectionForm
 
         if self.form == "phasors":
-            return CorrectionForm(None, each_load=self.each_load)
+            return CorrectionForm(None, self.points or 0, self.each_load)
         usual = USUAL_POINTS if self.form == "output" else CAM_POINTS
         return CorrectionForm(self.form, self.points or usual, self.each_load)
 
-    def records(self, drive: Drive) -> dict[float, RecordedError]:
-        """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
+    def recorded(self, file: str, drive: Drive) -> tuple[RecordedError, SweepResult]:
+        """Error of a record of the drive, and its F'_ior."""
         from hdassist.correction.records import recorded_error
 
-        files, torques, reading = self.files or [], drive.operation.M_g, self.reading()
+        found = self.reading().measured(file, drive, seed=self.seed, together=True)
+        return recorded_error(found, drive, self.alignment()), found.directions[0]
+
+    def records(self, drive: Drive) -> dict[float, RecordedError]:
+        """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
+        files, torques = self.files or [], drive.operation.M_g
         if len(files) > len(torques):
             raise UsageError(f"{len(files)} records, but {drive.name} has {len(torques)} torques", "--torque for each")
-        found = (reading.measured(name, drive, seed=self.seed, together=True) for name in files)
-        return {M_g: recorded_error(each, drive, self.alignment()) for M_g, each in zip(torques, found, strict=False)}
+        return {M_g: self.recorded(name, drive)[0] for M_g, name in zip(torques, files, strict=False)}
 
     def run(self) -> int:
         """Compute corrections of the drive; returns the exit code."""
         from hdassist.correction.correct import correct
+        from hdassist.correction.verified import verify
         from hdassist.design.check import check_states
-        from hdassist.pages.compensate import compensate_report
+        from hdassist.pages.compensate import compensate_report, verified_report
         from hdassist.terminal.files import write_text
         from hdassist.terminal.output import note
         from hdassist.terminal.runs import give, run_each
 
-        o.stdin_once(*(self.files or []), self.preset)
+        o.stdin_once(*(self.files or []), self.preset, self.after)
         out, form = self.open(), self.correction_form()
         target = self.controller_target(form, force=self.force)
 
         def one(name: str) -> Report:
             drive = self.load(name)
             records = self.records(drive)
+            after = self.recorded(self.after, drive) if self.after else None
             with out.run(drive.name, 2 * check_states(drive, draws=self.draws), self) as run:
                 result = correct(drive, form=form, records=records, draws=self.draws, run=run)
+                if after:
+                    return verified_report(result, verify(result, *after, run))
             if target and not result.chosen.is_refused:
                 text, about = self.controller_texts(result, target[0])
                 note(about.rstrip())

@@ -31,6 +31,7 @@ def agreeing_drives(
 ) -> tuple[list[dict[str, float]], float]:
     """Values by path of drives that agree with records by torque [N*m], and the misfit as a share of the error.
 
+    The first of the drives agrees best.
     Angles of the records are the preset's. Fields that are open, uncertain, or doubted as `compare` does, are fitted:
     as normal numbers, directions as shares of their turn. Raises UntrustedError where no drive agrees.
     """
@@ -75,4 +76,5 @@ def agreeing_drives(
         )
     *_, sizes, directions = np.linalg.svd(fit.jac, full_matrices=False)
     drawn = np.random.default_rng([run.seed, 2]).standard_normal((draws // 2, len(best)))
-    return values_of(best + np.concatenate([drawn, -drawn]) / sizes @ directions), misfit
+    apart = np.concatenate([np.zeros((1, len(best))), drawn, -drawn])
+    return values_of(best + apart / sizes @ directions), misfit

@@ -11,21 +11,23 @@ from numpy.typing import NDArray
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
 from hdassist.correction.agreeing import agreeing_drives
-from hdassist.correction.forms import USUAL_FORMS, CorrectionForm, line_orders
-from hdassist.correction.records import RECORDED_DRAWS, RecordedError, beyond_lines, recorded_lines
+from hdassist.correction.forms import PHASOR_NUMBERS, USUAL_TABLES, CorrectionForm, line_orders, phasors_of
+from hdassist.correction.records import RECORDED_DRAWS, RecordedError, recorded_beyond, recorded_lines, strongest_lines
 from hdassist.correction.table import CorrectionTable, ExpectedResidual, Phasors, between_points
 from hdassist.design.check import drive_samples
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.self_error import self_error
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
+from hdassist.model.kinematics import Kinematics
 from hdassist.planning.lines import POINTS_A_TURN, ErrorLines, error_lines
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
 REPORTED_SHARES = (0.05, 0.5, 0.95)
-PHASORS = CorrectionForm(None)
+PHASORS = CorrectionForm(None)  # as many as are enough
+ENOUGH = 1.1  # times the least that phasors leave: fewer of them are enough up to that
 IN_PLACE, TURN_LOST = "in place", "turn lost"
 ZERO_OFF_DEG = (1.0, 10.0)  # of the cam
 LOST_TURNS = 9  # counts of lost turns that are looked at, at most
@@ -88,7 +90,8 @@ class Correction:
     errors: of drives as this one may be, by torque; parts of that; measured: residuals of each form where the error of
     the drive itself is known over its full cycle; stored: the same of the correction that is computed here, the best
     for all these drives together; correction: that of the form asked for; fewest_points: of a table over the output
-    turn that halves the error, None where none of those tried does; records, by torque [N*m]; misfit: of the
+    turn that halves the error, None where none of those tried does; phasors: median of the range [arcsec] that numbers
+    of them leave; records, by torque [N*m]; misfit: of the
     drives that agree with records of part of the cycle, over the error, else None; samples: None where all is known.
     """
 
@@ -100,6 +103,7 @@ class Correction:
     chosen: FormResiduals
     correction: CorrectionTable | Phasors
     fewest_points: int | None
+    phasors: Mapping[int, float]
     records: Mapping[float, RecordedError]
     misfit: float | None
     samples: Samples | None
@@ -170,46 +174,61 @@ def correction_of(
     torques = drive.operation.M_g
     if form.turn and form.points < 2:
         raise UsageError(f"invalid number of points {form.points}: expected 2 or more")
+    alike = misfit is not None or len(drives) == 1
     errors, certificate = {}, samples.certificate if samples else EMPTY
     for M_g in torques:
-        errors[M_g], proof = loaded_error(drive, M_g, drives, run)
+        errors[M_g], proof = loaded_error(drive, M_g, drives, run, alike=alike)
         certificate += proof
         if records:
             record, found = records.get(M_g), errors[M_g]
             lines = recorded_lines(found.lines, record, run, misfit)
-            more, beyond = (beyond_lines(lines, record), 0.0) if record else (0.0, found.beyond)
-            errors[M_g] = LoadedError(lines, -lines.curves - more, beyond)
+            lines, more = recorded_beyond(lines, record, run) if record else (lines, np.zeros(1))
+            errors[M_g] = LoadedError(lines, -lines.curves - more, 0.0 if record else found.beyond)
     own = {M_g: each.lines for M_g, each in errors.items()}
     mean = {M_g: replace(each, amplitude=each.amplitude.mean(axis=0)[None]) for M_g, each in own.items()}
-    usual = (each for each in USUAL_FORMS if len(torques) > 1 or not each.each_load)
-    forms = tuple(dict.fromkeys((*usual, form)))
+    design = torques[0]
+    phasors = phasor_ranges(mean[design], errors[design])
+    if min(phasors.values()) >= percentiles(errors[design].ranges)[1]:  # phases are not known: as if they were
+        phasors = phasor_ranges(own[design], errors[design])
+    number = next(number for number, left in phasors.items() if left <= ENOUGH * min(phasors.values()))
+    if not form.turn:
+        number = form.points or number
+        form = replace(form, points=number)
+    usual = (CorrectionForm(None, number), CorrectionForm(None, number, each_load=True), *USUAL_TABLES)
+    forms = tuple(dict.fromkeys((*(each for each in usual if len(torques) > 1 or not each.each_load), form)))
     measured = tuple(residuals_of(each, own, errors) for each in forms)
     stored = tuple(residuals_of(each, mean, errors) for each in forms)
-    chosen, design = stored[forms.index(form)], torques[0]
+    chosen = stored[forms.index(form)]
     tooth = self_error(drive, [design], run=run.of_task)[0]
     parts = (*error_parts(errors), ErrorPart("within a tooth pitch", *[tooth.range_arcsec] * 3))
     tried = ((points, CorrectionForm("output", points).fitted(own[design], design)) for points in TRIED_POINTS)
     halving = (points for points, table in tried if share_left(table, errors[design])[1] <= HALVED)
     return Correction(
         drive, errors, parts, measured, stored, chosen, _exported(chosen, mean, drive.name), next(halving, None),
-        records, misfit, samples, certificate + tooth.certificate,
+        phasors, records, misfit, samples, certificate + tooth.certificate,
     )  # fmt: skip
 
 
 def loaded_error(
-    drive: Drive, M_g: float, drives: Sequence[Mapping[str, float]], run: Run
+    drive: Drive, M_g: float, drives: Sequence[Mapping[str, float]], run: Run, *, alike: bool
 ) -> tuple[LoadedError, Certificate]:
     """Error of drives at a torque M_g [N*m], from their values by path.
 
-    The first of them is solved in each state of its cycle, for the part that lines leave out and for F'_ior.
+    The first of them is solved in each state of its cycle, for the part that lines leave out and for F'_ior. alike:
+    whether all are so near to it that the strongest lines of that are theirs too.
     """
     lines = error_lines(drive, M_g, drives, run)
     solved = kinematic_error(drive.with_values(drives[0]), M_g, run=replace(run, cross_check=None))
+    places = solved.states.phi_h / (2 * np.pi * lines.kinematics.cycle_cam_revolutions)
+
+    def off(lines: ErrorLines) -> Array:
+        return np.asarray(solved.error_arcsec - between_points(lines.curves[0], places))
+
+    lines = strongest_lines(lines, places, off(lines)) if alike else lines
     scale = solved.F_ior_arcsec / np.maximum(np.ptp(lines.curves[0]), np.finfo(float).tiny)
     lines = replace(lines, amplitude=lines.amplitude * scale)
     actual = -lines.curves
-    places = solved.states.phi_h / (2 * np.pi * lines.kinematics.cycle_cam_revolutions)
-    beyond = float(np.ptp(-solved.error_arcsec - between_points(actual[0], places))) / np.ptp(actual[0])
+    beyond = float(np.ptp(off(lines))) / np.ptp(actual[0])
     return LoadedError(lines, actual, beyond), lines.certificate + solved.certificate
 
 
@@ -248,9 +267,26 @@ def ranges_left(
 
     Argument: turns of the cam that its zero is off. The part that lines do not have stays, and adds in squares.
     """
-    cam_turns = np.arange(error.actual.shape[1]) / POINTS_A_TURN
-    left = [np.ptp(error.actual - correction.error_at(cam_turns + off), axis=1) for off in off_turns]
+    kinematics = error.lines.kinematics
+    taken, places = correction_curve(correction, kinematics), np.arange(error.actual.shape[1]) / error.actual.shape[1]
+    shifts = [off / kinematics.cycle_cam_revolutions for off in off_turns]
+    left = [np.ptp(error.actual - between_points(taken, places + shift), axis=1) for shift in shifts]
     return np.asarray(np.hypot(left, error.beyond * error.ranges))
+
+
+def correction_curve(correction: CorrectionTable | Phasors, kinematics: Kinematics) -> Array:
+    """Error that a correction takes off [arcsec] over the full cycle, POINTS_A_TURN a cam turn, shape (..., points)."""
+    turns = kinematics.cycle_cam_revolutions
+    if isinstance(correction, CorrectionTable):
+        return correction.error_at(np.arange(POINTS_A_TURN * turns) / POINTS_A_TURN)
+    per_cycle = np.rint(correction.per_cam_turn * turns).astype(np.int64)
+    return ErrorLines(kinematics, per_cycle, np.atleast_2d(correction.vectors), EMPTY).curves
+
+
+def phasor_ranges(lines: ErrorLines, error: LoadedError) -> dict[int, float]:
+    """Median of the range [arcsec] of an error that numbers of phasors leave, fitted to lines."""
+    fitted = {number: phasors_of(lines, 0.0, number) for number in PHASOR_NUMBERS}
+    return {number: percentiles(ranges_left(each, error)[0])[1] for number, each in fitted.items()}
 
 
 def share_left(correction: CorrectionTable | Phasors, error: LoadedError) -> tuple[float, float, float]:

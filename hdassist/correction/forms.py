@@ -10,14 +10,14 @@ from hdassist.correction.table import CorrectionTable, Phasors, RepeatTurn, peri
 from hdassist.model.geometry import Array
 from hdassist.planning.lines import ErrorLines
 
-PHASOR_LINES = 40  # that phasors have
+PHASOR_NUMBERS = (20, 40, 80, 160, 320)  # of lines, that are tried
 USUAL_POINTS = 1500  # of a table over an output turn
 CAM_POINTS = 256  # of a table over a turn of the cam, or half of one
 
 
 @dataclass(frozen=True)
 class CorrectionForm:
-    """A form of a correction: turn after which it repeats, None for phasors; points of a table.
+    """A form of a correction: turn after which it repeats, None for phasors; points of a table, or number of phasors.
 
     each_load: whether each torque has a table of its own.
     """
@@ -29,20 +29,18 @@ class CorrectionForm:
     @property
     def name(self) -> str:
         """Words for it."""
-        kind = f"{self.turn} turn, {self.points} points" if self.turn else "phasors"
+        kind = f"{self.turn} turn, {self.points} points" if self.turn else f"{self.points} phasors"
         return kind + ", each load" * self.each_load
 
     def fitted(self, lines: ErrorLines, M_g: float) -> CorrectionTable | Phasors:
         """Corrections of drives at a torque M_g [N*m], in the first axis of their values, from the lines there."""
         if self.turn is None:
-            return phasors_of(lines, M_g)
+            return phasors_of(lines, M_g, self.points)
         values = table_values(lines, self.turn, self.points)
         return CorrectionTable(self.turn, values, lines.kinematics.u, M_g)
 
 
-USUAL_FORMS = (
-    CorrectionForm(None),
-    CorrectionForm(None, each_load=True),
+USUAL_TABLES = (
     *(CorrectionForm("output", points) for points in (USUAL_POINTS, 720, 256)),
     CorrectionForm("output", USUAL_POINTS, each_load=True),
     CorrectionForm("cam", CAM_POINTS),
@@ -74,10 +72,10 @@ def line_orders(lines: ErrorLines) -> tuple[Array, Array, Array]:
     return per_output, order, per_output - order * ratio
 
 
-def phasors_of(lines: ErrorLines, M_g: float) -> Phasors:
-    """The strongest lines of errors at a torque M_g [N*m], over all drives, rising."""
+def phasors_of(lines: ErrorLines, M_g: float, number: int) -> Phasors:
+    """So many of the strongest lines of errors at a torque M_g [N*m], over all drives, rising."""
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
-    kept = np.sort(np.argsort(-power, kind="stable")[:PHASOR_LINES])
+    kept = np.sort(np.argsort(-power, kind="stable")[:number])
     amplitude, per_cam = -lines.amplitude[:, kept], lines.per_cycle[kept] / lines.kinematics.cycle_cam_revolutions
     per_output = line_orders(lines)[0][kept]
     return Phasors(per_output, per_cam, np.abs(amplitude), np.degrees(np.angle(amplitude)), M_g)

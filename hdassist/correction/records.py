@@ -10,22 +10,26 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.comparing.record import Alignment
 from hdassist.correction.table import between_points
-from hdassist.error.waves import HIGHEST
 from hdassist.measuring.measure import Measurement
 from hdassist.model.geometry import Array
-from hdassist.planning.lines import ErrorLines
+from hdassist.model.kinematics import Kinematics
+from hdassist.planning.lines import POINTS_A_TURN, ErrorLines
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 
 RECORDED_DRAWS = 64  # drives that agree with a record
 LEAST_LINE = 0.02  # of the mean square of lines in the belief: that of a line which the model does not have
-WAVES_OF_TEETH = 60  # around a wheel, at most
 READINGS_AT_ONCE = 2048  # readings
 NOISE_ROUNDS = 3  # in which the noise of readings is estimated
 LEAST_VARIANCE = 1e-6  # arcsec^2
+MOST_LINES = 320  # of an error beyond the lines of a model
+FINER = 32  # times the points of curves, at which places are told apart
+LEAST_REPEATS = 20  # readings at points that have one already, from which noise is known
+NO_DRAWS = np.zeros((1, 2 * MOST_LINES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +43,27 @@ class RecordedError:
     error_arcsec: Array
     is_part: bool = False
 
+    def places(self, lines: ErrorLines) -> Array:
+        """Places of the readings in the full cycle, 0 to 1."""
+        return np.mod(self.cam_turns / lines.kinematics.cycle_cam_revolutions, 1)
+
+    def points(self, lines: ErrorLines) -> NDArray[np.int64]:
+        """The nearest points of the curves of lines."""
+        count = lines.curves.shape[1]
+        return np.asarray(np.rint(self.places(lines) * count).astype(np.int64) % count)
+
+    def apart(self, lines: ErrorLines) -> Array:
+        """What the mean of lines leaves of the readings [arcsec]."""
+        mean = replace(lines, amplitude=lines.amplitude.mean(axis=0)[None])
+        return self.error_arcsec - between_points(mean.curves[0], self.places(lines))
+
+    def noise(self, apart: Array, lines: ErrorLines) -> float | None:
+        """Variance of readings at the same point of curves [arcsec^2], None where too few points have two or more."""
+        _, group, read = np.unique(self.points(lines), return_inverse=True, return_counts=True)
+        again = len(group) - len(read)
+        mean = np.bincount(group, apart) / read
+        return float(((apart - mean[group]) ** 2).sum()) / again if again >= LEAST_REPEATS else None
+
 
 def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> RecordedError:
     """Error of a record of a drive without level and drift, from both of its directions measured as one.
@@ -50,15 +75,19 @@ def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> 
     return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
 
 
-def with_waves_of_teeth(lines: ErrorLines) -> ErrorLines:
-    """Lines with those of single teeth of either wheel, which no drive of the belief has: of amplitude 0."""
-    kinematics, found = lines.kinematics, set()
-    for z in (kinematics.z_g, kinematics.z_b):
-        waves = np.arange(HIGHEST + 1, min(WAVES_OF_TEETH, z // 2) + 1)
-        found |= set((waves * (kinematics.cycle_states // z)).tolist())
-    more = np.array(sorted(found - set(lines.per_cycle.tolist())), dtype=np.int64)
-    amplitude = np.pad(lines.amplitude, ((0, 0), (0, len(more))))
-    return replace(lines, per_cycle=np.concatenate([lines.per_cycle, more]), amplitude=amplitude)
+def with_more_lines(lines: ErrorLines, per_cycle: NDArray[np.int64]) -> ErrorLines:
+    """Lines, rising, with those that come so often in the full cycle too: where there were none, of amplitude 0."""
+    every = np.union1d(lines.per_cycle, per_cycle)
+    amplitude = np.zeros((len(lines.amplitude), len(every)), dtype=complex)
+    amplitude[:, np.searchsorted(every, lines.per_cycle)] = lines.amplitude
+    return replace(lines, per_cycle=every, amplitude=amplitude)
+
+
+def waves_of_teeth(kinematics: Kinematics) -> NDArray[np.int64]:
+    """How often waves of the single teeth of either wheel come in the full cycle, as far as curves have them."""
+    wheels = (kinematics.z_g, kinematics.z_b)
+    often = np.concatenate([np.arange(1, z // 2 + 1) * (kinematics.cycle_states // z) for z in wheels])
+    return often[2 * often < POINTS_A_TURN * kinematics.cycle_cam_revolutions]
 
 
 def recorded_lines(
@@ -69,14 +98,14 @@ def recorded_lines(
     Their mean is that of the record. Without a record at this torque phases are any. misfit: standard deviation of a
     line from that of a drive, over its size, where drives agree with the records; None where phases are any.
     """
-    lines = with_waves_of_teeth(lines) if record else lines
+    lines = with_more_lines(lines, waves_of_teeth(lines.kinematics)) if record else lines
     half = len(lines.per_cycle)
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
     scale = np.tile(np.sqrt((power + LEAST_LINE * power.mean()) / 2), 2)  # of cosines and sines, (2 lines,)
     parts = np.concatenate([lines.amplitude.real, lines.amplitude.imag], axis=1)
     parts = np.zeros((RECORDED_DRAWS, 2 * half)) if misfit is None else parts
     drawn = np.random.default_rng([run.seed, 1]).standard_normal((len(parts) // 2, 2 * half))
-    drawn = np.concatenate([drawn, -drawn])  # their mean is 0
+    drawn = np.concatenate([np.zeros((len(parts) % 2, 2 * half)), drawn, -drawn])  # their mean is 0
     if record is None:
         parts = parts + (misfit or 1.0) * scale * drawn
     else:
@@ -96,19 +125,52 @@ def recorded_lines(
             precision = gram / noise + np.diag(scale**-2)
             found = parts + np.linalg.solve(precision, (moment - parts @ gram).T / noise).T
             mean = found.mean(axis=0)
-            noise = max(float(read @ read - 2 * mean @ moment + mean @ gram @ mean) / len(read), LEAST_VARIANCE)
-        parts = found + np.linalg.solve(np.linalg.cholesky(precision).T, drawn.T).T
+            fitted = replace(lines, amplitude=(mean[:half] + 1j * mean[half:])[None])
+            off = record.apart(fitted)
+            noise = max(record.noise(off, lines) or float(np.var(off)), LEAST_VARIANCE)
+        free = len(read) - float(np.trace(np.linalg.solve(precision, gram))) / noise
+        beyond = 1.0 if misfit else max(1.0, float(off @ off) / max(free, 1.0) / noise)  # error that is no sum of lines
+        parts = found + np.sqrt(beyond) * np.linalg.solve(np.linalg.cholesky(precision).T, drawn.T).T
     return replace(lines, amplitude=parts[:, :half] + 1j * parts[:, half:])
 
 
-def beyond_lines(lines: ErrorLines, record: RecordedError) -> Array:
-    """Error [arcsec] of a record that the mean lines do not have, at the points of their curves, shape (points,).
+def strongest_lines(
+    lines: ErrorLines, places: Array, apart: Array, noise: float = 0.0, drawn: Array = NO_DRAWS
+) -> ErrorLines:
+    """Lines with the strongest of the error apart [arcsec] that they leave, at places all over the full cycle, 0 to 1.
 
-    The noise of readings is part of it, averaged at each point.
+    noise: variance of apart by readings [arcsec^2], by whose share each of them is shrunk; drawn: independent normal
+    numbers of what that leaves open, shape (drives, 2 MOST_LINES).
     """
-    curve, turns = lines.curves.mean(axis=0), lines.kinematics.cycle_cam_revolutions
-    places = np.mod(record.cam_turns / turns, 1)
-    apart = record.error_arcsec - between_points(curve, places)
-    points = np.rint(places * len(curve)).astype(np.int64) % len(curve)
-    read = np.maximum(np.bincount(points, minlength=len(curve)), 1)
-    return np.asarray(np.bincount(points, apart, len(curve)) / read)
+    count, most = len(places), POINTS_A_TURN * lines.kinematics.cycle_cam_revolutions
+    fine, near = FINER * most, np.rint(places * most).astype(np.int64)
+    weight = 1 / np.bincount(near)[near]  # of readings at the same point
+    put = np.bincount(np.rint(places * fine).astype(np.int64) % fine, weight * (apart - apart.mean()), fine)
+    spectrum = np.fft.rfft(put) * (2 / weight.sum())
+    found = 1 + np.argsort(-np.abs(spectrum[1 : min(count, most) // 2]))[:MOST_LINES]
+    of_noise = 4 * noise / count
+    share = np.maximum(0, 1 - of_noise / np.maximum(np.abs(spectrum[found]) ** 2, LEAST_VARIANCE * 1e-6))
+    lines = with_more_lines(lines, found)
+    open_ = np.sqrt(share * of_noise / 2) * (drawn[:, : len(found)] + 1j * drawn[:, -len(found) :])
+    lines.amplitude[:, np.searchsorted(lines.per_cycle, found)] += share * spectrum[found] + open_
+    return lines
+
+
+def recorded_beyond(lines: ErrorLines, record: RecordedError, run: Run) -> tuple[ErrorLines, Array]:
+    """Lines of drives with those of a record that they leave, and then the error [arcsec] beyond, shape (points,).
+
+    The former of a record of the full cycle. The latter at the points of their curves, without the noise of readings
+    as far as that is known.
+    """
+    off = record.apart(lines)
+    if not record.is_part:
+        drawn = np.random.default_rng([run.seed, 3]).standard_normal((len(lines.amplitude) // 2, 2 * MOST_LINES))
+        noise = record.noise(off, lines) or float(np.var(off))
+        lines = strongest_lines(lines, record.places(lines), off, noise, np.concatenate([drawn, -drawn]))
+        off = record.apart(lines)
+    points = record.points(lines)
+    read = np.bincount(points, minlength=POINTS_A_TURN * lines.kinematics.cycle_cam_revolutions)
+    mean = np.bincount(points, off, len(read)) / np.maximum(read, 1)
+    unfitted = max(0.0, 1 - 2 * len(lines.per_cycle) / len(off))  # lines have taken their part of the noise
+    by_noise = unfitted * (record.noise(off, lines) or 0.0) * float(np.mean(1 / read[read > 0]))
+    return lines, mean * np.sqrt(max(0.0, 1 - by_noise / float(np.var(mean[read > 0]))))

@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from hdassist.error.waves import Complex
 from hdassist.model.geometry import Array
 
 RepeatTurn = Literal["output", "cam", "half-cam"]
@@ -105,11 +106,15 @@ class Phasors:
     preset: str = ""
     expected: tuple[ExpectedResidual, ...] = ()
 
+    @property
+    def vectors(self) -> Complex:
+        """Amplitudes with their phases [arcsec], shape (..., lines)."""
+        return np.asarray(self.amplitude_arcsec * np.exp(1j * np.radians(self.phase_deg)))
+
     def error_at(self, cam_turns: Array) -> Array:
         """Error to take off [arcsec] where the cam has turned so far from zero, shape (..., turns)."""
-        vectors = self.amplitude_arcsec * np.exp(1j * np.radians(self.phase_deg))
         waves = np.exp(2j * np.pi * self.per_cam_turn[:, None] * np.asarray(cam_turns))
-        return np.asarray((vectors @ waves).real)
+        return np.asarray((self.vectors @ waves).real)
 
 
 def correction_columns(correction: CorrectionTable | Phasors) -> dict[str, Array]:

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.correction.correct import HALVED, IN_PLACE, Correction, ErrorPart, FormResiduals
+from hdassist.correction.correct import HALVED, IN_PLACE, Correction, ErrorPart, FormResiduals, correction_curve
 from hdassist.correction.forms import line_orders
 from hdassist.correction.table import ExpectedResidual, correction_columns
+from hdassist.correction.verified import VerifiedCorrection
 from hdassist.json_parts import samples_object
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_notes, unknowns
@@ -18,16 +19,17 @@ from hdassist.report.blocks import Curve, Facts, Table
 from hdassist.report.quantities import csv_columns
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again
+from hdassist.verdict import Verdict
 
 UNPROVEN = "no real drive has been corrected with this yet: record the first one corrected"
-_SHORT_PAGE = ("phasors", "output turn, 256 points", "cam turn, 256 points")
+_SHORT_FORM = "output turn, 256 points"  # that many controllers keep
 
 
 def compensate_report(result: Correction, *, is_written: bool = False) -> Report:
     """How much of the error a stored correction takes off, in which form; is_written: whether a file has it."""
     drive, chosen = result.drive, result.chosen
     refused = (f"{chosen.form.name}: refused, {_percent(chosen)} % would be left",) if chosen.is_refused else ()
-    names = {*_SHORT_PAGE, chosen.form.name}
+    names = {_SHORT_FORM, chosen.form.name, result.forms[0].form.name}
     forms = [each for each in result.forms if each.form.name in names]
     return Report(
         command="compensate",
@@ -53,6 +55,7 @@ def compensate_report(result: Correction, *, is_written: bool = False) -> Report
             "recorded_Nm": list(result.records),
             "misfit": result.misfit,
             "fewest_points": result.fewest_points,
+            "phasors": [{"number": number, "left_p50_arcsec": left} for number, left in result.phasors.items()],
             "correction": None if refused else result.correction,
             "samples": samples_object(result.samples),
         },
@@ -60,6 +63,34 @@ def compensate_report(result: Correction, *, is_written: bool = False) -> Report
         line=_verdict(result),
         warnings=(*drive.origin.warnings, *(() if result.samples or result.misfit else unknown_notes(drive)), *refused),
         exit_code=5 if refused else 0,
+    )
+
+
+def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
+    """What a record with the correction on shows, and what was promised."""
+    promised, (low, high) = found.promised, found.interval_arcsec
+    measured = f"{low:.1f} to {high:.1f}" if high is not None else f"at least {low:.1f}"
+    named = {each.name: (each, came) for each, came in zip(found.promised_parts, found.parts, strict=True)}
+    rows = [("F'_ior", f"{promised.uncorrected_p50:.1f}", _range(promised), measured)]
+    for part in result.parts[: len(named)]:
+        promised_part, came = named[part.name]
+        rows.append((part.name, _range(part), _range(promised_part), _range(came)))
+    why = [f"{found.F_ior_arcsec:.1f}″ measured ({measured}), promised at most {promised.p95:.1f}″"]
+    if found.verdict is not Verdict.PASS:
+        why.append(f"likely cause: {found.cause or 'none of sign, zero and turns; has load, hole or drive changed?'}")
+    measure = [("measure", "the full cycle with the correction on")] if high is None else []
+    return Report(
+        command="compensate",
+        drive=result.drive,
+        head=f"{result.drive.name}, {result.chosen.form.name} on at {result.M_g:g} N·m",
+        verdict=str(found.verdict),
+        why=tuple(why),
+        blocks=(Table("", ("arcsec", "before", "promised", "came"), tuple(rows)), Facts.of(measure)),
+        certificate=result.certificate,
+        values={"M_g_Nm": result.M_g, "form": result.chosen.form.name, "verified": found},
+        line=str(found.verdict),
+        warnings=result.drive.origin.warnings,
+        exit_code=found.verdict.exit_code,
     )
 
 
@@ -88,6 +119,7 @@ def _facts(result: Correction, is_written: bool) -> Iterator[tuple[str, str]]:
     yield "parts", "; ".join(f"{each.name} {_range(each)}" for each in result.parts[:-1])
     refused = ", ".join(each.form.name for each in result.forms if each.is_refused)
     yield "points", _enough(result) + (f"; refused, as they may make it worse: {refused}" if refused else "")
+    yield "phasors", "left by their number: " + ", ".join(f"{n}: {left:.2g}″" for n, left in result.phasors.items())
     recorded = ", ".join(f"{M_g:g}" for M_g in result.records)
     if result.misfit:
         turns = ", ".join(f"{np.ptp(each.cam_turns):.3g}" for each in result.records.values())
@@ -149,7 +181,7 @@ def _curves(result: Correction) -> tuple[Any, Any]:
     """Error [arcsec] of the drive nearest to the median over the cycle, before and after."""
     error = result.errors[result.M_g]
     before = error.actual[np.argsort(error.ranges)[len(error.ranges) // 2]]
-    return before, before - result.correction.error_at(np.arange(len(before)) / POINTS_A_TURN)
+    return before, before - correction_curve(result.correction, error.lines.kinematics).reshape(-1)
 
 
 def _before_and_after(result: Correction) -> Curve:

@@ -19,13 +19,23 @@ def test_a_screen_says_first_how_much_can_be_taken_off():
     page = run("compensate", TINY)
     lines = page.stdout.splitlines()
     assert page.returncode == 0
-    assert lines[0] == "tiny, correction at 1 N·m: phasors leave 5.0 of 35.4″ (14 %)"
+    assert lines[0] == "tiny, correction at 1 N·m: 320 phasors leave 0.3 of 35.4″ (1 %)"
     assert lines[1].startswith("the error comes 10, 22, 21 times an output turn: a cam-turn table leaves ")
     assert lines[2] == UNPROVEN
     assert "--csv correction.csv" in " ".join(page.stdout.split())
     assert any("before, o after" in line for line in lines)
     assert len(lines) <= 25
     assert max(map(len, lines)) <= 80
+
+
+def test_fewer_phasors_are_taken_where_asked_for_and_the_page_has_what_each_number_leaves():
+    found = json.loads(run("compensate", TINY, "--points", "40", "--json").stdout)
+    assert len(found["correction"]["amplitude_arcsec"]) == 40
+    left = {each["number"]: each["left_p50_arcsec"] for each in found["phasors"]}
+    assert found["stored"][0]["residuals"][0]["p50"] == pytest.approx(left[40])
+    assert sorted(left.values(), reverse=True) == [*left.values()]
+    words = " ".join(run("compensate", TINY, "--no-plot").stdout.split())
+    assert "left by their number: 20: 9″, 40: 5.2″, " in words
 
 
 def test_the_table_of_many_torques_is_no_wider_than_a_screen():

@@ -11,7 +11,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.comparing.record import Alignment
-from hdassist.correction.correct import correct
+from hdassist.correction.correct import IN_PLACE, correct
 from hdassist.correction.forms import CorrectionForm
 from hdassist.correction.records import recorded_error
 from hdassist.error.cycle import kinematic_error
@@ -60,6 +60,22 @@ def test_what_is_left_of_another_drive_s_solved_cycle_is_within_what_was_promise
     assert promised.uncorrected_p50 == pytest.approx(error.F_ior_arcsec, rel=0.15)
 
 
+def test_phasors_of_a_record_have_lines_of_the_drive_that_the_model_has_not():
+    curve = error_lines(load_preset(TINY, HIDDEN), 1.0, [{}]).curves[0]
+    turns = np.arange(len(curve)) / POINTS_A_TURN
+    odd = 8 * np.cos(2 * np.pi * 46.3 * turns + 1)  # comes 463 times in the cycle, as no waves of 20 and 22 teeth do
+    rows = np.arange(round(1.3 * len(curve)))
+    noise = NOISE * np.random.default_rng(1).standard_normal(len(rows))
+    trace = recorded(rows / POINTS_A_TURN, (curve + odd)[rows % len(curve)] + noise)
+    alone = load_preset(TINY, ["operation.M_g=[1]"])
+    read = recorded_error(measure(trace, drive=alone, together=True), alone, Alignment())
+    found = correct(alone, records={1.0: read}, draws=0)
+    left = np.ptp(-(curve + odd) - found.correction.error_at(turns))
+    (promised,) = (each for each in found.chosen.residuals if each.case == IN_PLACE)
+    assert left < 4  # of 16 by the odd line alone
+    assert left <= promised.p95
+
+
 def test_a_record_that_begins_elsewhere_gives_the_correction_of_its_own_angles(both):
     later = correct(load_preset(TINY, ["operation.M_g=[1]"]), form=TABLE, records={1.0: record(1.0, begin=3)}, draws=0)
     turns = np.linspace(0, 10, 101)
@@ -88,11 +104,12 @@ ANOTHER = ("phases.xi_b=290",), ("phases.xi_b=290", "supports.C_2=6.6e3", "gears
 def test_three_of_ten_turns_are_enough_where_the_model_can_be_the_drive(hidden: tuple[str, ...]):
     part = {1.0: record(1.0, turns=3, hidden=hidden)}
     found = correct(load_preset(TINY, OPEN), form=PHASORS, records=part, draws=16)
+    form = found.chosen.form
     for promised, M_g in zip(found.chosen.residuals, (1.0, 4.0), strict=False):
         error = kinematic_error(load_preset(TINY, hidden), M_g, run=UNCHECKED)
         lines = found.errors[M_g].lines
         mean = replace(lines, amplitude=lines.amplitude.mean(axis=0)[None])
-        left = np.ptp(-error.error_arcsec - PHASORS.fitted(mean, M_g).error_at(error.states.phi_h / (2 * np.pi))[0])
+        left = np.ptp(-error.error_arcsec - form.fitted(mean, M_g).error_at(error.states.phi_h / (2 * np.pi))[0])
         assert promised.M_g == M_g
         assert left <= promised.p95 < 0.25 * error.F_ior_arcsec
 

@@ -1,0 +1,93 @@
+"""A record with the correction on: the promise is kept, or the likely cause is named."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.planning.lines import POINTS_A_TURN, error_lines
+from tests.process import TINY, run
+
+HIDDEN = ("phases.xi_b=130", "supports.C_2=8.0e3", "gears.j_n=18.7")
+ON = ("--torque", "1", "--no-plot")
+TURN = POINTS_A_TURN
+
+
+def write(name: Path, error: np.ndarray, turns: float = 10.5) -> str:
+    """A record of an error F_kpp [arcsec] over the cycle, with noise."""
+    rows = np.arange(round(turns * TURN))
+    noise = 0.2 * np.random.default_rng(len(name.name)).standard_normal(len(rows))
+    lines = (f"{360 * k / TURN:.3f},{error[k % len(error)] + off:.4f}" for k, off in zip(rows, noise, strict=True))
+    name.write_text("\n".join(["cam_deg,error_arcsec", *lines, ""]))
+    return str(name)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """The hidden drive's error over its cycle, its record, and the correction from that, as the controller adds it."""
+    folder = tmp_path_factory.mktemp("bench")
+    error = error_lines(load_preset(TINY, HIDDEN), 1.0, [{}]).curves[0]
+    before = write(folder / "before.csv", error)
+    found = json.loads(run("compensate", TINY, before, *ON, "--json").stdout)["correction"]
+    lines = zip(found["amplitude_arcsec"], found["per_cam_turn"], found["phase_deg"], strict=True)
+    cam = 2 * np.pi * np.arange(len(error)) / TURN
+    taken = sum(size * np.cos(often * cam + np.radians(phase)) for size, often, phase in lines)
+    return folder, error, before, taken
+
+
+def verified(bench, after: np.ndarray, turns: float = 10.5, *options: str):
+    folder, _, before, _ = bench
+    return run("compensate", TINY, before, *ON, "--after", write(folder / "after.csv", after, turns), *options)
+
+
+def test_a_correction_that_does_as_promised_passes_part_by_part(bench):
+    _, error, _, taken = bench
+    page = verified(bench, error + taken)  # F_kpp is ideal less actual: the actual error is its opposite
+    assert page.returncode == 0
+    lines = page.stdout.splitlines()
+    assert lines[0].endswith("phasors on at 1 N·m: PASS")
+    assert "promised at most" in lines[1]
+    assert "likely cause" not in page.stdout
+    beats = next(line.split() for line in lines if line.startswith("beats"))
+    before, _, came = (float(word.split("-")[-1]) for word in beats[1:])
+    assert came < 0.1 * before
+
+
+@pytest.mark.parametrize(
+    ("way", "shift", "cause"),
+    [
+        (-1, 0, "its sign is flipped"),
+        (1, TURN // 2, "its zero is off by 180° of the cam"),
+        (1, 20, "its zero is off by 40° of the cam"),
+        (1, -3 * TURN, "3 turns of the cam are lost"),
+        (-1, TURN // 4, "its sign is flipped, its zero is off by 90° of the cam"),
+        (0, 0, "the correction is not on"),
+    ],
+)
+def test_the_likely_cause_of_a_broken_promise_is_named(bench, way, shift, cause):
+    _, error, _, taken = bench
+    answer = verified(bench, error + way * np.roll(taken, -shift), 10.5, "--json")
+    found = json.loads(answer.stdout)
+    assert answer.returncode == found["exit_code"] == 3
+    assert found["verified"]["verdict"] == "FAIL"
+    assert found["verified"]["cause"] == cause
+
+
+def test_another_drive_is_no_wrong_sign_or_zero(bench):
+    _, _, _, taken = bench
+    other = error_lines(load_preset(TINY, ["phases.xi_b=300", "harmonics.a_b2=20"]), 1.0, [{}]).curves[0]
+    answer = verified(bench, other + taken)
+    assert answer.returncode == 3
+    assert "has load, hole or drive changed?" in answer.stdout
+
+
+def test_part_of_the_cycle_cannot_keep_a_promise_but_break_it(bench):
+    _, error, _, taken = bench
+    kept = verified(bench, error + taken, 4)
+    assert kept.returncode == 6
+    assert "measure  the full cycle with the correction on" in kept.stdout
+    assert verified(bench, error - taken, 4).returncode == 3
