@@ -24,7 +24,7 @@ def measure(quick: bool) -> list[dict[str, Any]]:
 def measured(name: str, rounds: int) -> dict[str, Any]:
     """Medians over so many keys, each a step of a field."""
     from hdassist.design.check import check
-    from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, drive_answers, typical_of
+    from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, drive_answers, still_typical
     from hdassist.explorer.levers import stepped
     from hdassist.explorer.state import edited, opened_state
     from hdassist.run.processes import workers
@@ -45,11 +45,12 @@ def measured(name: str, rounds: int) -> dict[str, Any]:
         with suppress(AnsweredError):
             drive_answers(session.drive, typical, effort, tell)
 
-    typical, _ = typical_of(check(session.drive, draws=effort.draws))
+    before = check(session.drive, draws=effort.draws)
     found: dict[str, list[float]] = {"first_s": [], "proven_s": [], "check_s": []}
     for _ in range(rounds):
         value = stepped(session.drive, FIELD, 1)
         session = edited(session, FIELD, value or "")
+        typical = still_typical(before, session.drive)
         found["first_s"].append(spent(lambda: answered(SURE_REFINED)))
         found["proven_s"].append(spent(lambda: answered(SURE_PROVEN)))
     found["check_s"].append(spent(checked))

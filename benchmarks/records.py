@@ -133,7 +133,7 @@ def look(seed: int, turns: float, held: Held) -> Measurement:
     if not found.is_part:
         low, high = found.interval_arcsec
         held.add("F'_ior", held=low <= truth.whole <= high)
-    low, high = found.cam_interval_arcsec
+    low, high = found.cam.interval
     held.add("range of the cam's orders", held=low <= truth.cam <= high)
     for order in found.orders_of_cam:
         if (true := truth.orders.get(round(order.per_cam_rev))) is not None:

@@ -62,3 +62,32 @@ def text(columns: Sequence[Array], names: str, separator: str = ",", digits: int
     """A file of columns under a line of names."""
     rows = (separator.join(f"{value:.{digits}f}" for value in row) for row in zip(*columns, strict=True))
     return "\n".join([names, *rows]) + "\n"
+
+
+RATIO, PER_TURN = 30.0, 120
+
+
+def simulated(seed: int) -> tuple[Array, Array, Curve]:
+    """Cam angles [turns], errors [arcsec] and the true curve of one of five rigs."""
+    rng = np.random.default_rng(seed)
+    curve = drive_error(rng, RATIO, scale=rng.choice([1.5, 5.0]))
+    turns = np.arange(RATIO * PER_TURN) / PER_TURN
+    rig = seed % 5
+    if rig == 1:  # uneven steps
+        turns = np.sort(turns + rng.uniform(-0.5, 0.5, len(turns)) / PER_TURN)
+    if rig == 2:  # a third of the samples is missing
+        turns = turns[rng.random(len(turns)) > 1 / 3]
+    noise = slow_noise(rng, len(turns), 1.0, 0.8) if rig == 3 else rng.standard_normal(len(turns))
+    error = curve(turns) + noise
+    if rig == 4:  # a coarse reading
+        error = np.round(error * 2) / 2
+    return turns, error, curve
+
+
+def even_wave(turns: Array, seed: int = 0) -> Array:
+    """Orders 1 and 2 with noise of 0.3 arcsec: a range of 24.2 arcsec."""
+    noise = 0.3 * np.random.default_rng(seed).standard_normal(len(turns))
+    return 10 * np.cos(4 * np.pi * turns) + 3 * np.cos(2 * np.pi * turns + 1) + noise
+
+
+EVEN = np.arange(600) / 200

@@ -88,6 +88,11 @@ def test_design(tmp_path: Path):
     assert (tmp_path / "own.html").stat().st_size > 0
 
 
+def test_explore(tmp_path: Path):
+    output_of("explore.md", tmp_path)
+    assert (tmp_path / "mine.yaml").exists()  # tests/explorer/test_path.py types the keys
+
+
 def test_mount(tmp_path: Path):
     output_of("mount.md", tmp_path)
     assert "Turn the rigid wheel by 4 holes (120°) clockwise" in words_of(tmp_path / "known.txt")

@@ -114,7 +114,7 @@ def _of_traces(inputs: Inputs, decisions: Sequence[Decision]) -> Iterator[Note]:
         if missing := [source.name for source in directions[0].sources if source.arcsec is None]:
             yield Note("BUDGET", f"{where}: nothing stated of {', '.join(missing)}")
         if lines := dict.fromkeys(f"{line.per_cam_rev:.3f}" for each in directions for line in each.lines):
-            rise = max(each.rise_arcsec for each in directions)
+            rise = max(each.range.rise for each in directions)
             more = f"; F'_ior may be {rise:.3g}″ greater in another cycle" if rise else ""
             yield Note("LINES", f"{where}: {', '.join(lines)} per cam turn{more}")
         yield from (Note("RECORD", f"{where}: {text}") for text in measurement.warnings)

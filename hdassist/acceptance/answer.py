@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Any
@@ -12,6 +13,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from hdassist.acceptance.decision import Decision
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import Request
+from hdassist.belief.statistics import CONFIDENCE, probability_by_share
 from hdassist.errors import DataError, Fault
 from hdassist.json_parts import (
     Json,
@@ -32,6 +34,7 @@ from hdassist.verdict import Verdict
 MOST_ANSWER_BYTES = 1_000_000_000
 ACCEPT_SCHEMA = schema_of("accept")
 BROKEN_VERDICT = "BROKEN"  # in place of a verdict, of a drive without an answer
+LOT_VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE", BROKEN_VERDICT)
 
 
 @dataclass(frozen=True)
@@ -141,6 +144,19 @@ def answer_json(answer: AcceptAnswer) -> Json:
     """An answer as a JSON object; without its place where it has none."""
     fields: Json = ANSWER.dump_python(answer, mode="json", exclude=None if answer.place else {"place"})
     return fields
+
+
+def lot_summary(answers: Sequence[AcceptAnswer]) -> Json:
+    """Counts, and the share of PASS among drives that pass or fail with its interval, as JSON has them."""
+    counts = {verdict: sum(answer.status == verdict for answer in answers) for verdict in LOT_VERDICTS}
+    decided = counts["PASS"] + counts["FAIL"]
+    share = probability_by_share(counts["PASS"] / decided, decided) if decided else None
+    return {
+        "drives": len(answers),
+        "verdicts": counts,
+        "yield": share and {"decided": decided, "share": share.value, "low": share.low, "high": share.high},
+        "confidence": CONFIDENCE,
+    }
 
 
 def read_answers(path: str) -> list[AcceptAnswer]:

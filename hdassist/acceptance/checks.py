@@ -75,15 +75,15 @@ def _amplitude(found: SweepResult, order: float) -> tuple[float, float, float] |
 _TABLE = tomllib.loads(files("hdassist.acceptance").joinpath("checks.toml").read_text("utf-8"))
 PREDICTED: dict[str, PredictedValue] = {
     "F_IOR": lambda of, M_g, _: of.F_ior(M_g),
-    "TURN_RANGE": lambda of, M_g, _: of.turn_range(M_g),
+    "TURN_RANGE": lambda of, M_g, _: of.errors[M_g].turn_range_arcsec,
     "SELF_ERROR": lambda of, M_g, _: of.self_errors[M_g].range_arcsec,
     "ORDER": lambda of, M_g, order: of.amplitude(M_g, order),
     "LOST_MOTION": lambda of, *_: of.stiffness[0].lost_motion_arcsec,
     **{f"K_{k}": lambda of, *_, k=k: of.stiffness[0].weaker(k) for k in (1, 2, 3)},
 }
 MEASURED: dict[str, MeasuredValue] = {
-    "F_IOR": lambda found, _: (found.range.value, found.uncertainty_arcsec, found.rise_arcsec),
-    "TURN_RANGE": lambda of, _: (of.revolution.value, of.revolution_uncertainty_arcsec, of.revolution_rise_arcsec),
+    "F_IOR": lambda found, _: (found.range.value, found.uncertainty_arcsec, found.range.rise),
+    "TURN_RANGE": lambda of, _: (of.revolution.value, of.revolution.uncertainty, of.revolution.rise),
     "ORDER": _amplitude,
 }
 CHECKS = tuple(

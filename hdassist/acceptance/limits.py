@@ -50,7 +50,7 @@ class Limit(ClosedRecord):
     def label(self) -> str:
         """The check in words, with order and torque."""
         order = self.per_cam_rev
-        words = self.check.words if order is None else f"amplitude of order {order:g}"
+        words = self.check.words if order is None else f"amplitude of order {order:g} alone"
         return words if self.M_g_Nm is None else f"{words} at {self.M_g_Nm:g} N·m"
 
     @property

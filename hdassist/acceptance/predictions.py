@@ -11,7 +11,6 @@ from functools import cached_property, partial
 from itertools import chain
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.acceptance.checks import F_IOR
 from hdassist.acceptance.limits import Limit, torques_of
@@ -70,12 +69,6 @@ class PredictedQuantities:
     def F_ior(self, M_g: float) -> float:
         """F'_ior [arcsec] at a torque [N*m], with the self error on top."""
         return float(np.ptp(self.errors[M_g].error_arcsec)) + self.self_errors[M_g].range_arcsec
-
-    def turn_range(self, M_g: float) -> float:
-        """Greatest range [arcsec] of the error at a torque [N*m] within one cam turn of the full cycle."""
-        turn, values = self.kinematics.teeth_fixed, self.errors[M_g].error_arcsec
-        extent = maximum_filter1d(values, turn, mode="wrap") - minimum_filter1d(values, turn, mode="wrap")
-        return float(extent.max())
 
     def amplitude(self, M_g: float, order: float) -> float:
         """Amplitude [arcsec] of an order per cam turn over the full cycle at a torque [N*m].
@@ -227,9 +220,10 @@ def predict(
         return all(is_settled(b.probability_low, b.probability_high, sure) for b in beliefs if b)
 
     figured = tuple(limit for limit in open_ if limit.check is not F_IOR)
+    held = torques_of((limit for limit in open_ if limit.check is F_IOR), "cycle")
     samples = draw_samples(
         prior,
-        _torques(drive, open_),
+        tuple(dict.fromkeys([*drive.operation.M_g, *held])),  # those of check too
         evidence=evidence_of(drive),
         further=partial(_figures, figured) if figured else None,
         further_name=" ".join(f"{each.check.code}@{each.M_g_Nm}#{each.per_cam_rev}" for each in figured),
@@ -238,13 +232,6 @@ def predict(
         run=run,
     )
     return replace(found, samples=samples)
-
-
-def _torques(drive: Drive, limits: Sequence[Limit]) -> tuple[float, ...]:
-    """Torques [N*m] at which samples have F'_ior: those of check and of limits, or none where none is needed."""
-    held = [limit.M_g_Nm for limit in limits if limit.check is F_IOR and limit.M_g_Nm is not None]
-    needed = held or drive.catalogue.accuracy is not None
-    return tuple(dict.fromkeys([*drive.operation.M_g, *held])) if needed else ()
 
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import traceback
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 from hdassist.acceptance.accept import accept
@@ -16,16 +17,9 @@ from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.version import __version__
 
 
-@dataclass(frozen=True)
-class LotWork:
-    """Rows to answer; debug: whether a bug in a row is raised, and no answer."""
-
-    rows: tuple[LotRow, ...]
-    debug: bool = False
-
-    def __call__(self, first: int, last: int) -> list[AcceptAnswer]:
-        """Answers to the rows first ... last - 1."""
-        return [answer_row(row, debug=self.debug) for row in self.rows[first:last]]
+def answer_rows(rows: Sequence[LotRow], debug: bool, first: int, last: int) -> list[AcceptAnswer]:
+    """Answers to the rows first ... last - 1; debug: whether a bug in a row is raised, and no answer."""
+    return [answer_row(row, debug=debug) for row in rows[first:last]]
 
 
 def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:

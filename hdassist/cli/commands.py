@@ -18,7 +18,7 @@ SUMMARIES = {  # summary of each by the section of the help in which it stands
         "trace": "the error against the cam angle, with its orders",
         "stiffness": "twist against torque, lost motion, K1, K2, K3",
         "tolerance": "yield of random drives, as built and best mounted",
-        "sensitivity": "which tolerance to tighten first, and what that brings",
+        "sensitivity": "which tolerance to tighten first, and its gain",
         "allocate": "the cheapest tolerances that reach a yield",
         "sweep": "F'_ior over a grid of values of any fields",
         "compare": "presets side by side; a measured trace over the predicted one",
@@ -31,9 +31,9 @@ SUMMARIES = {  # summary of each by the section of the help in which it stands
         "compensate": "how much a stored correction takes off, and its table",
     },
     "Acceptance": {
-        "plan": "what a test of F'_ior sees, and which test is enough",
+        "plan": "how much a test of F'_ior sees, and which test is enough",
         "accept": "PASS, FAIL or INCONCLUSIVE, for a drive or a lot",
-        "explain": "what a check, an error, a field, a symbol or a word is",
+        "explain": "meaning of a check, error, field, symbol or word",
     },
     "Data": {
         "calibrate": "stiffnesses and clearances from measurements",

@@ -12,7 +12,7 @@ from hdassist.acceptance.answer import ANSWERS, AcceptAnswer, answer_json, read_
 from hdassist.acceptance.lot import Lot, LotRow, read_lot
 from hdassist.acceptance.replay import changed_file, still_stands
 from hdassist.acceptance.request import Request
-from hdassist.acceptance.work import LotWork, failure_of
+from hdassist.acceptance.work import answer_rows, failure_of
 from hdassist.commands.accept import AcceptCommand, AcceptOptions
 from hdassist.design.check import check_states
 from hdassist.errors import HdassistError, UsageError
@@ -166,7 +166,7 @@ def _answers(
     rows: Sequence[LotRow], words: str, options: AcceptOptions, out: Output
 ) -> Generator[AcceptAnswer, None, None]:
     """Answers to rows, in their order, as they come; words beside the bar."""
-    work = LotWork(tuple(rows), options.debug)
+    work = partial(answer_rows, rows, options.debug)
     with (
         out.progress(words, len(rows)) as progress,
         closing(stream(work, len(rows), jobs=options.jobs)) as chunks,

@@ -61,7 +61,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         )
         if not law.tolerances:
             raise UsageError(
-                "no tolerance to choose: none that the preset gives is drawn", "set tolerances.F_i2 above 0"
+                "no tolerance to choose: none that the preset gives is drawn", "set tolerances.e_hb above 0"
             )
         production, samples = self.with_designs(out, production, self.count)
         allocator = Allocator(production, tuple(room), self.wanted, self.sure, partial(self.records, out), self.count)

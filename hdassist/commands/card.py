@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hdassist.terminal.output import Output
     from hdassist.terminal.texts import Texts
 
-CARD_SUFFIXES = (".txt", ".md", ".html")
+CARD_SUFFIXES = (".txt", ".html")
 SERIAL = 60  # letters that a serial number may have
 
 
@@ -74,12 +74,10 @@ class CardFile:
     def text(self, facts: CardFacts) -> str:
         """The card as its file has it."""
         from hdassist.pages.card import card_of
-        from hdassist.pages.documents import card_html, card_markdown, card_text
+        from hdassist.pages.documents import card_html, card_text
 
         card = card_of(facts, self.say, serial=self.serial, made=date.today())
-        if self.kind == ".txt":
-            return card_text(card, ascii=self.ascii)
-        return card_html(card) if self.kind == ".html" else card_markdown(card)
+        return card_html(card) if self.kind == ".html" else card_text(card, ascii=self.ascii)
 
 
 def give_with_card(

@@ -19,7 +19,7 @@ class CheckCommand(o.FigureOptions, o.SamplingOptions, o.PitchOptions, o.Limited
     Examples:
       hdassist check vzp160
       hdassist check vzp160 --limit F_ior@80=30
-      hdassist check my-drive.yaml --set tolerances.F_i2=60 --json
+      hdassist check my-drive.yaml --set tolerances.e_hb=60 --json
       hdassist check vzp160 --torque 40 --torque 80 --limit 45
       hdassist check my-drive.yaml --pitch-b wheel.csv --pitch-g flexspline.csv
       hdassist check *.yaml --csv figures.csv -q

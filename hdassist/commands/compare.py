@@ -98,6 +98,8 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.SignOptions, o.TraceO
         if not plain or self.only(o.TraceOptions) != o.TraceOptions(budget=[]):
             raise UsageError("how a trace is read says nothing of presets", "leave out its options, or name a trace")
         names = [self.preset, *self.files]
+        if self.csv is not None:
+            raise UsageError("a comparison of presets has no CSV", f"hdassist check {' '.join(names)} --csv FILE")
         o.stdin_once(*names)
         out = self.open()
 

@@ -33,7 +33,7 @@ class DrawOptions(o.LimitedDriveOptions):
 
         found = production_law(drive, self.distribution, chosen=chosen, known=self.known)
         if not any(each.path == each.group and each.path in DEVIATION_FIELDS for each in found.own):
-            raise UsageError("no field scatters: all tolerances are 0", "set tolerances.F_i2 or others above 0")
+            raise UsageError("no field scatters: all tolerances are 0", "set tolerances.e_hb or others above 0")
         return found
 
     def with_designs(self, out: "Output", production: "Production", count: int) -> "tuple[Production, Samples | None]":

@@ -9,7 +9,7 @@ from hdassist.terminal import options as o
 
 @dataclass(frozen=True, kw_only=True)
 class ExplainCommand(o.PageOptions):
-    """What a check, an error, a field, a symbol, a quantity or a word of the trade is, and what to change.
+    """Meaning of a check, an error, a field, a symbol, a quantity or a word of the trade, and the remedy.
 
     \b
     Examples:

@@ -49,7 +49,7 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
         from hdassist.measuring.orders import parse_orders
         from hdassist.measuring.uncertainty import parse_stated
         from hdassist.pages.bench import bench_report
-        from hdassist.pages.measure import measure_report, repeats, repeats_line
+        from hdassist.pages.measure import measure_report, repeats
         from hdassist.readers.bench import bench_record
         from hdassist.readers.trace import read_record, trace_of
         from hdassist.terminal.answers import failure
@@ -62,7 +62,7 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
         stated, orders = parse_stated(self.budget), parse_orders(self.orders or None)
         drive = load_preset(self.preset) if self.preset is not None else None
         gearing = gearing_of(drive, self.ratio)
-        form = self.trace_form()
+        form = self.reading()
         done: list[Measurement] = []
 
         def one(name: str) -> Report:
@@ -80,6 +80,5 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
             return measure_report(result, drive, self.words_of_reading())
 
         answers = run_each("measure", self.files, one, self, failed=lambda name, e: failure("measure", e, file=name))
-        several = repeats(done)
-        more, below = ({"repeat_runs": several}, [repeats_line(several)]) if several else ({}, [])
+        more, below = repeats(done)
         return give("measure", answers, self, out, more=more, below=below)

@@ -14,12 +14,12 @@ REPORT_SUFFIXES = (".html", ".md")
 
 @dataclass(frozen=True, kw_only=True)
 class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
-    """Everything about a drive on one page: verdict, errors, mounting, stiffness, what it rests on, provenance.
+    """Everything about a drive on one page: verdict, errors, mounting, stiffness, assumptions, provenance.
 
     \b
     Examples:
       hdassist report vzp160 -o report.html
-      hdassist report my-drive.yaml --set tolerances.F_i2=60 -o better.html
+      hdassist report my-drive.yaml --set tolerances.e_hb=60 -o better.html
       hdassist report my-drive.yaml --limit 45 -o report.md
 
     One file without scripts, for screens (light and dark) and for A4 paper; the numbers are those of check, mount and

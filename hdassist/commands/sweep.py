@@ -96,7 +96,7 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
     def _sweep(self) -> tuple[Sweep, Drive, KeptOwner]:
         """The sweep, its drive, and the owner of its rows. Raises DataError and UsageError."""
         from hdassist.design.sweep import Sweep
-        from hdassist.design.vary import read_axes, require_few
+        from hdassist.design.vary import read_axes
         from hdassist.errors import UsageError
         from hdassist.loading.load import load_text
         from hdassist.preset.library import read_preset
@@ -105,7 +105,6 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
         text, file = read_preset(self.preset)
         drive = load_text(text, file, self.changes)
         sweep = Sweep.of(text, file, drive, read_axes(self.vary, drive.origin.overrides))
-        require_few(sweep.rows)
         if self.json and sweep.rows > JSON_ROWS:
             raise UsageError(f"--json of {sweep.rows} rows: more than {JSON_ROWS}", "-o FILE.jsonl takes any number")
         options = {"vary": self.vary, "set": list(drive.origin.overrides)}

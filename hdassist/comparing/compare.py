@@ -22,7 +22,7 @@ from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, Re
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
-from hdassist.measuring.fit import curve_of, drift_of
+from hdassist.measuring.fit import TraceFit, curve_of, drift_of
 from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
@@ -123,8 +123,10 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
 
     changes = doubt(drive)
 
+    orders = RecordedOrders(sweep, torus, Kinematics.of(drive), asked)
+
     def fitted(asked: Alignment) -> tuple[VectorFitter, VectorFit]:
-        record = RecordedOrders(sweep, torus, Kinematics.of(drive), asked.of_file(measurement.trace, drive))
+        record = orders.read_as(asked.of_file(measurement.trace, drive))
         return VectorFitter(drive, record, torus, doubt, asked.fitted).doubted(changes)
 
     fitter, base = fitted(asked)
@@ -135,8 +137,10 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
     # every range and every residual from solved states
     solved, record, turns = SolvedStates(M_g), fitter.record, sweep.bins.turns
     curve = solved.curve(drive, turns, unchanged.alignment)
-    difference, residual, slope = _difference(sweep, sweep.bins.error - curve)
-    predicted = record.measured - difference  # (2 orders,)
+    # a drift of the prediction, too, is a beat
+    fit = TraceFit(sweep.fit.design, sweep.bins.error - curve, sweep.fit.lines)
+    slope = 0.0 if len(fit.drift) else drift_of(fit, sweep.range.value)
+    predicted = record.measured - fit.coefficients  # (2 orders,)
     unchanged = replace(unchanged, F_ior_arcsec=solved.F_ior(drive))
     least = min((single.chi_square for single in singles), default=np.inf)
     singles = [_solved(single, drive, record, solved, curve=single.chi_square == least) for single in singles]
@@ -148,11 +152,11 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
         asked=asked,
         unchanged=unchanged,
         uncertainties_deg=_angle_uncertainties(base, unchanged),
-        predicted_arcsec=sweep.fit.curve(turns) + sweep.fit.residual - residual,
-        residual_arcsec=residual,
-        orders=record.pairs(predicted, difference),
+        predicted_arcsec=sweep.fit.error - fit.error,
+        residual_arcsec=fit.error,
+        orders=record.pairs(predicted, fit.coefficients),
         predicted_curve=curve_of(predicted, sweep.fit.orders, sweep.grid_turns),
-        difference_curve=curve_of(difference, sweep.fit.orders, sweep.grid_turns),
+        difference_curve=fit.curve(sweep.grid_turns),
         singles=tuple(singles),
         joint=joint,
         conclusion=conclude(unchanged, singles, joint, mirrored=mirror is not None),
@@ -160,19 +164,6 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
         certificate=solved.certificate + torus.certificate,
         warnings=(*measurement.warnings, *([DRIFT_LEFT.format(slope)] if slope else [])),
     )
-
-
-def _difference(sweep: SweepResult, apart: Array) -> tuple[Array, Array, float]:
-    """Measured less predicted values at the bins [arcsec], shape (bins,), split into orders, levels and residual.
-
-    Returns coefficients of its orders, shape (2 orders,); the values without level and drift, shape (bins,); the slope
-    of a drift in it that was not taken off, 0 where there is none: a drift of the prediction, too, is a beat.
-    """
-    design = sweep.fit.design
-    orders, level, drift = design.split(design.project(lambda rows: apart[rows]))
-    residual = apart - (level[sweep.bins.sweep] + design.drift_at(drift, sweep.bins.turns, sweep.bins.travel))
-    slope = 0.0 if len(drift) else drift_of(design, design.residual(apart), sweep.range.value)
-    return orders, residual, slope
 
 
 def _explanations(

@@ -9,7 +9,7 @@ from operator import add
 
 import numpy as np
 
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, SAMPLE_STATES
+from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.belief.tabled import COARSE_POINTS
 from hdassist.comparing.sheet import DriveSheet, sheet_of, sheet_states
 from hdassist.error.error_map import GRID, SEARCHED, Batch, error_maps, every_state, searchable
@@ -126,11 +126,8 @@ def differing_fields(drives: Sequence[Drive]) -> list[str]:
 
 def estimate_comparison(drives: Sequence[Drive], draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a comparison solves, about, for a progress bar."""
-    pairs = min(draws, DRAWN_PAIRS) if any(map(unknowns, drives)) else 1
-    fields = sum(len(differing_fields((drives[0], each))) for each in drives[1:])
-    searches = 2 * pairs * len(drives[1:]) + min(pairs, SCREENED_PAIRS) * fields
-    searched = searches * len(drives[0].operation.M_g) * (SAMPLE_STATES if pairs > 1 else SEARCHED)
-    return sum(sheet_states(drive, draws) for drive in drives) + searched
+    searches = sum(2 + len(differing_fields((drives[0], each))) for each in drives[1:])
+    return sum(sheet_states(drive, draws) for drive in drives) + SEARCHED * len(drives[0].operation.M_g) * searches
 
 
 def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()) -> DrivesComparison:

@@ -14,6 +14,7 @@ import numpy as np
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import extremes_of
 from hdassist.error.waves import Complex, ErrorWaves
+from hdassist.measuring.fit import order_columns
 from hdassist.measuring.measure import SweepResult
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
@@ -102,13 +103,14 @@ class RecordedOrders:
         self.turns = np.stack([starts, -rates], axis=1)
         self._turning = self.turns.T @ [torus.k_g, torus.k_b]  # of each wave with start and zero, shape (2, waves)
         order = -self._turning[1]  # how often each wave goes by in a cam turn, shape (waves,)
-
-        def waves(rows: slice) -> Array:
-            angle = (2 * np.pi) * design.bins.turns[rows, None] * order
-            return np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
-
-        both = design.project(waves)[: len(self.measured)]
+        both = design.project(lambda rows: order_columns(design.bins.turns[rows], order))[: len(self.measured)]
         self._cosine, self._sine = both[:, : len(order)].T, both[:, len(order) :].T
+
+    def read_as(self, alignment: Alignment) -> RecordedOrders:
+        """The record counted otherwise; its orders are the same."""
+        result = copy(self)
+        result.alignment = alignment
+        return result
 
     def doubting(self, waves: Complex, changes: Complex, angles: Array) -> RecordedOrders:
         """The record with the doubt of a model in its covariance (14).

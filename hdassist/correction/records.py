@@ -47,8 +47,7 @@ def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> 
     """
     trace, sweep = measurement.trace, measurement.directions[0]
     alignment = asked.of_file(trace, drive)
-    error = sweep.fit.curve(sweep.bins.turns) + sweep.fit.residual
-    return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * error, sweep.is_bound)
+    return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
 
 
 def with_waves_of_teeth(lines: ErrorLines) -> ErrorLines:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 from pydantic import TypeAdapter
 
-from hdassist.design.vary import TORQUE, Axis, grid_rows
+from hdassist.design.vary import TORQUE, VARY, Axis
 from hdassist.error.error_map import extremes_of
 from hdassist.errors import DataError, HdassistError, UsageError
+from hdassist.json_parts import attributes
 from hdassist.loading.load import load_text
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
@@ -18,6 +20,8 @@ from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import OVERRIDE_PLACE
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.solve.certificate import Residual
+
+MOST_ROWS = 1_000_000  # of a grid, at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,40 +45,46 @@ class SweepRow(ClosedRecord):
 class Sweep:
     """The rows of a grid; called with (first, last) it gives their records, as `stream` wants it.
 
-    text and file of the preset; overrides; axes, the last one changing fastest; torques M_g [N*m], which change faster
-    still: that of the row where it is varied.
+    text and file of the preset; overrides; varied fields; further axes, along which a row has the drive of the preset:
+    its torques M_g [N*m], where they are not varied. The last axis changes fastest.
     """
 
     text: bytes
     file: str
     overrides: tuple[str, ...]
-    axes: tuple[Axis, ...]
-    torques: tuple[float, ...]
+    varied: tuple[Axis, ...]
+    further: tuple[Axis, ...]
 
     @classmethod
-    def of(cls, text: bytes, file: str, drive: Drive, axes: tuple[Axis, ...]) -> Sweep:
-        """The sweep of a preset, read with its overrides as drive, over axes."""
-        varied = any(axis.path == TORQUE for axis in axes)
-        return cls(text, file, drive.origin.overrides, axes, () if varied else drive.operation.M_g)
+    def of(cls, text: bytes, file: str, drive: Drive, varied: Sequence[Axis]) -> Sweep:
+        """The sweep of a preset, read with its overrides as drive. Raises UsageError for too many rows."""
+        is_varied = TORQUE in [axis.path for axis in varied]
+        further = () if is_varied else (Axis(TORQUE, "N*m", drive.operation.M_g),)
+        found = cls(text, file, drive.origin.overrides, tuple(varied), further)
+        if found.rows > MOST_ROWS:
+            hint = "fewer steps, or fewer fields"
+            raise UsageError(f"{VARY} asks for {found.rows} rows, more than {MOST_ROWS}", hint)
+        return found
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """Varied fields, and torques."""
+        return self.varied + self.further
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Values of each axis: the shape of the results of the rows."""
+        return tuple(len(axis.values) for axis in self.axes)
 
     @property
     def rows(self) -> int:
         """How many rows there are."""
-        return grid_rows(self.axes) * max(1, len(self.torques))
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Values of each axis, and torques: the shape of the results of the rows."""
-        return (*(len(axis.values) for axis in self.axes), max(1, len(self.torques)))
+        return prod(self.shape)
 
     def values(self, row: int) -> dict[str, float]:
-        """Values of the fields that are varied, by path, in a row."""
+        """Values along each axis, by path, in a row."""
         places = np.unravel_index(row, self.shape)
-        return {axis.path: axis.values[k] for axis, k in zip(self.axes, places, strict=False)}
-
-    def torque(self, row: int) -> float:
-        """Torque M_g [N*m] of a row."""
-        return self.torques[row % len(self.torques)] if self.torques else self.values(row)[TORQUE]
+        return {axis.path: axis.values[k] for axis, k in zip(self.axes, places, strict=True)}
 
     @property
     def kind(self) -> RecordKind[SweepRow]:
@@ -83,37 +93,27 @@ class Sweep:
 
     def __call__(self, first: int, last: int) -> list[SweepRow]:
         """Records of the rows first ... last - 1; a row depends on its own number alone."""
-        return [self._record(row) for row in range(first, last)]
+        return [self._record(self.values(row)) for row in range(first, last)]
 
-    def _record(self, row: int) -> SweepRow:
-        values, M_g = self.values(row), self.torque(row)
-        try:
-            (found,) = extremes_of(self._drive(values), [M_g])
-            proof = found.certificate
-            return SweepRow(
-                values=values,
-                M_g_Nm=M_g,
-                F_ior_arcsec=found.first,
-                states=proof.states,
-                max_residual=proof.max_residual,
-            )
+    def _record(self, values: dict[str, float]) -> SweepRow:
+        changes, M_g = {axis.path: values[axis.path] for axis in self.varied}, values[TORQUE]
+        sets = [f"{path}={[value] if path == TORQUE else value!r}" for path, value in changes.items()]
+        try:  # the drive of a row is validated as any other
+            (found,) = extremes_of(load_text(self.text, self.file, [*self.overrides, *sets]), [M_g])
         except HdassistError as error:
             reason = OVERRIDE_PLACE.sub("", error.message).replace("\n", "; ")
             code = DataError.exit_code if isinstance(error, UsageError) else error.exit_code
-            return SweepRow(values=values, M_g_Nm=M_g, reason=reason, exit_code=code)
-
-    def _drive(self, values: dict[str, float]) -> Drive:
-        """The drive of a row, validated as any other. Raises UsageError: there is no such drive."""
-        sets = [f"{path}={[value] if path == TORQUE else value!r}" for path, value in values.items()]
-        return load_text(self.text, self.file, [*self.overrides, *sets])
+            return SweepRow(values=changes, M_g_Nm=M_g, reason=reason, exit_code=code)
+        proof = attributes(found.certificate, "states", "max_residual")
+        return SweepRow(values=changes, M_g_Nm=M_g, F_ior_arcsec=found.first, **proof)
 
 
 @dataclass(frozen=True, eq=False)
 class Swept:
     """Results of a sweep.
 
-    F_ior_arcsec, NaN where a row has no answer, shape (values of each axis, torques); states and max_residual of all
-    rows; failed, rows without an answer; reason, of the first of them; exit_codes of all of them.
+    F_ior_arcsec, NaN where a row has no answer, of the sweep's shape; states and max_residual of all rows; failed, rows
+    without an answer; reason, of the first of them; exit_codes of all of them.
     """
 
     sweep: Sweep
@@ -125,22 +125,24 @@ class Swept:
     reason: str
     exit_codes: frozenset[int]
 
-    def end(self, greatest: bool) -> tuple[int, float] | None:
-        """The row with the least or the greatest F'_ior, and that [arcsec]; None where no row has an answer."""
+    @property
+    def ends(self) -> dict[str, tuple[int, float]]:
+        """The rows with the least and the greatest F'_ior, and that [arcsec]; none where no row has an answer."""
         if self.failed == self.sweep.rows:
-            return None
-        row = int((np.nanargmax if greatest else np.nanargmin)(self.F_ior_arcsec))
-        return row, float(self.F_ior_arcsec.flat[row])
+            return {}
+        rows = {"least": np.nanargmin(self.F_ior_arcsec), "greatest": np.nanargmax(self.F_ior_arcsec)}
+        return {end: (int(row), float(self.F_ior_arcsec.flat[row])) for end, row in rows.items()}
+
+    @property
+    def largest(self) -> Drive:
+        """The drive with each varied size at its greatest: inputs unknown in it are unknown in some row."""
+        varied = {axis.path: max(axis.values) for axis in self.sweep.varied if axis.path != TORQUE}
+        return self.drive.with_values(varied)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about the numbers."""
-        return *self.drive.origin.warnings, *unknown_notes(largest(self.drive, self.sweep.axes))
-
-
-def largest(drive: Drive, axes: Iterable[Axis]) -> Drive:
-    """The drive with each varied size at its greatest: inputs unknown in it are unknown in some row."""
-    return drive.with_values({axis.path: max(axis.values) for axis in axes if axis.path != TORQUE})
+        return *self.drive.origin.warnings, *unknown_notes(self.largest)
 
 
 def collect(sweep: Sweep, drive: Drive, records: Iterable[SweepRow]) -> Swept:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from math import prod
+from functools import cache
 
 from pydantic.fields import FieldInfo
 
@@ -20,7 +20,6 @@ from hdassist.preset.yamltext import InvalidValue, near_miss, scalar_value, show
 VARY = "--vary"
 TORQUE = "operation.M_g"
 MOST_VALUES = 10_000  # values of a field, at most
-MOST_ROWS = 1_000_000  # of a grid, at most
 FORM = f"like {VARY} tolerances.e_hb=20:120:11, from 20 to 120 in 11 steps, or {VARY} tolerances.e_hb=20,50,80"
 
 
@@ -52,15 +51,11 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
     return tuple(axes)
 
 
-def require_few(rows: int) -> None:
-    """Raise UsageError for more rows than a sweep may have."""
-    if rows > MOST_ROWS:
-        raise UsageError(f"{VARY} asks for {rows} rows, more than {MOST_ROWS}", "fewer steps, or fewer fields")
-
-
-def grid_rows(axes: Iterable[Axis]) -> int:
-    """Points of the grid of all values."""
-    return prod(len(axis.values) for axis in axes)
+@cache
+def _fields() -> dict[str, FieldInfo]:
+    """Fields that can be varied, by path."""
+    found = field_table().items()
+    return {path: info for path, info in found if path == TORQUE or kind_of(info) in ("number", "count")}
 
 
 def _axis(text: str) -> Axis:
@@ -69,8 +64,8 @@ def _axis(text: str) -> Axis:
     if not equals:
         raise _invalid(text, "KEY=START:STOP:STEPS or KEY=A,B,C", FORM)
     path = ".".join(map(str, path_of(key)))
-    info = field_table().get(path)
-    if info is None or not _can_vary(path, info):
+    info = _fields().get(path)
+    if info is None:
         raise _invalid(text, "a field of a single number", _meant(path))
     unit, is_count = unit_of(info), kind_of(info) == "count"
 
@@ -107,11 +102,6 @@ def _invalid(text: str, expected: str, hint: str = "") -> UsageError:
     return UsageError(f"invalid {VARY} {shown(text) or 'nothing'}: expected {expected}", hint)
 
 
-def _can_vary(path: str, info: FieldInfo) -> bool:
-    return path == TORQUE or kind_of(info) in ("number", "count")
-
-
 def _meant(path: str) -> str:
-    paths = [one for one, info in field_table().items() if _can_vary(one, info)]
-    same = [one for one in paths if one.split(".")[1] == path.split(".")[-1]]
-    return f"did you mean {same[0]}?" if same else near_miss(path, paths) or "write section.key, like gears.j_n"
+    same = [one for one in _fields() if one.split(".")[1] == path.split(".")[-1]]
+    return f"did you mean {same[0]}?" if same else near_miss(path, _fields()) or "write section.key, like gears.j_n"

@@ -11,6 +11,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.errors import UsageError
 from hdassist.model.contacts import ContactSystems, contact_system
@@ -71,6 +72,11 @@ class KinematicError:
         return self.range_arcsec
 
     @property
+    def turn_range_arcsec(self) -> float:
+        """Greatest range [arcsec] within one cam turn where the states are the full cycle."""
+        return float(turn_ranges(self.error_arcsec, self.kinematics).max())
+
+    @property
     def at_max(self) -> int:
         """Place of the greatest error among the states."""
         return int(np.argmax(self.error_arcsec))
@@ -101,6 +107,13 @@ class KinematicError:
     def max_tooth_force_N(self) -> float:
         """Greatest force on a flank over the states [N]."""
         return float(self.tooth_force_N.max())
+
+
+def turn_ranges(error_arcsec: Array, kinematics: Kinematics) -> Array:
+    """Range [arcsec] of an error over the full cycle within the cam turn around each state, shape (states,) each."""
+    turn = kinematics.teeth_fixed
+    extent = maximum_filter1d(error_arcsec, turn, mode="wrap") - minimum_filter1d(error_arcsec, turn, mode="wrap")
+    return np.asarray(extent)
 
 
 def kinematic_error(

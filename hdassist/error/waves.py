@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.error.cycle import kinematic_error
+from hdassist.error.cycle import kinematic_error, turn_ranges
 from hdassist.error.error_map import SHORT_CYCLE, ErrorMap
 from hdassist.error.hills import there_and_back
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.preset.fields import Drive
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
@@ -80,10 +80,12 @@ class ErrorWaves:
 class CycleEstimate:
     """Error F_kpp [arcsec] of a drive in each state of its full cycle, up to a constant, shape (states,).
 
-    certificate: of the states that were solved for it.
+    turn_range_arcsec: the greatest range within one cam turn, from every state of the turn in which the estimate ranges
+    most; certificate: of all states that were solved.
     """
 
     error_arcsec: Array
+    turn_range_arcsec: float
     certificate: Certificate
 
 
@@ -97,9 +99,13 @@ def estimated_cycle(drive: Drive, M_g: float, *, short_cycle: int = SHORT_CYCLE)
     states = kinematics.cycle_states
     if states < short_cycle:
         solved = kinematic_error(drive, M_g, run=UNCHECKED)
-        return CycleEstimate(solved.error_arcsec, solved.certificate)
+        return CycleEstimate(solved.error_arcsec, solved.turn_range_arcsec, solved.certificate)
     torus = ErrorWaves(drive, M_g, UNCHECKED)
     periods = torus.k_g * (states // kinematics.z_g) + torus.k_b * (states // kinematics.z_b)  # of each wave in a cycle
     spectrum = np.zeros(states, dtype=complex)
     np.add.at(spectrum, periods % states, torus.waves([drive])[0])
-    return CycleEstimate(np.fft.fft(spectrum).real, torus.certificate)  # both wheels turn backwards in the cam's frame
+    error = np.fft.fft(spectrum).real  # both wheels turn backwards in the cam's frame
+    first = turn_ranges(error, kinematics).argmax() - kinematics.teeth_fixed // 2
+    turn = pitch_locked_states(kinematics, (first + np.arange(kinematics.teeth_fixed)) % states)
+    worst = kinematic_error(drive, M_g, states=turn, run=UNCHECKED)
+    return CycleEstimate(error, worst.range_arcsec, torus.certificate + worst.certificate)

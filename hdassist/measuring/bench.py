@@ -55,30 +55,25 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
     target = np.rint(record.target_arcsec / SAME_TARGET)
     order = np.lexsort([record.side, target])
     target, side, deviation = target[order], record.side[order], record.deviation_arcsec[order]
-    first = np.flatnonzero(np.append(True, (np.diff(target) != 0) | (np.diff(side) != 0)))  # rows that begin a group
-    count = np.diff(first, append=len(target))
-    means = np.repeat(np.add.reduceat(deviation, first) / count, count)
-    positions, approaches = len(np.unique(target)), f"{count.min()}{f' to {count.max()}' if np.ptp(count) else ''}"
-    if positions < 2:
+    positions = [np.flatnonzero(target == each) for each in np.unique(target)]
+    if len(positions) < 2:
         raise DataError(f"{record.table.file}: one position", "approach two and more positions, 12 or better 211")
+    groups = [rows[side[rows] == way] for rows in positions for way in np.unique(side[rows])]
 
     def figures(values: Array) -> dict[str, Array]:
         """Quantities of sets of deviations, shape (sets, rows), each of shape (sets,)."""
-        own, at = side[first], target[first]
-        mean = np.add.reduceat(values, first, axis=1) / count
-        high, low = np.maximum.reduceat(values, first, axis=1), np.minimum.reduceat(values, first, axis=1)
-        again = np.flatnonzero(np.diff(at) == 0)  # the groups of such a position are next to each other
-        wide = np.maximum(high[:, again], high[:, again + 1]) - np.minimum(low[:, again], low[:, again + 1])
+        means = {way: [values[:, rows].mean(axis=1) for rows in groups if side[rows[0]] == way] for way in set(side)}
         found = {
-            "positioning": [np.ptp(mean[:, own == way], axis=1) for way in np.unique(own) if (own == way).sum() > 1],
-            "repeatability": [(high - low)[:, k] / 2 for k in np.flatnonzero(count > 1)],
-            "bidirectional": list(wide.T / 2),
+            "positioning": [np.ptp(each, axis=0) for each in means.values() if len(each) > 1],
+            "repeatability": [np.ptp(values[:, rows], axis=1) / 2 for rows in groups if len(rows) > 1],
+            "bidirectional": [np.ptp(values[:, rows], axis=1) / 2 for rows in positions if np.ptp(side[rows])],
         }
         return {name: np.max(each, axis=0) for name, each in found.items() if each}
 
-    freedom = len(target) - len(first)
+    freedom = len(target) - len(groups)
     drawn: dict[str, Array] = {}
     if freedom:
+        means = np.concatenate([np.full(len(rows), deviation[rows].mean()) for rows in groups])
         rng = np.random.default_rng(seed)
         scatter = float(np.linalg.norm(deviation - means)) / np.sqrt(rng.chisquare(freedom, (draws, 1)))
         drawn = figures(means + scatter * rng.standard_normal((draws, len(target))))
@@ -86,7 +81,7 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
     for name, (value,) in figures(deviation[None]).items():
         bias = max(0.0, float(drawn[name].mean() - value)) if drawn and name == "positioning" else 0.0
         unsure = hypot(float(drawn[name].std()), BIAS_SHARE * bias) if drawn else None
-        words = f"{positions} positions, each approached {approaches} times"
+        words = f"{len(positions)} positions, {len(target)} approaches"
         quantities.append(StatedQuantity(name, max(0.0, float(value) - bias), unsure, words))
     return tuple(quantities)
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.model.geometry import Array
-from hdassist.readers.sweeps import AngleSweep
 from hdassist.readers.trace import MeasuredTrace
 
 PER_PERIOD = 40  # bins in a period of the highest order: its amplitude falls by 0.1 %
@@ -54,12 +52,12 @@ def travel_of(trace: MeasuredTrace) -> Array:
     return np.asarray(np.concatenate([[0.0], np.cumsum(np.abs(np.diff(trace.cam_deg)))]) / 360)
 
 
-def bins_of(trace: MeasuredTrace, sweeps: Sequence[AngleSweep], highest: float) -> Bins:
-    """Average the rows of some sweeps over bins of 1/(PER_PERIOD highest) of a turn; highest, order per cam turn."""
+def bins_of(trace: MeasuredTrace, highest: float) -> Bins:
+    """Average rows of the sweeps of a trace over bins of 1/(PER_PERIOD highest) of a turn; highest order per turn."""
     travel, per_turn = travel_of(trace), PER_PERIOD * highest
     load = np.zeros(len(travel)) if trace.load is None else trace.load
     parts = []
-    for number, sweep in enumerate(sweeps):
+    for number, sweep in enumerate(trace.sweeps):
         rows = slice(sweep.start, sweep.stop)
         turns = trace.cam_deg[rows] / 360
         speed = np.zeros(len(turns)) if trace.time_s is None else np.gradient(turns, trace.time_s[rows])

@@ -30,13 +30,11 @@ class Gearing:
 class Coverage:
     """Turns of the cam that a record has visited, each place of the full cycle once, and their share of it, 0 to 1.
 
-    An angle is visited between two readings that are near enough to follow the highest order; step_deg: median step of
-    the cam from reading to reading.
+    An angle is visited between two readings that are near enough to follow the highest order.
     """
 
     cam_turns: float
     share: float
-    step_deg: float
 
 
 def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:

@@ -10,8 +10,8 @@ orders, or slow: its size is `unmodelled`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from math import factorial
 
 import numpy as np
@@ -46,8 +46,11 @@ NEIGHBOURS = 10.0  # bins: readings closer than that show the correlation of nei
 
 def order_columns(turns: Array, orders: Array) -> Array:
     """Cosines, then sines, of the orders at angles [turns], shape (angles, 2 orders)."""
-    phase = (2 * np.pi) * turns[:, None] * orders
-    return np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
+    whole, part = np.divmod(orders, 1)  # the wave of n + k/ratio is the product of two of few waves
+    part = part.round(12)
+    waves = {order: np.exp(2j * np.pi * order * turns) for order in {*whole.tolist(), *part.tolist()}}
+    wave = np.array([waves[n] * waves[off] for n, off in zip(whole.tolist(), part.tolist(), strict=True)])
+    return np.concatenate([wave.real, wave.imag]).T
 
 
 def curve_of(coefficients: Array, orders: Array, turns: Array) -> Array:
@@ -110,7 +113,7 @@ class TraceDesign:
         # the symmetric root: vectors of values that are nearly alike are a matter of rounding, and draws with them
         self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
 
-    @lru_cache(maxsize=2)  # noqa: B019 - of two parts in all: most records have one, of which fits ask several times
+    @lru_cache(maxsize=4)  # noqa: B019 - of four parts in all: most records have fewer, of which fits ask several times
     def _rows(self, start: int) -> Array:
         """Rows of the design from a bin on, shape (DESIGN_CHUNK at most, columns)."""
         bins, rows = self.bins, slice(start, start + DESIGN_CHUNK)
@@ -136,57 +139,71 @@ class TraceDesign:
         moments = [(self._rows(rows.start) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
         return np.asarray(self.root @ (self.root.T @ sum(moments)))
 
-    def split(self, solution: Array) -> tuple[Array, Array, Array]:
-        """Coefficients of the orders, levels of the sweeps, and those of the drift in a solution [arcsec]."""
-        count = 2 * len(self.orders)
-        last = count + self.bins.sweeps
-        return solution[:count], solution[count:last], solution[last : last + self.slow.degree]
-
     def drift_at(self, drift: Array, turns: Array, travel: Array) -> Array:
         """A drift [arcsec] at cam angles and after so much travel [turns]."""
         return self._slow(turns, travel) @ drift
 
 
-@dataclass(frozen=True, eq=False)
 class TraceFit:
-    """Coefficients of a trace.
+    """Least squares of values at the bins of a design [arcsec], shape (bins,).
 
-    design: of the least squares; coefficients: of the cosines, then of the sines [arcsec], shape (2 orders,); factor:
-    shape (2 orders, columns), whose product with unit noise is an error of the coefficients; student: factor of an
-    interval of each order, shape (orders,); lines: those of the orders
-    that were found in the residuals, rising; level: shape (sweeps,);
-    drift: coefficients, shape (degree,); slopes: over columns of the bins by name, each with its standard uncertainty:
-    over speed [arcsec s/turn], over the load; residual: shape (bins,). correlated: bins that err
-    together; unmodelled: size of the residuals beyond noise of reading [arcsec].
+    orders: per cam turn, rising; lines: those that were found in the residuals, rising; coefficients: of the cosines,
+    then of the sines, shape (2 orders,); level: shape (sweeps,); drift: coefficients, shape (degree,); slopes: over
+    columns of the bins by name, each with its standard uncertainty: over speed [arcsec s/turn], over the load;
+    residual: shape (bins,); variance: of it, at weight 1; correlated: bins that err together; unmodelled: size of the
+    residuals beyond noise of reading.
     """
 
-    design: TraceDesign
-    coefficients: Array
-    factor: Array
-    student: Array
-    lines: Array
-    level: Array
-    drift: Array
-    slopes: dict[str, tuple[float, float]]
-    residual: Array
-    correlated: float
-    unmodelled: float
+    def __init__(self, design: TraceDesign, values: Array, lines: Array) -> None:
+        bins = self.bins = design.bins
+        self.design, self.lines, self.orders = design, lines, design.orders
+        solution, self.residual = design.project(lambda rows: values[rows]), design.residual(values)
+        self.variance = float(bins.weight @ self.residual**2) / (len(bins) - design.columns)
+        self.correlated, self.unmodelled = residual_memory(design, self.residual, self.variance)
+        ends = np.cumsum([2 * len(design.orders), bins.sweeps, design.slow.degree])
+        self.coefficients, self.level, self.drift, slopes = np.split(solution, ends)
+        unsure = np.linalg.norm(design.root[ends[-1] :], axis=1) * np.sqrt(self.variance * max(self.correlated, 1.0))
+        pairs = zip(slopes.tolist(), unsure.tolist(), strict=True)
+        self.slopes = dict(zip(design.slow.over, pairs, strict=True))
+
+    @cached_property
+    def _noise(self) -> tuple[Array, Array]:
+        floor = noise_floor(self.design, self.residual, self.variance)
+        return floor or (np.full(len(self.orders), self.correlated), np.ones(len(self.orders)))
+
+    @cached_property
+    def factor(self) -> Array:
+        """Shape (2 orders, columns): its product with unit noise is an error of the coefficients."""
+        power, _ = self._noise
+        return np.asarray(self.design.root[: 2 * len(power)] * np.sqrt(self.variance * np.tile(power, 2))[:, None])
 
     @property
-    def orders(self) -> Array:
-        """Orders that were fitted, per cam turn, rising, shape (orders,)."""
-        return self.design.orders
+    def student(self) -> Array:
+        """Factor of an interval of each order, shape (orders,)."""
+        return self._noise[1]
+
+    @property
+    def error(self) -> Array:
+        """The values without levels, drift and slopes, shape (bins,)."""
+        return self.curve(self.bins.turns) + self.residual
+
+    def beside(self, curves: Array) -> tuple[Array, Array]:
+        """Further columns of the design, shape (bins, columns), less what others of it fit, and their coefficients."""
+        own = self.design.residual(curves)
+        weighted = own * self.bins.weight[:, None]
+        return own, np.asarray(np.linalg.lstsq(weighted.T @ own, weighted.T @ self.residual, rcond=None)[0])
 
     @property
     def amplitude(self) -> Array:
         """Amplitude of each order [arcsec]."""
-        return np.hypot(*self.pair(self.coefficients))
+        cosine, sine = self.coefficients.reshape(2, -1)
+        return np.hypot(cosine, sine)
 
     @property
     def groups(self) -> list[OrderIndices]:
         """Places of the orders in groups: those that the record does not resolve from a line are together."""
         line = np.isin(self.orders, self.lines)
-        near = np.diff(self.orders) < RESOLVED_GAP / self.design.bins.span
+        near = np.diff(self.orders) < RESOLVED_GAP / self.bins.span
         ends = np.flatnonzero(~(near & (line[1:] | line[:-1]))) + 1
         return np.split(np.arange(len(self.orders)), ends)
 
@@ -200,15 +217,9 @@ class TraceFit:
         """Whether an order is of the output's turns, not of the cam's, shape (orders,)."""
         return np.asarray(self.orders < SLOWEST_ORDER)
 
-    @property
-    def without_slow(self) -> TraceFit:
-        """The orders of the cam alone: the slow ones are 0, and sure to be."""
-        kept = np.tile(~self.is_slow, 2)
-        return replace(self, coefficients=self.coefficients * kept, factor=self.factor * kept[:, None])
-
     def mean_square(self, own: OrderIndices) -> Array:
         """Twice the mean products of cosines and sines of some orders over the record: of even turns, the identity."""
-        columns, weight = order_columns(self.design.bins.turns, self.orders[own]), self.design.bins.weight
+        columns, weight = order_columns(self.bins.turns, self.orders[own]), self.bins.weight
         return np.asarray(2 * (columns.T * weight) @ columns / weight.sum() if len(own) > 1 else np.eye(2))
 
     def wave(self, own: OrderIndices, square: Array | None = None) -> tuple[float, float, float, float]:
@@ -248,8 +259,7 @@ class TraceFit:
     @property
     def noise_power(self) -> Array:
         """Power of the noise in cosine and sine of each order [arcsec^2], shape (orders,)."""
-        cosine, sine = self.pair((self.factor**2).sum(axis=1))
-        return np.asarray(cosine + sine)
+        return np.asarray((self.factor**2).sum(axis=1).reshape(2, -1).sum(axis=0))
 
     @property
     def clear_of_noise(self) -> bool:
@@ -263,10 +273,6 @@ class TraceFit:
         """The curve [arcsec] at cam angles [turns], without levels and drift."""
         return curve_of(self.coefficients, self.orders, turns)
 
-    def pair(self, values: Array) -> tuple[Array, Array]:
-        """Cosine and sine parts."""
-        return values[: len(self.orders)], values[len(self.orders) :]
-
 
 def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: Array | None = None) -> TraceFit:
     """Fit the orders, lines beside them, a level of each sweep, and slow terms to a trace's bins.
@@ -275,45 +281,27 @@ def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: 
     """
     lines = np.sort(lines) if lines is not None else np.array([])
     orders = np.sort(np.concatenate([orders, lines]))
-    design = TraceDesign(bins, orders, slow)
-    solution, residual = design.project(lambda rows: bins.error[rows]), design.residual(bins.error)
-    columns = design.columns
-    variance = float((bins.weight * residual**2).sum()) / (len(bins) - columns)
-    correlated, unmodelled = _memory(residual, variance, columns, bins)
-    coefficients, level, drift = design.split(solution)
-    floor = noise_floor(design, residual, variance)
-    power, student = floor or (np.full(len(orders), correlated), np.ones(len(orders)))
-    factor = design.root[: len(coefficients)] * np.sqrt(variance * np.tile(power, 2))[:, None]
-    unsure = np.linalg.norm(design.root, axis=1) * np.sqrt(variance * max(correlated, 1.0))
-    last = [(float(value), float(spread)) for value, spread in zip(solution, unsure, strict=True)][
-        columns - len(slow.over) :
-    ]
-    slopes = dict(zip(slow.over, last, strict=True))
-    return TraceFit(
-        design, coefficients, factor, student, lines, level, drift, slopes, residual, correlated, unmodelled
-    )
+    return TraceFit(TraceDesign(bins, orders, slow), bins.error, lines)
 
 
-def drift_of(design: TraceDesign, residual: Array, extent: float) -> float:
-    """Linear drift [arcsec] over a record that residuals of a design show clearly beside a range, else 0.
+def drift_of(fit: TraceFit, extent: float) -> float:
+    """Linear drift [arcsec] over a record that residuals of a fit without drift show clearly beside a range, else 0.
 
     It is fitted together with the orders: those of the beats take most of it, but none of them closes with the cycle as
-    a drift does not. Argument: residual, shape (bins,), of a design without drift.
+    a drift does not.
     """
-    bins = design.bins
-    own = design.residual(bins.travel / design.reach)
-    square = float(bins.weight @ own**2)
-    size = float((bins.weight * own) @ residual) / square
-    left = residual - size * own
+    design, bins = fit.design, fit.bins
+    own, (size,) = fit.beside(bins.travel[:, None] / design.reach)
+    left = fit.residual - size * own[:, 0]
     variance = float(bins.weight @ left**2) / (len(bins) - design.columns)
-    correlated, _ = _memory(left, variance, design.columns, bins)
-    uncertainty = float(np.sqrt(variance * max(correlated, 1.0) / square))
-    return size if abs(size) > max(DRIFT_CLEAR * uncertainty, DRIFTED * extent) else 0.0
+    correlated, _ = residual_memory(design, left, variance)
+    uncertainty = float(np.sqrt(variance * max(correlated, 1.0) / (bins.weight @ own**2)[0]))
+    return float(size) if abs(size) > max(DRIFT_CLEAR * uncertainty, DRIFTED * extent) else 0.0
 
 
-def _memory(residual: Array, variance: float, columns: int, bins: Bins) -> tuple[float, float]:
+def residual_memory(design: TraceDesign, residual: Array, variance: float) -> tuple[float, float]:
     """Number of bins that err together, and size of the correlated part of the residuals [arcsec]."""
-    size = len(residual)
+    size, columns, bins = len(residual), design.columns, design.bins
     if not variance:
         return 1.0, 0.0
     padded = np.fft.rfft(residual, 2 * size)

@@ -49,9 +49,9 @@ class Peak:
     chance: float
 
 
-def with_lines(fit: TraceFit, orders: Array, finest: float) -> TraceFit:
+def with_lines(fit: TraceFit, finest: float) -> TraceFit:
     """A fit with the significant lines of its residuals; finest: the highest order that the readings resolve."""
-    bins = fit.design.bins
+    bins, orders = fit.bins, fit.orders
     while len(fit.lines) < MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
         peak = highest_peak(fit, min(finest, HIGHEST_LINE * float(orders[-1])))
         if peak is None or peak.chance > LINE_FALSE_ALARM or peak.amplitude < SMALLEST_LINE * fit.amplitude.max():
@@ -65,7 +65,7 @@ def with_lines(fit: TraceFit, orders: Array, finest: float) -> TraceFit:
 
 def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
     """The peak of the residuals, up to an order, that stands out most from its neighbours; None: there is no room."""
-    bins = fit.design.bins
+    bins = fit.bins
     variance = float((bins.weight * fit.residual**2).mean())
     if not variance:
         return None
@@ -79,8 +79,8 @@ def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
     place, tail = _least_likely(probes[free], power[free], power[free], resolution, per_probe)
     order = float(probes[free][place])
     # in a short record side lobes of a line reach its neighbours: they are looked at without it
-    rest = fit.residual - _line_curves(fit, np.array([order]))[:, 0]
-    _, others = residual_power(bins, rest, variance)
+    own, pair = fit.beside(order_columns(bins.turns, np.array([order])))
+    _, others = residual_power(bins, fit.residual - own @ pair, variance)
     near = np.abs(probes[free] - order) < LINE_WIDTH * resolution
     _, alone = _least_likely(probes[free], np.where(near, power[free], 0.0), others[free], resolution, per_probe)
     chance = PROBES_PER_PLACE * int(free.sum()) * per_probe * float(np.exp(min(tail, alone)))
@@ -112,18 +112,6 @@ def _tail(power: Array, total: Array, first: NDArray[np.int64], last: NDArray[np
     return np.asarray(np.where(places >= FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
 
 
-def _line_curves(fit: TraceFit, orders: Array) -> Array:
-    """Curves that lines of single orders fit to the residuals, shape (bins, orders)."""
-    bins = fit.design.bins
-    own = fit.design.residual(order_columns(bins.turns, orders))
-    curves = np.empty((len(bins), len(orders)))
-    for k in range(len(orders)):
-        pair = own[:, [k, k + len(orders)]]
-        weighted = pair * bins.weight[:, None]
-        curves[:, k] = pair @ np.linalg.lstsq(weighted.T @ pair, weighted.T @ fit.residual, rcond=None)[0]
-    return curves
-
-
 def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     """A fit with one line more, the orders of the lines moved to where they fit best.
 
@@ -131,7 +119,7 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     them, or half the resolution beside one, where it takes most of the residuals: together they fit the error there.
     Raises UntrustedError where there is no room.
     """
-    bins, slow, resolution = fit.design.bins, fit.design.slow, 1 / fit.design.bins.span
+    bins, slow, resolution = fit.bins, fit.design.slow, 1 / fit.bins.span
     held = fit.unresolved[np.searchsorted(fit.orders, fit.lines)]
     with suppress(UntrustedError):  # it came to where an order is
         trial = fit_orders(bins, orders, slow, np.append(fit.lines, order))
@@ -147,17 +135,16 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     places = np.unique(places[(np.abs(places - order) < 0.5) & (distance(places, every) > CLOSEST_ORDERS * resolution)])
     if not len(places):
         raise UntrustedError("no room for a line", "")
-    squares = bins.weight @ _line_curves(fit, places) ** 2
-    return fit_orders(bins, orders, slow, np.append(fit.lines, places[int(squares.argmax())]))
+    pairs = [fit.beside(order_columns(bins.turns, place[None])) for place in places]
+    squares = [bins.weight @ (own @ pair) ** 2 for own, pair in pairs]
+    return fit_orders(bins, orders, slow, np.append(fit.lines, places[int(np.argmax(squares))]))
 
 
 def _step(fit: TraceFit) -> Array:
     """By how much the orders of the lines have to move to fit better, to first order, shape (lines,)."""
-    bins = fit.design.bins
+    bins = fit.bins
     place = np.searchsorted(fit.orders, fit.lines)
-    a, b = (part[place] for part in fit.pair(fit.coefficients))
+    a, b = fit.coefficients.reshape(2, -1)[:, place]
     phase = (2 * np.pi) * bins.turns[:, None] * fit.lines
     slopes = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
-    own = fit.design.residual(slopes)
-    weighted = own * bins.weight[:, None]
-    return np.asarray(np.linalg.lstsq(weighted.T @ own, weighted.T @ fit.residual, rcond=None)[0])
+    return fit.beside(slopes)[1]

@@ -11,11 +11,12 @@ import numpy as np
 from hdassist.errors import DataError, Fault, UntrustedError, UsageError
 from hdassist.measuring.bins import Bins, bins_of, travel_of
 from hdassist.measuring.cycle import FULL_SHARE, Coverage, Gearing, gearing_of
-from hdassist.measuring.fit import BINS_PER_COLUMN, SlowTerms, TraceDesign, TraceFit, drift_of, fit_orders
+from hdassist.measuring.fit import BINS_PER_COLUMN, SlowTerms, TraceFit, curve_of, drift_of, fit_orders
 from hdassist.measuring.lag import EncoderLag, encoder_lag, speed_changes
 from hdassist.measuring.lines import with_lines
 from hdassist.measuring.orders import (
     DEFAULT_ORDERS,
+    USUAL_RATIO,
     WHOLE_TURN,
     MeasuredOrder,
     order_grid,
@@ -26,17 +27,16 @@ from hdassist.measuring.range import Range, ranges_of, visited_angles
 from hdassist.measuring.spikes import without_spikes
 from hdassist.measuring.uncertainty import (
     COVERAGE_FACTOR,
-    RANGE_SOURCES,
     STATED,
     WIND_UP,
     UncertaintySource,
-    budget,
     combined,
+    resolution_source,
+    stated_sources,
 )
 from hdassist.measuring.windup import RecordedTorque, tells_compliance
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.readers.sweeps import AngleSweep
 from hdassist.readers.trace import MeasuredTrace
 
 DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
@@ -60,9 +60,8 @@ class SweepResult:
 
     fit: see there; range: over the visited angles, grid_turns, shape (angles,); revolution: the greatest within one
     turn of the cam; cam: of the orders of the cam, without slow terms of the output; slow_arcsec: range of these;
-    slow_cost: by how much they make an order of the cam less certain, a share; raw_range_arcsec: of the readings
-    themselves, drift taken off where asked; orders_of_cam: each with its beats; coverage: None where the ratio is not
-    known; sources: of the uncertainty of F'_ior.
+    raw_range_arcsec: of the readings themselves, drift taken off where asked; orders_of_cam: each with its beats;
+    coverage: None where the ratio is not known; sources: of the uncertainty of F'_ior.
     """
 
     direction: int
@@ -72,7 +71,6 @@ class SweepResult:
     revolution: Range
     cam: Range
     slow_arcsec: float
-    slow_cost: float
     raw_range_arcsec: float
     orders: tuple[MeasuredOrder, ...]
     orders_of_cam: tuple[MeasuredOrder, ...]
@@ -82,47 +80,22 @@ class SweepResult:
     @property
     def bins(self) -> Bins:
         """Averages of the readings, to which the fit was made."""
-        return self.fit.design.bins
+        return self.fit.bins
 
     @property
     def uncertainty_arcsec(self) -> float:
         """Combined standard uncertainty of F'_ior."""
-        return combined(self.sources)
-
-    @property
-    def revolution_uncertainty_arcsec(self) -> float:
-        """Combined standard uncertainty of the range within one cam turn: its own noise, the other sources alike."""
-        own = self.revolution.spread, self.revolution.bias_uncertainty
-        slow = combined(self.sources[2:RANGE_SOURCES]) / self.bins.span
-        return hypot(*own, slow, combined(self.sources[RANGE_SOURCES:]))
+        return self.range.uncertainty
 
     @property
     def interval_arcsec(self) -> tuple[float, float]:
         """F'_ior less and plus its expanded uncertainty, k = 2, and above that the rise by lines in another cycle."""
-        reach = COVERAGE_FACTOR * self.uncertainty_arcsec
-        return max(0.0, self.range.value - reach), self.range.value + self.rise_arcsec + reach
-
-    @property
-    def cam_interval_arcsec(self) -> tuple[float, float]:
-        """Range of the orders of the cam, less and plus its expanded uncertainty."""
-        own = self.cam.spread, self.cam.bias_uncertainty, combined(self.sources[RANGE_SOURCES:])
-        reach = COVERAGE_FACTOR * hypot(*own)
-        return max(0.0, self.cam.value - reach), self.cam.value + reach
+        return self.range.interval
 
     @property
     def is_part(self) -> bool:
         """Whether the record is part of an output turn, whose slow terms were taken off as a whole."""
         return self.fit.design.slow.by_angle
-
-    @property
-    def rise_arcsec(self) -> float:
-        """By how much lines may make F'_ior greater in another cycle; 0 for a bound, which is of its angles only."""
-        return 0.0 if self.is_bound else self.range.rise
-
-    @property
-    def revolution_rise_arcsec(self) -> float:
-        """The same of the range within one cam turn."""
-        return 0.0 if self.is_bound else self.revolution.rise
 
     @property
     def lines(self) -> tuple[MeasuredOrder, ...]:
@@ -188,51 +161,52 @@ def measure(
     """
     require_drift(drift)
     gearing = gearing_of(drive, ratio)
+    ratio = gearing.ratio if gearing else USUAL_RATIO
     notes, warnings = list(trace.notes), []
     cleaned, directions = trace, []
     torque = None if trace.load is None else RecordedTorque.of(trace.load)
     for sign in (0,) if together else (1, -1):
-        sweeps = _sweeps_of(cleaned, sign)
-        longest = max((abs(trace.cam_deg[s.stop - 1] - trace.cam_deg[s.start]) / 360 for s in sweeps), default=0.0)
+        own = cleaned.one_way(sign)
+        longest = max((float(np.ptp(own.cam_deg[s.start : s.stop])) / 360 for s in own.sweeps), default=0.0)
         if longest < SHORTEST_TURNS - 0.01:
-            if sweeps:
+            if own.sweeps:
                 notes.append(f"{'growing' if sign > 0 else 'falling'} angles left out: {longest:.2g} of a cam turn")
             continue
         while True:
-            sweeps = _sweeps_of(cleaned, sign)
-            declared, finest = _declared(cleaned, sweeps, orders, notes)
-            bins = bins_of(cleaned, sweeps, declared[-1])
+            own = cleaned.one_way(sign)
+            declared, finest = _declared(own, orders, notes)
+            bins = bins_of(own, declared[-1])
             slow = SlowTerms(DRIFTS[drift])
             if not together:
-                slow = slow_terms(bins.span, gearing.ratio if gearing else None, slow.degree)
+                slow = slow_terms(bins.span, ratio, slow.degree)
                 slow = replace(slow, over=("speed",) * (trace.time_s is not None and speed_changes(bins)))
-            fit = _fit(bins, declared, gearing, slow, notes)
+            fit = _fit(bins, declared, ratio, slow, notes)
             if torque and torque.changes and torque.by != "catalogue":
                 if tells_compliance(fit):
                     slow = replace(slow, over=(*slow.over, "load"))
-                    fit = _fit(bins, declared, gearing, slow, notes)
+                    fit = _fit(bins, declared, ratio, slow, notes)
                     torque = torque.fitted(*fit.slopes["load"])
                 elif without := torque.by_catalogue(cleaned, drive):
                     cleaned, torque = without
                     continue
                 else:
                     warnings.append(WIND_UP_LEFT)
-            cleaned, spikes = without_spikes(cleaned, sweeps, fit)
-            if not spikes:
+            found = without_spikes(own, fit)
+            if not found:
                 break
-            warnings.append(spikes)
+            cleaned, words = found
+            warnings.append(words)
         drift_left = 0.0
         if not together:  # a comparison looks for drift in the difference, and counts lines as noise
             fit, drift_left = _with_lines_or_drift(fit, finest)
             if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
                 warnings.append(DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
-                fit = _fit(bins, declared, gearing, replace(slow, degree=1), notes)
+                fit = _fit(bins, declared, ratio, replace(slow, degree=1), notes)
                 fit, drift_left = _with_lines_or_drift(fit, finest)
             elif drift_left:
                 warnings.append(DRIFT_LEFT.format(drift_left))
-        result = _sweep_result(
-            sign, cleaned, sweeps, fit, declared, drift_left, gearing, drive, stated or {}, seed, torque
-        )
+        wind_up = torque.uncertainty_arcsec if torque and torque.by == "catalogue" else 0.0
+        result = _sweep_result(sign, own, fit, declared, drift_left, gearing, drive, stated or {}, seed, wind_up)
         if not fit.unmodelled < UNMODELLED * result.range.value:
             size = f"{fit.unmodelled:.2g}″"
             warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
@@ -247,11 +221,6 @@ def measure(
     return Measurement(trace, gearing, tuple(directions), reversal, lag, tuple(notes), tuple(warnings), seed, torque)
 
 
-def _sweeps_of(trace: MeasuredTrace, sign: int) -> list[AngleSweep]:
-    """Sweeps of a trace in a direction; 0 for both."""
-    return [sweep for sweep in trace.sweeps if sweep.direction == sign or not sign]
-
-
 def require_drift(kind: str) -> None:
     """Raise UsageError unless it is a kind of drift that can be taken off."""
     if kind not in DRIFTS:
@@ -260,20 +229,18 @@ def require_drift(kind: str) -> None:
 
 def _with_lines_or_drift(fit: TraceFit, finest: float) -> tuple[TraceFit, float]:
     """A fit with the lines up to the finest order, and the linear drift [arcsec] that it has not taken off."""
-    fit = with_lines(fit, fit.orders, finest)
-    extent = float(np.ptp(fit.design.bins.error - fit.residual))
-    return fit, 0.0 if len(fit.drift) else drift_of(fit.design, fit.residual, extent)
+    fit = with_lines(fit, finest)
+    extent = float(np.ptp(fit.bins.error - fit.residual))
+    return fit, 0.0 if len(fit.drift) else drift_of(fit, extent)
 
 
-def _declared(
-    trace: MeasuredTrace, sweeps: Sequence[AngleSweep], orders: Sequence[float] | None, notes: list[str]
-) -> tuple[Sequence[float], float]:
+def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[str]) -> tuple[Sequence[float], float]:
     """Declared orders, refused where the steps of the angle do not resolve them, the default ones cut instead.
 
     And the highest order per cam turn that the steps resolve.
     """
     declared = orders or DEFAULT_ORDERS
-    steps = np.concatenate([np.diff(trace.cam_deg[sweep.start : sweep.stop]) for sweep in sweeps]) / 360
+    steps = np.concatenate([np.diff(trace.cam_deg[sweep.start : sweep.stop]) for sweep in trace.sweeps]) / 360
     highest = 1 / (STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
     if declared[-1] <= highest:
         return declared, highest
@@ -287,9 +254,8 @@ def _declared(
     return kept, highest
 
 
-def _fit(bins: Bins, declared: Sequence[float], gearing: Gearing | None, slow: SlowTerms, notes: list[str]) -> TraceFit:
+def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, notes: list[str]) -> TraceFit:
     """Fit with beats where the record resolves them and has bins enough, else without."""
-    ratio = gearing.ratio if gearing else None
     with_beats, without = (
         order_grid(declared, bins.span, ratio, beats=beats, slow=not slow.by_angle) for beats in (True, False)
     )
@@ -307,7 +273,6 @@ def _fit(bins: Bins, declared: Sequence[float], gearing: Gearing | None, slow: S
 def _sweep_result(
     sign: int,
     trace: MeasuredTrace,
-    sweeps: Sequence[AngleSweep],
     fit: TraceFit,
     declared: Sequence[float],
     drift_left: float,
@@ -315,63 +280,63 @@ def _sweep_result(
     drive: Drive | None,
     stated: Mapping[str, float],
     seed: int,
-    torque: RecordedTorque | None,
+    wind_up: float,
 ) -> SweepResult:
     """The range of a fit with its uncertainty, refused where it is not clear of noise; orders and coverage.
 
-    drift_left: linear drift [arcsec] that the fit has in it.
+    drift_left: linear drift [arcsec] that the fit has in it; wind_up: uncertainty of one taken off by a catalogue.
     """
-    bins = fit.design.bins
+    bins = fit.bins
     places, per_turn = visited_angles(bins, float(fit.orders[-1]))
-    rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in sweeps])
     visits = None
     if gearing:
         cycle = gearing.cycle * per_turn
         visited = np.unique(np.mod(places, cycle))
         steps = int(np.isin(np.mod(visited + 1, cycle), visited).sum())  # from one visited place to the next
-        step = float(np.median(np.abs(np.diff(trace.cam_deg[rows]))))
-        visits = Coverage(steps / per_turn, steps / cycle, step)
+        visits = Coverage(steps / per_turn, steps / cycle)
         if bins.span >= WHOLE_TURN * gearing.ratio and not len(fit.lines):
             places = visited
-    grid = places / per_turn
-    extent, revolution = ranges_of(fit, grid, np.random.default_rng([seed, sign + 1]))
-    cam = extent
+    grid, rng = places / per_turn, np.random.default_rng([seed, sign + 1])
+    extent, revolution, cam = ranges_of(fit, grid, rng, whole=visits is not None and visits.share >= FULL_SHARE)
     slow = fit.design.drift_at(fit.drift, bins.turns, bins.travel)
     if not fit.design.slow.by_angle:
-        cam, _ = ranges_of(fit.without_slow, grid, np.random.default_rng([seed, sign + 1]))
-        slow = fit.curve(bins.turns) - fit.without_slow.curve(bins.turns)
-    scatter = float(np.sqrt(np.mean(bins.rows * fit.residual**2)))
-    step = trace.step_arcsec
-    # one that was left in may be none at all; one that was taken off may be bent
+        slow = curve_of(fit.coefficients * np.tile(fit.is_slow, 2), fit.orders, bins.turns)
+    # a drift that was left in may be none at all; one that was taken off may be bent
     drift = abs(drift_left) / 2 if len(fit.drift) != 1 else BENT * abs(float(fit.drift[0]))
-    sources = budget(
-        extent.spread, extent.bias_uncertainty, drift / sqrt(3), fit.unmodelled, step, scatter, stated,
-        in_time=trace.in_time,
-        wind_up=torque.uncertainty_arcsec if torque and torque.by == "catalogue" else 0.0,
-    )  # fmt: skip
-    if trace.in_time and step > COARSE_STEP * extent.value:
-        message = f"the output is read in steps of {step:.2g}″ at even angles: what they round looks like error"
+    drifting = (
+        UncertaintySource("drift", drift / sqrt(3), "how straight it is, or whether it is one"),
+        UncertaintySource(WIND_UP, wind_up, "stiffnesses of a catalogue, by which it was taken off"),
+    )
+    common = (
+        # both extremes of a range err by themselves: hence sqrt(2)
+        UncertaintySource("beyond the orders", sqrt(2) * fit.unmodelled, "residuals that go on from step to step"),
+        resolution_source(trace, float(np.sqrt(np.mean(bins.rows * fit.residual**2)))),
+        *stated_sources(stated),
+    )
+    sources = (
+        UncertaintySource("noise", extent.spread, "bootstrap of the residuals"),
+        UncertaintySource("bias correction", extent.bias_uncertainty, "a third of what was taken off"),
+        *drifting,
+        *common,
+    )
+    extent = replace(extent, others=combined((*drifting, *common)))
+    revolution = replace(revolution, others=hypot(combined(drifting) / bins.span, combined(common)))
+    if trace.in_time and trace.step_arcsec > COARSE_STEP * extent.value:
+        size = f"{trace.step_arcsec:.2g}″"
+        message = f"the output is read in steps of {size} at even angles: what they round looks like error"
         raise UntrustedError(f"{trace.file}: {message}", "read both encoders by the clock", Fault.ORDERS_UNTOLD)
     alone = combined([source for source in sources if source.name not in {*STATED, WIND_UP}])
     if not fit.clear_of_noise or not extent.value > COVERAGE_FACTOR * alone:
         message = f"F'_ior of {max(extent.value, 0.0):.3g}″ is not clear of its noise, u = {alone:.3g}″"
         hint = "it drifts: --drift linear" if drift_left else "record longer or with less noise; check the column"
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
+    rows = trace.rows
     drifted = fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
-    raw = float(np.ptp(trace.error_arcsec[rows] - drifted))
     return SweepResult(
-        sign, fit, grid, extent, revolution, cam, float(np.ptp(slow)), _cost_of_slow(fit), raw,
-        *order_tables(fit, declared, drive, gearing), visits, sources,
+        sign, fit, grid, extent, revolution, replace(cam, others=combined(common)), float(np.ptp(slow)),
+        float(np.ptp(trace.error_arcsec[rows] - drifted)), *order_tables(fit, declared, drive, gearing), visits,
+        sources,
     )  # fmt: skip
-
-
-def _cost_of_slow(fit: TraceFit) -> float:
-    """By how much slow terms make the least certain of the cam's orders less certain, a share of its uncertainty."""
-    kept = ~fit.is_slow
-    alone = TraceDesign(fit.design.bins, fit.orders[kept])
-    with_slow, without = (np.linalg.norm(root, axis=1) for root in (fit.design.root, alone.root))
-    place = np.flatnonzero(np.tile(kept, 2))
-    return float((with_slow[place] / without[: len(place)]).max()) - 1
 
 
 def _reversal(up: SweepResult, down: SweepResult) -> Reversal | None:

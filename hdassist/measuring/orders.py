@@ -75,27 +75,27 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
     return tuple(sorted(orders))
 
 
-def slow_terms(turns: float, ratio: float | None, degree: int) -> SlowTerms:
+def slow_terms(turns: float, ratio: float, degree: int) -> SlowTerms:
     """Slow terms of a record over turns of the cam: a drift of a degree, or more where it is part of an output turn.
 
     There a drift and the orders of the output, up to SLOW_ORDERS a turn of it, look alike, and polynomials stand for
     both.
     """
-    part = turns / (ratio or USUAL_RATIO)
+    part = turns / ratio
     if turns < DRIFTING or part >= WHOLE_TURN:
         return SlowTerms(degree)
     return SlowTerms(round(2 * min(SLOW_ORDERS * part, SLOW_PER_CAM_TURN * turns)) + 2, by_angle=True)
 
 
 def order_grid(
-    declared: Sequence[float], turns: float, ratio: float | None, *, beats: bool = True, slow: bool = True
+    declared: Sequence[float], turns: float, ratio: float, *, beats: bool = True, slow: bool = True
 ) -> Array:
     """Orders per cam turn to fit, rising, shape (orders,).
 
-    Arguments: declared orders; turns of the cam that the record spans; ratio, None where it is not known; beats,
+    Arguments: declared orders; turns of the cam that the record spans; ratio; beats,
     whether to put them around the declared orders, as far as the record resolves them; slow, and around 0.
     """
-    base = 1 / (ratio or USUAL_RATIO)
+    base = 1 / ratio
     width = BEATS * base
     step = base if turns * base >= WHOLE_TURN else 1 / turns
     count = max(int(width / step + 1e-9), int(turns >= DRIFTING)) if beats else 0
@@ -113,7 +113,7 @@ def order_tables(
     A line and the orders that the record does not resolve from it are one entry. Over a part of an output turn a line
     among the beats of a declared order is none, and the beats that it leaves open are part of the uncertainty.
     """
-    orders, span, ratio = fit.orders, fit.design.bins.span, gearing.ratio if gearing else USUAL_RATIO
+    orders, span, ratio = fit.orders, fit.bins.span, gearing.ratio if gearing else USUAL_RATIO
     is_part = span < WHOLE_TURN * ratio
     fitted = orders[~np.isin(orders, fit.lines)]
     width = float(np.diff(fitted).min()) / 2 if len(fitted) > 1 else 0.5
@@ -178,7 +178,7 @@ class OpenBeats:
         """
         away = np.tile(np.arange(-BEATS, BEATS + 1), 2)
         pair = np.concatenate([own, own + len(fit.orders)])
-        beats, turns = joint.per_cam_rev + away[: len(away) // 2] / ratio, fit.design.bins.turns
+        beats, turns = joint.per_cam_rev + away[: len(away) // 2] / ratio, fit.bins.turns
         record = fit.design.project(lambda rows: order_columns(turns[rows], beats))[pair]
         noise = fit.factor[pair] @ fit.factor[pair].T
         share = 4.0 ** -np.maximum(np.abs(away) - 1.0, 0)

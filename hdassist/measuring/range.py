@@ -10,11 +10,13 @@ estimate, and a BIAS_SHARE of the correction. Both numbers were found by simulat
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 
 from hdassist.measuring.bins import Bins
 from hdassist.measuring.fit import DESIGN_CHUNK, TraceFit, order_columns
+from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.geometry import Array
 
 POINTS_PER_PERIOD = 16  # points in a period of the highest order
@@ -30,13 +32,15 @@ CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be 
 class Range:
     """Range of a curve [arcsec]: as fitted, its bias by noise, and the standard uncertainty of the range by noise.
 
-    rise: possible increase by lines where their phases to the orders differ, as in another cycle.
+    rise: possible increase by lines where their phases to the orders differ, as in another cycle; others: standard
+    uncertainty by all sources but noise.
     """
 
     fitted: float
     bias: float
     spread: float
     rise: float = 0.0
+    others: float = 0.0
 
     @property
     def value(self) -> float:
@@ -47,6 +51,17 @@ class Range:
     def bias_uncertainty(self) -> float:
         """Standard uncertainty of the correction."""
         return BIAS_SHARE * self.bias
+
+    @property
+    def uncertainty(self) -> float:
+        """Combined standard uncertainty."""
+        return hypot(self.spread, self.bias_uncertainty, self.others)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The range less and plus its expanded uncertainty, and above that the rise."""
+        reach = COVERAGE_FACTOR * self.uncertainty
+        return max(0.0, self.value - reach), self.value + self.rise + reach
 
 
 def visited_angles(bins: Bins, highest: float) -> tuple[Array, int]:
@@ -61,15 +76,20 @@ def visited_angles(bins: Bins, highest: float) -> tuple[Array, int]:
     return np.unique(np.concatenate(visited)), per_turn
 
 
-def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator, *, draws: int = 200) -> tuple[Range, Range]:
-    """Range of a fitted curve over angles [turns], shape (angles,), rising: of all of them, and within one cam turn."""
+def ranges_of(
+    fit: TraceFit, turns: Array, rng: np.random.Generator, *, whole: bool, draws: int = 200
+) -> tuple[Range, Range, Range]:
+    """Range of a fitted curve over angles [turns], shape (angles,), rising, within one cam turn, and of its cam orders.
+
+    whole: whether the angles are those of the full cycle, in others of which lines may add more.
+    """
     best = _shrunk(fit)
     noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], draws))
-    waves = [own for own in fit.groups if np.isin(fit.orders[own], fit.lines).any()]
-    line = np.isin(np.arange(len(fit.orders)), np.concatenate([np.array([], np.int64), *waves]))
+    line = np.isin(fit.orders, fit.lines) | fit.unresolved
     own = np.where(np.tile(line, 2), 0.0, fit.coefficients)
     curves = np.concatenate([np.stack([fit.coefficients, own, best], axis=1), best[:, None] + noise], axis=1)
-    lines = 2 * sum(fit.wave(own)[1] for own in waves)
+    curves = np.concatenate([curves, curves * np.tile(~fit.is_slow, 2)[:, None]], axis=1)
+    lines = 2 * sum(fit.wave(own)[1] for own in fit.groups if line[own[0]]) if whole else 0.0
     part = np.floor(turns * TURN_PARTS + 1e-6).astype(np.int64)
     part -= part[0]
     begins = range(int(part[-1]) + 1)
@@ -81,9 +101,9 @@ def ranges_of(fit: TraceFit, turns: Array, rng: np.random.Generator, *, draws: i
         places, first = np.unique(part[rows], return_index=True)
         high[places] = np.maximum(high[places], np.maximum.reduceat(values, first))
         low[places] = np.minimum(low[places], np.minimum.reduceat(values, first))
-    whole = high.max(axis=0) - low.min(axis=0)
+    cycle, cam = np.split(high.max(axis=0) - low.min(axis=0), 2)
     turn = [high[k : k + TURN_PARTS].max(axis=0) - low[k : k + TURN_PARTS].min(axis=0) for k in begins]
-    return _range(whole, lines), _range(np.max(turn, axis=0), lines)
+    return _range(cycle, lines), _range(np.max(turn, axis=0)[: len(cycle)], lines), _range(cam, 0.0)
 
 
 def _range(extents: Array, lines: float) -> Range:

@@ -6,14 +6,11 @@ where the shaft turns back, and named; many of them are a fault of the rig that 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.ndimage import median_filter
 
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.fit import TraceFit
-from hdassist.readers.sweeps import AngleSweep
 from hdassist.readers.table import shortened
 from hdassist.readers.trace import MeasuredTrace
 
@@ -26,13 +23,13 @@ MAX_SPIKE_SHARE = 1 / 20  # of the readings: with more of them the rig is at fau
 NAMED_LINES = 3  # lines in a message
 
 
-def without_spikes(trace: MeasuredTrace, sweeps: Sequence[AngleSweep], fit: TraceFit) -> tuple[MeasuredTrace, str]:
-    """A trace without the spikes beside a fit to its sweeps, and the warning that names them; empty without any.
+def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, str] | None:
+    """A trace without the spikes beside a fit to its sweeps, and the warning that names them; None without any.
 
     Raises UntrustedError: spikes where the trace is not to be read without them, or too many to leave out.
     """
-    bins, fitted = fit.design.bins, fit.design.bins.error - fit.residual
-    rows = np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in sweeps])
+    bins, fitted = fit.bins, fit.bins.error - fit.residual
+    rows, sweeps = trace.rows, trace.sweeps
     fits = [
         np.interp(trace.cam_deg[s.start : s.stop] / 360, bins.turns[bins.sweep == k], fitted[bins.sweep == k])
         for k, s in enumerate(sweeps)
@@ -47,7 +44,7 @@ def without_spikes(trace: MeasuredTrace, sweeps: Sequence[AngleSweep], fit: Trac
     short = [k for first, last in edges.tolist() if last - first <= LONGEST_SPIKE for k in range(first, last)]
     short = [k for k in short if beside[k] > size[k] / 2]  # the misfit is smooth
     if not short:
-        return trace, ""
+        return None
     words = f"lines {shortened(trace.line[rows[short]].tolist(), NAMED_LINES)}: {size[short].max():.3g}″ off the others"
     if len(short) > MAX_SPIKE_SHARE * len(rows):
         hint = "check the encoders' cables and counters"

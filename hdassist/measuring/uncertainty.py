@@ -8,6 +8,7 @@ from math import isfinite, sqrt
 
 from hdassist.errors import UsageError
 from hdassist.numerals import number_of
+from hdassist.readers.trace import MeasuredTrace
 
 STATED = {  # sources that a single record cannot show
     "encoder": "graduation of the output's encoder, once per output turn; the cam's off its centre, once per cam turn",
@@ -17,7 +18,6 @@ STATED = {  # sources that a single record cannot show
 }
 COVERAGE_FACTOR = 2.0
 WIND_UP = "wind-up"
-RANGE_SOURCES = 4  # so many sources, the first ones, belong to one range alone
 
 
 @dataclass(frozen=True)
@@ -46,45 +46,26 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
     return stated
 
 
-def budget(
-    noise: float,
-    bias: float,
-    drift: float,
-    unmodelled: float,
-    step: float,
-    scatter: float,
-    stated: Mapping[str, float],
-    *,
-    in_time: bool = False,
-    wind_up: float = 0.0,
-) -> tuple[UncertaintySource, ...]:
-    """Sources of uncertainty of a range.
+def resolution_source(trace: MeasuredTrace, scatter: float) -> UncertaintySource:
+    """Source of the step of a trace's readings; scatter of single readings [arcsec].
 
-    Arguments, all in arcsec: noise, spread of the range by bootstrap; bias, uncertainty of its correction; drift, by a
-    drift; unmodelled, size of error beyond the declared orders; step, resolution of a reading; scatter,
-    of single readings; stated, by source; in_time, whether the rounding of a step repeats with the turns; wind_up, by
-    one taken off by a catalogue. The two extremes of a range err by themselves: hence sqrt(2). A step below twice the
-    scatter is dithered. In time with the turns the fit follows the rounding, and both extremes may err together: hence
-    2.
+    A step below twice the scatter is dithered. In time with the turns the fit follows the rounding, and both extremes
+    of a range may err together: hence 2; else by themselves: hence sqrt(2).
     """
-    resolution = sqrt(2) * step / sqrt(12), "step of the readings"
-    if step / 2 < scatter:
-        resolution = 0.0, "no step seen above the noise"
-    elif in_time:
-        resolution = 2 * step / sqrt(12), "step of the readings, at even angles"
-    sources = [
-        UncertaintySource("noise", noise, "bootstrap of the residuals"),
-        UncertaintySource("bias correction", bias, "a third of what was taken off"),
-        UncertaintySource("drift", drift, "how straight it is, or whether it is one"),
-        UncertaintySource(WIND_UP, wind_up, "stiffnesses of a catalogue, by which it was taken off"),
-        UncertaintySource("beyond the orders", sqrt(2) * unmodelled, "residuals that go on from step to step"),
-        UncertaintySource("resolution", *resolution),
-    ]
-    given = [
+    unit = trace.step_arcsec / sqrt(12)
+    if trace.step_arcsec / 2 < scatter:
+        return UncertaintySource("resolution", 0.0, "no step seen above the noise")
+    if trace.in_time:
+        return UncertaintySource("resolution", 2 * unit, "step of the readings, at even angles")
+    return UncertaintySource("resolution", sqrt(2) * unit, "step of the readings")
+
+
+def stated_sources(stated: Mapping[str, float]) -> tuple[UncertaintySource, ...]:
+    """Sources that a single record cannot show, by their stated standard uncertainties [arcsec]."""
+    return tuple(
         UncertaintySource(name, stated.get(name), "stated" if name in stated else f"not stated; {words}")
         for name, words in STATED.items()
-    ]
-    return (*sources, *given)
+    )
 
 
 def combined(sources: Sequence[UncertaintySource]) -> float:

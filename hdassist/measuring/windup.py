@@ -79,5 +79,5 @@ class RecordedTorque:
 
 def tells_compliance(fit: TraceFit) -> bool:
     """Whether the load of a fit's bins has a part that goes neither with its orders nor with its slow terms."""
-    load = fit.design.bins.load
+    load = fit.bins.load
     return float(np.std(fit.design.residual(load))) > LOAD_APART * float(np.std(load))

@@ -59,6 +59,11 @@ class MeasuredTeeth:
     g: MeasuredWheel | None = None
     b: MeasuredWheel | None = None
 
+    @property
+    def by_name(self) -> dict[str, MeasuredWheel]:
+        """The wheels that are measured, by their names."""
+        return {name: wheel for name, wheel in (("b", self.b), ("g", self.g)) if wheel}
+
     def fixed(self, drive: Drive) -> MeasuredWheel | None:
         """The wheel that is fixed in a drive, where it is measured."""
         return self.b if drive.mounting.fixed == "rigid" else self.g
@@ -71,8 +76,7 @@ class MeasuredTeeth:
 
     def without_harmonics(self, drive: Drive) -> Drive:
         """The drive with its measured wheels as if they had no deviation: what else it has, and leaves open."""
-        held = {"g": self.g, "b": self.b}
-        return drive.with_values({path: 0.0 for name, wheel in held.items() if wheel for path in IN_TEETH[name]})
+        return drive.with_values({path: 0.0 for name in self.by_name for path in IN_TEETH[name]})
 
     def in_drive(self, drive: Drive) -> tuple[Drive, ToothDeviations]:
         """What kinematic_error takes: the drive with its cam offsets turned by the rests, and a deviation per tooth.

@@ -7,13 +7,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, fields
 from math import floor, log10
 
-from hdassist.acceptance.answer import AcceptAnswer, answer_json, provenance
+from hdassist.acceptance.answer import AcceptAnswer, answer_json, lot_summary, provenance
 from hdassist.acceptance.decision import GUARD, Decision
 from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.lot import Lot
 from hdassist.acceptance.predictions import Belief, Predictions
 from hdassist.acceptance.replay import answer_differences
-from hdassist.acceptance.statistics import lot_summary
 from hdassist.belief.statistics import Probability
 from hdassist.errors import DataError
 from hdassist.json_parts import attributes
@@ -34,8 +33,14 @@ RULE_WORDS = {
     "guard": f"guard bands of {GUARD:g} u on each side of a limit",
     "simple": "simple acceptance up to a limit",
 }
-CHECK_FIELDS = tuple(each.name for each in fields(Decision) if each.name != "belief")
-BELIEF_FIELDS = tuple(each.name for each in fields(Belief))
+FIGURES: tuple[Quantity[Decision | None], ...] = tuple(  # of CSV
+    Quantity(name, "", "", "")
+    for name in (
+        *(each.name for each in fields(Decision) if each.name not in ("unstated", "belief")),
+        *(f"belief.{each.name}" for each in fields(Belief)),
+    )
+)
+FIGURES_HEAD = ",".join(("serial", "preset", *(figure.key for figure in FIGURES), "exit_code", "error", ""))
 NAMED_CHECKS = 2  # reasons below the verdict
 
 
@@ -254,23 +259,13 @@ def title(answer: AcceptAnswer) -> str:
     return shown(name, len(name))
 
 
-def figures(check: Decision | None) -> dict[str, object]:
-    """All that is known of a check, by its name in files; empty without a check."""
-    own = {name: getattr(check, name, None) for name in CHECK_FIELDS}
-    belief = {f"belief.{name}": getattr(check and check.belief, name, None) for name in BELIEF_FIELDS}
-    return {**own, "unstated": " ".join(check.unstated) if check else None, **belief}
-
-
-FIGURES_HEAD = ",".join(("serial", "preset", *figures(None), "exit_code", "error", ""))  # of CSV
-
-
 def csv(answers: Sequence[AcceptAnswer]) -> str:
     """One row per drive and check; a drive without an answer has a row with its error."""
     rows = [
         {
             "serial": answer.serial,
             "preset": answer.preset.name,
-            **figures(check),
+            **{figure.key: figure.of(check) for figure in FIGURES},
             "exit_code": answer.exit_code,
             "error": answer.error and answer.error.message,
             **provenance(answer),

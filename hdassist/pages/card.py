@@ -8,7 +8,7 @@ from datetime import date
 
 from hdassist.belief.statistics import Probability
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.mounting.positions import FREE_STEP, Choice, hole_of
+from hdassist.mounting.positions import Choice, hole_of
 from hdassist.mounting.trial import Tried
 from hdassist.pages.seat import ENGLISH, instruction, place_at, seat_of, turn, wheel
 from hdassist.preset.fields import Drive
@@ -16,11 +16,11 @@ from hdassist.preset.schema import origin_counts
 from hdassist.preset.yamltext import shown
 from hdassist.report.blocks import Block, Facts, Lines, Paragraph, Seat, SeatMark, Table
 from hdassist.terminal.texts import HOME, Texts
-from hdassist.terminal.wheels_page import wheels
 from hdassist.version import __version__
 
 WARNINGS = 4  # that a card has room for
 LETTERS_OF_WARNINGS = 240  # of one of them
+WHEELS = {"b": "rigid", "g": "flexspline"}
 DIGITS = 12  # of a SHA-256
 CARD_TRIALS = 8  # that a card has room for
 
@@ -61,7 +61,6 @@ class Card:
     seat: Seat
     directions: Lines
     torques: Table
-    others: Table
     chance: Lines
     checks: Lines
     warnings: Lines
@@ -93,7 +92,6 @@ def card_of(facts: CardFacts, say: Texts, *, serial: str = "", made: date) -> Ca
             "", tuple(f"{p.letter}: {p.words}, {say.angle(round(p.angle_deg, 1))}" for p in seat.pointers)
         ),
         torques=_torques(choice, say),
-        others=_other_positions(choice, say),
         chance=Lines(say("chance.title"), tuple(_chances(facts, say))),
         checks=Lines(say("checks.title"), tuple(_checks(facts, say)), "[ ]"),
         warnings=Lines(say("warnings.title"), tuple(_warnings(facts.warnings, say)), "!"),
@@ -157,24 +155,6 @@ def _torques(choice: Choice, say: Texts) -> Table:
     return Table(say("torques.title"), tuple(say(f"torques.{name}") for name in names), tuple(rows))
 
 
-def _other_positions(choice: Choice, say: Texts) -> Table:
-    """Cost of the nearest positions to both sides, of the best of the others and of the worst one."""
-    target, holes = choice.target, choice.drive.mounting.holes
-    least = (360 / holes if holes else FREE_STEP) / 2  # at a free angle one beside the best is no other
-    away = {p: (p.rotation_deg - target.rotation_deg) % 360 for p in choice.ranked}
-    others = [p for p, turned in away.items() if least <= turned <= 360 - least]
-    around = sorted(others, key=lambda p: away[p])
-    rows = [
-        (
-            f"{p.hole}" if holes else say.number(p.rotation_deg),
-            *(say.percent(p.change_from(other), "+") for other in (choice.current, target)),
-        )
-        for p in dict.fromkeys((*around[:1], *around[-1:], *others[:1], *others[-1:]))
-    ]
-    heads = tuple(say(f"others.{name}") for name in ("hole" if holes else "turn", "against_now", "lost"))
-    return Table(say("others.title"), heads, tuple(rows), notes=(say("others.counted"),))
-
-
 def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
     if gain := facts.gain_probability:
         shares = dict(zip(("low", "middle", "high"), map(say.percent, facts.gain_range or ()), strict=False))
@@ -223,9 +203,9 @@ def _foot(facts: CardFacts, say: Texts, made: date) -> Iterator[str]:
     yield say("foot.source")
     digest = drive.origin.sha256[:DIGITS]
     yield say("foot.origin", version=__version__, name=drive.name, digest=digest, date=say.date(made))
-    for name, measured in wheels(facts.measured):
+    for name, measured in facts.measured.by_name.items() if facts.measured else ():
         file, digest = shown(measured.pitch.file), measured.pitch.sha256[:DIGITS]
-        yield say("foot.measured", wheel=say(f"wheel.{name}"), file=file, digest=digest)
+        yield say("foot.measured", wheel=say(f"wheel.{WHEELS[name]}"), file=file, digest=digest)
     if drive.origin.overrides:
         yield say("foot.overrides", values=_cut(", ".join(drive.origin.overrides)))
 

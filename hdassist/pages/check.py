@@ -28,18 +28,12 @@ from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.brief import again, probability_words, thousands
 from hdassist.terminal.influence_words import influence_words, measure_words, samples_words, settling_words
-from hdassist.terminal.wheels_page import heading
+from hdassist.terminal.wheels import heading
 from hdassist.verdict import Verdict
 
 UNKNOWN_AT_ZERO = "F_ior_nominal_arcsec, at_max and at_min take what is not known as 0"
 LEAST_ERROR = 1e-3  # arcsec: an F'_ior below it counts as that
 LEAST_SHARE = 0.1  # of F'_ior, that another coupling takes off where it is named
-
-
-def turns_text(degrees: float) -> str:
-    """A cam angle as turns and the degrees beyond them, for a column under that heading; 359.97 deg is a turn."""
-    turns, rest = divmod(round(degrees, 1), 360.0)
-    return f"{turns:.0f} + {rest:.1f}"
 
 
 def _angle_deg(end: str, angle: str, point: OperatingPoint) -> float:
@@ -67,7 +61,7 @@ POINT_QUANTITIES: tuple[Quantity[OperatingPoint], ...] = (
         Quantity(f"{end}.{angle}_deg", words, unit, digits, partial(_angle_deg, end, angle))
         for end, label in (("at_max", "greatest at phi_h"), ("at_min", "least at phi_h"))
         for angle, words, unit, digits in (
-            ("phi_h", label, "turns + deg", turns_text),
+            ("phi_h", label, "deg", ".1f"),
             ("phi_g", "  phi_g there", "deg", ".2f"),
             ("phi_b", "  phi_b there", "deg", ".2f"),
         )

@@ -13,7 +13,7 @@ from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmpli
 from hdassist.json_parts import Json
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_notes
-from hdassist.report.blocks import Facts, Table, TwoCurves
+from hdassist.report.blocks import Curve, Facts, Table
 from hdassist.report.quantities import NO_VALUE, Quantity, as_object
 from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.brief import again, not_known, on_what
@@ -40,7 +40,6 @@ COMPARED_NUMBERS: tuple[Quantity[Comparison], ...] = (
     Quantity("difference.rms_arcsec", "difference, rms", "″", ".2f", lambda r: r.difference_rms_arcsec),
     Quantity("difference.largest_arcsec", "  largest", "″", "z.2f", lambda r: r.largest[0]),
     Quantity("difference.largest_at_cam_deg", "  at cam angle", "deg", ".1f", lambda r: 360 * r.largest[1]),
-    Quantity("difference.range_arcsec", "  range", "″", ".2f", lambda r: float(np.ptp(r.difference_curve))),
     Quantity("residual.rms_arcsec", "beyond orders, rms", "″", ".2f", lambda r: float(np.std(r.residual_arcsec))),
     Quantity("residual.range_arcsec", "  range", "″", ".2f", lambda r: float(np.ptp(r.residual_arcsec))),
     Quantity("predicted.F_ior_arcsec", "F'_ior, predicted", "″", ".2f", lambda r: r.unchanged.F_ior_arcsec),
@@ -162,18 +161,16 @@ def _starts(result: Comparison) -> Iterator[tuple[str, str]]:
         yield name, f"{angle:.4g}°, {sure}" if is_known else "the record does not determine it"
 
 
-def _curves(result: Comparison) -> TwoCurves:
+def _curves(result: Comparison) -> Curve:
     """Both curves around the largest difference."""
     bins, worst = result.sweep.bins, result.largest[1]
     sweep = bins.sweep == bins.sweep[abs(bins.turns - worst).argmin()]
-    first, last = bins.turns[sweep].min(), bins.turns[sweep].max()
-    low = min(max(worst - PLOTTED_TURNS, first), max(last - 2 * PLOTTED_TURNS, first))
-    shown = sweep & (bins.turns >= low) & (bins.turns <= low + 2 * PLOTTED_TURNS)
+    shown = sweep & (abs(bins.turns - worst) <= PLOTTED_TURNS)
     predicted = result.predicted_arcsec[shown]
-    return TwoCurves(
-        bins.turns[shown], predicted + result.residual_arcsec[shown], predicted, ("measured", "predicted"),
+    return Curve(
+        bins.turns[shown], predicted + result.residual_arcsec[shown],
         x_label="cam angle, turns: around the largest difference", y_label="error, ″",
-        rows=_PLOTTED_ROWS,
+        second=predicted, names=("measured", "predicted"), rows=_PLOTTED_ROWS,
     )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import ResolvedField, value_text
 from hdassist.report.blocks import Facts, Table
 from hdassist.report.quantities import NO_VALUE
-from hdassist.report.report import CsvTable, Report
+from hdassist.report.report import Report
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import measure_words
@@ -50,7 +50,6 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
         certificate=result.certificate,
         cross_checks=tuple(cross for sheet in result.sheets for cross in sheet.cross_checks),
         values=_values(result, seed),
-        csv=_csv(result),
         line=verdict,
         about=", ".join(sheet.drive.name for sheet in result.sheets),
     )
@@ -180,10 +179,3 @@ def _drive_object(sheet: DriveSheet, seed: int) -> Json:
         "order": sheet.advice.order,
         "best": None if sheet.advice.order == "none" else ordered,
     }
-
-
-def _csv(result: DrivesComparison) -> CsvTable:
-    """One row per drive and torque."""
-    tables = {letter: check_page.check_csv(sheet.check) for letter, sheet in _lettered(result).items()}
-    heads, _ = tables["A"]
-    return ["drive", *heads], [[letter, *row] for letter, (_, rows) in tables.items() for row in rows]

@@ -14,7 +14,7 @@ from hdassist.json_parts import samples_object
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.planning.lines import POINTS_A_TURN
-from hdassist.report.blocks import Facts, Table, TwoCurves
+from hdassist.report.blocks import Curve, Facts, Table
 from hdassist.report.quantities import csv_columns
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again
@@ -152,10 +152,10 @@ def _curves(result: Correction) -> tuple[Any, Any]:
     return before, before - result.correction.error_at(np.arange(len(before)) / POINTS_A_TURN)
 
 
-def _before_and_after(result: Correction) -> TwoCurves:
+def _before_and_after(result: Correction) -> Curve:
     before, after = _curves(result)
     turns, names = np.arange(len(before)) / POINTS_A_TURN, ("before", "after")
-    return TwoCurves(turns, before, after, names, "turns of the cam over the full cycle", "error, ″", rows=4)
+    return Curve(turns, before, "turns of the cam over the full cycle", "error, ″", second=after, names=names, rows=4)
 
 
 def _form_object(each: FormResiduals) -> dict[str, Any]:

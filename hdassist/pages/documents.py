@@ -1,12 +1,10 @@
-"""Reports and assembly cards as HTML, Markdown and plain text: the templates of templates/."""
+"""Reports as HTML and Markdown, assembly cards as HTML and plain text: the templates of templates/."""
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import groupby
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -16,17 +14,17 @@ from rich.text import Text
 
 from hdassist.pages import drawings
 from hdassist.pages.card import Card
-from hdassist.report.blocks import BLANK, Block, Curve, Figure, Paragraph, Seat, TwoCurves
+from hdassist.report.blocks import BLANK, Figure, Paragraph
 from hdassist.report.report import Report
 from hdassist.terminal.brief import proof
-from hdassist.terminal.console import Style, console
+from hdassist.terminal.console import Style
+from hdassist.terminal.output import Output
 from hdassist.terminal.page import block_on_page, in_characters
 from hdassist.visible import visible
 
 CARD_COLUMNS = 78  # of the card as plain text
-LINES_BESIDE = 46  # of the card as text: drawing, checks and empty lines, which stand side by side on paper
+LINES_BESIDE = 45  # of the card as text: drawing, checks and empty lines, which stand side by side on paper
 CYRILLIC = range(0x400, 0x500)
-FIGURES = (Curve, TwoCurves, Seat)
 UNICODE = Style(ascii=False, codes=False, width=80)
 
 
@@ -37,7 +35,12 @@ def report_html(report: Report) -> str:
 
 def report_markdown(report: Report, style: Style) -> str:
     """A report as Markdown, with the tables of GitHub's dialect and figures in characters; style: of its texts."""
-    return _markdown("report.md", style, report=report, proof=proof(report.certificate, report.cross_checks))
+
+    def safe(value: Any) -> Any:
+        return markdown_safe(value if isinstance(value, Markup) else style.text(str(value)))
+
+    page = _environment(safe, style).get_template("report.md")
+    return page.render(report=report, proof=proof(report.certificate, report.cross_checks))
 
 
 def card_html(card: Card) -> str:
@@ -45,18 +48,11 @@ def card_html(card: Card) -> str:
     return _html("card.html", card=card, lines=lines_on_paper(card))
 
 
-def card_markdown(card: Card) -> str:
-    """The card as Markdown."""
-    return _markdown("card.md", UNICODE, card=card)
-
-
 def card_text(card: Card, *, ascii: bool = False) -> str:
     """The card as text; ascii: with 7-bit characters only, but for Cyrillic letters."""
-    style, page = Style(ascii, codes=False, width=CARD_COLUMNS, beyond_ascii=CYRILLIC), io.StringIO()
-    for block in (Paragraph(card.title), *card.blocks):
-        for part in block_on_page(block, style):
-            console(page, style).print(Group(part, Text("")))
-    return "\n".join(line.rstrip() for line in page.getvalue().splitlines()) + "\n"
+    style = Style(ascii, codes=False, width=CARD_COLUMNS, beyond_ascii=CYRILLIC)
+    parts = [part for block in (Paragraph(card.title), *card.blocks) for part in block_on_page(block, style)]
+    return Output(style).page(Group(*[line for part in parts for line in (part, Text(""))]))
 
 
 def lines_on_paper(card: Card) -> int:
@@ -70,13 +66,6 @@ def lines_on_paper(card: Card) -> int:
 def _html(name: str, **parts: Any) -> str:
     page = _environment(html_safe, UNICODE, autoescape=True)
     return page.get_template(name).render(**parts)
-
-
-def _markdown(name: str, style: Style, **parts: Any) -> str:
-    def safe(value: Any) -> Any:
-        return markdown_safe(value if isinstance(value, Markup) else style.text(str(value)))
-
-    return _environment(safe, style).get_template(name).render(**parts)
 
 
 def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bool = False) -> Environment:
@@ -95,7 +84,8 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
         text = visible(in_characters(figure, plain))
         return text if autoescape else Markup(text.replace("```", "'''"))
 
-    found.filters.update(drawn=drawn, kind=lambda block: type(block).__name__, together=_figures_together)
+    found.filters.update(drawn=drawn, kind=lambda block: type(block).__name__)
+    found.tests["figure"] = lambda block: isinstance(block, Figure)
     found.globals.update(vars(drawings), BLANK=BLANK)
     return found
 
@@ -112,8 +102,3 @@ def markdown_safe(value: Any) -> Any:
     if isinstance(value, Markup):
         return value
     return re.sub(r"([\\`*_\[\]<>|~&#])", r"\\\1", visible(str(value)).replace("\n", "\\n"))
-
-
-def _figures_together(blocks: tuple[Block, ...]) -> list[tuple[bool, list[Block]]]:
-    """Blocks in their order, figures and others apart, each with whether they are figures."""
-    return [(is_figure, list(some)) for is_figure, some in groupby(blocks, lambda block: isinstance(block, FIGURES))]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import cos, radians, sin
 
 from hdassist.model.geometry import Array
-from hdassist.report.blocks import Curve, TwoCurves
+from hdassist.report.blocks import Curve
 from hdassist.terminal.plot import least_and_greatest, ticks
 
 CENTRE = (210.0, 146.0)  # of the seat
@@ -29,15 +29,11 @@ class ChartAxes:
     ends: tuple[float, float]
 
     @classmethod
-    def around(cls, figure: Curve | TwoCurves) -> ChartAxes:
+    def around(cls, figure: Curve) -> ChartAxes:
         """Axes that hold a figure of more than one point, its limit and its whiskers."""
         ends = float(figure.x[0]), float(figure.x[-1])
-        values = [float(y) for series in series_of(figure) for y in series]
-        values += [] if figure.limit is None else [figure.limit]
-        if isinstance(figure, Curve):
-            values += [end for _, *both in figure.whiskers for end in both] + [0.0] * figure.from_zero
         columns = [tick for tick in ticks(*ends, 8) if ends[0] <= tick <= ends[1]]
-        return cls(columns, ticks(min(values), max(values), 5), ends)
+        return cls(columns, ticks(*figure.ends, 5), ends)
 
     def right(self, x: float) -> float:
         """Where x lies in the drawing."""
@@ -48,15 +44,9 @@ class ChartAxes:
         return CHART_BOX[3] - (y - self.rows[0]) / (self.rows[-1] - self.rows[0]) * (CHART_BOX[3] - CHART_BOX[1])
 
 
-def series_of(figure: Curve | TwoCurves) -> tuple[Array, ...]:
-    """The values over x that a figure draws."""
-    return (figure.y,) if isinstance(figure, Curve) else (figure.first, figure.second)
-
-
-def outline(figure: Curve | TwoCurves, y: Array) -> list[tuple[float, float]]:
+def outline(figure: Curve, y: Array) -> list[tuple[float, float]]:
     """Points of a line; of many points corners around them, along the greatest values and back along the least."""
     if len(figure.x) <= 2 * ENVELOPE_COLUMNS:
         return list(zip(figure.x.tolist(), y.tolist(), strict=True))
-    over = figure.over if isinstance(figure, Curve) else 0.0
-    (x, low), (_, high) = least_and_greatest(figure.x, y, ENVELOPE_COLUMNS, over)
+    (x, low), (_, high) = least_and_greatest(figure.x, y, ENVELOPE_COLUMNS, figure.over)
     return [*zip(x, high, strict=True), *zip(x[::-1], low[::-1], strict=True)]

@@ -57,23 +57,18 @@ SWEEP_QUANTITIES: tuple[Quantity[SweepResult], ...] = (
     Quantity("F_ior_is_lower_bound", "  is a lower bound", "", lambda bound: "yes" if bound else "no",
              "is_bound"),
     Quantity("rise_in_another_cycle_arcsec", "  more in another cycle, at most", "″", ".2f",
-             "rise_arcsec"),
+             "range.rise"),
     Quantity("band_limited_range_arcsec", "  with what noise adds", "″", ".2f", "range.fitted"),
     Quantity("raw_range_arcsec", "  range of the readings", "″", ".2f"),
     Quantity("revolution_range_arcsec", "range in a cam turn, at most", "″", ".2f", "revolution.value"),
     Quantity("revolution_range_standard_uncertainty_arcsec", "  standard uncertainty u", "″", ".2f",
-             "revolution_uncertainty_arcsec"),
-    Quantity("revolution_range_rise_arcsec", "  more in another cycle, at most", "″", ".2f",
-             "revolution_rise_arcsec"),
+             "revolution.uncertainty"),
     Quantity("cam_range_arcsec", "orders of the cam alone", "″", ".2f", "cam.value"),
     Quantity("cam_interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", "″",
-             ends_text, "cam_interval_arcsec"),
+             ends_text, "cam.interval"),
     Quantity("slow_range_arcsec", "  slow terms of the output", "″", ".2f", "slow_arcsec"),
-    Quantity("slow_uncertainty_added", "  orders less certain by them, at most", "%",
-             lambda share: f"{100 * share:.1f}", "slow_cost"),
     Quantity("coverage.share", "share of the cycle visited", "%", lambda share: f"{100 * share:.1f}"),
     Quantity("coverage.visited_cam_revolutions", "  visited", "cam turns", ".4g", "coverage.cam_turns"),
-    Quantity("coverage.step_cam_deg", "  a reading every", "deg of the cam", ".3g", "coverage.step_deg"),
     Quantity("rows", "rows", "", "", lambda s: int(s.bins.rows.sum())),
     Quantity("sweeps", "sweeps", "", "", lambda s: len(s.fit.level)),
     Quantity("cam_revolutions", "record", "cam turns", ".2f", "bins.span"),
@@ -165,7 +160,7 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> 
     yield "slow", _slow(found)
     if found.lines:
         lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f} arcsec)" for line in found.lines)
-        rise = f"; in another cycle they may add {found.rise_arcsec:.2f}″" if found.rise_arcsec else ""
+        rise = f"; in another cycle they may add {found.range.rise:.2f}″" if found.range.rise else ""
         yield "lines", f"off the orders: {lines}{rise}"
     if reversal := result.reversal:
         words = f"{reversal.mean_arcsec:.2f}″ on the mean, up to {reversal.greatest_departure_arcsec:.2f}″ off that"
@@ -204,7 +199,7 @@ def _slow(found: SweepResult) -> str:
     if found.is_part:
         return f"{size} taken off: rig, drift or drive, in a part of an output turn"
     greatest = max(slow, key=lambda order: order.amplitude_arcsec)
-    low, high = found.cam_interval_arcsec
+    low, high = found.cam.interval
     cause = f" ({greatest.cause})" if greatest.cause else ""
     return f"{size}, most of it {greatest.per_cam_rev:.3g} a cam turn{cause}; without {low:.2f} to {high:.2f}"
 
@@ -214,7 +209,7 @@ def _curve(found: SweepResult) -> Curve:
     first = found.bins.sweep == 0
     words = f"error, ″, {DIRECTION_NAMES[found.direction]} cam angle"
     turns = found.bins.turns[first]
-    return curve_of_turns(turns, found.fit.curve(turns) + found.fit.residual[first], words)
+    return curve_of_turns(turns, found.fit.error[first], words)
 
 
 def _details(found: SweepResult) -> Iterator[ReportSection]:
@@ -238,41 +233,39 @@ def _sweep(found: SweepResult) -> Json:
     """One direction as a JSON object."""
     return {
         **as_object(SWEEP_QUANTITIES, found),
-        "orders": [as_object(ORDER_COLUMNS, order) for order in found.orders],
-        "orders_of_cam": [as_object(ORDER_COLUMNS, order) for order in found.orders_of_cam],
-        "lines": [as_object(ORDER_COLUMNS, line) for line in found.lines],
+        **{
+            name: [as_object(ORDER_COLUMNS, order) for order in getattr(found, name)]
+            for name in ("orders", "orders_of_cam", "lines")
+        },
         "budget": [as_object(_BUDGET, source) for source in found.sources],
     }
 
 
 def _line(found: SweepResult) -> str:
-    """F'_ior with its expanded uncertainty."""
-    bound = ">= " if found.is_bound else ""
-    reach, rise = COVERAGE_FACTOR * found.uncertainty_arcsec, found.rise_arcsec
+    """F'_ior with its expanded uncertainty; of a lower bound the lower end of its interval."""
+    if found.is_bound:
+        return f">= {found.interval_arcsec[0]:.2f}″"
+    reach, rise = COVERAGE_FACTOR * found.uncertainty_arcsec, found.range.rise
     spread = f"+{reach + rise:.2f} -{reach:.2f}" if rise else f"+- {reach:.2f}"
-    return f"{bound}{found.range.value:.2f} {spread}″"
+    return f"{found.range.value:.2f} {spread}″"
 
 
 def _csv(result: Measurement) -> CsvTable:
     """One row per step of the angle, in each direction: error less its level and drift, and the fitted curve."""
     rows: list[list[Any]] = []
     for found in result.directions:
-        fitted = found.fit.curve(found.bins.turns)
-        columns = np.column_stack([found.bins.sweep, 360 * found.bins.turns, fitted + found.fit.residual, fitted])
+        error = found.fit.error
+        columns = np.column_stack([found.bins.sweep, 360 * found.bins.turns, error, error - found.fit.residual])
         rows += [[result.trace.file, found.direction, int(sweep), *step] for sweep, *step in columns.tolist()]
     return ["file", "direction", "sweep", "cam_deg", "error_arcsec", "fitted_arcsec"], rows
 
 
-def repeats(results: Sequence[Measurement]) -> Json | None:
-    """Mean and standard deviation of F'_ior over files, as of repeat runs; None for one file."""
+def repeats(results: Sequence[Measurement]) -> tuple[Json, list[str]]:
+    """F'_ior over files, as of repeat runs: for JSON, and in a line; both empty for one file."""
     values = [result.F_ior_arcsec for result in results]
     if len(values) < 2:
-        return None
-    spread = float(np.std(values, ddof=1))
-    return {"files": len(values), "mean_arcsec": float(np.mean(values)), "standard_deviation_arcsec": spread}
-
-
-def repeats_line(repeats: Json) -> str:
-    """Repeat runs in a line."""
-    mean, spread = repeats["mean_arcsec"], repeats["standard_deviation_arcsec"]
-    return f"{repeats['files']} files: F'_ior {mean:.2f}″ on the mean, standard deviation {spread:.2f}"
+        return {}, []
+    mean, spread = float(np.mean(values)), float(np.std(values, ddof=1))
+    found = {"files": len(values), "mean_arcsec": mean, "standard_deviation_arcsec": spread}
+    line = f"{len(values)} files: F'_ior {mean:.2f}″ on the mean, standard deviation {spread:.2f}"
+    return {"repeat_runs": found}, [line]

@@ -28,7 +28,7 @@ from hdassist.solve.answers import EMPTY
 from hdassist.terminal.brief import again, probability_words
 from hdassist.terminal.influence_words import influence_words, measure_words, more_draws, samples_words, settling_words
 from hdassist.terminal.texts import Texts
-from hdassist.terminal.wheels_page import heading
+from hdassist.terminal.wheels import heading
 from hdassist.verdict import Verdict
 
 OPEN_NAMED = 4  # fields that are not known exactly, which are named

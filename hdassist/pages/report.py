@@ -14,21 +14,15 @@ from hdassist.pages.seat import TRADE, hole_place
 from hdassist.pages.stiffness import ARCMIN, stiffness_report
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
-from hdassist.preset.schema import ResolvedField, origin_counts, resolved_fields, value_text
-from hdassist.report.blocks import Block, Curve, Facts, Paragraph, ReportSection, Seat, Table, Tiles
+from hdassist.preset.schema import origin_counts, resolved_fields, value_text
+from hdassist.report.blocks import Block, Facts, Paragraph, ReportSection, Seat, Table, Tiles
 from hdassist.report.report import Report
 from hdassist.terminal.answers import report_object
-from hdassist.terminal.influence_words import field_unit, named, samples_words
+from hdassist.terminal.influence_words import named, samples_words
 from hdassist.verdict import Verdict, worst_exit_code
 from hdassist.version import __version__
 
-FIELD_HEADS = ("field", "value", "unit", "plausible range; where from")
-ORIGIN_WORDS = {
-    NOT_KNOWN: "not given (the direction of a deviation of 0 does not matter)",
-    "override": "set on the command line",
-    "assumed": "assumed",
-    "identified": "identified from measurements",
-}
+INPUT_HEADS = ("input", "share, %", "preset", "drawn from", "unit", "where from")
 VERDICT_WORDS = {
     Verdict.PASS: "within its limits",
     Verdict.FAIL: "beyond its limits",
@@ -44,9 +38,10 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     mount = mount_report(sheet.advice, seed, limits=[point.left_arcsec for point in sheet.check.points])
     stiff = stiffness_report(drive, sheet.stiffness)
     k, facts = Kinematics.of(drive), next(block for block in check.blocks if isinstance(block, Facts))
-    mounting = [
-        block for block in (*mount.blocks, *mount.details) if mount.exit_code == 0 or not isinstance(block, Seat)
-    ]
+    error = tuple(block for block in (*check.blocks, *check.details) if block is not facts)
+    mounting = (*mount.blocks, *mount.details)
+    if mount.exit_code:  # no position to go to, and none to draw
+        mounting = tuple(block for block in mounting if not isinstance(block, Seat))
     return Report(
         command="report",
         drive=drive,
@@ -55,11 +50,10 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
         why=(*check.why, *mount.why, *(f"{label}: {text}" for label, text in facts.rows)),
         blocks=(
             Tiles(tuple(_tiles(sheet))),
-            _section("Kinematic error", *check.blocks, *check.details),
-            _section("Mounting the fixed wheel", *mounting),
-            _section("Torsional stiffness", *stiff.blocks, *stiff.details),
-            ReportSection("What it rests on, and what is not known", tuple(_basis(sheet))),
-            ReportSection("Where its values come from", tuple(_values(drive))),
+            ReportSection("Kinematic error", error),
+            ReportSection("Mounting the fixed wheel", mounting),
+            ReportSection("Torsional stiffness", (*stiff.blocks, *stiff.details)),
+            ReportSection("Assumed and unknown inputs", tuple(_basis(sheet))),
             ReportSection("Provenance", (_provenance(drive, draws, seed),)),
         ),
         certificate=sheet.certificate,
@@ -78,15 +72,9 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     )
 
 
-def _section(title: str, *blocks: Block) -> ReportSection:
-    """Blocks under a title, seat and curves first."""
-    order = {Seat: 0, Curve: 1}
-    return ReportSection(title, tuple(sorted(blocks, key=lambda block: order.get(type(block), 2))))
-
-
 def _tiles(sheet: DriveSheet) -> Iterator[tuple[str, str, str]]:
     for point in sheet.check.points:
-        below = "arcsec, 5 to 95 % over what is not known" if point.belief else "arcsec over the full cycle"
+        below = "arcsec, 5 to 95 % over unknown inputs" if point.belief else "arcsec over the full cycle"
         yield (f"F'_ior at {point.M_g:g} N·m", F_ior_words(point, ".1f"), below)
     advice = sheet.advice
     if advice.order == "none":
@@ -102,45 +90,33 @@ def _tiles(sheet: DriveSheet) -> Iterator[tuple[str, str, str]]:
 
 
 def _basis(sheet: DriveSheet) -> Iterator[Block]:
-    check = sheet.check
+    """The inputs that decide F'_ior, with their range and source, and a summary of all values."""
+    drive, check = sheet.drive, sheet.check
+    given, drawn = {row.path: row for row in resolved_fields(drive)}, check.prior.fields if check.prior else ()
+    ranges = {each.path: f"{each.low:.4g} to {each.high:.4g}" for each in drawn}
     rows = tuple(
-        (named(f.path), f"{f.low:.4g}", f"{f.high:.4g}", field_unit(f.path), f.distribution, f.owner)
-        for f in (check.prior.fields if check.prior else ())
+        (named(row.path), f"{100 * share:.0f}", value_text(row.value), ranges[row.path], row.unit, row.ref)
+        for row, share in ((given[each.group], each.share) for each in check.influences)
     )
-    title = f"not known exactly: {samples_words(check.samples)}" if check.samples else "not known exactly"
-    yield Table(title, ("field", "from", "to", "unit", "distribution", "whose"), rows, words=(0, 3, 4, 5))
-    names = unknown_names(check.unknown)
-    yield Paragraph(f"Deviations that are not known: {names}." if names else "All deviations that matter are given.")
-
-
-def _values(drive: Drive) -> Iterator[Block]:
-    rows, values = resolved_fields(drive), origin_counts(drive)
+    title = f"inputs by their share of the variance of ln F'_ior at {check.points[check.least_sure].M_g:g} N·m"
+    yield Table(title, INPUT_HEADS, rows, words=(0, 4, 5))
+    values, names = origin_counts(drive), unknown_names(check.unknown)
+    sampled = f"{len(drawn)} inputs are not known exactly: {samples_words(check.samples)}. " if check.samples else ""
     yield Paragraph(
+        f"{sampled}{f'Deviations that are not known: {names}. ' if names else ''}"
         f"The preset gives {sum(values.values())} values: {values['given']} given, {values['identified']} identified, "
-        f"{values['assumed']} assumed (all of them: hdassist presets show --resolved). What values were identified "
-        "from agrees with the model by itself and proves nothing; what the model was compared with stands in "
-        "docs/validation.md."
+        f"{values['assumed']} assumed (hdassist presets show --resolved lists each with its range and source). Values "
+        "identified from measurements agree with the model by themselves, which proves nothing of it; "
+        "docs/validation.md has the measurements that the model was compared with."
     )
-    used = [row for row in rows if row.value is not None or not row.path.startswith("catalogue.")]
-    for kind, words in ORIGIN_WORDS.items():
-        found = tuple(_cells(row) for row in used if row.kind == kind)
-        yield Table(f"{words}: {len(found)}", FIELD_HEADS, found, words=(0, 2, 3))
-
-
-def _cells(row: ResolvedField) -> tuple[str, ...]:
-    bounds = " to ".join(map(value_text, row.range or ()))
-    return row.path, value_text(row.value), row.unit, "; ".join(filter(None, (bounds, row.ref)))
 
 
 def _provenance(drive: Drive, draws: int, seed: int) -> Facts:
     origin = drive.origin
     rows = (
-        ("preset", drive.name),
-        ("file", origin.file),
-        ("SHA-256", origin.sha256),
-        ("set on top", "; ".join(origin.overrides) or "nothing"),
+        ("preset", f"{origin.file or drive.name}, SHA-256 {origin.sha256}"),
+        ("set on top", "; ".join(origin.overrides) or "none"),
         ("description", " ".join(drive.description.split()) or "none"),
-        ("hdassist", __version__),
-        ("seed", f"{seed}; {draws} effective samples of what is not known at least"),
+        ("made by", f"hdassist {__version__}, seed {seed}, at least {draws} effective samples of uncertain inputs"),
     )
     return Facts(rows)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.design.sweep import Sweep, SweepRow, Swept, largest
-from hdassist.design.vary import TORQUE, Axis
+from hdassist.design.sweep import Sweep, SweepRow, Swept
+from hdassist.design.vary import Axis
 from hdassist.json_parts import attributes, unknown_objects
 from hdassist.model.unknown import unknowns
 from hdassist.report.blocks import Curve, Facts
@@ -21,7 +21,7 @@ ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")
 
 def columns(sweep: Sweep) -> list[str]:
     """Names of the columns of the rows: a field in its own unit, then the result."""
-    return [*(axis.path for axis in sweep.axes), *ROW_COLUMNS]
+    return [*(axis.path for axis in sweep.varied), *ROW_COLUMNS]
 
 
 def cells(record: SweepRow) -> list[Any]:
@@ -31,72 +31,66 @@ def cells(record: SweepRow) -> list[Any]:
 
 def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
     """A sweep; records of its rows, where they are wanted."""
-    sweep, drive = swept.sweep, swept.drive
-    least, greatest = swept.end(False), swept.end(True)
-    figures = list(_figures(swept))
-    line = f"{least[1]:.2f} to {greatest[1]:.2f} arcsec" if least and greatest else "no answer"
+    sweep, drive, ends, figures = swept.sweep, swept.drive, swept.ends, list(_figures(swept))
+    line = " to ".join(f"{F_ior:.2f}" for _, F_ior in ends.values()) + " arcsec" if ends else "no answer"
+    found = {end: {"row": row, "F_ior_arcsec": F_ior} for end, (row, F_ior) in ends.items()}
     return Report(
         command="sweep",
         drive=drive,
-        head=f"{drive.name}, F'_ior over {' and '.join(map(_span, sweep.axes))}, {sweep.rows} rows",
+        head=f"{drive.name}, F'_ior over {' and '.join(map(_span, sweep.varied))}, {sweep.rows} rows",
         verdict=line,
         blocks=(Facts.of(_facts(swept)), *figures[:1]),
         details=tuple(figures[1:]),
         certificate=swept,
         values={
-            "unknown": unknown_objects(unknowns(largest(drive, sweep.axes))),
-            "vary": [{"field": axis.path, **attributes(axis, "unit", "values")} for axis in sweep.axes],
-            "least": least and dict(zip(("row", "F_ior_arcsec"), least, strict=True)),
-            "greatest": greatest and dict(zip(("row", "F_ior_arcsec"), greatest, strict=True)),
+            "unknown": unknown_objects(unknowns(swept.largest)),
+            "vary": [{"field": axis.path, **attributes(axis, "unit", "values")} for axis in sweep.varied],
+            **{end: found.get(end) for end in ("least", "greatest")},
             "rows": list(records),
             "rows_without_answer": swept.failed,
         },
         line=line,
         warnings=tuple(swept.warnings),
-        exit_code=worst_exit_code(swept.exit_codes) if least is None else 0,
+        exit_code=0 if ends else worst_exit_code(swept.exit_codes),
     )
 
 
 def _facts(swept: Swept) -> Iterator[tuple[str, str]]:
     """Least and greatest F'_ior, rows without an answer, and the next command."""
-    least, greatest = swept.end(False), swept.end(True)
-    if least and greatest:
-        yield "least", _at(swept, *least)
-        yield "greatest", _at(swept, *greatest)
+    sweep, ends = swept.sweep, swept.ends
+    for end, (row, F_ior) in ends.items():
+        values = sweep.values(row)
+        yield end, f"{F_ior:.2f}″ at " + ", ".join(_of(axis, f"{values[axis.path]:g}", " = ") for axis in sweep.axes)
     if swept.failed:
-        yield "no answer", f"{swept.failed} of {swept.sweep.rows} rows; the first: {swept.reason}"
-    if least:
-        values = [f"{path}={value!r}".removesuffix(".0") for path, value in swept.sweep.values(least[0]).items()]
-        yield "next", again("check", swept.drive, *(word for value in values for word in ("--set", value)))
+        yield "no answer", f"{swept.failed} of {sweep.rows} rows; the first: {swept.reason}"
+    if ends:
+        values = sweep.values(ends["least"][0])
+        sets = [f"{axis.path}={values[axis.path]!r}".removesuffix(".0") for axis in sweep.varied]
+        yield "next", again("check", swept.drive, *(word for text in sets for word in ("--set", text)))
+
+
+def _of(axis: Axis, values: str, sign: str) -> str:
+    """Values along an axis, in its unit."""
+    return f"{axis.path}{sign}{values} {axis.unit.replace('*', '·')}".rstrip()
 
 
 def _span(axis: Axis) -> str:
     low, high = min(axis.values), max(axis.values)
-    values = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-    return f"{axis.path} ({values} {_unit(axis)}".rstrip() + ")"
-
-
-def _unit(axis: Axis) -> str:
-    return axis.unit.replace("*", "·")
-
-
-def _at(swept: Swept, row: int, F_ior: float) -> str:
-    units = {axis.path: _unit(axis) for axis in swept.sweep.axes}
-    values = [f"{path} = {value:g} {units[path]}".rstrip() for path, value in swept.sweep.values(row).items()]
-    torque = [] if TORQUE in units else [f"{swept.sweep.torque(row):g} N·m"]
-    return f"{F_ior:.2f}″ at {', '.join(values + torque)}"
+    return _of(axis, f"{low:g}" if low == high else f"{low:g} to {high:g}", " (") + ")"
 
 
 def _figures(swept: Swept) -> Iterator[Curve]:
     """F'_ior over one field at each torque; none of more fields, or of fewer than two rows with an answer."""
-    axis, *others = swept.sweep.axes
+    axis, *others = swept.sweep.varied
+    torques = [f" at {M_g:g} N·m" for further in swept.sweep.further for M_g in further.values] or [""]
     order = np.argsort(axis.values)
-    values, label = np.array(axis.values, dtype=float)[order], f"{axis.path}, {_unit(axis)}".removesuffix(", ")
-    for k, M_g in enumerate([] if others else swept.sweep.torques or [None]):
-        F_ior = swept.F_ior_arcsec[order, k]
+    values = np.array(axis.values, dtype=float)[order]
+    if others:
+        return
+    curves = swept.F_ior_arcsec.reshape(len(values), -1)[order].T
+    for torque, F_ior in zip(torques, curves, strict=True):
         solved = np.isfinite(F_ior)
-        words = "F'_ior, ″" if M_g is None else f"F'_ior at {M_g:g} N·m, ″"
-        if not solved.all():
-            words += f", {np.sum(~solved)} points without an answer left out"
+        gaps = "" if solved.all() else f", {np.sum(~solved)} points without an answer left out"
         if solved.sum() > 1:
-            yield Curve(values[solved], F_ior[solved], label, words)
+            label = _of(axis, "", ",").rstrip(",")
+            yield Curve(values[solved], F_ior[solved], label, f"F'_ior{torque}, ″{gaps}")

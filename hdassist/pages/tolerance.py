@@ -12,7 +12,7 @@ from hdassist.belief.measure import MeasurementGain
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
 from hdassist.json_parts import Json, attributes, measure_objects
-from hdassist.report.blocks import Curve, Facts, Table, TwoCurves
+from hdassist.report.blocks import Curve, Facts, Table
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again, probability_words
@@ -157,18 +157,18 @@ def _law_words(law: ProductionLaw, seed: int) -> str:
     return ", ".join([*words, *["others even"] * bool(law.not_given), f"seed {seed}"])
 
 
-def _share_below(drives: Sequence[MountedDrives]) -> Curve | TwoCurves:
+def _share_below(drives: Sequence[MountedDrives]) -> Curve:
     """F'_ior that a share of the drives at a torque stays below, as built and where wheels are turned."""
     point, weights = drives[0].point, np.array(drives[0].summary.weights)
     limit = None if point.limit is None or point.limit <= point.self_error else point.limit - point.self_error
     curves = [np.interp(PLOTTED_SHARES, *shares_below(np.array(each.F_ior), weights)) for each in drives]
     x_label, y_label = "share of the drives, %", f"F'_ior at {point.M_g:g} N·m, ″"
     y_label += "" if limit is None else f" ({limit:.4g} allowed)"
-    built, best = curves[0], curves[-1]
-    if len(curves) == 1:
-        return Curve(PLOTTED_SHARES, built, x_label, y_label, limit=limit, rows=_PLOTTED_ROWS)
-    names = ("as built", "best mounted")
-    return TwoCurves(PLOTTED_SHARES, built, best, names, x_label, y_label, limit=limit, rows=_PLOTTED_ROWS)
+    best = curves[1] if len(curves) > 1 else None
+    return Curve(
+        PLOTTED_SHARES, curves[0], x_label, y_label,
+        second=best, names=() if best is None else ("as built", "best mounted"), limit=limit, rows=_PLOTTED_ROWS,
+    )  # fmt: skip
 
 
 def _values(law: ProductionLaw, seed: int, summary: Summary, gains: Sequence[MeasurementGain]) -> Json:

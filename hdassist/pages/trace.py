@@ -15,7 +15,7 @@ from hdassist.report.blocks import Curve, Facts, Paragraph, Series, Table
 from hdassist.report.quantities import Quantity, csv_columns
 from hdassist.report.report import CsvTable, Report
 from hdassist.terminal.brief import again, not_known, on_what
-from hdassist.terminal.wheels_page import heading
+from hdassist.terminal.wheels import heading
 
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
 MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn

@@ -155,7 +155,7 @@ class Catalogue(Section):
 
 
 class Measured(Section):
-    """Values measured on this drive; +- is its expanded uncertainty (k = 2). It weighs what is not known exactly."""
+    """Values measured on this drive; +- is its expanded uncertainty (k = 2). It weighs uncertain inputs."""
 
     K_1: float | None
     K_2: float | None
@@ -206,7 +206,7 @@ class Source(Section):
 
 
 class CostLaw(Section):
-    """What a tolerance costs: share at the value that the preset gives, and 1/tolerance^k of it at others."""
+    """Cost of a tolerance: share at the value that the preset gives, and 1/tolerance^k of it at others."""
 
     share: float
     k: float

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import hypot
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +62,7 @@ class TraceForm:
             raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
         if len(angles) > ENCODERS:
             raise UsageError(f"invalid --angle-unit {self.angle_unit}: expected one unit for each encoder")
-        error = [] if self.error_unit is None else [self.error_unit]
+        error = [self.error_unit] if self.error_unit is not None else []
         for option, unit in (*(("--angle-unit", unit) for unit in angles), *(("--error-unit", unit) for unit in error)):
             try:
                 angle_size(unit)
@@ -79,15 +79,21 @@ class TraceForm:
 
 @dataclass(frozen=True)
 class TraceColumn:
-    """A column (from 0) of a trace: the shaft of its angle, None for errors, and the size of its unit [arcsec].
-
-    in_counts: whether that is a count of an encoder.
-    """
+    """A column (from 0) of a trace: the shaft of its angle, None for errors, and its unit, or counts in a turn."""
 
     index: int
     shaft: Shaft | None
-    size: float
-    in_counts: bool
+    unit: str
+
+    @property
+    def size(self) -> float:
+        """Size of the unit or count [arcsec]."""
+        return angle_size(self.unit)
+
+    @property
+    def in_counts(self) -> bool:
+        """Whether it is in counts of an encoder."""
+        return self.unit.removeprefix("-") not in ANGLES
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,24 +124,27 @@ class MeasuredTrace:
     time_s: Array | None = None
     load: Array | None = None
 
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """Rows of the sweeps."""
+        return np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in self.sweeps])
+
+    def one_way(self, sign: int) -> MeasuredTrace:
+        """The trace with its sweeps in a direction alone; 0 for both."""
+        return replace(self, sweeps=tuple(each for each in self.sweeps if each.direction == sign or not sign))
+
     def without(self, rows: NDArray[np.int64]) -> MeasuredTrace:
         """The trace without some rows."""
-        kept = np.ones(len(self.line), bool)
-        kept[rows] = False
-        cam = self.cam_deg[kept]
-        return replace(
-            self, cam_deg=cam, error_arcsec=self.error_arcsec[kept], line=self.line[kept], sweeps=tuple(sweeps(cam)),
-            time_s=None if self.time_s is None else self.time_s[kept],
-            load=None if self.load is None else self.load[kept],
-        )  # fmt: skip
+        columns = ("cam_deg", "error_arcsec", "line", "time_s", "load")
+        given = {name: getattr(self, name) for name in columns if getattr(self, name) is not None}
+        kept: dict[str, Any] = {name: np.delete(values, rows) for name, values in given.items()}
+        return replace(self, **kept, sweeps=tuple(sweeps(kept["cam_deg"])))
 
 
-def read_trace(
-    source: Readable, form: TraceForm | None = None, ratio: float | None = None, fewest: int = FEWEST_ROWS
-) -> MeasuredTrace:
+def read_trace(source: Readable, form: TraceForm | None = None, ratio: float | None = None) -> MeasuredTrace:
     """Read a measured trace: a table and the trace in it. Arguments and errors are theirs."""
     form = form or TraceForm()
-    return trace_of(read_record(source, form), form, ratio, fewest)
+    return trace_of(read_record(source, form), form, ratio)
 
 
 def read_record(source: Readable, form: TraceForm) -> NumberTable:
@@ -152,19 +161,17 @@ def read_record(source: Readable, form: TraceForm) -> NumberTable:
     return table
 
 
-def trace_of(
-    table: NumberTable, form: TraceForm, ratio: float | None = None, fewest: int = FEWEST_ROWS
-) -> MeasuredTrace:
+def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) -> MeasuredTrace:
     """The measured trace in a table, whose values it takes away.
 
     Arguments: form of the columns; ratio, cam turns per output turn, needed for angles of the output and for two
-    encoders; fewest, rows that are enough.
+    encoders.
     Raises PresetError: the first fault of its angles; DataError: no ratio; UsageError: one column for two.
     """
     first, other = _columns(table, form)
     by_second = other.shaft == "output"
-    if len(table.lines) < fewest:
-        raise _fault(table, 0, first.index, f"{len(table.lines)} rows", f"a trace has {fewest} rows or more")
+    if len(table.lines) < FEWEST_ROWS:
+        raise _fault(table, 0, first.index, f"{len(table.lines)} rows", f"a trace has {FEWEST_ROWS} rows or more")
     if ratio is None and (first.shaft == "output" or by_second):
         message = f"{table.file}: the ratio is needed to bring output and cam together"
         raise DataError(message, "--ratio 100, or --drive PRESET")
@@ -189,7 +196,8 @@ def trace_of(
     if output is not None:
         error, sense = _second(table, other.index, output, cam, per_turn)
         if not step:
-            step, in_time = _step_in_time(cam, output, per_turn)
+            step = _step_in_time(cam, output, per_turn)
+            in_time = step > 0
         if first.in_counts or other.in_counts:
             step = max(step, hypot(first.size / per_turn * first.in_counts, other.size * other.in_counts))
             in_time = in_time or _is_even(cam, COUNTS_APART * abs(first.size) / ARCSEC_PER_DEG)
@@ -266,8 +274,8 @@ def _step(readings: Array) -> float:
     return _even_step(levels, rounding) if 2 * len(levels) <= len(readings) else 0.0
 
 
-def _step_in_time(cam: Array, output: Array, ratio: float) -> tuple[float, bool]:
-    """Resolution [arcsec] of output angles [deg] read at even angles of the cam, and whether there is one.
+def _step_in_time(cam: Array, output: Array, ratio: float) -> float:
+    """Resolution [arcsec] of output angles [deg] read at even angles of the cam; 0 without one.
 
     Angles of a turning shaft seldom repeat themselves, but the steps between them do; steps over missing rows are left
     out.
@@ -279,10 +287,8 @@ def _step_in_time(cam: Array, output: Array, ratio: float) -> tuple[float, bool]
     least = ROUNDED_STEP * float(np.diff(steps).max(initial=0.0))  # printed digits differ by less
     repeat = 2 * int((np.diff(steps) > least).sum()) <= len(steps)
     step = _even_step(steps, least) if repeat else 0.0
-    # where the angles are uneven by more than a step, its rounding is noise, and counted as such; the ends of a sweep
-    # are left out
-    in_time = step > 0 and _is_even(cam, step * ratio / ARCSEC_PER_DEG)
-    return (step, True) if in_time else (0.0, False)
+    # where the angles are uneven by more than a step, its rounding is noise, and counted as such
+    return step if _is_even(cam, step * ratio / ARCSEC_PER_DEG) else 0.0
 
 
 def _is_even(cam: Array, within_deg: float) -> bool:
@@ -315,23 +321,11 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[TraceColumn, TraceCol
     if by_second and shaft == "output":
         raise _unclear(table, "no column of cam angles", "name one: --angle NAME --angle-of cam")
     first, second = (*form.angle_units, None, None)[:ENCODERS]
-    unit = _unit(table, angle, first, "deg", "--angle-unit")
+    angles = _in_unit(table, angle, shaft, f"{shaft} angle", first, "deg", "--angle-unit")
     if by_second:
-        unit_of_other = _unit(table, other, second, unit.removeprefix("-"), "--angle-unit")
-    else:
-        unit_of_other = _unit(table, other, form.error_unit, "arcsec", "--error-unit")
-    words = "output angle, second encoder" if by_second else "error"
-    return (
-        _declared(table, angle, shaft, unit, f"{shaft} angle"),
-        _declared(table, other, "output" if by_second else None, unit_of_other, words),
-    )
-
-
-def _declared(table: NumberTable, column: int, shaft: Shaft | None, unit: str, words: str) -> TraceColumn:
-    """A column in a unit; how it is read is noted."""
-    in_counts = plain_unit(unit) not in ANGLES
-    table.notes.append(f'"{table.name(column)}": {words}, {unit}{" a turn" * in_counts}')
-    return TraceColumn(column, shaft, angle_size(unit), in_counts)
+        words = "output angle, second encoder"
+        return angles, _in_unit(table, other, "output", words, second, angles.unit.removeprefix("-"), "--angle-unit")
+    return angles, _in_unit(table, other, None, "error", form.error_unit, "arcsec", "--error-unit")
 
 
 def _column(table: NumberTable, asked: str | None, kinds: Sequence[str], kind: str, option: str) -> int:
@@ -353,17 +347,20 @@ def _column(table: NumberTable, asked: str | None, kinds: Sequence[str], kind: s
     raise _unclear(table, f"{len(candidates) or 'no'} column{'s' * bool(candidates)} of {words}{several}", hint)
 
 
-def _unit(table: NumberTable, column: int, asked: str | None, default: str, option: str) -> str:
-    """Unit of a column: the one asked for, that of its name, or the default, with a note."""
-    name, named = table.name(column), unit_in(table.name(column), (*ANGLES, COUNTS))
-    unit = plain_unit(asked) if asked is not None else named or default
-    if asked is None and unit not in ANGLES:
+def _in_unit(
+    table: NumberTable, index: int, shaft: Shaft | None, words: str, asked: str | None, default: str, option: str
+) -> TraceColumn:
+    """A column in the unit asked for, that of its name, or the default; how it is read is noted."""
+    name, named = table.name(index), unit_in(table.name(index), (*ANGLES, COUNTS))
+    column = TraceColumn(index, shaft, plain_unit(asked) if asked is not None else named or default)
+    if asked is None and column.in_counts:
         raise _unclear(table, f'"{name}": counts of how many in a turn?', f"like {option} 16384,4194304")
-    if asked is not None and named in ANGLES and named != unit:
+    if asked is not None and named in ANGLES and named != column.unit:
         table.notes.append(f'"{name}": {asked} as asked for, though the name says {named}')
     elif asked is None and not named:
         table.notes.append(f'"{name}": no unit given, {default} assumed ({option})')
-    return unit
+    table.notes.append(f'"{name}": {words}, {column.unit}{" a turn" * column.in_counts}')
+    return column
 
 
 def _listed(table: NumberTable) -> str:

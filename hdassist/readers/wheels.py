@@ -31,8 +31,7 @@ class WheelFiles:
     @property
     def files(self) -> dict[str, str]:
         """The given files by wheel."""
-        named = {"b": self.pitch_b, "g": self.pitch_g}
-        return {name: file for name, file in named.items() if file is not None}
+        return {name: file for name in WHEEL_NAMES if (file := getattr(self, f"pitch_{name}")) is not None}
 
     @property
     def is_marked(self) -> bool:

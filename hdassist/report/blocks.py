@@ -96,7 +96,8 @@ class Curve:
 
     caption: of a page that has room for it; over: a length of x, around each place of which the least and the greatest
     y are drawn (0: all of y); limit: a line across; whiskers: x with a least and a greatest value; points: whether each
-    x is marked; from_zero: whether the axis begins there; rows: about how many, of characters.
+    x is marked; from_zero: whether the axis begins there; second: another series over x, shape (n,), with the names of
+    both; rows: about how many, of characters.
     """
 
     x: Series
@@ -110,21 +111,22 @@ class Curve:
     marks: tuple[CurveMark, ...] = ()
     points: bool = False
     from_zero: bool = False
+    second: Series | None = None
+    names: tuple[str, ...] = ()
     rows: int = 6
 
+    @property
+    def series(self) -> tuple[Series, ...]:
+        """The values over x, of one series or two."""
+        return (self.y,) if self.second is None else (self.y, self.second)
 
-@dataclass(frozen=True, eq=False)
-class TwoCurves:
-    """Two series over x, all shape (n,), with a name each; labels with units; limit and rows as of a curve."""
-
-    x: Series
-    first: Series
-    second: Series
-    names: tuple[str, str]
-    x_label: str
-    y_label: str
-    limit: float | None = None
-    rows: int = 20
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the greatest value that the axis of y holds."""
+        values = [end for _, *both in self.whiskers for end in both] + [0.0] * self.from_zero
+        values += [] if self.limit is None else [self.limit]
+        drawn = np.concatenate([*self.series, values])
+        return float(drawn.min()), float(drawn.max())
 
 
 @dataclass(frozen=True)
@@ -175,7 +177,7 @@ class Tiles:
     rows: tuple[tuple[str, str, str], ...]
 
 
-Figure = Curve | TwoCurves | Seat
+Figure = Curve | Seat
 
 
 @dataclass(frozen=True)

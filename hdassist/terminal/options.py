@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields, replace
 from importlib.resources import files
 from inspect import get_annotations
 from math import isfinite
@@ -24,11 +24,10 @@ if TYPE_CHECKING:
     from hdassist.comparing.record import Alignment
     from hdassist.measuring.reading import Reading
     from hdassist.preset.fields import Drive
-    from hdassist.readers.trace import TraceForm
     from hdassist.readers.wheels import WheelFiles
     from hdassist.terminal.output import Output
 
-GroupT = TypeVar("GroupT", bound="OptionGroup")
+PartT = TypeVar("PartT")
 DECLARED = tomllib.loads(files("hdassist.terminal").joinpath("options.toml").read_text("utf-8"))
 
 
@@ -41,8 +40,12 @@ def declared_parameter(
         words = {"default_factory": list, "show_default": False} | words
     if is_argument:
         return Annotated[kind, typer.Argument(**words)]
-    names = names or (f"--{field.replace('_', '-')}",)
-    return Annotated[kind, typer.Option(*names, rich_help_panel=section, **words)]
+    return Annotated[kind, typer.Option(*names or [option_name(field)], rich_help_panel=section, **words)]
+
+
+def option_name(field: str) -> str:
+    """The option of a field."""
+    return f"--{field.replace('_', '-')}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,9 +59,10 @@ class OptionGroup:
             if field in declared and not hasattr(kind, "__metadata__"):
                 cls.__annotations__[field] = declared_parameter(field, kind, **declared[field])
 
-    def only(self, group: type[GroupT]) -> GroupT:
-        """The options of one of the groups that a command is made of."""
-        return group(**{each.name: getattr(self, each.name) for each in fields(group)})
+    def only(self, part: type[PartT]) -> PartT:
+        """The options of one of the groups that a command is made of, or of a dataclass with the same fields."""
+        names = [each.name for each in fields(part)]  # type: ignore[arg-type]
+        return part(**{name: getattr(self, name) for name in names})
 
     def given(self) -> Iterator[tuple[str, object]]:
         """Name and value of each option that differs from its default, those of a list one by one."""
@@ -213,7 +217,7 @@ class PitchOptions(OptionGroup):
         """The files and how they are read."""
         from hdassist.readers.wheels import WheelFiles
 
-        return WheelFiles(**asdict(self.only(PitchOptions)))
+        return self.only(WheelFiles)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,23 +236,16 @@ class TraceOptions(OptionGroup):
     drift: str = "none"
     budget: list[str]
 
-    def trace_form(self) -> TraceForm:
-        """Columns of the file and their units, as the options give them."""
-        from hdassist.readers.trace import TraceForm
-
-        return TraceForm(**{each.name: getattr(self, each.name) for each in fields(TraceForm)})
-
     def reading(self) -> Reading:
         """How files are read and looked at."""
         from hdassist.measuring.reading import Reading
 
-        given = {each.name: getattr(self, each.name) for each in fields(Reading)}
-        return Reading(**{**given, "budget": tuple(self.budget)})
+        return replace(self.only(Reading), budget=tuple(self.budget))
 
     def words_of_reading(self) -> list[str]:
         """The options that were given, as a next command on the same file takes them."""
-        given = [(f"--{name.replace('_', '-')}", value) for name, value in self.only(TraceOptions).given()]
-        return [name if value is True else f"{name}={value}" for name, value in given]
+        given = self.only(TraceOptions).given()
+        return [option_name(name) + ("" if value is True else f"={value}") for name, value in given]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -302,19 +299,18 @@ def limits_of_options(texts: Sequence[str], only: str = "") -> tuple[LimitText, 
     return tuple(sorted(found, key=lambda limit: limit.torque is not None))
 
 
-def torque_value(text: str) -> float:
-    """Torque [N*m] of the command line, as 80 or '80 N·m'. Raises UsageError: any other text, or 0."""
+def torque_overrides(texts: Sequence[str | None]) -> list[str]:
+    """Torques of the command line, where given, as 80 or '80 N·m', as an override of the preset.
+
+    Raises UsageError: any other text, or 0.
+    """
     from hdassist.preset.requirements import option_value
 
-    torque = option_value("--torque", text, "N*m")
-    if not 0 < abs(torque) <= 1e7:
-        raise UsageError(f"invalid --torque {text}: expected a torque in N*m up to 1e7, and not 0")
-    return torque
-
-
-def torque_overrides(texts: Sequence[str | None]) -> list[str]:
-    """Torques of the command line, where given, as an override of the preset. Raises UsageError as above."""
-    torques = [torque_value(text) for text in texts if text is not None]
+    given = [text for text in texts if text is not None]
+    torques = [option_value("--torque", text, "N*m") for text in given]
+    for text, torque in zip(given, torques, strict=True):
+        if not 0 < abs(torque) <= 1e7:
+            raise UsageError(f"invalid --torque {text}: expected a torque in N*m up to 1e7, and not 0")
     return [f"operation.M_g={torques!r}"] if torques else []
 
 

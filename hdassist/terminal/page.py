@@ -26,7 +26,6 @@ from hdassist.report.blocks import (
     Seat,
     Table,
     Tiles,
-    TwoCurves,
 )
 from hdassist.report.report import Report, ReportProof
 from hdassist.solve.answers import Certificate
@@ -34,13 +33,12 @@ from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE, CrossCheck
 from hdassist.terminal.brief import COLOURS, proof
 from hdassist.terminal.console import Style, console, made_or
-from hdassist.terminal.plot import curve, two_curves
+from hdassist.terminal.plot import curve
 from hdassist.terminal.seat import seat_in_characters
 from hdassist.verdict import Verdict
 
 DRAWINGS: dict[type, Callable[[Style, Any], str]] = {
     Curve: curve,
-    TwoCurves: two_curves,
     Seat: lambda style, seat: style.text(f"{seat_in_characters(seat)}\n\n{seat.legend}"),
 }
 RESIDUALS = {  # of a certificate, each a share of its scale
@@ -65,7 +63,7 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     last = Facts.of([("proof", f"{proven} (more: {hidden})" if hidden else proven) if proven else ("more", hidden)])
     parts = [part for block in blocks for part in block_on_page(block, style, plots)]
     lines = [line for part in parts for line in (part, Text(""))]
-    if plots and blocks and isinstance(blocks[-1], Curve | TwoCurves):
+    if plots and blocks and isinstance(blocks[-1], Curve):
         lines = lines[:-1]  # under an axis its words are enough of a gap
     why = [Text(style.text("\n".join(report.why))), Text("")] if report.why else []
     return Group(head, *why, *lines, *block_on_page(last, style))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdassist.report.blocks import Curve, TwoCurves
+from hdassist.report.blocks import Curve
 from hdassist.terminal.console import Style
 
 FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
@@ -23,10 +23,14 @@ WIDEST_PLOT = 80  # columns: wider shows no more
 def curve(style: Style, drawn: Curve) -> str:
     """A curve with numbered axes; where points crowd, from least to greatest; marks by the first letter of their words.
 
-    Returns lines without a final newline.
+    Two series have a glyph each, a third where they meet, and a legend. Returns lines without a final newline.
     """
-    ends = [end for _, *both in drawn.whiskers for end in both] + [0.0] * drawn.from_zero
-    frame = _Frame.around(style, drawn, [*drawn.y, *ends])
+    frame = _Frame.around(style, drawn)
+    if drawn.second is not None:
+        glyphs = " .o#" if style.ascii else " ·o●"
+        kinds = frame.dots(drawn.x, drawn.y) + 2 * frame.dots(drawn.x, drawn.second)
+        legend = ", ".join(f"{glyph} {name}" for glyph, name in zip(glyphs[1:], (*drawn.names, "both"), strict=True))
+        return frame.around_cells(style, np.array([*glyphs])[kinds].tolist(), f"{drawn.y_label}: {legend}")
     fine = frame if style.ascii else frame.finer(DOTS.shape)
     lines = least_and_greatest(drawn.x, drawn.y, fine.columns, drawn.over) if drawn.over else [(drawn.x, drawn.y)]
     dots = np.logical_or.reduce([fine.dots(*line) for line in lines])
@@ -40,30 +44,20 @@ def curve(style: Style, drawn: Curve) -> str:
     return frame.around_cells(style, cells, drawn.y_label)
 
 
-def two_curves(style: Style, drawn: TwoCurves) -> str:
-    """Two curves with a glyph each, a third where they meet, and a legend in words."""
-    frame = _Frame.around(style, drawn, [*drawn.first, *drawn.second])
-    glyphs = " .o#" if style.ascii else " ·o●"
-    kinds = frame.dots(drawn.x, drawn.first) + 2 * frame.dots(drawn.x, drawn.second)
-    legend = ", ".join(f"{glyph} {name}" for glyph, name in zip(glyphs[1:], (*drawn.names, "both"), strict=True))
-    return frame.around_cells(style, np.array([*glyphs])[kinds].tolist(), f"{drawn.y_label}: {legend}")
-
-
 @dataclass(frozen=True)
 class _Frame:
     """Numbered axes around a picture of so many columns and rows, with the figure in it; margin: of numbers beside."""
 
-    figure: Curve | TwoCurves
+    figure: Curve
     ticks: list[float]
     columns: int
     rows: int
     margin: int
 
     @classmethod
-    def around(cls, style: Style, figure: Curve | TwoCurves, values: Sequence[float]) -> _Frame:
+    def around(cls, style: Style, figure: Curve) -> _Frame:
         """Axes that hold all values of a figure and its limit."""
-        values = values if figure.limit is None else [*values, figure.limit]
-        marks = ticks(min(values), max(values), max(2, figure.rows // 2))
+        marks = ticks(*figure.ends, max(2, figure.rows // 2))
         margin = max(7, *(len(f"{tick:g}") for tick in marks))
         apart = max(1, round((figure.rows - 1) / (len(marks) - 1)))
         columns = min(style.width, WIDEST_PLOT) - margin - 2

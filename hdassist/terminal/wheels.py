@@ -1,4 +1,4 @@
-"""Files of measured teeth on the command line: asked for, read, with notes on stderr."""
+"""Files of measured teeth: asked for on the command line, read, with notes on stderr, and in the heads of pages."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
-from hdassist.terminal.options import PitchOptions
+from hdassist.preset.yamltext import shown
+from hdassist.terminal.options import PitchOptions, stdin_once
 from hdassist.terminal.output import note
 
 if TYPE_CHECKING:
@@ -23,8 +24,7 @@ def pitch_files(presets: Sequence[str], options: PitchOptions) -> WheelFiles:
     found.require_sound()
     if found.files and len(presets) > 1:
         raise UsageError("measured teeth are those of one drive", "check the drives one by one")
-    if found.files and [*presets, *found.files.values()].count("-") > 1:
-        raise UsageError("standard input has one file, and - is given twice", "name the other file")
+    stdin_once(*presets, *found.files.values())
     return found
 
 
@@ -40,7 +40,13 @@ def read_teeth(files: WheelFiles, drive: Drive) -> MeasuredTeeth | None:
 
 def say_notes(measured: MeasuredTeeth | None) -> None:
     """Note assumptions on measured wheels on stderr."""
-    for name, words in WHEEL_WORDS.items():
-        if wheel := getattr(measured, name, None):
-            for text in wheel.pitch.notes:
-                note(f"note: {words}, {wheel.pitch.file}: {text}")
+    for name, wheel in measured.by_name.items() if measured else ():
+        for text in wheel.pitch.notes:
+            note(f"note: {WHEEL_WORDS[name]}, {wheel.pitch.file}: {text}")
+
+
+def heading(measured: MeasuredTeeth | None) -> str:
+    """Words behind a heading: whose teeth were measured; empty where none were."""
+    found = measured.by_name.items() if measured else ()
+    words = ", ".join(f"{WHEEL_WORDS[name]} ({shown(wheel.pitch.file)})" for name, wheel in found)
+    return f"; measured teeth: {words}" if words else ""

@@ -9,11 +9,10 @@ from xml.parsers import expat
 import pytest
 from junitparser import JUnitXml
 
-from hdassist.acceptance.answer import AcceptAnswer
+from hdassist.acceptance.answer import AcceptAnswer, lot_summary
 from hdassist.acceptance.lot import read_lot
 from hdassist.acceptance.request import Request
-from hdassist.acceptance.statistics import lot_summary
-from hdassist.acceptance.work import LotWork
+from hdassist.acceptance.work import answer_rows
 from hdassist.pages.accept_junit import junit
 
 SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
@@ -45,7 +44,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> list[AcceptAnswer]:
     table = tmp_path_factory.mktemp("lot") / "lot.csv"
     table.write_text(ROWS, encoding="utf-8")
     lot = read_lot(str(table), Request(SMALL, measured_only=True))
-    return LotWork(lot.rows)(0, len(lot.rows))
+    return answer_rows(lot.rows, False, 0, len(lot.rows))
 
 
 def elements(parent: Element, name: str) -> list[Element]:

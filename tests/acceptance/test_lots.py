@@ -7,6 +7,7 @@ import io
 import json
 import pickle
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -16,12 +17,11 @@ from scipy.special import betaincinv
 
 from hdassist.acceptance import request as requests
 from hdassist.acceptance import work as lotwork
-from hdassist.acceptance.answer import answer_json, read_answers
+from hdassist.acceptance.answer import answer_json, lot_summary, read_answers
 from hdassist.acceptance.lot import LotRow, is_lot, read_lot
 from hdassist.acceptance.replay import RELATIVE, answer_differences, still_stands
 from hdassist.acceptance.request import Request
-from hdassist.acceptance.statistics import lot_summary
-from hdassist.acceptance.work import LotWork, answer_row, failure_of, predicted
+from hdassist.acceptance.work import answer_row, answer_rows, failure_of, predicted
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.measuring.reading import Reading
 from hdassist.pages.accept import csv as figures
@@ -168,7 +168,7 @@ def test_rows_answer_in_order_as_if_they_were_alone(lot, told, monkeypatch):
     real = requests.predict
     monkeypatch.setattr(requests, "predict", lambda drive, *a, **k: asked.append(drive) or real(drive, *a, **k))
     predicted.cache_clear()
-    together = LotWork(lot.rows)(0, len(lot.rows))
+    together = answer_rows(lot.rows, False, 0, len(lot.rows))
     assert len(asked) == 3  # the three of a kind, the one with another phase, the one with another limit
     assert list(map(plain, together)) == list(map(plain, told))
     predicted.cache_clear()
@@ -178,7 +178,7 @@ def test_rows_answer_in_order_as_if_they_were_alone(lot, told, monkeypatch):
 
 def test_a_fault_of_a_row_comes_through_to_another_process(tmp_path):
     rows = read_lot(table(tmp_path, "serial,preset\nA,\n"), Request("")).rows
-    (answer,) = pickle.loads(pickle.dumps(LotWork(rows)))(0, 1)
+    (answer,) = pickle.loads(pickle.dumps(partial(answer_rows, rows, False)))(0, 1)
     assert answer.error.message == rows[0].fault.message
     assert answer.error.message.endswith(
         "lot.csv:2:1: preset: missing (a column preset, or --preset NAME for all rows)"

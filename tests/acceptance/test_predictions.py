@@ -100,7 +100,7 @@ def test_orders_that_the_cycle_does_not_have_are_refused(predicted):
     for order in (0.01, 2.01, 11.0):
         with pytest.raises(UsageError, match="none of the full cycle"):
             predictions.amplitude(1.0, order)
-    assert predictions.turn_range(1.0) <= predictions.errors[1.0].F_ior_arcsec
+    assert predictions.errors[1.0].turn_range_arcsec <= predictions.errors[1.0].F_ior_arcsec
 
 
 def test_an_order_that_the_cycle_has_not_is_the_fault_of_who_asked(tmp_path):

@@ -38,7 +38,7 @@ def test_a_trace_of_the_full_cycle_decides():
     spectrum = 2 * np.abs(np.fft.rfft(CURVE(fine))) / len(fine)
     assert second.value == pytest.approx(spectrum[2 * CYCLE], abs=2 * second.expanded_uncertainty)
     assert {k.extent for k in (F_ior, within, second)} == {"whole"}
-    assert found.left_out == ("amplitude of order 2 at 1 N·m",)
+    assert found.left_out == ("amplitude of order 2 alone at 1 N·m",)
     assert {note.code for note in found.remarks} == {"BUDGET", "NOT_TESTED"}
 
 
@@ -92,12 +92,12 @@ def test_what_lines_may_add_in_another_cycle_has_to_find_room():
     (found,) = measured.directions
     within = found.range.value + GUARD * found.uncertainty_arcsec
     verdicts = []
-    for limit in (within + 0.5 * found.rise_arcsec, within + 1.01 * found.rise_arcsec):
+    for limit in (within + 0.5 * found.range.rise, within + 1.01 * found.range.rise):
         told = accept(small(f"F_ior@4={limit!r}"), {4.0: measured}, measured_only=True)
         verdicts.append(told.verdict)
         assert [note.code for note in told.remarks if note.code == "LINES"] == ["LINES"]
         (check,) = answer_json(told)["checks"]
-        assert (check["rise"], check["unstated"]) == (found.rise_arcsec, [])
+        assert (check["rise"], check["unstated"]) == (found.range.rise, [])
     assert verdicts == ["INCONCLUSIVE", "PASS"]
 
 

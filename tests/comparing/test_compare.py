@@ -268,3 +268,16 @@ def test_an_angle_of_the_output_says_where_the_cam_is(drive):
     found = compare(by_output, drive, M_G, asked=replace(KNOWN, zero_deg=zero_of(by_output, drive, START)))
     assert np.abs(found.residual_arcsec).max() < 1e-6
     assert zero_of(rig(drive, 2), drive, None) == 0
+
+
+def test_a_record_read_otherwise_has_the_same_orders_and_another_prediction(drive):
+    sweep = measure(rig(drive, 4), drive=drive, together=True).directions[0]
+    torus, kinematics = ErrorWaves(drive, M_G), Kinematics.of(drive)
+    (waves,) = torus.waves([drive])
+    record, angles = RecordedOrders(sweep, torus, kinematics, KNOWN), np.array([START, 5.0])
+    for other in KNOWN.swapped:
+        anew, again = RecordedOrders(sweep, torus, kinematics, other), record.read_as(other)
+        assert again.predicted(waves, angles) == pytest.approx(anew.predicted(waves, angles), abs=1e-12)
+        assert not np.allclose(again.predicted(waves, angles), record.predicted(waves, angles))
+        assert again.alignment == other
+    assert record.alignment == KNOWN

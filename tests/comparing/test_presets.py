@@ -170,6 +170,7 @@ def test_a_preset_is_a_name_of_the_library_or_a_yaml_file(name, preset):
         (["b.YML", "--drift", "linear"], 2, "how a trace is read says nothing of presets"),
         (["size-14-100"], 2, "no torque that all presets have (small: 1, 4 N*m; "),
         (["b.YML", "--torque", "0"], 2, "a torque"),
+        (["b.YML", "--csv", "a.csv"], 2, "hdassist check a.yaml b.YML --csv FILE"),
         (["none.yaml"], 4, "no such file: none.yaml"),
         (["b.YML", "--set", "gears.j_n=-1"], 2, "gears.j_n: out of range"),
     ],
@@ -186,8 +187,6 @@ def test_three_presets_are_held_against_the_first(better):
     report = drives_report(three, 0)
     assert report.line == "; ".join(f"{letter} {report.line[2:].partition(';')[0]}" for letter in "BC")
     assert len(report_object(report)["changes"]) == 2
-    assert report.csv is not None
-    assert len(report.csv[1]) == 3
 
 
 def test_each_of_three_drives_has_as_built_mounted_best_and_its_field_on_one_screen(better):

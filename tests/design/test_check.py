@@ -10,20 +10,13 @@ import re
 import subprocess
 import time
 from pathlib import Path
-from unittest import mock
 
 import pytest
 
 from hdassist import kinematic_error, load_preset, self_error
-from hdassist.pages.check import turns_text
 from hdassist.solve.walk import walk_library
 from hdassist.version import __version__
-from tests.process import ASSUMED, CLEAN, COMMAND, SMALL, TINY, interrupted, on_terminal, run, run_cold
-
-
-@pytest.fixture(scope="module")
-def human():
-    return run("check", TINY)
+from tests.process import CLEAN, COMMAND, TINY, interrupted, run, run_cold
 
 
 @pytest.fixture(scope="module")
@@ -99,56 +92,6 @@ def test_same_input_same_output(answer):
     assert run_cold("check", TINY, "--json").stdout == answer.stdout
 
 
-def test_people_read_it_in_80_columns(human):
-    assert human.returncode == 0
-    assert human.stderr == ""
-    assert "\x1b" not in human.stdout
-    assert max(map(len, human.stdout.splitlines())) <= 80
-    assert len(run("check", TINY, "--set", "acceptance.F_ior=2050").stdout.splitlines()) <= 24
-    for words in ("F'_ior", "self error", "no limit set", "proof", "HIGHS", "cam angle phi_h"):
-        assert words in human.stdout
-
-
-def test_the_short_page_fits_a_screen_and_ends_in_a_command():
-    asked = ("--no-plot", "--torque", "4", "--set", "phases.phi_hb=unknown", "--set", ASSUMED)
-    lines = run("check", TINY, *asked, "--set", "acceptance.F_ior=2050").stdout.splitlines()
-    assert lines[0] == "tiny, 20/22 teeth, rigid wheel fixed: INCONCLUSIVE"
-    words = r"4 N·m: F'_ior \+ self error ≤ 2050″: \d+ % \(\d+ to \d+\)"
-    assert re.match(words, lines[1])
-    assert len(lines) <= 24
-    assert lines[-1].endswith("(more: --details)")
-    labels = "influence|measure|next|proof"
-    found = [match for line in lines if (match := re.match(rf"({labels})  +(\S.*)", line))]
-    assert [match[1] for match in found] == labels.split("|")
-    told = {match[1]: match[2] for match in found}
-    assert told["influence"].startswith("cam offset that stands still with the rigid wheel")
-    assert re.match(r"F'_ior at 4 N·m: \d+ % more sure", told["measure"])
-    assert told["next"].startswith("hdassist mount ")
-
-
-def test_a_screen_holds_the_page_with_its_plot():
-    lines = run("check", "vzp160", "--draws", "8").stdout.splitlines()
-    assert len(lines) <= 24
-    assert lines[-1].startswith("proof  ")
-
-
-def test_a_coupling_is_named_where_it_is_a_lever():
-    stiff = ("--torque", "4", "--set", "cam.coupling=solid")
-    point = json.loads(run("check", TINY, *stiff, "--json").stdout)["operating_points"][0]
-    floats = json.loads(run("check", TINY, "--torque", "4", "--set", "supports.C_3=0", "--json").stdout)
-    assert point["F_ior_floating_arcsec"] == pytest.approx(floats["operating_points"][0]["F_ior_arcsec"], rel=0.011)
-    assert floats["operating_points"][0]["F_ior_floating_arcsec"] is None
-    words = "coupling a self-aligning cam (cam.coupling: oldham) would bring "
-    now, then = point["F_ior_nominal_arcsec"], point["F_ior_floating_arcsec"]
-    limit = ("--limit", "0.1")
-    page = " ".join(run("check", TINY, *stiff, *limit, "--no-plot").stdout.split())
-    assert then < 0.9 * now
-    assert f"{words}{now:.1f} to {then:.1f}″ at 4 N·m" in page
-    # it is none where the wheels run true, and a cam is all that could be off
-    for others in ("tolerances={F_i1: 0, F_i2: 0, e_hb: 0, e_hh: 0, e_hg: 0, e_b: 0}", "cam.coupling=oldham"):
-        assert words not in " ".join(run("check", TINY, *stiff, *limit, "--set", others, "--no-plot").stdout.split())
-
-
 def test_the_rest_stands_in_the_details(answer):
     page = run("check", TINY, "--details", "--no-plot").stdout
     for words in ("one-wave", "self error, ″", "equilibrium", "cam turns"):
@@ -158,75 +101,10 @@ def test_the_rest_stands_in_the_details(answer):
     assert 360 * int(turns) + float(degrees) == pytest.approx(told, abs=0.05)
 
 
-@pytest.fixture(scope="module")
-def plain():
-    return run("check", TINY, "--ascii")
-
-
-def test_ascii_option(plain, human):
-    assert plain.returncode == 0
-    assert plain.stdout.isascii()
-    assert "N*m" in plain.stdout
-    numbers = [line.split() for line in human.stdout.splitlines() if re.match(r" +[14] +\d", line)]
-    assert len(numbers) == 2
-    rows = [line.replace("|", " ").split() for line in plain.stdout.splitlines()]
-    assert [row for row in rows if row in numbers] == numbers
-
-
-@pytest.mark.parametrize("env", [{"LC_ALL": "C"}, {"PYTHONIOENCODING": "ascii"}, {"PYTHONIOENCODING": "latin-1"}])
-def test_seven_bits_where_there_are_no_more(env):
-    told = run_cold("presets", "list", env=env)
-    assert (told.returncode, told.stdout) == (0, run("presets", "list", "--ascii").stdout)
-    assert told.stdout.isascii()
-    assert told.stdout != run("presets", "list").stdout
-
-
-@pytest.mark.parametrize("columns", [60, 120])
-def test_on_a_terminal_nothing_is_cut(columns, human):
-    code, page = on_terminal("check", TINY, "--torque", "4", columns=columns, env={"NO_COLOR": "1"})
-    assert code == 0
-    assert "\x1b" not in page
-    assert max(map(len, page.splitlines())) <= columns
-    assert "…" not in page
-    wanted = next(line for line in human.stdout.splitlines() if re.match(" +4 ", line)).split()
-    assert wanted in [line.split() for line in page.splitlines()]
-
-
-@pytest.mark.parametrize(
-    ("env", "codes"),
-    [({}, True), ({"TERM": "dumb"}, False), ({"NO_COLOR": ""}, True)],  # NO_COLOR=1: the test before
-)
-def test_control_codes_only_where_they_belong(env, codes):
-    code, page = on_terminal("presets", "list", columns=80, env=env)
-    assert code == 0
-    assert ("\x1b" in page) == codes
-
-
-def test_no_color_option_on_a_terminal():
-    code, page = on_terminal("presets", "list", "--no-color", columns=80)
-    assert code == 0
-    assert "\x1b" not in page
-
-
-def test_many_torques_stay_within_the_width():
-    page = run("check", TINY, "--set", "operation.M_g=[1, 1.5, 2, 2.5, 3, 3.5, 4]", "--no-plot").stdout
-    assert max(map(len, page.splitlines())) <= 80
-    rows = [line.split() for line in page.splitlines() if re.match(r" +\d", line)]
-    assert [float(row[0]) for row in rows] == [1, 1.5, 2, 2.5, 3, 3.5, 4]
-
-
 def test_torques_from_the_command_line_take_the_presets_place():
     asked = run("check", TINY, "-q", "--torque", "2", "--torque=-3").stdout.splitlines()
     assert [line.split(" N*m")[0] for line in asked] == ["2", "-3"]
     assert run("check", TINY, "--torque", "0").returncode == 2
-
-
-def test_quiet_prints_the_answer_alone(human):
-    quiet = run("check", TINY, "-q")
-    lines = quiet.stdout.splitlines()
-    assert len(lines) == 2
-    number = next(line for line in human.stdout.splitlines() if re.match(" +1 ", line)).split()[1]
-    assert lines[0] == f"1 N*m: F'_ior {number} arcsec, NO_LIMIT"
 
 
 def test_verbose_tells_timings_on_stderr():
@@ -306,14 +184,6 @@ def test_files_appear_whole_and_never_over_another(tmp_path):
     assert time.monotonic() - began < 60
     assert run("check", TINY, "-q", "--csv", str(figures), "--force").returncode == 0
     assert sorted(p.name for p in tmp_path.iterdir()) == ["answer.json", "figures.csv"]
-
-
-def test_human_page_in_a_file_is_plain(tmp_path, human):
-    page = tmp_path / "page.txt"
-    code, sent = on_terminal("check", TINY, "-o", str(page), columns=70)
-    assert code == 0
-    assert page.read_text() == human.stdout
-    assert "F'_ior" not in sent
 
 
 def test_figures_on_stdout():
@@ -396,24 +266,3 @@ def test_interrupt_ends_with_130_and_leaves_nothing(tmp_path):
     assert done.stdout == ""
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
-
-
-def test_progress_shows_on_a_terminal_only():
-    work = ("check", SMALL, "--set", "numerics.n_phase=16", *(f"--torque={torque}" for torque in range(1, 6)), "-q")
-    _, page = on_terminal(*work, columns=80)
-    assert "small" in page
-    assert "%" in page
-    with mock.patch("hdassist.terminal.output.BAR_PATIENCE", 0.0):
-        assert run("check", TINY, "-q").stderr == ""
-
-
-def test_turns_carry_what_rounding_makes_a_whole_one() -> None:
-    assert [turns_text(deg) for deg in (0.0, 359.94, 359.97, 719.96, 725.5)] == [
-        "0 + 0.0", "0 + 359.9", "1 + 0.0", "2 + 0.0", "2 + 5.5"
-    ]  # fmt: skip
-
-
-def test_the_next_command_keeps_what_was_asked_for():
-    asked = ["--set", "phases.phi_hb=unknown", "--torque=4", "--draws=2", "--seed=3"]
-    page = run("check", TINY, *asked, "--jobs", "1", "--no-plot").stdout
-    assert f"next hdassist mount {TINY} {' '.join(asked)} proof" in " ".join(page.split())

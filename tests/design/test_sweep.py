@@ -83,8 +83,8 @@ def test_a_row_without_a_drive_stays_with_its_reason(few):
 def test_the_ends_are_those_of_the_rows(few):
     _, records, swept = few
     values = [record.F_ior_arcsec for record in records[:4]]
-    assert swept.end(False) == (int(np.argmin(values)), min(values))
-    assert swept.end(True) == (int(np.argmax(values)), max(values))
+    assert swept.ends["least"] == (int(np.argmin(values)), min(values))
+    assert swept.ends["greatest"] == (int(np.argmax(values)), max(values))
 
 
 def test_in_a_pipe_rows_are_csv_and_what_is_taken_as_0_is_said():

@@ -37,7 +37,25 @@ def test_an_estimated_cycle_has_the_range_and_the_orders_of_every_state_from_a_t
     assert np.ptp(found.error_arcsec) == pytest.approx(exact.range_arcsec, rel=0.01)
     spectra = [np.abs(np.fft.rfft(each))[1:1201] / len(each) for each in (found.error_arcsec, exact.error_arcsec)]
     assert spectra[0] == pytest.approx(spectra[1], abs=0.01)  # arcsec, up to order 12
+    assert found.turn_range_arcsec == pytest.approx(exact.turn_range_arcsec, rel=1e-3)
     assert found.certificate.states < exact.certificate.states / 10
+
+
+def test_the_worst_turn_of_an_estimate_is_solved_where_flanks_part():
+    drive = load_preset("size-25-100", ["operation.M_g=3"])  # a light load: the waves alone are 5 % off
+    sets = {
+        "tolerances.e_hb": 60.0,
+        "phases.phi_hb": 40.0,
+        "tolerances.F_i1": 30.0,
+        "phases.xi_g": 10.0,
+        "phases.xi_b": 80.0,
+    }
+    exact, found = (
+        kinematic_error(drive.with_values(sets), 3.0, run=UNCHECKED),
+        estimated_cycle(drive.with_values(sets), 3.0),
+    )
+    assert found.turn_range_arcsec <= exact.turn_range_arcsec + 1e-9
+    assert found.turn_range_arcsec == pytest.approx(exact.turn_range_arcsec, rel=0.015)
 
 
 def test_of_a_short_cycle_every_state_is_solved():

@@ -42,6 +42,5 @@ def test_letters_shrink_only_where_they_must():
         return min(1, 277 / (183 + 3.75 * lines_on_paper(card(PAGES[name], language))))
 
     assert "min(10pt, calc(2770pt / (183 + 3.75 * var(--lines))))" in card_html(card(PAGES["leave"]))
-    assert size("leave") == 1
-    assert 0.8 < size("sampled") < 0.95
-    assert 0.5 < size("crowded", "ru") < size("sampled", "ru")
+    assert size("leave") == size("sampled") == 1
+    assert 0.5 < size("crowded", "ru") < 1

@@ -184,8 +184,9 @@ def test_each_fault_ends_with_4_and_its_place(name, tmp_path):
 @pytest.mark.parametrize(
     ("args", "words"),
     [
-        (["mount", "-", "--pitch-b", "-"], "standard input has one file"),
-        (["trace", SMALL, "--pitch-b", "-", "--pitch-g", "-"], "standard input has one file"),
+        (["mount", "-", "--pitch-b", "-"], "standard input can be read once only"),
+        (["check", "-", "-"], "standard input can be read once only"),
+        (["trace", SMALL, "--pitch-b", "-", "--pitch-g", "-"], "standard input can be read once only"),
         (["check", SMALL, SMALL, "--pitch-b", "wheel.csv"], "those of one drive"),
         (["mount", SMALL, "--mark-b", "20"], "--mark-b is the mark of a measured wheel"),
         (["mount", SMALL, "--pitch-b", "wheel.csv", "--mark-g", "20"], "--mark-g is the mark of a measured wheel"),

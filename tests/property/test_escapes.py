@@ -29,7 +29,6 @@ from hdassist.report.blocks import (
     ReportSection,
     Table,
     Tiles,
-    TwoCurves,
 )
 from hdassist.report.report import Report
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
@@ -199,7 +198,7 @@ def test_cards(word: str, ascii: bool) -> None:
         warnings=replace(CARD.warnings, lines=(word,)),
         torques=replace(CARD.torques, rows=((word, *CARD.torques.rows[0][1:]),)),
     )
-    pages = documents.card_html(made), documents.card_markdown(made), documents.card_text(made, ascii=ascii)
+    pages = documents.card_html(made), documents.card_text(made, ascii=ascii)
     assert not hidden("".join(pages))
 
 
@@ -208,7 +207,7 @@ def report_of(word: str) -> Report:
     x, advice = np.arange(3.0), advice_of([30.0, 20.0, 25.0])
     drive = advice.drive.model_copy(update={"name": word})
     drive._origin = advice.drive.origin
-    drawn = TwoCurves(x, x, -x, (word, word), word, word, limit=2.0)
+    drawn = Curve(x, x, word, word, second=-x, names=(word, word), limit=2.0)
     blocks = (
         Paragraph(word),
         Facts(((word, word),)),

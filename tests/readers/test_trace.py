@@ -150,6 +150,12 @@ def test_counts_of_an_unknown_encoder_are_asked_for():
     assert '"output": counts of how many in a turn?' in fault(bare, ratio=100, angle_unit="16384")
     assert read(bare, ratio=100, angle_unit="16384,deg").sense == 1
     assert read(text([CAM, -CAM / 100], "cam,output"), ratio=100, angle_unit="-deg").sense == 1
+    columns, coarse = text([CAM, -CAM / 100, CAM / 100], "cam,output,turned", digits=2), []
+    for second, unit in (("output", "-deg"), ("turned", "deg")):
+        found = read(columns, ratio=100, angle="cam", second=second, angle_unit=f"deg,{unit}")
+        coarse.append(found.step_arcsec)
+        assert not any("a turn" in note for note in found.notes)
+    assert coarse[0] == coarse[1]
     for wrong in ("0", "3bit,7", "-", "99bit", "1,2,3", "nan", "16384,", "mm"):
         with pytest.raises(UsageError, match="invalid --angle-unit"):
             read(data, ratio=100, angle_unit=wrong)
@@ -157,14 +163,16 @@ def test_counts_of_an_unknown_encoder_are_asked_for():
 
 def test_the_output_says_how_far_the_cam_went_in_a_gap():
     """Rows lost over half a turn of the cam and more: the output has turned by that over the ratio."""
-    kept = np.random.default_rng(1).random(400) > 0.25
+    cam = np.arange(1600) * 3.6
+    error = 5 * np.cos(np.radians(2 * cam))
+    kept = np.random.default_rng(1).random(len(cam)) > 0.25
     kept[100:190] = False  # nine tenths of a turn
-    sparse = np.arange(400) % 60 == 0  # steps of 0.6 of a turn
+    sparse = np.arange(len(cam)) % 60 == 0  # steps of 0.6 of a turn
     for rows in (kept, sparse):
         for sense in (1, -1):
-            columns = [np.mod(CAM, 360)[rows], np.mod(sense * CAM / 100 + ERROR / 3600 + 359, 360)[rows]]
-            trace = read_trace(text(columns, "cam_deg,out_deg", digits=7).encode(), TraceForm(), 100, fewest=5)
-            assert trace.cam_deg - trace.cam_deg[0] == pytest.approx(CAM[rows] - CAM[rows][0], abs=1e-4)
+            columns = [np.mod(cam, 360)[rows], np.mod(sense * cam / 100 + error / 3600 + 359, 360)[rows]]
+            trace = read(text(columns, "cam_deg,out_deg", digits=7), ratio=100)
+            assert trace.cam_deg - trace.cam_deg[0] == pytest.approx(cam[rows] - cam[rows][0], abs=1e-4)
             assert trace.sense == sense
 
 

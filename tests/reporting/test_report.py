@@ -20,7 +20,7 @@ from hdassist.pages.drawings import ENVELOPE_COLUMNS, outline
 from hdassist.pages.mount import mount_report, what_to_do
 from hdassist.pages.report import drive_report
 from hdassist.preset.schema import origin_counts
-from hdassist.report.blocks import Curve, Facts, Lines, Paragraph, ReportSection, Seat, Table, Tiles, TwoCurves
+from hdassist.report.blocks import Curve, Facts, Lines, Paragraph, ReportSection, Seat, Table, Tiles
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.brief import proof
 from hdassist.terminal.console import Style
@@ -133,7 +133,7 @@ def test_markdown_says_the_same(sheet):
     text = report_markdown(report, UNICODE)
     plain = text.replace("\\", "")
     assert "**PASS: within its limits**" in text
-    assert [f"\n## {section.title}\n" in plain for section in sections(report)] == [True] * 6
+    assert [f"\n## {section.title}\n" in plain for section in sections(report)] == [True] * 5
     for section in sections(report):
         for block in section.blocks:
             match block:
@@ -215,7 +215,7 @@ def test_a_chart_keeps_the_extremes_of_a_curve_of_many_points():
 
 def test_no_block_is_dropped(sheet):
     x, report = np.arange(3.0), drive_report(sheet, draws=64, seed=0)
-    figures = (TwoCurves(x, x, -x, ("now", "then"), "x of two", "y of two"),)
+    figures = (Curve(x, x, "x of two", "y of two", second=-x, names=("now", "then")),)
     report = replace(report, blocks=(*report.blocks, ReportSection("more", (Lines("listed", ("a line",)), *figures))))
     for page in (report_html(report), report_markdown(report, UNICODE)):
         for words in ("listed", "a line", "x of two", "y of two", "now", "then"):

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.report.blocks import Curve, Table, TwoCurves
+from hdassist.report.blocks import Curve, Table
 from hdassist.report.quantities import Quantity, as_object, csv_table
 from hdassist.terminal.answers import combine, csv_text, json_text
 from hdassist.terminal.console import Style
-from hdassist.terminal.plot import curve, dots_to_braille, two_curves
+from hdassist.terminal.plot import curve, dots_to_braille
 
 BRAILLE, ASCII = Style(ascii=False, codes=False, width=80), Style(ascii=True, codes=False, width=80)
 
@@ -70,14 +70,10 @@ def test_a_gap_is_drawn_as_one():
     assert all(row[:20] == "*" * 20 and not row[23:40].strip() and row[45:65] == "*" * 20 for row in marked)
 
 
-@pytest.mark.parametrize("draw", ["curve", "two"])
-def test_a_limit_is_a_line_across_within_the_axis(draw):
-    x, y, labels = np.linspace(0, 1, 50), np.linspace(0, 1, 50), {"x_label": "x", "y_label": "y", "limit": 3.0}
-    page = (
-        curve(ASCII, Curve(x, y, **labels))
-        if draw == "curve"
-        else two_curves(ASCII, TwoCurves(x, y, y / 2, names=("a", "b"), **labels))
-    )
+@pytest.mark.parametrize("more", [{}, {"second": np.linspace(0, 0.5, 50), "names": ("a", "b"), "rows": 20}])
+def test_a_limit_is_a_line_across_within_the_axis(more):
+    x = np.linspace(0, 1, 50)
+    page = curve(ASCII, Curve(x, x, "x", "y", limit=3.0, **more))
     across = [row for row in rows(page) if set(row) == {"-"}]
     assert len(across) == 1
     assert rows(page).index(across[0]) == 0
@@ -177,12 +173,14 @@ def test_csv_is_plain():
 def test_two_curves_have_a_glyph_each_and_a_legend():
     x = np.linspace(0, 1, 200)
     for style, glyphs in ((ASCII, ".o#"), (BRAILLE, "·o●")):
-        page = two_curves(style, TwoCurves(x, np.sin(6 * x), np.sin(6 * x + 0.5), ("one", "two"), "x", "y"))
+        page = curve(
+            style, Curve(x, np.sin(6 * x), "x", "y", second=np.sin(6 * x + 0.5), names=("one", "two"), rows=20)
+        )
         legend, *picture = page.splitlines()
         assert legend == f"y: {glyphs[0]} one, {glyphs[1]} two, {glyphs[2]} both"
         assert all(glyph in "".join(picture) for glyph in glyphs)
         assert max(map(len, page.splitlines())) <= 80
-    same = two_curves(ASCII, TwoCurves(x, x, x, ("one", "two"), "x", "y")).splitlines()[1:]
+    same = curve(ASCII, Curve(x, x, "x", "y", second=x, names=("one", "two"), rows=20)).splitlines()[1:]
     drawn = {glyph for line in same for glyph in line[9:] if glyph in ".o#"}
     assert "#" in drawn
     assert "o" not in drawn
