@@ -131,10 +131,10 @@ def _facts(result: Correction, is_written: bool) -> Iterator[tuple[str, str]]:
         yield "measure", "the full cycle: it needs no fit"
     elif recorded:
         yield "record", f"at {recorded} N·m, whose angles the correction has"
-    is_open = result.chosen.is_refused or result.misfit
-    if is_open or not (is_written or recorded):
-        words = ["record.csv"] if is_open else ["--csv", "correction.csv"]
-        yield "next", again("compensate", result.drive, *words)
+    if result.chosen.is_refused or result.misfit:
+        yield "next", again("compensate", result.drive, "record.csv")
+    elif not (is_written or recorded):
+        yield "next", again("compensate", result.drive, "--csv", "correction.csv")
 
 
 def _enough(result: Correction) -> str:
