@@ -96,7 +96,7 @@ class CompensateCommand(
             after = self.recorded(self.after, drive, may_be_noise=True) if self.after else None
             with out.run(drive.name, 2 * check_states(drive, draws=self.draws), self) as run:
                 result = correct(drive, form=form, records=records, draws=self.draws, run=run)
-                if after:
+                if after and not result.chosen.is_refused:
                     return verified_report(result, verify(result, after, run))
             if target and not result.chosen.is_refused:
                 text, about = self.controller_texts(result, target[0])

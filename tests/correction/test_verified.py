@@ -101,6 +101,14 @@ def test_another_drive_is_no_wrong_sign_or_zero(bench):
     assert "has load, hole or drive changed?" in answer.stdout
 
 
+def test_a_refused_correction_has_no_promise_to_keep(bench):
+    folder, error, _, taken = bench
+    after = write(folder / "refused.csv", error + taken)
+    answer = run("compensate", TINY, "--set", "phases.xi_b=unknown", "--draws", "4", *ON, "--after", after)
+    assert answer.returncode == 5
+    assert "record it first" in answer.stdout
+
+
 def test_part_of_the_cycle_cannot_keep_a_promise_but_break_it(bench):
     _, error, _, taken = bench
     kept = verified(bench, error + taken, 4)
