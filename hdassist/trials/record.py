@@ -11,11 +11,10 @@ from hdassist.mounting.trial import Trial, read_trial, read_trial_position
 from hdassist.preset.fields import Drive
 
 LEAST_NOISE = 1e-3  # arcsec
-AS_IT_STANDS = Reading()
 
 
 def read_trial_or_record(
-    text: str, drive: Drive, reading: Reading = AS_IT_STANDS, seed: int = 0, allowed: Sequence[int] | str = "all"
+    text: str, drive: Drive, reading: Reading, seed: int = 0, allowed: Sequence[int] | str = "all"
 ) -> Trial:
     """Read h4=17.3 as read_trial does, or h4=run.csv, a record of the drive's error over its full cycle.
 
