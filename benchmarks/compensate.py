@@ -11,7 +11,7 @@ table of a cam turn, leaves.
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,10 +75,9 @@ def corrected(number: int, draws: int, seed: int, span: float) -> dict[str, Corr
             drives = [each for each in values if first_conflict(alone.with_values(each)) is None][:draws]
             result = correction_of(alone, drives, records, PHASORS, Run(seed=number))
         lines, plain = result.errors[M_g].lines, plain_left(turns, actual, rows, -readings)
-        mean = replace(lines, amplitude=lines.amplitude.mean(axis=0)[None])
         for form in (result.chosen.form, *tables):
-            stored = next(each for each in result.stored if each.form == form)
-            left = float(np.ptp(actual - form.fitted(mean, M_g).error_at(turns)[0]))
+            stored = next(each for each in result.forms if each.form == form)
+            left = float(np.ptp(actual - form.fitted(lines.mean, M_g).error_at(turns)[0]))
             refused = "refused" if stored.is_refused else ""
             promised = stored.residuals[0].p95
             found[form.turn or "phasors"] = CorrectedDrive(float(np.ptp(actual)), left, promised, plain, refused)

@@ -19,11 +19,12 @@ Identity = tuple[int, int] | tuple[int, int, str]  # device and inode: of a file
 _inputs: dict[Identity, str] = {}
 _outputs: dict[Identity, str] = {}
 _kept: set[str] = set()
+_written: set[str] = set()
 
 
 def begin_run() -> None:
     """Forget the files of the run before; a file that takes standard output is the first of this one."""
-    for known in (_inputs, _outputs, _kept):
+    for known in (_inputs, _outputs, _kept, _written):
         known.clear()
     with suppress(OSError, ValueError):
         _outputs.update(dict.fromkeys(_file(sys.stdout.fileno()), "standard output"))
@@ -61,6 +62,16 @@ def claim_output(path: str, *, is_kept: bool = False) -> None:
 def is_claimed(path: str) -> bool:
     """Whether a file was claimed under this name."""
     return path in _outputs.values()
+
+
+def note_written(path: str) -> None:
+    """Note that an answer stands in a file, or on standard output as "-"."""
+    _written.add(path)
+
+
+def is_written(path: str) -> bool:
+    """Whether an answer stands there."""
+    return path in _written
 
 
 def _file(file: str | int) -> list[Identity]:

@@ -11,6 +11,8 @@ from typing import Any, TypeAlias, get_args, get_type_hints
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from hdassist.errors import HdassistError, UsageError
+
 # of click, of which typer has a copy: only its subclasses are public
 Context: TypeAlias = Any
 Formatter: TypeAlias = Any
@@ -45,13 +47,20 @@ class Command(TyperCommand):
         from hdassist.terminal.limits import require_memory
 
         require_memory()
+        command = super().invoke(ctx)
         try:
-            code = super().invoke(ctx).run()
+            code = command.run()
         except KeyboardInterrupt:  # before there was anything to answer with
             from hdassist.terminal.output import note
 
             note("interrupted")
             code = 130
+        except HdassistError as error:
+            if getattr(command, "json", False) and not isinstance(error, UsageError):
+                from hdassist.terminal.runs import give_failure
+
+                give_failure("-".join(ctx.command_path.split()[1:]), error, command)
+            raise
         ctx.exit(code)
 
     def format_options(self, ctx: Context, formatter: Formatter) -> None:

@@ -58,8 +58,7 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand
         answers.append(failure_of(LotRow(replace(base, preset=preset)), error))
         return answer_json(answers[-1])
 
-    kept = options.json or options.junit is not None
-    reports = run_each("accept", presets, one, options, failed=failed, keep_failures=kept)
+    reports = run_each("accept", presets, one, options, failed=failed, keep_failures=options.junit is not None)
     return _give(reports, answers, "accept", options, out)
 
 

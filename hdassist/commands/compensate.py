@@ -105,4 +105,4 @@ class CompensateCommand(
                 write_text(target[1], text, self.force)
             return compensate_report(result, is_written=bool(target or self.csv))
 
-        return give("compensate", run_each("compensate", [self.preset], one, self, keep_failures=False), self, out)
+        return give("compensate", run_each("compensate", [self.preset], one, self), self, out)

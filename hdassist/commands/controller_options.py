@@ -46,8 +46,7 @@ class ControllerOptions(o.OptionGroup):
             if not isfinite(number):
                 raise UsageError(f"invalid number {number:g} of an axis: expected a finite one")
         controller = CONTROLLER_FORMATS[name]
-        if refusal := controller.refusal(form.turn, form.points):
-            raise refusal
+        controller.require(form.turn, form.points)
         take_output(path, force)
         return controller, path
 

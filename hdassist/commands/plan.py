@@ -69,4 +69,4 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
             with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
                 return plan_report(choose_plan(drive, asked=asked, demands=demands, draws=self.draws, run=run))
 
-        return give("plan", run_each("plan", [self.preset], one, self, keep_failures=False), self, out)
+        return give("plan", run_each("plan", [self.preset], one, self), self, out)

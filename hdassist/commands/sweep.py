@@ -43,6 +43,11 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
     output: str = "-"
     jobs: int = 0
 
+    @property
+    def answer_file(self) -> str:
+        """Standard output: -o takes the rows."""
+        return "-"
+
     def run(self) -> int:
         """Compute the rows; returns the exit code."""
         from contextlib import ExitStack
@@ -56,7 +61,7 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
         from hdassist.terminal.output import note
         from hdassist.terminal.runs import give, run_each
 
-        out = replace(self, output="-").open()
+        out = self.open()
         file = None if self.output == "-" else self.output
         streamed = self._takes_stdout()
 

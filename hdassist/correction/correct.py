@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
 from hdassist.correction.agreeing import agreeing_drives
-from hdassist.correction.forms import PHASOR_NUMBERS, USUAL_TABLES, CorrectionForm, line_orders, phasors_of
+from hdassist.correction.forms import TRIED_POINTS, USUAL_TABLES, CorrectionForm, line_orders
 from hdassist.correction.records import RECORDED_DRAWS, RecordedError, recorded_beyond, recorded_lines, strongest_lines
-from hdassist.correction.table import CorrectionTable, ExpectedResidual, Phasors, between_points
+from hdassist.correction.table import CorrectionTable, ExpectedResidual, Phasors, RepeatTurn, between_points
 from hdassist.design.check import drive_samples
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.self_error import self_error
-from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.planning.lines import POINTS_A_TURN, ErrorLines, error_lines
@@ -32,7 +30,6 @@ IN_PLACE, TURN_LOST = "in place", "turn lost"
 ZERO_OFF_DEG = (1.0, 10.0)  # of the cam
 LOST_TURNS = 9  # counts of lost turns that are looked at, at most
 STRONG_LINES = 3  # that are named
-TRIED_POINTS = (32, 64, 100, 128, 180, 200, 256, 360, 400, 512, 720, 1000, 1024, 1440, 1500, 2048, 3000, 4096)
 HALVED = 0.5  # of the range: a correction that leaves more is called weak
 
 
@@ -87,19 +84,18 @@ class FormResiduals:
 class Correction:
     """Corrections of a drive for the first of its torques.
 
-    errors: of drives as this one may be, by torque; parts of that; measured: residuals of each form where the error of
-    the drive itself is known over its full cycle; stored: the same of the correction that is computed here, the best
-    for all these drives together; correction: that of the form asked for; fewest_points: of a table over the output
-    turn that halves the error, None where none of those tried does; phasors: median of the range [arcsec] that numbers
-    of them leave; records, by torque [N*m]; misfit: of the
-    drives that agree with records of part of the cycle, over the error, else None; samples: None where all is known.
+    errors: of drives as this one may be, by torque; parts of that; chosen: residuals of the form asked for, fitted to
+    all these drives together, and correction, that itself; forms: residuals of each form, fitted to each drive by
+    itself where the chosen is refused: as if its error were recorded over the full cycle; fewest_points: of a table
+    over the output turn that halves the error, None where none of those tried does; phasors: median of the range
+    [arcsec] that numbers of them leave; records, by torque [N*m]; misfit: of the drives that agree with records of part
+    of the cycle, over the error, else None; samples: None where all is known.
     """
 
     drive: Drive
     errors: ErrorsByTorque
     parts: tuple[ErrorPart, ...]
-    measured: tuple[FormResiduals, ...]
-    stored: tuple[FormResiduals, ...]
+    forms: tuple[FormResiduals, ...]
     chosen: FormResiduals
     correction: CorrectionTable | Phasors
     fewest_points: int | None
@@ -108,11 +104,6 @@ class Correction:
     misfit: float | None
     samples: Samples | None
     certificate: Certificate
-
-    @property
-    def forms(self) -> tuple[FormResiduals, ...]:
-        """Residuals of the forms: as stored here where that may be used, else as if the drive's error were known."""
-        return self.measured if self.chosen.is_refused else self.stored
 
     @property
     def M_g(self) -> float:
@@ -141,23 +132,16 @@ def correct(
     draws: drives as this one may be, 0 for the preset's own numbers alone. Raises UsageError for rolling balls,
     UntrustedError as `check` does, and as agreeing_drives does.
     """
-    records = records or {}
+    records, prior = records or {}, prior_of(drive)
     if any(record.is_part for record in records.values()):
         agreeing, misfit = agreeing_drives(drive, records, draws // 2 * 2 or RECORDED_DRAWS, run)
         return correction_of(drive, agreeing, records, form, run, misfit=misfit)
-    drives, samples = believed_drives(drive, draws, run)
-    return correction_of(drive, drives, records, form, run, samples=samples)
-
-
-def believed_drives(drive: Drive, draws: int, run: Run) -> tuple[Sequence[Mapping[str, float]], Samples | None]:
-    """Values by path of drives as this one may be, all of the same weight, from its samples, which come last."""
-    prior = prior_of(drive)
     if not (prior.fields and draws):
-        return [{}], None
+        return correction_of(drive, [{}], records, form, run)
     samples = drive_samples(prior, [None] * len(drive.operation.M_g), draws=draws, run=run)
     shares = np.cumsum(samples.weights) / samples.weights.sum()
-    rows = np.searchsorted(shares, (np.arange(draws) + 0.5) / draws)
-    return prior.values(samples.shares[rows]), samples
+    rows = np.searchsorted(shares, (np.arange(draws) + 0.5) / draws)  # drives of the same weight
+    return correction_of(drive, prior.values(samples.shares[rows]), records, form, run, samples=samples)
 
 
 def correction_of(
@@ -172,8 +156,6 @@ def correction_of(
 ) -> Correction:
     """Corrections of a drive from the values, by path, of drives as it may be; misfit as of recorded_lines."""
     torques = drive.operation.M_g
-    if form.turn and form.points < 2:
-        raise UsageError(f"invalid number of points {form.points}: expected 2 or more")
     alike = misfit is not None or len(drives) == 1
     errors, certificate = {}, samples.certificate if samples else EMPTY
     for M_g in torques:
@@ -185,27 +167,25 @@ def correction_of(
             lines, more = recorded_beyond(lines, record, run) if record else (lines, np.zeros(1))
             errors[M_g] = LoadedError(lines, -lines.curves - more, 0.0 if record else found.beyond)
     own = {M_g: each.lines for M_g, each in errors.items()}
-    mean = {M_g: replace(each, amplitude=each.amplitude.mean(axis=0)[None]) for M_g, each in own.items()}
-    design = torques[0]
-    phasors = phasor_ranges(mean[design], errors[design])
-    if min(phasors.values()) >= percentiles(errors[design].ranges)[1]:  # phases are not known: as if they were
-        phasors = phasor_ranges(own[design], errors[design])
+    mean = {M_g: each.mean for M_g, each in own.items()}
+    design = errors[torques[0]]
+    uncorrected = percentiles(design.ranges)[1]
+    phasors = ranges_by_points(None, design.lines.mean, design)
+    if min(phasors.values()) >= uncorrected:  # phases are not known: as if they were
+        phasors = ranges_by_points(None, design.lines, design)
     number = next(number for number, left in phasors.items() if left <= ENOUGH * min(phasors.values()))
     if not form.turn:
         number = form.points or number
         form = replace(form, points=number)
     usual = (CorrectionForm(None, number), CorrectionForm(None, number, each_load=True), *USUAL_TABLES)
-    forms = tuple(dict.fromkeys((*(each for each in usual if len(torques) > 1 or not each.each_load), form)))
-    measured = tuple(residuals_of(each, own, errors) for each in forms)
-    stored = tuple(residuals_of(each, mean, errors) for each in forms)
-    chosen = stored[forms.index(form)]
-    tooth = self_error(drive, [design], run=run.of_task)[0]
-    parts = (*error_parts(errors), ErrorPart("within a tooth pitch", *[tooth.range_arcsec] * 3))
-    tried = ((points, CorrectionForm("output", points).fitted(own[design], design)) for points in TRIED_POINTS)
-    halving = (points for points, table in tried if share_left(table, errors[design])[1] <= HALVED)
+    forms = dict.fromkeys((*(each for each in usual if len(torques) > 1 or not each.each_load), form))
+    chosen = residuals_of(form, mean, errors)
+    residuals = tuple(residuals_of(each, own if chosen.is_refused else mean, errors) for each in forms)
+    tables = ranges_by_points("output", design.lines, design)
+    halving = next((points for points, left in tables.items() if left <= HALVED * uncorrected), None)
     return Correction(
-        drive, errors, parts, measured, stored, chosen, _exported(chosen, mean, drive.name), next(halving, None),
-        phasors, records, misfit, samples, certificate + tooth.certificate,
+        drive, errors, error_parts(errors), residuals, chosen, _exported(chosen, mean, drive.name), halving,
+        phasors, records, misfit, samples, certificate,
     )  # fmt: skip
 
 
@@ -257,7 +237,9 @@ def residuals_of(form: CorrectionForm, lines: Mapping[float, ErrorLines], errors
     for case, M_g, off_turns in cases:
         left = ranges_left(fitted[M_g if form.each_load else design], errors[M_g], off_turns)
         found.append(ExpectedResidual(M_g, percentiles(errors[M_g].ranges)[1], *percentiles(left), case))
-    return FormResiduals(form, tuple(found), share_left(fitted[design], errors[design]))
+    uncorrected = np.maximum(errors[design].ranges, np.finfo(float).tiny)
+    share = ranges_left(fitted[design], errors[design])[0] / uncorrected
+    return FormResiduals(form, tuple(found), percentiles(share))
 
 
 def ranges_left(
@@ -283,15 +265,10 @@ def correction_curve(correction: CorrectionTable | Phasors, kinematics: Kinemati
     return ErrorLines(kinematics, per_cycle, np.atleast_2d(correction.vectors), EMPTY).curves
 
 
-def phasor_ranges(lines: ErrorLines, error: LoadedError) -> dict[int, float]:
-    """Median of the range [arcsec] of an error that numbers of phasors leave, fitted to lines."""
-    fitted = {number: phasors_of(lines, 0.0, number) for number in PHASOR_NUMBERS}
-    return {number: percentiles(ranges_left(each, error)[0])[1] for number, each in fitted.items()}
-
-
-def share_left(correction: CorrectionTable | Phasors, error: LoadedError) -> tuple[float, float, float]:
-    """Percentiles of the range that a correction leaves, over that without it."""
-    return percentiles(ranges_left(correction, error)[0] / np.maximum(error.ranges, np.finfo(float).tiny))
+def ranges_by_points(turn: RepeatTurn | None, lines: ErrorLines, error: LoadedError) -> dict[int, float]:
+    """Median of the range [arcsec] of an error that forms leave, fitted to lines, by their points or phasors."""
+    forms = [CorrectionForm(turn, points) for points in TRIED_POINTS[turn]]
+    return {form.points: percentiles(ranges_left(form.fitted(lines, 0.0), error)[0])[1] for form in forms}
 
 
 def error_parts(errors: ErrorsByTorque) -> tuple[ErrorPart, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,10 @@ from hdassist.correction.table import CorrectionTable, Phasors, RepeatTurn, peri
 from hdassist.model.geometry import Array
 from hdassist.planning.lines import ErrorLines
 
-PHASOR_NUMBERS = (20, 40, 80, 160, 320)  # of lines, that are tried
+TRIED_POINTS: Mapping[RepeatTurn | None, Sequence[int]] = {  # of tables, and numbers of phasors
+    None: (20, 40, 80, 160, 320),
+    "output": (32, 64, 100, 128, 180, 256, 360, 512, 720, 1024, 1500, 2048, 4096),
+}
 USUAL_POINTS = 1500  # of a table over an output turn
 CAM_POINTS = 256  # of a table over a turn of the cam, or half of one
 

@@ -54,8 +54,7 @@ class RecordedError:
 
     def apart(self, lines: ErrorLines) -> Array:
         """What the mean of lines leaves of the readings [arcsec]."""
-        mean = replace(lines, amplitude=lines.amplitude.mean(axis=0)[None])
-        return self.error_arcsec - between_points(mean.curves[0], self.places(lines))
+        return self.error_arcsec - between_points(lines.mean.curves[0], self.places(lines))
 
     def noise(self, apart: Array, lines: ErrorLines) -> float | None:
         """Variance of readings at the same point of curves [arcsec^2], None where too few points have two or more."""

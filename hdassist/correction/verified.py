@@ -66,22 +66,19 @@ def likely_cause(before: Array, taken: Array, record: RecordedError, lines: Erro
     Arguments: error before and correction [arcsec] over the full cycle, shape (points,) each. The square of before less
     after less the correction is least where their correlation is greatest.
     """
-    points = record.points(lines)
-    read = np.bincount(points, minlength=len(taken))
-    seen = read > 0
-    after = -np.bincount(points, record.error_arcsec, len(taken)) / np.maximum(read, 1)
-    applied = np.where(seen, before - after, 0.0)
-    applied = np.where(seen, applied - applied[seen].mean(), 0.0)
-    wave = np.fft.rfft(taken)
-    product = np.fft.irfft(np.conj(np.fft.rfft(applied)) * wave, len(taken))  # by points that the zero is off
-    power = np.fft.irfft(np.conj(np.fft.rfft(seen)) * np.fft.rfft(taken**2), len(taken))
-    left = (applied**2).sum() + np.stack(
-        [power - 2 * product, power + 2 * product, 0 * power]
-    )  # as it is, flipped, off
-    left = np.maximum(left, 0.0)
+    count, points = len(taken), record.points(lines)
+    applied = before[points] + record.error_arcsec  # F_kpp is the opposite of the actual error
+    applied -= applied.mean()
+
+    def correlation(read: Array, curve: Array) -> Array:
+        """Sum over readings by the points that the zero is off, shape (points,)."""
+        return np.fft.irfft(np.conj(np.fft.rfft(np.bincount(points, read, count))) * np.fft.rfft(curve), count)
+
+    product, power = correlation(applied, taken), correlation(np.ones(len(points)), taken**2)
+    left = applied @ applied + np.stack([power - 2 * product, power + 2 * product, 0 * power])  # as it is, flipped, off
     if left.min() > EXPLAINED_RMS_SHARE**2 * left[0, 0]:
         return ""
-    near = np.mod(np.arange(len(taken)) + len(taken) // 2, len(taken)) - len(taken) // 2
+    near = np.fft.fftfreq(count, 1 / count)
     way, place = min(np.argwhere(left <= ALIKE * left.min()).tolist(), key=lambda each: (abs(near[each[1]]), each[0]))
     off_turns = float(near[place]) / POINTS_A_TURN
     turns = round(off_turns)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
@@ -21,7 +22,7 @@ ARCSEC_A_TURN = 1_296_000
 SIDEREAL_ARCSEC_A_SECOND = 15.041067  # of an hour axis, in a second of the clock; 15 in a sidereal second
 MOTEUS_BINS, INT8_MOST = 256, 127
 PEC_SECONDS = (61, 720)  # sidereal, that OnStepX keeps
-EQMOD_DIGITS, EQMOD_STEP_ARCSEC = 4, 0.0001
+EQMOD_DIGITS = 4
 TWINCAT_STEPS_A_DEGREE = 10_000
 SETPOINT_STEPS = 2  # each leaves a hundredth of the rest before
 RESAMPLED_POINTS = 8192  # played by a controller that has its own points
@@ -49,15 +50,14 @@ class PlayedCorrection:
     """The output of a controller from its own points: the error it takes off at readings, straight between.
 
     reading_deg and error_arcsec, shape (points,) each, in the controller's counting; period_deg of the reading; stored:
-    the numbers of its file, and step_arcsec of one; scale: of these, where it has one; is_of_cam: whether the reading
-    is of the cam, not of the output.
+    the numbers of its file; scale: of these, where it has one; is_of_cam: whether the reading is of the cam, not of the
+    output.
     """
 
     reading_deg: Array
     error_arcsec: Array
     period_deg: float
     stored: Array
-    step_arcsec: float
     scale: float = 1.0
     is_of_cam: bool = False
 
@@ -83,15 +83,14 @@ class ControllerFormat:
     comment: str = ""
     comments_at: int | None = 0
 
-    def refusal(self, turn: RepeatTurn | None, points: int) -> UsageError | None:
-        """Why it keeps no table of so many points over such a turn, None for phasors; None where it does."""
+    def require(self, turn: RepeatTurn | None, points: int) -> None:
+        """Raise UsageError unless it keeps a table of so many points over such a turn, None for phasors."""
         if turn not in self.turns:
             form = f"table over the {turn} turn" if turn else "form phasors"
             wanted = " or ".join(f"{each} turn" for each in self.turns)
-            return UsageError(f"invalid {form} for {self.name}: expected a table over the {wanted}")
+            raise UsageError(f"invalid {form} for {self.name}: expected a table over the {wanted}")
         if self.most_points and points > self.most_points:
-            return UsageError(f"invalid number of points {points} for {self.name}: expected at most {self.most_points}")
-        return None
+            raise UsageError(f"invalid number of points {points} for {self.name}: expected at most {self.most_points}")
 
 
 def error_as_read(
@@ -122,30 +121,26 @@ def stored_table(table: CorrectionTable, controller: ControllerFormat, axis: Con
 
     Raises UsageError: a table that the controller cannot keep.
     """
-    if refusal := controller.refusal(table.turn, table.points):
-        raise refusal
+    controller.require(table.turn, table.points)
     if table.other_direction_arcsec is not None and not controller.by_direction:
         raise UsageError(f"invalid table by direction for {controller.name}: expected one for both directions")
     if controller.played is None:
         step, other = controller.step_arcsec, table.other_direction_arcsec
         other = None if other is None else np.round(other / step) * step
-        error = np.round(table.error_arcsec / step) * step
-        return replace(table, error_arcsec=error, other_direction_arcsec=other, expected=())
+        return replace(table, error_arcsec=np.round(table.error_arcsec / step) * step, other_direction_arcsec=other)
     played = controller.played(table, axis)
-    angle = _even(RESAMPLED_POINTS, table.period_deg / RESAMPLED_POINTS)
+    angle = np.linspace(0, table.period_deg, RESAMPLED_POINTS, endpoint=False)
     reading = axis.zero_deg + axis.sense * angle / (1 if played.is_of_cam else table.u)
     error = axis.sense * np.interp(reading, played.reading_deg, played.error_arcsec, period=played.period_deg)
-    return replace(table, error_arcsec=error, expected=())
+    return replace(table, error_arcsec=error)
 
 
 def correction_file(result: Correction, controller: ControllerFormat, axis: ControllerAxis) -> tuple[str, str]:
-    """The controller's file of a correction, with the residuals that it leaves as it is stored, and its companions.
+    """The controller's file of a table, with the residuals that it leaves as it is stored, and its companions.
 
     Raises UsageError: a correction that the controller cannot keep.
     """
-    table = result.correction
-    if not isinstance(table, CorrectionTable):
-        raise controller.refusal(None, 0) or AssertionError
+    table = cast("CorrectionTable", result.correction)
     stored = stored_table(table, controller, axis)
     expected = []
     for M_g, error in result.errors.items():
@@ -153,15 +148,14 @@ def correction_file(result: Correction, controller: ControllerFormat, axis: Cont
         correction = stored if other is None else replace(stored, error_arcsec=other)
         left = percentiles(ranges_left(correction, error)[0])
         expected.append(ExpectedResidual(M_g, percentiles(error.ranges)[1], *left))
-    sha256 = result.drive.origin.sha256
-    return controller_file(replace(table, expected=tuple(expected)), controller, axis, sha256)
+    about = replace(table, expected=tuple(expected))
+    return controller_file(about, controller, axis, result.drive.origin.sha256)
 
 
 def controller_file(
     table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, preset_sha256: str
 ) -> tuple[str, str]:
     """The controller's file, and its companions: comments of the file too, where the format has any."""
-    stored_table(table, controller, axis)
     about = about_lines(table, controller, axis, preset_sha256)
     lines = controller.lines(table, axis)
     if controller.comment:
@@ -176,7 +170,6 @@ def about_lines(
     """Kind of a file, its reader and its state, in 7-bit lines."""
     way = "counter-clockwise" if axis.sense == 1 else "clockwise"
     steps = axis.steps_per_degree
-    step = controller.step_arcsec if controller.played is None else controller.played(table, axis).step_arcsec
     worm = [f"{table.period_deg / abs(table.u) * steps:.2f} motor steps in its turn"] if steps else []
     for_torque = f"for {table.M_g:g} N*m"
     if table.other_M_g is not None:
@@ -188,7 +181,6 @@ def about_lines(
         *worm,
         f"zero: the axis reads {axis.zero_deg:.6g} deg where cam and output stand at zero (phi_h = 0)",
         f"counts up {way} seen from the cam side; error = actual less ideal angle of the output, taken off",
-        f"smallest step of a value: {step:.3g} arcsec",
         *(
             f"at {each.M_g:g} N*m{'' if each.case == 'in place' else ', ' + each.case}: expected range "
             f"{each.p50:.2f} arcsec ({each.p5:.2f} to {each.p95:.2f}), without correction {each.uncorrected_p50:.2f}"
@@ -197,10 +189,6 @@ def about_lines(
         f"setup: {controller.setup}",
     ]
     return [line.encode("unicode_escape").decode() for line in lines]
-
-
-def _even(count: int, step: float) -> Array:
-    return np.asarray(np.arange(count) * step)
 
 
 def turn_rows(table: CorrectionTable, axis: ControllerAxis, digits: int) -> tuple[Array, Array, Array]:
@@ -239,7 +227,7 @@ def _siemens(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
     """Even points from the first of the turn to the same a turn later; a positive value moves the axis back."""
     step = 360 / table.points
     start = axis.zero_deg % step
-    values = error_as_read(table, axis, start + _even(table.points + 1, step)) / 3600
+    values = error_as_read(table, axis, np.linspace(start, start + 360, table.points + 1)) / 3600
     name = axis.name
     return [
         "%_N_AX_EEC_INI",
@@ -258,12 +246,12 @@ def moteus_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrect
 
     Value i stands at i/256 of the turn, as the firmware computes it; its comment speaks of the middle of a bin.
     """
-    reading = _even(MOTEUS_BINS, 360 / MOTEUS_BINS)
+    reading = np.linspace(0, 360, MOTEUS_BINS, endpoint=False)
     added_turns = table.u * error_as_read(table, axis, reading, of_cam=True) / ARCSEC_A_TURN
     scale = float(np.abs(added_turns).max()) or 1.0
     stored = np.rint(added_turns * (INT8_MOST / scale))
-    step = scale / INT8_MOST * ARCSEC_A_TURN / table.u
-    return PlayedCorrection(reading, stored * step, 360.0, stored.astype(int), abs(step), scale, is_of_cam=True)
+    step_arcsec = scale / INT8_MOST * ARCSEC_A_TURN / table.u
+    return PlayedCorrection(reading, stored * step_arcsec, 360.0, stored.astype(int), scale, is_of_cam=True)
 
 
 def _moteus(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
@@ -292,7 +280,7 @@ def onstepx_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrec
         range_s = f"{PEC_SECONDS[0]} to {PEC_SECONDS[1]} s"
         hint = "a table over half a turn of the cam takes half as long"
         raise UsageError(f"invalid table of {seconds} sidereal seconds for OnStepX: expected {range_s}", hint)
-    setpoint = _even(seconds + 1, 1 / 240)
+    setpoint = np.arange(seconds + 1, dtype=float) / 240
     error = error_at_setpoint(table, axis, setpoint, from_first=True)
     steps = np.rint((error[0] - error) * (axis.steps_per_degree / 3600))
     steps[[0, 1, -2, -1]] = 0
@@ -302,7 +290,7 @@ def onstepx_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrec
     step = 3600 / axis.steps_per_degree
     rows = np.roll(np.diff(steps), -1).astype(int)
     reading = (setpoint + steps / axis.steps_per_degree)[:-1]
-    return PlayedCorrection(reading, error[0] - steps[:-1] * step, worm_deg, rows, step)
+    return PlayedCorrection(reading, error[0] - steps[:-1] * step, worm_deg, rows)
 
 
 def _onstepx(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
@@ -314,16 +302,17 @@ def eqmod_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrecti
     """Error at each second of a worm's turn; the controller takes the drift from first to last row away."""
     worm_deg = _worm_deg(table, axis)
     rows = round(worm_deg * 3600 / SIDEREAL_ARCSEC_A_SECOND)
-    setpoint = _even(rows, SIDEREAL_ARCSEC_A_SECOND / 3600)
+    setpoint = np.arange(rows, dtype=float) * (SIDEREAL_ARCSEC_A_SECOND / 3600)
     stored = error_at_setpoint(table, axis, setpoint, from_first=True).round(EQMOD_DIGITS)
-    played = stored - _even(rows, (stored[-1] - stored[0]) / (rows + 1))
+    played = stored - np.arange(rows) * ((stored[-1] - stored[0]) / (rows + 1))
     reading = setpoint - (played - played[0]) / 3600
-    return PlayedCorrection(reading, played, worm_deg, stored, EQMOD_STEP_ARCSEC)
+    return PlayedCorrection(reading, played, worm_deg, stored)
 
 
 def _eqmod(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
     played = eqmod_played(table, axis)
-    motor = np.rint(_even(len(played.stored), SIDEREAL_ARCSEC_A_SECOND / 3600 * axis.steps_per_degree)).astype(int)
+    steps_a_second = SIDEREAL_ARCSEC_A_SECOND / 3600 * axis.steps_per_degree
+    motor = np.rint(np.arange(len(played.stored)) * steps_a_second).astype(int)
     return [
         "# time - motor - smoothed PE",
         f"!WormPeriod={len(motor)}",

@@ -38,24 +38,24 @@ def compensate_report(result: Correction, *, is_written: bool = False) -> Report
         verdict=_verdict(result),
         why=tuple(_why(result)),
         blocks=(
-            _residual_table("", forms, short=True),
+            _residual_table(forms, short=True),
             Facts.of(_facts(result, is_written)),
             _before_and_after(result),
         ),
         details=(
-            _residual_table("where the drive's own error is known", result.measured),
+            _residual_table(result.forms),
             _lines_table(result),
         ),
         certificate=result.certificate,
         values={
             "M_g_Nm": result.M_g,
             "parts": result.parts,
-            "measured": [_form_object(each) for each in result.measured],
-            "stored": [_form_object(each) for each in result.stored],
+            "forms": [_form_object(each) for each in result.forms],
+            "refused": chosen.is_refused,
             "recorded_Nm": list(result.records),
             "misfit": result.misfit,
             "fewest_points": result.fewest_points,
-            "phasors": [{"number": number, "left_p50_arcsec": left} for number, left in result.phasors.items()],
+            "phasors": result.phasors,
             "correction": None if refused else result.correction,
             "samples": samples_object(result.samples),
         },
@@ -95,18 +95,19 @@ def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
 
 
 def _verdict(result: Correction) -> str:
-    best = min(result.measured, key=lambda each: each.left[1])
+    form, residual = result.chosen.form, result.chosen.residuals[0]
     if not result.chosen.is_refused:
-        left, of = result.chosen.residuals[0].p50, result.chosen.residuals[0].uncorrected_p50
         noise = ", with noise of the record" if result.M_g in result.records else ""
-        return f"{result.chosen.form.name} leave {left:.1f} of {of:.1f}″ ({_percent(result.chosen)} %){noise}"
-    if result.measured[result.stored.index(result.chosen)].is_refused:
-        return f"no: {result.chosen.form.name} may make it worse; {_enough(result)}"
+        left = f"{residual.p50:.1f} of {residual.uncorrected_p50:.1f}″ ({_percent(result.chosen)} %)"
+        return f"{form.name} leave {left}{noise}"
+    if any(each.is_refused for each in result.forms if each.form == form):
+        return f"no: {form.name} may make it worse; {_enough(result)}"
+    best = min(result.forms, key=lambda each: each.left[1])
     return f"record it first: {best.form.name} then leave {_percent(best)} %, from the preset alone it may get worse"
 
 
 def _why(result: Correction) -> Iterator[str]:
-    cam = next(each for each in result.measured if each.form.turn == "cam")
+    cam = next(each for each in result.forms if each.form.turn == "cam")
     if cam.left[1] <= HALVED:
         yield f"the error repeats with the cam, as of an oval wheel: a cam-turn table leaves {_percent(cam)} %"
     else:
@@ -116,7 +117,7 @@ def _why(result: Correction) -> Iterator[str]:
 
 
 def _facts(result: Correction, is_written: bool) -> Iterator[tuple[str, str]]:
-    yield "parts", "; ".join(f"{each.name} {_range(each)}" for each in result.parts[:-1])
+    yield "parts", "; ".join(f"{each.name} {_range(each)}" for each in result.parts)
     refused = ", ".join(each.form.name for each in result.forms if each.is_refused)
     yield "points", _enough(result) + (f"; refused, as they may make it worse: {refused}" if refused else "")
     yield "phasors", "left by their number: " + ", ".join(f"{n}: {left:.2g}″" for n, left in result.phasors.items())
@@ -151,7 +152,7 @@ def _range(each: ErrorPart | ExpectedResidual) -> str:
     return low if low == high else f"{low}-{high}"
 
 
-def _residual_table(title: str, forms: Sequence[FormResiduals], *, short: bool = False) -> Table:
+def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> Table:
     cases = list(range(len(forms[0].residuals)))
     if short:  # two torques, the zero off by more, and the turn lost
         cases = sorted({*cases[:2], *cases[-2:]} - {cases[-3]})
@@ -159,22 +160,17 @@ def _residual_table(title: str, forms: Sequence[FormResiduals], *, short: bool =
     words = tuple(f"{each.M_g:g} N·m" if each.case == IN_PLACE else each.case.replace(" deg", "°") for each in heads)
     none = ("none", *(f"{each.uncorrected_p50:.1f}" for each in heads))
     rows = [(each.form.name, *(_range(each.residuals[k]) for k in cases)) for each in forms]
-    return Table(title, ("arcsec left with", *words), (none, *rows))
+    return Table("", ("arcsec left with", *words), (none, *rows))
 
 
 def _lines_table(result: Correction) -> Table:
     """The strong lines of the drive nearest to the median, before and after."""
-    before, after = _curves(result)
     lines = result.errors[result.M_g].lines
-    spectra = [2 * np.abs(np.fft.rfft(curve)) / len(curve) for curve in (before, after)]
-    often, cam_turns = line_orders(lines)[0], lines.kinematics.cycle_cam_revolutions
-    rows = []
-    for k in np.argsort(-spectra[0][lines.per_cycle])[:12]:
-        place = lines.per_cycle[k]
-        sizes = (f"{spectrum[place]:.2f}" for spectrum in spectra)
-        rows.append((f"{often[k]:g}", f"{place / cam_turns:.2f}", *sizes))
-    heads = ("times an output turn", "a cam turn", "before, ″", "after, ″")
-    return Table("lines of the error of a drive in the middle of all", heads, tuple(rows), words=())
+    before, after = (2 / len(curve) * np.abs(np.fft.rfft(curve)[lines.per_cycle]) for curve in _curves(result))
+    often, strongest = line_orders(lines)[0], np.argsort(-before)[:12]
+    rows = tuple((f"{often[k]:g}", f"{before[k]:.2f}", f"{after[k]:.2f}") for k in strongest)
+    heads = ("times an output turn", "before, ″", "after, ″")
+    return Table("lines of the error of a drive in the middle of all", heads, rows, words=())
 
 
 def _curves(result: Correction) -> tuple[Any, Any]:

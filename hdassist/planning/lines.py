@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -39,6 +39,11 @@ class ErrorLines:
         spectrum = np.zeros((len(self.amplitude), points // 2 + 1), dtype=complex)
         spectrum[:, self.per_cycle] = self.amplitude
         return np.asarray(np.fft.irfft(spectrum, points) * points / 2)
+
+    @property
+    def mean(self) -> ErrorLines:
+        """Mean of the drives, as lines of one."""
+        return replace(self, amplitude=self.amplitude.mean(axis=0)[None])
 
 
 def error_lines(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]], run: Run = Run()) -> ErrorLines:

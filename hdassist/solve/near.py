@@ -38,7 +38,8 @@ def solve_near(
             solution[inside] = np.linalg.solve(system, wanted[inside])
         except np.linalg.LinAlgError:  # no contact holds the parts: a soft spring lets them move on until some does
             loose = True
-            solution[inside] = np.linalg.solve(system - SOFT * np.diag(inside >= m), wanted[inside])
+            system -= SOFT * np.diag(inside >= m)
+            solution[inside] = np.linalg.lstsq(system, wanted[inside])[0]
         if not np.all(np.isfinite(solution)):
             return None
         open_gaps = gaps + (structure[:m, inside] @ solution[inside])[place]

@@ -99,8 +99,9 @@ class Pivoting:
             r = values[:, k].argmin()
             column, row = tableau[:, r].copy(), tableau[r].copy()
             pivot = column[r]
-            if not pivot > SMALLEST:
-                break  # without it no contact would hold the torque
+            if not pivot > SMALLEST:  # without it no contact would hold the torque: this state is given up
+                left[k] = False
+                continue
             # so that the one update serves row and column, too
             column[r], row[r] = pivot + 1, pivot - 1
             dger(-1 / pivot, column, row, a=tableau, overwrite_x=1, overwrite_y=1, overwrite_a=1)

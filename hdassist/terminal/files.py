@@ -11,7 +11,7 @@ from pathlib import Path
 
 from hdassist.errors import DataError, Fault, UsageError
 from hdassist.run.stops import at_stop
-from hdassist.runfiles import claim_output, is_claimed
+from hdassist.runfiles import claim_output, is_claimed, note_written
 from hdassist.terminal.console import say, silence
 from hdassist.textfile import in_place_of, is_file, is_there
 from hdassist.visible import visible
@@ -23,6 +23,7 @@ def write_text(path: str, text: str, force: bool) -> None:
     Arguments: path, "-" for standard output; text; force, whether an existing file may be replaced.
     Raises UsageError: the file exists; DataError: it cannot be written. Then no file has changed.
     """
+    note_written(path)
     if path == "-":
         encoding = sys.stdout.encoding or "utf-8"
         if sys.stdout.isatty():

@@ -82,6 +82,11 @@ class PageOptions(OptionGroup):
     no_color: bool = False
     debug: bool = False
 
+    @property
+    def answer_file(self) -> str:
+        """Where the answer goes, "-" for standard output."""
+        return self.output
+
     def replaces(self, _path: str) -> bool:
         """Whether an existing file may be replaced."""
         return self.force
@@ -98,12 +103,12 @@ class PageOptions(OptionGroup):
         from hdassist.terminal.output import Output
 
         csv = getattr(self, "csv", None)
-        for path in filter(None, (self.output, csv)):
+        for path in filter(None, (self.answer_file, csv)):
             take_output(path, self.replaces(path))
         style = Style.of(sys.stdout, ascii=self.ascii, no_color=self.no_color)
-        style = style if self.output == "-" else Style(style.ascii, False, PIPE_WIDTH)
+        style = style if self.answer_file == "-" else Style(style.ascii, False, PIPE_WIDTH)
         plots, details = getattr(self, "plot", True), getattr(self, "details", False)
-        return Output(style, self.output, csv, self.force, self.no_color, plots, details)
+        return Output(style, self.answer_file, csv, self.force, self.no_color, plots, details)
 
 
 @dataclass(frozen=True, kw_only=True)

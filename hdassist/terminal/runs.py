@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 from hdassist.errors import HdassistError, UsageError
 from hdassist.json_parts import Json
 from hdassist.report.report import Report
+from hdassist.runfiles import is_written
 from hdassist.terminal.answers import combine, csv_text, failure, json_text, report_object
 from hdassist.terminal.console import made_or
-from hdassist.terminal.options import AnswerOptions
+from hdassist.terminal.files import write_text
+from hdassist.terminal.options import AnswerOptions, PageOptions
 from hdassist.terminal.output import Output, complain, note, warn
 from hdassist.verdict import worst_exit_code
 
@@ -27,16 +29,16 @@ def run_each(
     options: AnswerOptions,
     *,
     failed: Callable[[str, HdassistError], Json] | None = None,
-    keep_failures: bool | None = None,
+    keep_failures: bool = False,
 ) -> list[Report]:
     """Reports on presets or files one after the other; the error of one is its answer, and the others go on.
 
     Arguments: command, for the schema of failures; names, of presets or files; one, its report;
     options; failed, the JSON of one without an answer; keep_failures, whether the fault of the only one is an answer
-    too (without it: where JSON is asked for).
+    too where no JSON is asked for.
     Raises UsageError at once, the error of the only one, and with --debug any error.
     """
-    kept = options.json if keep_failures is None else keep_failures
+    kept = options.json or keep_failures
     reports: list[Report] = []
     for name in names:
         begun = time.monotonic()
@@ -53,6 +55,13 @@ def run_each(
         if options.verbose:
             note_time(report, begun, name)
     return reports
+
+
+def give_failure(command: str, error: HdassistError, options: PageOptions) -> None:
+    """Write the error that ended a command as its JSON, unless its answer is there. Raises UsageError and DataError."""
+    if not is_written(options.answer_file):
+        answer = failure(command, error, preset=getattr(options, "preset", None))
+        write_text(options.answer_file, json_text(answer), options.force)
 
 
 def note_time(report: Report, begun: float, name: str = "") -> None:

@@ -12,7 +12,6 @@ from hdassist.correction.correct import IN_PLACE, TURN_LOST, correct
 from hdassist.correction.forms import CorrectionForm, phasors_of, table_values
 from hdassist.correction.table import CorrectionTable, between_points, periods_a_cam_turn
 from hdassist.error.cycle import kinematic_error
-from hdassist.errors import UsageError
 from hdassist.planning.lines import POINTS_A_TURN, error_lines
 from hdassist.run.run import UNCHECKED
 from tests.process import SMALL, TINY
@@ -34,7 +33,7 @@ def paper():
 
 def left(result, name: str) -> float:
     """Share that a form leaves in place at the first torque."""
-    return next(each.left[1] for each in result.measured if each.form.name == name)
+    return next(each.left[1] for each in result.forms if each.form.name == name)
 
 
 @pytest.mark.parametrize(("turn", "points"), [("output", 64), ("output", 23), ("cam", 16), ("half-cam", 9)])
@@ -91,13 +90,13 @@ def test_a_sampled_table_is_worse_than_least_squares(paper):
 
 
 def test_a_table_for_one_load_is_worse_than_none_at_another_unless_each_load_has_its_own(paper):
-    phasors, each_load = (each for each in paper.measured if each.form.turn is None)
+    phasors, each_load = (each for each in paper.forms if each.form.turn is None)
     single, own = (next(left for left in each.residuals if left.M_g == 800) for each in (phasors, each_load))
     assert single.p50 > single.uncorrected_p50 > own.p50
 
 
 def test_a_zero_that_is_off_and_a_lost_turn_cost_what_a_shifted_table_leaves(paper):
-    phasors = paper.measured[0]
+    phasors = paper.forms[0]
     curve = -paper.errors[80.0].lines.curves
     cam_turns = np.arange(curve.shape[1]) / POINTS_A_TURN
     correction = phasors.form.fitted(paper.errors[80.0].lines, 80.0)
@@ -106,7 +105,7 @@ def test_a_zero_that_is_off_and_a_lost_turn_cost_what_a_shifted_table_leaves(pap
     assert by_case["zero 10 deg off"].p95 == pytest.approx(max(shifted), rel=0.01)
     lost = [np.ptp(curve - np.roll(correction.error_at(cam_turns), -POINTS_A_TURN * k)) for k in range(1, 100)]
     assert 0.99 * min(lost) <= by_case[TURN_LOST].p5 <= by_case[TURN_LOST].p95 <= 1.01 * max(lost)
-    of_cam = next(each for each in paper.measured if each.form.turn == "cam")
+    of_cam = next(each for each in paper.forms if each.form.turn == "cam")
     assert of_cam.residuals[-1].p95 == pytest.approx(of_cam.residuals[0].p50)
 
 
@@ -121,8 +120,7 @@ def test_where_phases_are_not_known_only_a_record_can_correct():
     drive = load_preset(TINY, ["phases.xi_b=unknown"])
     result = correct(drive, draws=16)
     assert result.chosen.is_refused
-    assert not result.measured[1].is_refused
-    assert result.forms == result.measured
+    assert not result.forms[0].is_refused  # as if the drive's own error were recorded
     assert len(result.errors[1.0].actual) == 16
 
 
@@ -136,8 +134,3 @@ def test_the_other_direction_has_the_table_of_the_opposite_torque():
     assert found.other_direction_arcsec == pytest.approx(other, abs=near)
     turns = np.linspace(0, 10, 11)
     assert found.error_at(turns, other_direction=True) == pytest.approx(between_points(other, -turns / 10), abs=near)
-
-
-def test_a_table_needs_points():
-    with pytest.raises(UsageError, match="number of points 1: expected 2 or more"):
-        correct(load_preset(TINY), form=CorrectionForm("output", 1), draws=0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +52,7 @@ def both():
 def test_what_is_left_of_another_drive_s_solved_cycle_is_within_what_was_promised(both, M_g: float):
     error = kinematic_error(load_preset(TINY, HIDDEN), M_g, run=UNCHECKED)
     lines = both.errors[M_g].lines
-    table = TABLE.fitted(replace(lines, amplitude=lines.amplitude.mean(axis=0)[None]), M_g)
+    table = TABLE.fitted(lines.mean, M_g)
     left = np.ptp(-error.error_arcsec - table.error_at(error.states.phi_h / (2 * np.pi))[0])
     promised = next(each for each in both.chosen.residuals if each.M_g == M_g)
     assert left <= promised.p95 < 0.5 * error.F_ior_arcsec
@@ -108,8 +107,7 @@ def test_three_of_ten_turns_are_enough_where_the_model_can_be_the_drive(hidden: 
     for promised, M_g in zip(found.chosen.residuals, (1.0, 4.0), strict=False):
         error = kinematic_error(load_preset(TINY, hidden), M_g, run=UNCHECKED)
         lines = found.errors[M_g].lines
-        mean = replace(lines, amplitude=lines.amplitude.mean(axis=0)[None])
-        left = np.ptp(-error.error_arcsec - form.fitted(mean, M_g).error_at(error.states.phi_h / (2 * np.pi))[0])
+        left = np.ptp(-error.error_arcsec - form.fitted(lines.mean, M_g).error_at(error.states.phi_h / (2 * np.pi))[0])
         assert promised.M_g == M_g
         assert left <= promised.p95 < 0.25 * error.F_ior_arcsec
 

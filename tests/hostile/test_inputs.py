@@ -164,8 +164,11 @@ def test_what_can_be_no_file_is_refused_where_a_file_is_written(folder, place, f
 
 @pytest.mark.parametrize(
     ("file", "words"),
-    [(LONG, "name too long"), ("circle", "symbolic links"), ("/dev/zero", "a binary file"), ("pipe", "is empty")],
-)
+    [
+        (f"{LONG}.csv", "name too long"), ("circle", "symbolic links"), ("circle.txt", "symbolic links"),
+        (".", "directory"), ("./pipe", "is empty"), ("/dev/zero", "a binary file"), ("pipe", "is empty"),
+    ],
+)  # fmt: skip
 def test_a_trial_whose_record_can_be_no_file_is_refused(folder, file, words):
     require_refused(run("trials", TINY, f"h0={file}"), words)
 

@@ -17,6 +17,7 @@ from hdassist.solve.loadcase import MANY_STATES
 from hdassist.solve.onebyone import OneByOne
 from hdassist.solve.reference import Reference, principal_transform
 from hdassist.solve.sums import StateSums
+from hdassist.solve.walk import walk_library
 from tests.process import SMALL
 from tests.support import changed, delta_p_of, load_case
 
@@ -112,8 +113,10 @@ def test_cycles_of_small_drives(sets, M_g):
     drive = load_preset(SMALL, sets)
     found = kinematic_error(drive, M_g, run=UNCHECKED)
     rotation_arcsec, zone_share = cycle_one_by_one(drive, M_g)
-    # next to no torque rests on a single flank, which cannot leave before another one has come
-    assert found.certificate.fallbacks <= (0.02 * len(found.states) if M_g == 0.05 else 0)
+    # next to no torque rests on a single flank, which cannot leave before another one has come: the walk in numpy gives
+    # up more such states than the compiled one
+    share = 0.02 if walk_library()[0] else 0.05
+    assert found.certificate.fallbacks <= (share * len(found.states) if M_g == 0.05 else 0)
     assert found.rotation_arcsec == pytest.approx(rotation_arcsec, abs=EXACT)
     assert found.zone_share == pytest.approx(zone_share, abs=1e-7)
 
