@@ -398,8 +398,7 @@ def _too_few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, 
     if (count := sum(samples.refused.values())) > len(draws) / 2 or not evidence:
         reason = max(samples.refused, key=lambda each: samples.refused[each], default="no answer")
         return UntrustedError(f"{found}: {count} are no drive (most: {reason})", "narrow the assumed ranges")
-    pieces = {each: tuple(other for other in evidence if other is not each) for each in evidence}
-    without = {each: _mean_likelihood(draws, others) for each, others in pieces.items()}
+    without = {each: _mean_likelihood(draws, tuple(e for e in evidence if e is not each)) for each in evidence}
     doubted = max(without, key=lambda each: without[each])
     if without[doubted] < CONTRADICTION * _mean_likelihood(draws, evidence):
         return UntrustedError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -207,16 +207,12 @@ def advise(
     if not drawn:
         return advice
     positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
-    left = limits_left(drive, torques)
+    left, of = limits_left(drive, torques), partial(PositionStatistics.of, rotations_deg=positions)
 
     def with_samples(samples: Samples) -> Advice:
         """The advice with positions over the samples, and the probabilities that an order rests on."""
-        found = PositionStatistics.of(samples.of_ranges, positions)
+        found = of(samples.of_ranges)
         now, place = found.place(0.0), found.challenger
-
-        def of(stage: Samples) -> PositionStatistics:
-            return PositionStatistics.of(stage, positions)
-
         gain = None if place is None else samples.probability(lambda stage: of(stage).is_better(place), needed)
         stay = None if now is None else samples.probability(lambda stage: of(stage).is_close(now), needed)
         return replace(advice, samples=samples, positions=found, gain_probability=gain, stay_probability=stay)

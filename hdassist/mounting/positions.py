@@ -89,14 +89,14 @@ class MountingCurve:
 
     def at(self, place: int) -> Position:
         """One of the positions."""
-        values = tuple(float(v) for v in self.F_ior_arcsec[:, place])
+        values = tuple(self.F_ior_arcsec[:, place].tolist())
         rotation = float(self.rotation_deg[place])
         return Position(rotation, float(self.phase_deg[place]), hole_of(rotation, self.holes), values)
 
     @property
     def usable(self) -> NDArray[np.bool_]:
         """Which positions the wheel can be mounted in, shape (rotations,)."""
-        holes, free = [hole_of(float(rotation), self.holes) for rotation in self.rotation_deg], not self.holes
+        holes, free = [hole_of(rotation, self.holes) for rotation in self.rotation_deg.tolist()], not self.holes
         return np.array(
             [free or (hole is not None and (self.allowed is None or hole in self.allowed)) for hole in holes]
         )
