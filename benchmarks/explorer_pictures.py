@@ -79,9 +79,13 @@ async def played() -> AsyncIterator[tuple[str, Explorer, Pilot[int]]]:
                 key, _, text = line.partition(" ")
                 await pilot.press(key)
                 if text:
-                    app.screen.query_one(Input).value = text
+                    line_to_fill = app.screen.query_one(Input)
+                    line_to_fill.focus().value = text
+                    await pilot.pause()
                     await pilot.press("enter")
                 await at_rest(app, pilot)
+                if len(app.screen_stack) > 1:
+                    raise RuntimeError("\n".join([f"{line}: a question is open", *rows(app)]))
                 yield line, app, pilot
     finally:
         service.close()

@@ -385,7 +385,7 @@ def _require_shown(draws: Sequence[Draw], evidence: tuple[Evidence, ...]) -> Non
     """Raise UntrustedError where no draw comes near F'_ior as measured: of equally bad ones all weigh the same."""
     errors = [each for each in evidence if each.M_g]
     kept = [each.figures for each in draws if each.F_ior_arcsec is not None]
-    if not errors or not kept:
+    if not errors:
         return
     f = np.array([[figures[each.figure] for each in errors] for figures in kept])
     hint = "check values, torque and holes, then the ranges of what is assumed"
@@ -395,12 +395,10 @@ def _require_shown(draws: Sequence[Draw], evidence: tuple[Evidence, ...]) -> Non
 def _too_few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...], needed: int) -> UntrustedError:
     """The error where fewer samples are effective than needed, with the evidence without which most would agree."""
     found = f"{samples.effective:.0f} of {len(draws)} draws are effective, {needed} are needed"
-    if sum(samples.refused.values()) > len(draws) / 2 or not evidence:
+    if (count := sum(samples.refused.values())) > len(draws) / 2 or not evidence:
         reason = max(samples.refused, key=lambda each: samples.refused[each], default="no answer")
-        count = sum(samples.refused.values())
         return UntrustedError(f"{found}: {count} are no drive (most: {reason})", "narrow the assumed ranges")
-    pieces = {each: tuple(other for other in evidence if other is not each) for each in evidence}
-    without = {each: _mean_likelihood(draws, others) for each, others in pieces.items()}
+    without = {each: _mean_likelihood(draws, tuple(e for e in evidence if e is not each)) for each in evidence}
     doubted = max(without, key=lambda each: without[each])
     if without[doubted] < CONTRADICTION * _mean_likelihood(draws, evidence):
         return UntrustedError(

@@ -67,7 +67,7 @@ class Exporting(Asking):
                 keep()
 
         def take(path: str) -> None:
-            self.set_timer(0.1, partial(self.attempt, partial(write, path)))  # once the form has gone
+            self.call_later(self.attempt, partial(write, path))  # once the form has gone
 
         self.push_screen(Form(f"{title}: file", name, hint, take))
 

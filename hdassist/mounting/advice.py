@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -35,7 +35,6 @@ from hdassist.run.run import Run
 from hdassist.verdict import SURE, Verdict, verdict_by_probability
 
 GAIN_DRAWS = 4  # times as many, at most, where chance leaves open whether a turn gains: they halve the interval
-FIRST_TRIALS = 3  # positions to begin trials with
 TURNED_STATES = 700  # that a sample solves for a further position, about
 
 
@@ -89,18 +88,13 @@ class Advice:
     def any_hole(self) -> bool:
         """Whether the direction that decides is unknown, and F'_ior not measured: any hole may be the best one."""
         is_known = self.no_hole_better or measured_errors(self.drive)
-        return bool(self.unknown and self.deciding and not is_known)
+        return bool(self.unknown and unknown_turn(self.drive) and not is_known)
 
     @property
     def no_hole_better(self) -> str:
         """Why any hole is as good as any other, as model.unknown has it; empty where one may be better."""
         found = no_hole_better(self.drive)
         return "" if found == "turning" and self.measured and self.measured.fixed(self.drive) else found
-
-    @property
-    def deciding(self) -> tuple[str, ...]:
-        """Directions that decide, and are not known at all."""
-        return unknown_turn(self.drive)
 
     @property
     def has_curve(self) -> bool:
@@ -138,19 +132,14 @@ class Advice:
         tried = {each.rotation_deg for each in measured_errors(self.drive)}
         usable = sorted(self.choice.ranked, key=lambda p: p.rotation_deg)
         usable = [p for p in usable if p.rotation_deg not in tried] or usable
-        wanted = [120.0 * k for k in range(FIRST_TRIALS)]
+        wanted = (0.0, 120.0, 240.0)
         near = [min(usable, key=lambda p: abs((p.rotation_deg - at + 180) % 360 - 180)) for at in wanted]
         return tuple({p.rotation_deg: p for p in near}.values())
-
-    @property
-    def worth_turning(self) -> bool:
-        """Whether a turn is ordered."""
-        return self.order == "turn"
 
     @cached_property
     def choice(self) -> Choice:
         """The chosen position beside the others; where there are samples, with the median F'_ior over them."""
-        curve, turn = self.curve, self.worth_turning
+        curve, turn = self.curve, self.order == "turn"
         if not self.positions:
             return Choice(self.drive, curve.torques, curve.current, curve.recommended, turn, tuple(curve.ranked))
         found = self.positions.choice(self.drive, self.drive.number(standing_offset(self.drive)[1]))
@@ -218,16 +207,12 @@ def advise(
     if not drawn:
         return advice
     positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
-    left = limits_left(drive, torques)
+    left, of = limits_left(drive, torques), partial(PositionStatistics.of, rotations_deg=positions)
 
     def with_samples(samples: Samples) -> Advice:
         """The advice with positions over the samples, and the probabilities that an order rests on."""
-        found = PositionStatistics.of(samples.of_ranges, positions)
+        found = of(samples.of_ranges)
         now, place = found.place(0.0), found.challenger
-
-        def of(stage: Samples) -> PositionStatistics:
-            return PositionStatistics.of(stage, positions)
-
         gain = None if place is None else samples.probability(lambda stage: of(stage).is_better(place), needed)
         stay = None if now is None else samples.probability(lambda stage: of(stage).is_close(now), needed)
         return replace(advice, samples=samples, positions=found, gain_probability=gain, stay_probability=stay)

@@ -77,7 +77,7 @@ def mounting_curve(
         proof += states
         run.solved(states.states)
     curve = replace(curve, F_ior_arcsec=np.hstack(found), every_state=~every, certificate=proof)
-    decisive = np.isin(np.arange(len(rotations_deg)), list(curve.decisive)) & every
+    decisive = np.isin(rotations_deg, [0, curve.recommended.rotation_deg]) & every
     proven = _solved(curve, decisive, there, wheels, run)
     missed = np.abs(proven.F_ior_arcsec - curve.F_ior_arcsec).max() > SEARCH_TOLERANCE
     return _solved(proven, ~decisive, there, wheels, run) if missed else proven

@@ -78,19 +78,15 @@ class PositionStatistics:
         """Loss of each position against the best one, as a share of the error there, shape (samples, positions)."""
         return np.asarray(self.merits / self.merits.min(axis=1, keepdims=True) - 1)
 
-    def _mean(self, values: Array) -> Array:
-        """Weighted mean over the samples."""
-        return np.asarray(self.sample_weights @ values / self.sample_weights.sum())
-
     @cached_property
     def expected_loss(self) -> Array:
         """Mean of the losses, shape (positions,)."""
-        return self._mean(self.losses)
+        return np.average(self.losses, axis=0, weights=self.sample_weights)
 
     @cached_property
     def probability_good(self) -> Array:
         """Probability of each position to lose less than GOOD, shape (positions,)."""
-        return self._mean((self.losses < GOOD).astype(float))
+        return np.average(self.losses < GOOD, axis=0, weights=self.sample_weights)
 
     @cached_property
     def ranked(self) -> list[int]:

@@ -89,17 +89,17 @@ class MountingCurve:
 
     def at(self, place: int) -> Position:
         """One of the positions."""
-        values = tuple(float(v) for v in self.F_ior_arcsec[:, place])
+        values = tuple(self.F_ior_arcsec[:, place].tolist())
         rotation = float(self.rotation_deg[place])
         return Position(rotation, float(self.phase_deg[place]), hole_of(rotation, self.holes), values)
 
     @property
     def usable(self) -> NDArray[np.bool_]:
         """Which positions the wheel can be mounted in, shape (rotations,)."""
-        if not self.holes:
-            return np.ones(len(self.rotation_deg), dtype=bool)
-        holes = [hole_of(float(rotation), self.holes) for rotation in self.rotation_deg]
-        return np.array([hole is not None and (self.allowed is None or hole in self.allowed) for hole in holes])
+        holes, free = [hole_of(rotation, self.holes) for rotation in self.rotation_deg.tolist()], not self.holes
+        return np.array(
+            [free or (hole is not None and (self.allowed is None or hole in self.allowed)) for hole in holes]
+        )
 
     @property
     def current(self) -> Position:
@@ -114,20 +114,8 @@ class MountingCurve:
     @property
     def ranked(self) -> list[Position]:
         """The usable positions, best first."""
-        return [self.at(place) for place in self._ranked]
-
-    @property
-    def decisive(self) -> set[int]:
-        """Places of the present and of the recommended position."""
-        return {0, self._ranked[0]}
-
-    @property
-    def _ranked(self) -> list[int]:
-        """Places of the usable positions, best first."""
-        places = np.flatnonzero(self.usable)
-        return [
-            int(p) for p in places[np.argsort(merit(self.F_ior_arcsec, self.F_ior_arcsec[:, 0])[places], kind="stable")]
-        ]
+        order = np.argsort(merit(self.F_ior_arcsec, self.F_ior_arcsec[:, 0]), kind="stable")
+        return [self.at(place) for place in order[self.usable[order]].tolist()]
 
 
 NO_ERROR = 1e-9  # arcsec: a drive without deviations has less

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 
+from hdassist.belief.statistics import Probability
+from hdassist.error.self_error import limits_left
 from hdassist.json_parts import Json
 from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import hole_words
 from hdassist.preset.fields import Drive
 from hdassist.report.blocks import Table
+from hdassist.terminal.brief import probability_words
+from hdassist.verdict import SURE
 
 LEVELS = {"expected": 0.5, "low": 0.05, "high": 0.95}  # quantiles
 SHARES = ("probability_good", "expected_loss")  # of a position
@@ -41,14 +45,23 @@ def whiskers_of(
     return tuple((at / per_deg, *end) for at, end in zip(found.rotations_deg, ends, strict=True))
 
 
-def kept_line(found: PositionStatistics, drive: Drive, torques: Sequence[float]) -> str:
-    """How sure the best position keeps the preset's limits, at each torque [N*m] that has one."""
-    where, words = hole_words(found.rotations_deg[found.best], drive.mounting.holes), []
-    weights = found.sample_weights / found.sample_weights.sum()
-    for M_g, drawn in zip(torques, found.at(found.best), strict=True):
-        if (limit := drive.limit(M_g)) is not None:
-            sure = 100 * weights[drawn <= limit].sum()
-            words.append(f"{sure:.0f} % sure that {where} at {M_g:g} N·m stays below {limit:g}″, self error aside")
+def kept_line(
+    rotation_deg: float,
+    drive: Drive,
+    torques: Sequence[float],
+    kept: Callable[[int, float], Probability],
+    sure: float = SURE,
+) -> str:
+    """How surely F'_ior with the self error keeps the preset's limits in a position, at each torque [N*m] that has one.
+
+    Arguments: kept, probability that F'_ior there, at a torque by its place, is at most a room [arcsec]; sure, that
+    which PASS needs.
+    """
+    where, words = hole_words(rotation_deg, drive.mounting.holes), []
+    for k, (M_g, room) in enumerate(zip(torques, limits_left(drive, torques), strict=True)):
+        if room is not None:
+            held = f"{where} at {M_g:g} N·m: F'_ior + self error ≤ {drive.limit(M_g):g}″"
+            words.append(f"{held}: {probability_words(kept(k, room), sure)}")
     return "; ".join(words)
 
 

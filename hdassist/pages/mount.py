@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
+from hdassist.belief.samples import Samples
+from hdassist.belief.statistics import Probability
 from hdassist.json_parts import (
     Json,
     influence_objects,
@@ -15,8 +18,10 @@ from hdassist.json_parts import (
     unknown_objects,
 )
 from hdassist.model.deviations import standing_offset
-from hdassist.model.unknown import unknown_names
+from hdassist.model.geometry import Array
+from hdassist.model.unknown import unknown_names, unknown_turn
 from hdassist.mounting.advice import Advice
+from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import bare
 from hdassist.pages.card import CardFacts, warnings_of
 from hdassist.pages.losses import LEVELS, kept_line, losses_table, positions_object, whiskers_of
@@ -86,7 +91,7 @@ def what_to_do(advice: Advice) -> str:
         why = NO_HOLE_BETTER.get(advice.no_hole_better)
         return (f"No hole is better than another: {why}. " if why else "") + instruction(advice.choice)
     fixed = wheel(advice.drive)
-    paths = advice.deciding if advice.any_hole else advice.open_
+    paths = unknown_turn(advice.drive) if advice.any_hole else advice.open_
     fields = ", ".join(paths[:OPEN_NAMED]) + (", ..." if len(paths) > OPEN_NAMED else "")
     if advice.any_hole:
         why = f"nothing is known of the direction that decides ({fields}), so any position may be the best"
@@ -130,14 +135,25 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
             yield "sure", f"{at} is better than now by more than 1 % with {sure}"
     if not advice.curve.usable[0]:
         yield "forbidden", "the wheel may not stay where it stands (mounting.allowed)"
-    if found and advice.worth_turning:
-        yield "limit", kept_line(found, advice.drive, torques)
+    if found and advice.samples and advice.order == "turn":
+        kept = partial(_kept, advice.samples, found, advice.needed)
+        yield "limit", kept_line(advice.chosen.rotation_deg, advice.drive, torques, kept, advice.needed)
     yield "influence", influence_words(advice.influences, "the gain") if advice.influences else ""
     yield "measure", _measure(advice)
     if advice.unknown and not advice.samples:
         yield "unknown", f"taken as 0: {unknown_names(advice.unknown)}"
     if advice.order != "none" and not carded:  # else the sentence above names it
         yield "next", again("mount", advice.drive, "--card", "card.html")
+
+
+def _kept(samples: Samples, found: PositionStatistics, sure: float, torque: int, room_arcsec: float) -> Probability:
+    """Probability that F'_ior in the best position, at a torque by its place, is at most a room [arcsec]."""
+
+    def within(stage: Samples) -> Array:
+        there = PositionStatistics.of(stage, found.rotations_deg).at(found.best)[torque]
+        return np.asarray(there <= room_arcsec)
+
+    return samples.probability(within, sure)
 
 
 def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
@@ -223,7 +239,7 @@ def _values(advice: Advice, seed: int) -> Json:
         "pitch": pitch_object(advice.measured),
         "instruction": what_to_do(advice),
         "order": advice.order,
-        "turn": advice.worth_turning,
+        "turn": advice.order == "turn",
         "measure": advice.to_try if advice.order == "none" else [],
         "to_measure": measure_objects(advice.to_measure),
         "influence": influence_objects(advice.influences),

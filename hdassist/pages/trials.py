@@ -7,6 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
+from hdassist.belief.statistics import Probability, probability_by_share
 from hdassist.json_parts import Json, attributes, unknown_objects
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_names, unknowns
@@ -143,8 +144,13 @@ def trials_instruction(advice: TrialAdvice) -> str:
 
 def _facts(advice: TrialAdvice, *, carded: bool) -> Iterator[tuple[str, str]]:
     """Limits, how to go on, and the next command, a label and a text each."""
-    torques = advice.drive.operation.M_g
-    yield "limit", "" if advice.outcome else kept_line(advice.losses, advice.drive, torques)
+    torques, best = advice.drive.operation.M_g, advice.losses.best
+
+    def kept(torque: int, room_arcsec: float) -> Probability:
+        share = float(np.mean(advice.losses.at(best)[torque] <= room_arcsec))
+        return probability_by_share(share, advice.draws.effective)
+
+    yield "limit", "" if advice.outcome else kept_line(advice.stay[0], advice.drive, torques, kept)
     if not (advice.outcome or (carded and advice.settled)):
         value = f"the value of {advice.where(advice.to_measure_next[0])} as one more trial"
         if len(torques) > 1:

@@ -51,12 +51,11 @@ class ProductionLaw:
     drive: Drive
     shared: tuple[FieldPrior, ...]
     own: tuple[FieldPrior, ...]
-    fitted: tuple[str, ...] = ()
 
     @cached_property
     def joint(self) -> DrivePrior:
         """The prior of a random drive of a random design."""
-        return DrivePrior(self.drive, self.shared + self.own, self.fitted)
+        return DrivePrior(self.drive, self.shared + self.own)
 
     @property
     def tolerances(self) -> tuple[TolerancedSize, ...]:
@@ -93,10 +92,9 @@ def production_law(
     known, directions that are as the preset has them. Raises UsageError for a direction that is none, or is called
     known and is not.
     """
-    if none := {*known} - {each.direction for each in DEVIATIONS}:
-        raise UsageError(f"{min(none)} is no direction of a deviation")
-    prior = prior_of(drive)
-    priors = {each.path: each for each in prior.fields}
+    if none := {*known} - {each.direction for each in DEVIATIONS if drive.value(each.direction) is not None}:
+        raise UsageError(f"{min(none)} cannot be known: it is no direction that the preset gives")
+    priors = {each.path: each for each in prior_of(drive).fields}
     assumed = {each.path for each in assumptions(drive)} if chosen else set()
     own: list[FieldPrior] = []
     for each in DEVIATIONS:
@@ -108,14 +106,12 @@ def production_law(
         else:
             continue
         given = drive.value(each.direction) is not None
-        if each.direction in known and not given:
-            raise UsageError(f"{each.direction} cannot be known: the preset does not give it")
         if given and each.direction in priors:
             own.append(priors[each.direction])
         elif each.direction not in known:
             reason = "parts are put together as they come"
             own.append(FieldPrior(each.direction, "even", 0.0, 360.0 / each.order, "drive", each.size, reason))
-    others = [each for each in prior.fields if each.path not in DEVIATION_FIELDS]
+    others = [each for each in priors.values() if each.path not in DEVIATION_FIELDS]
     clearances = tuple(f for f in others if f.distribution == "normal" and f.owner != "design")
     shared = tuple(f for f in others if f not in clearances)
-    return ProductionLaw(drive, shared, (*own, *clearances), prior.fitted)
+    return ProductionLaw(drive, shared, (*own, *clearances))

@@ -147,7 +147,7 @@ class Production:
             own = self.law.values(self.seed, k)
             about = RandomDrive(design=self.design_of(k), weight=weight, values={**design, **own})
             try:
-                found.append(replace(about, **self._answer(dict(about.values), maps)))
+                found.append(replace(about, **self._solved(about.values, maps)))
             except HdassistError as error:
                 found.append(replace(about, refused=error.message))
         return found
@@ -175,14 +175,11 @@ class Production:
             "shared": [asdict(each) for each in self.law.shared],
         }
 
-    def _answer(self, values: dict[str, float], maps: MapsOf) -> dict[str, Any]:
+    def _solved(self, values: Mapping[str, float], maps: MapsOf) -> dict[str, Any]:
         """F'_ior as built and best, with its proof: fields of a record."""
-        moved = self.drive.with_values({p: value for p, value in values.items() if p not in DEVIATION_FIELDS})
-        if (conflict := first_conflict(moved)) is not None:
+        drive = self.drive.with_values({p: value for p, value in values.items() if p not in DEVIATION_FIELDS})
+        if conflict := first_conflict(drive):
             raise UntrustedError(f"no such drive: {conflict.path}: {conflict.message}")
-        return self._solved(values, maps, moved)
-
-    def _solved(self, values: Mapping[str, float], maps: MapsOf, drive: Drive) -> dict[str, Any]:
         turns, turned = np.array(self.rotations), carried(drive)
         columns = {p: np.full(len(turns), value) for p, value in values.items() if p in DEVIATION_FIELDS}
         batch = Batch(drive, columns | {p: columns.get(p, drive.number(p)) + turns for p in turned})

@@ -212,7 +212,7 @@ def advise_from_trials(
     trials = (*_of_preset(drive, rig, (*trials, outcome)), *trials)
     if not trials:
         raise UsageError(f"no trials at {rig.M_g:g} N·m: expected HOLE=VALUE, or measured.F_ior", TRIAL_HINT)
-    every = (*trials, outcome) if outcome else tuple(trials)
+    every = (*trials, outcome) if outcome else trials
     if not drive.mounting.holes:
         positions = sorted({*positions, *(trial.rotation_deg for trial in every)})
 
@@ -233,7 +233,7 @@ def advise_from_trials(
             raise
         explained = False
     if not explained:
-        draws, losses = teach(every := tuple(trials))
+        draws, losses = teach(every := trials)
     without = () if outcome or len(every) < FITTING_TRIALS else _without_each(every, losses.best, teach)
     best = next_trial(draws, losses, rig.noise_arcsec, run.seed)
     return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, without)

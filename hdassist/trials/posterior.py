@@ -126,14 +126,10 @@ def learnt(
 
 
 def require_effective(prior: Prior, trials: Sequence[Trial], draws: Draws, needed: float) -> None:
-    """Raise UntrustedError where fewer samples are effective than needed, naming the trial without which most are."""
+    """Raise UntrustedError where fewer samples are effective than needed, naming the trial most probably misread."""
     if draws.effective >= needed:
         return
-
-    def without(k: int) -> float:
-        return drawn(prior, [*trials[:k], *trials[k + 1 :]], [0.0]).effective
-
-    doubted = trials[max(range(len(trials)), key=without)]
+    doubted = trials[int(np.argmax(draws.misread))]
     where = hole_words(doubted.rotation_deg, prior.drive.mounting.holes)
     raise UntrustedError(
         f"too few samples explain the trials: {draws.effective:.1f} of {prior.possible.size} are effective, "
@@ -163,10 +159,8 @@ def prediction(prior: Prior, before: Sequence[Trial], trial: Trial) -> Predictio
     draws, told = (drawn(prior, before, [trial.rotation_deg], kinds) for kinds in ((), AS_TOLD))
     noise, as_told = (each.noise[:, None] * prior.noise([trial]) for each in (draws, told))
     noise *= np.random.default_rng([prior.seed, 2]).standard_normal((POSTERIOR_DRAWS, 1))
-    expected, (low, high) = (
-        float(draws.F_ior_arcsec.mean()),
-        np.quantile(draws.F_ior_arcsec + noise, (0.025, 0.975)).tolist(),
-    )
+    expected = float(draws.F_ior_arcsec.mean())
+    low, high = np.quantile(draws.F_ior_arcsec + noise, (0.025, 0.975)).tolist()
     # how far out in the tail where draws have run out is unknown
     below = ndtr((trial.F_ior_arcsec - told.F_ior_arcsec) / as_told).mean()
     surprise = float(ndtri(np.clip(below, 1e-6, 1 - 1e-6)))

@@ -14,11 +14,10 @@ from hdassist.numerals import number_of
 from hdassist.preset.fields import Drive
 
 LEAST_NOISE = 1e-3  # arcsec
-AS_IT_STANDS = Reading()
 
 
 def read_trial_or_record(
-    text: str, drive: Drive, reading: Reading = AS_IT_STANDS, seed: int = 0, allowed: Sequence[int] | str = "all"
+    text: str, drive: Drive, reading: Reading, seed: int = 0, allowed: Sequence[int] | str = "all"
 ) -> Trial:
     """Read h4=17.3 as read_trial does, or h4=run.csv, a record of the drive's error over its full cycle.
 
@@ -27,13 +26,12 @@ def read_trial_or_record(
     the cycle.
     """
     where, _, file = text.partition("=")
-    is_file = re.search(r"[/\\]|\.[A-Za-z]", file) or (isnan(number_of(file)) and os.path.lexists(file))
-    if not is_file:
+    if not (re.search(r"[/\\]|\.[A-Za-z]", file) or (isnan(number_of(file)) and os.path.lexists(file))):
         return read_trial(text, drive.mounting.holes, allowed)
     rotation = read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
     greatest = reading.measured(file, drive, seed=seed).directions[0]
-    if greatest.is_bound and greatest.coverage:
-        turns, cycle = greatest.coverage.cam_turns, greatest.coverage.cam_turns / greatest.coverage.share
+    if greatest.is_bound and (covered := greatest.coverage):
+        turns, cycle = covered.cam_turns, covered.cam_turns / covered.share
         raise UntrustedError(
             f"{file}: {turns:.3g} of the {cycle:g} cam turns of the full cycle: F'_ior is a lower bound, and no trial",
             "record the full cycle in one direction",

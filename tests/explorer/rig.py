@@ -131,4 +131,4 @@ async def filled(app: Explorer, pilot: Pilot[int], text: str) -> None:
     """Fill a text in the form that is open, and take it."""
     app.screen.query_one(Input).value = text
     await pilot.press("enter")
-    await pilot.pause(0.3)  # a file is written once the form has gone
+    await pilot.pause()

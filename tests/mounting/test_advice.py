@@ -37,7 +37,7 @@ def test_only_allowed_holes_are_recommended():
     assert [p.hole for p in some.ranked] == [2, 1, 4]
     # the present hole is not among them: it has to be left, even for a worse one
     forced = curve_of([5.0, 9.0, 8.0, 7.0, 30.0, 6.0], holes=6, allowed=(1, 2))
-    assert advice_of(forced).worth_turning
+    assert advice_of(forced).order == "turn"
     assert mount_report(advice_of(forced), 0).line == "2"
     drive = load_preset(SMALL, ["mounting.allowed=[2,5]"])
     assert seat_positions(drive) == [0, 60, 150]
@@ -50,10 +50,10 @@ def test_positions_between_the_holes_are_shown_and_not_recommended():
 
 
 def test_no_gain_means_stay():
-    assert not advice_of(curve_of([10.0, 11.0, 12.0], holes=3)).worth_turning
+    assert advice_of(curve_of([10.0, 11.0, 12.0], holes=3)).order != "turn"
     # less than a hundredth is nothing
-    assert not advice_of(curve_of([10.0, 9.95, 12.0], holes=3)).worth_turning
-    assert advice_of(curve_of([10.0, 9.8, 12.0], holes=3)).worth_turning
+    assert advice_of(curve_of([10.0, 9.95, 12.0], holes=3)).order != "turn"
+    assert advice_of(curve_of([10.0, 9.8, 12.0], holes=3)).order == "turn"
     assert mount_report(advice_of(curve_of([10.0, 9.95, 12.0], holes=3)), 0).line == "0"
     assert instruction(advice_of(curve_of([10.0, 11.0, 12.0], holes=3)).choice) == "Leave the rigid wheel as it is."
 

@@ -121,7 +121,7 @@ def test_a_card_says_how_sure_its_position_is_and_names_no_field():
     advice = CARDS["sampled"]
     low, middle, high = (f"{100 * each:.0f} %" for each in advice.gain_range)
     said, _ = card(advice).chance.lines
-    assert advice.worth_turning
+    assert advice.order == "turn"
     assert (
         f"(3 values), this position has {middle} less error than the present one (5 to 95 %: {low} to {high})" in said
     )

@@ -13,13 +13,16 @@ from hdassist import load_preset
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
+from hdassist.belief.statistics import probability_by_share
 from hdassist.belief.tabled import TableEffort
 from hdassist.error.error_map import ErrorMap
+from hdassist.error.self_error import self_error
 from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import rotated
 from hdassist.mounting.trial import Trial
 from hdassist.pages.trials import trials_card_facts, trials_instruction, trials_report, trials_warnings
 from hdassist.terminal.answers import report_object
+from hdassist.terminal.brief import probability_words
 from hdassist.terminal.console import Style
 from hdassist.terminal.page import report_page
 from hdassist.terminal.texts import texts
@@ -28,6 +31,7 @@ from hdassist.trials.posterior import (
     Prediction,
 )
 from hdassist.trials.prior import Rig, TrialEffort
+from hdassist.verdict import SURE
 from tests.process import ASSUMED, SMALL, TINY
 from tests.support import changed
 from tests.trials.drives import (
@@ -247,13 +251,15 @@ def test_one_torque_alone_is_offered_where_several_do_not_settle_it(advice: Tria
     assert "alone it decides" not in page(repeated(several, needed=0.0)) + page(replace(advice, needed=1.1))
 
 
-def test_how_sure_the_best_position_keeps_a_limit(advice: TrialAdvice) -> None:
-    drawn = advice.losses.at(advice.losses.best)[0]
-    limit = float(np.quantile(drawn, 0.7))
+def test_how_sure_the_best_position_keeps_a_limit_with_the_self_error(advice: TrialAdvice) -> None:
+    drawn, own = advice.losses.at(advice.losses.best)[0], self_error(advice.drive, [M_G])[0].range_arcsec
+    limit = round(float(np.quantile(drawn, 0.7)) + own, 3)
     drive = load_preset(SMALL, ["operation.M_g=4", ASSUMED, f"acceptance.F_ior={limit}"])
     held = replace(advice, prior=replace(advice.prior, drive=drive))
-    assert "limit 70 % sure that hole" in page(held)
-    assert " sure that " not in page(advice)
+    chance = probability_by_share(float(np.mean(drawn + own <= limit)), advice.draws.effective)
+    kept = f"at 4 N·m: F'_ior + self error ≤ {limit:g}″: {probability_words(chance, SURE)}"
+    assert re.search(rf"limit hole \d+ \(\d+°\) {re.escape(kept)}", page(held))
+    assert "self error" not in page(advice)
 
 
 def test_a_probability_below_the_one_wanted_is_not_rounded_up_to_it(advice: TrialAdvice) -> None:

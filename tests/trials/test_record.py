@@ -39,19 +39,19 @@ def record(tmp_path):
 
 def test_a_record_gives_the_value_and_the_uncertainty_that_measure_gives(record):
     drive, file = load_preset(SMALL), record(CYCLE)
-    found = read_trial_or_record(f"h4={file}", drive)
+    found = read_trial_or_record(f"h4={file}", drive, Reading())
     assert found.rotation_deg == 120
     greatest = measure(read_trace(file), drive=drive).directions[0]
     assert (found.F_ior_arcsec, found.noise_arcsec) == (greatest.range.value, greatest.uncertainty_arcsec)
     assert found.F_ior_arcsec == pytest.approx(12, abs=0.5)
     stated = read_trial_or_record(f"120={file}", drive, Reading(budget=("encoder=3",)))
     assert stated.noise_arcsec == pytest.approx(np.hypot(3.0, found.noise_arcsec), rel=0.01)
-    assert read_trial_or_record("h4=17.3", drive) == Trial(120, 17.3)
+    assert read_trial_or_record("h4=17.3", drive, Reading()) == Trial(120, 17.3)
 
 
 def test_a_record_of_less_than_the_cycle_is_no_trial(record):
     with pytest.raises(UntrustedError, match=r"3 of the 30 cam turns of the full cycle: F'_ior is a lower bound"):
-        read_trial_or_record(f"h4={record(3)}", load_preset(SMALL))
+        read_trial_or_record(f"h4={record(3)}", load_preset(SMALL), Reading())
 
 
 @pytest.mark.parametrize(
