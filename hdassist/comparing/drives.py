@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 from operator import add
 
@@ -140,7 +140,9 @@ def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, r
     pairs = min(draws, DRAWN_PAIRS)
     compared = [drive_changes(drives[0], other, pairs=pairs, run=run) for other in drives[1:]]
     proofs = [sheet.certificate for sheet in sheets] + [proof for _, proof in compared]
-    changes = tuple(change for change, _ in compared)
+    changes = tuple(
+        _as_believed(change, sheets[0], sheet) for (change, _), sheet in zip(compared, sheets[1:], strict=True)
+    )
     return DrivesComparison(sheets, differing_rows(drives), changes, reduce(add, proofs))
 
 
@@ -188,6 +190,17 @@ def drive_changes(
         tuple(path for path in paths if path not in screened),
     )
     return changes, proof
+
+
+def _as_believed(changes: DriveChanges, first: DriveSheet, other: DriveSheet) -> DriveChanges:
+    """Changes, unknown where the medians over all uncertain inputs of both drives move the other way."""
+    medians = [[point.F_ior_arcsec for point in sheet.check.points] for sheet in (first, other)]
+    signs = {"less": -1, "more": 1}
+    senses = (
+        UNKNOWN if before and after and (after - before) * signs.get(sense, 0) < 0 else sense
+        for sense, before, after in zip(changes.F_ior_is, *medians, strict=True)
+    )
+    return replace(changes, F_ior_is=tuple(senses))
 
 
 def sense_of_change(change: Array) -> str:

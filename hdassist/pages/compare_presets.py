@@ -88,16 +88,18 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
     """A cell for each of DRIVE_HEADS of each drive at each torque."""
     for k, M_g in enumerate(result.torques):
         for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
-            change = _change(changes, k) if changes else (NO_VALUE, NO_VALUE)
+            change = _change(changes, (result.sheets[0], sheet), k) if changes else (NO_VALUE, NO_VALUE)
             built, best = F_ior_words(sheet.check.points[k]), _mounted_best(sheet, k)
             yield letter, f"{M_g:g} N·m", built, best, *change
 
 
-def _change(changes: DriveChanges, k: int) -> tuple[str, str]:
-    """How F'_ior changes from A at a torque by its place, and the field that alone does most."""
+def _change(changes: DriveChanges, sheets: Sequence[DriveSheet], k: int) -> tuple[str, str]:
+    """How the F'_ior of check changes from A at a torque by its place, and the field that alone does most."""
+    before, after = (sheet.check.points[k].F_ior_arcsec for sheet in sheets)
+    share = abs(after / before - 1) if before and after else changes.together.share[k]
     most = max(changes.single, key=lambda change: abs(change.change_arcsec[k]), default=None)
     sense = changes.F_ior_is[k]
-    words = "open" if sense == NOT_KNOWN else f"{100 * changes.together.share[k]:.0f} % {sense}"
+    words = "open" if sense == NOT_KNOWN else f"{100 * share:.0f} % {sense}"
     return sense if sense == "the same" else words, most.field if most else NO_VALUE
 
 

@@ -19,7 +19,13 @@ ENTRY_COLUMNS: tuple[Quantity[ArchiveEntry], ...] = (
     Quantity("hole", "hole", "", ""),
     Quantity("M_g_Nm", "torque", "", "g"),
     Quantity("direction", "cam angle", "", DIRECTION_NAMES.__getitem__),
-    Quantity("F_ior_arcsec", "F'_ior", "", "", lambda e: "≥ " * e.F_ior_is_lower_bound + f"{e.F_ior_arcsec:.2f}"),
+    Quantity(
+        "F_ior_arcsec",
+        "F'_ior",
+        "",
+        "",
+        lambda e: f"≥ {e.low_arcsec:.2f}" if e.F_ior_is_lower_bound else f"{e.F_ior_arcsec:.2f}",
+    ),
     Quantity("interval", "95 %", "", "", lambda e: f"{e.low_arcsec:.2f} to {e.high_arcsec:.2f}"),
     Quantity("temperature_C", "temperature", "", lambda value: f"{value:g}°C"),
 )

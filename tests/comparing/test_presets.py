@@ -13,6 +13,7 @@ import pytest
 from hdassist import kinematic_error, load_preset, mounting_curve, stiffness
 from hdassist.commands.compare import is_preset
 from hdassist.comparing.drives import (
+    _as_believed,
     compare_drives,
     differing_fields,
     differing_rows,
@@ -183,8 +184,17 @@ def test_what_cannot_be_meant_is_refused(files, args, code, words):
     assert not (files / "page.txt").exists()
 
 
+def test_a_change_against_the_medians_of_check_is_open(better):
+    first, second = better.sheets
+    (change,) = better.changes
+    assert _as_believed(change, first, second) == change
+    assert _as_believed(change, second, first).F_ior_is == ("unknown",)
+    backwards = replace(better, sheets=(second, first), changes=(_as_believed(change, second, first),))
+    assert drives_report(backwards, 0).verdict == "B open"
+
+
 def test_three_presets_are_held_against_the_first(better):
-    three = replace(better, sheets=(*better.sheets, better.sheets[0]), changes=better.changes * 2)
+    three = replace(better, sheets=(*better.sheets, better.sheets[1]), changes=better.changes * 2)
     report = drives_report(three, 0)
     assert report.line == "; ".join(f"{letter} {report.line[2:].partition(';')[0]}" for letter in "BC")
     assert len(report_object(report)["changes"]) == 2
