@@ -67,5 +67,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         allocator = Allocator(production, tuple(room), self.wanted, self.sure, partial(self.records, out), self.count)
         ways = [allocator.cheapest(turned) for turned in ((False, True) if self.mounting else (False,))]
         gains = to_measure(law, samples, 0) if samples else ()
-        found = Allocated(law, self.wanted, self.sure, limits, own, allocator.choices, ways, self.seed, gains)
+        found = Allocated(
+            law, self.wanted, self.sure, limits, own, allocator.choices, ways, self.seed, gains, self.count
+        )
         return give("allocate", [allocate_report(found)], self, out)

@@ -80,7 +80,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
                 ref = f"hdassist calibrate, {wanted.name or self.targets.name}"
                 model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
                 changed = with_found_values(given, name, best, ref, model)
-            return calibrate_report(result)
+            return calibrate_report(result, self.write)
 
         code = give("calibrate", run_each("calibrate", [self.preset], one, self), self, out)
         if self.write is not None:

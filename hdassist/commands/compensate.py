@@ -12,7 +12,6 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from hdassist.correction.forms import CorrectionForm
     from hdassist.correction.records import RecordedError
-    from hdassist.measuring.measure import SweepResult
     from hdassist.preset.fields import Drive
     from hdassist.report.report import Report
 
@@ -63,19 +62,19 @@ class CompensateCommand(
         usual = USUAL_POINTS if self.form == "output" else CAM_POINTS
         return CorrectionForm(self.form, self.points or usual, self.each_load)
 
-    def recorded(self, file: str, drive: Drive) -> tuple[RecordedError, SweepResult]:
-        """Error of a record of the drive, and its F'_ior."""
+    def recorded(self, file: str, drive: Drive, *, may_be_noise: bool = False) -> RecordedError:
+        """Error of a record of the drive; may_be_noise as of `measure`."""
         from hdassist.correction.records import recorded_error
 
-        found = self.reading().measured(file, drive, seed=self.seed, together=True)
-        return recorded_error(found, drive, self.alignment()), found.directions[0]
+        found = self.reading().measured(file, drive, seed=self.seed, together=True, may_be_noise=may_be_noise)
+        return recorded_error(found, drive, self.alignment())
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
         """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
         files, torques = self.files or [], drive.operation.M_g
         if len(files) > len(torques):
             raise UsageError(f"{len(files)} records, but {drive.name} has {len(torques)} torques", "--torque for each")
-        return {M_g: self.recorded(name, drive)[0] for M_g, name in zip(torques, files, strict=False)}
+        return {M_g: self.recorded(name, drive) for M_g, name in zip(torques, files, strict=False)}
 
     def run(self) -> int:
         """Compute corrections of the drive; returns the exit code."""
@@ -94,11 +93,11 @@ class CompensateCommand(
         def one(name: str) -> Report:
             drive = self.load(name)
             records = self.records(drive)
-            after = self.recorded(self.after, drive) if self.after else None
+            after = self.recorded(self.after, drive, may_be_noise=True) if self.after else None
             with out.run(drive.name, 2 * check_states(drive, draws=self.draws), self) as run:
                 result = correct(drive, form=form, records=records, draws=self.draws, run=run)
-                if after:
-                    return verified_report(result, verify(result, *after, run))
+                if after and not result.chosen.is_refused:
+                    return verified_report(result, verify(result, after, run))
             if target and not result.chosen.is_refused:
                 text, about = self.controller_texts(result, target[0])
                 note(about.rstrip())

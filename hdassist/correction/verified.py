@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdassist.correction.correct import Correction, ErrorPart, correction_curve, error_parts
-from hdassist.correction.records import RecordedError, recorded_lines
+from hdassist.correction.correct import Correction, ErrorPart, correction_curve, error_parts, percentiles
+from hdassist.correction.records import RecordedError, recorded_beyond, recorded_lines
 from hdassist.correction.table import ExpectedResidual
-from hdassist.measuring.measure import SweepResult
 from hdassist.model.geometry import Array
 from hdassist.planning.lines import POINTS_A_TURN, ErrorLines
 from hdassist.run.run import Run
@@ -24,8 +23,9 @@ IN_ZERO_DEG = 3.0  # of the cam, as far as a zero counts as right
 class VerifiedCorrection:
     """A record with the correction on, at the torque that it is for.
 
-    F_ior_arcsec: measured, and its interval, without an upper end of part of the cycle; promised; parts: of the error
-    as promised and as it came, of the full cycle only; cause: words for why it does not do as was promised.
+    F_ior_arcsec: of its lines and what they leave, and its interval, without an upper end of part of the cycle;
+    promised; parts: of the error as promised and as it came, of the full cycle only; cause: words for why it does not
+    do as was promised.
     """
 
     F_ior_arcsec: float
@@ -37,27 +37,28 @@ class VerifiedCorrection:
     verdict: Verdict
 
 
-def verify(result: Correction, record: RecordedError, measured: SweepResult, run: Run) -> VerifiedCorrection:
+def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorrection:
     """What a record with the correction on shows, and what was promised.
 
-    Arguments: measured, F'_ior of the same record. PASS where all of its interval is within the promise at 95 %, FAIL
-    where none of it is.
+    Its interval begins with the lines that a drive has, at 5 %, and ends with all that the readings have beside their
+    known noise, at 95 %. PASS where that is within the promise at 95 %, FAIL where all of it is above.
     """
     promised, error = result.chosen.residuals[0], result.errors[result.M_g]
-    low, high = measured.interval_arcsec
-    most = np.inf if record.is_part else high
-    verdict = Verdict.PASS if most <= promised.p95 else Verdict.FAIL if low > promised.p95 else Verdict.INCONCLUSIVE
+    lines = recorded_lines(error.lines, record, run)
+    found, beyond = recorded_beyond(lines, record, run)
+    F_ior_arcsec = float(np.ptp(found.mean.curves + beyond))
+    low = min(F_ior_arcsec, percentiles(np.ptp(lines.curves, axis=1))[0])
+    _, middle, most = percentiles(np.ptp(found.curves + beyond, axis=1))  # each with what noise leaves open once more
+    high = None if record.is_part else F_ior_arcsec + most - middle
+    is_kept = high is not None and high <= promised.p95
+    verdict = Verdict.PASS if is_kept else Verdict.FAIL if low > promised.p95 else Verdict.INCONCLUSIVE
     taken = correction_curve(result.correction, error.lines.kinematics).reshape(-1)
     spectrum = np.fft.rfft(taken)[error.lines.per_cycle] * (2 / len(taken))
     left = replace(error.lines, amplitude=error.lines.amplitude + spectrum)
-    came = recorded_lines(error.lines, record, run)
-    parts = (error_parts({result.M_g: replace(error, lines=lines)}) for lines in (left, came))
+    parts = [error_parts({result.M_g: replace(error, lines=each)}) for each in (left, lines)]
     promised_parts, parts_that_came = ((), ()) if record.is_part else parts
-    cause = "" if verdict is Verdict.PASS else likely_cause(error.actual.mean(axis=0), taken, record, came)
-    return VerifiedCorrection(
-        measured.range.value, (low, None if record.is_part else high), promised, promised_parts, parts_that_came,
-        cause, verdict,
-    )  # fmt: skip
+    cause = likely_cause(error.actual.mean(axis=0), taken, record, lines) if verdict is Verdict.FAIL else ""
+    return VerifiedCorrection(F_ior_arcsec, (low, high), promised, promised_parts, parts_that_came, cause, verdict)
 
 
 def likely_cause(before: Array, taken: Array, record: RecordedError, lines: ErrorLines) -> str:

@@ -149,13 +149,14 @@ def measure(
     stated: Mapping[str, float] | None = None,
     seed: int = 0,
     together: bool = False,
+    may_be_noise: bool = False,
 ) -> Measurement:
     """F'_ior, orders and coverage of a measured trace.
 
     Arguments: trace; drive or ratio, for cycle, coverage and beats with the output; orders per cam turn, rising, to
     which the error is limited (None: 1 to 12, or as far as the steps of the angle resolve them); drift, none, linear
     or quadratic, to take off; stated, standard uncertainties [arcsec] by source; seed of the bootstrap;
-    together, both directions as one, which is then 0.
+    together, both directions as one, which is then 0; may_be_noise, whether F'_ior need not be clear of its noise.
     Raises UsageError: a wrong argument; DataError: less than one cam turn in one direction; UntrustedError: orders that
     the record does not resolve, or an F'_ior that is not clear of its noise.
     """
@@ -206,7 +207,9 @@ def measure(
             elif drift_left:
                 warnings.append(DRIFT_LEFT.format(drift_left))
         wind_up = torque.uncertainty_arcsec if torque and torque.by == "catalogue" else 0.0
-        result = _sweep_result(sign, own, fit, declared, drift_left, gearing, drive, stated or {}, seed, wind_up)
+        result = _sweep_result(
+            sign, own, fit, declared, drift_left, gearing, drive, stated or {}, seed, wind_up, may_be_noise
+        )
         if not fit.unmodelled < UNMODELLED * result.range.value:
             size = f"{fit.unmodelled:.2g}″"
             warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
@@ -281,8 +284,9 @@ def _sweep_result(
     stated: Mapping[str, float],
     seed: int,
     wind_up: float,
+    may_be_noise: bool,
 ) -> SweepResult:
-    """The range of a fit with its uncertainty, refused where it is not clear of noise; orders and coverage.
+    """The range of a fit with its uncertainty, refused where it is noise and may not be; orders and coverage.
 
     drift_left: linear drift [arcsec] that the fit has in it; wind_up: uncertainty of one taken off by a catalogue.
     """
@@ -326,7 +330,7 @@ def _sweep_result(
         message = f"the output is read in steps of {size} at even angles: what they round looks like error"
         raise UntrustedError(f"{trace.file}: {message}", "read both encoders by the clock", Fault.ORDERS_UNTOLD)
     alone = combined([source for source in sources if source.name not in {*STATED, WIND_UP}])
-    if not fit.clear_of_noise or not extent.value > COVERAGE_FACTOR * alone:
+    if not (may_be_noise or (fit.clear_of_noise and extent.value > COVERAGE_FACTOR * alone)):
         message = f"F'_ior of {max(extent.value, 0.0):.3g}″ is not clear of its noise, u = {alone:.3g}″"
         hint = "it drifts: --drift linear" if drift_left else "record longer or with less noise; check the column"
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)

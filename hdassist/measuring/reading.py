@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from hdassist.errors import DataError
 from hdassist.measuring.measure import Measurement, measure, require_drift
@@ -30,12 +31,12 @@ class Reading(ClosedRecord, TraceForm):
         parse_orders(self.orders or None)
         require_drift(self.drift)
 
-    def measured(self, file: str, drive: Drive, *, seed: int = 0, together: bool = False) -> Measurement:
-        """Results of a record of a drive; seed and together as of `measure`. Raises what it and read_trace do."""
+    def measured(self, file: str, drive: Drive, **how: Any) -> Measurement:
+        """Results of a record of a drive; how: more arguments of `measure`. Raises what it and read_trace do."""
         table = read_record(file, self)
         if bench_record(table):
             words = f"{table.file}: approached positions or a torque loop, which is no trace"
             raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")
         trace = trace_of(table, self, abs(Kinematics.of(drive).u))
         orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
-        return measure(trace, drive=drive, orders=orders, drift=self.drift, stated=stated, seed=seed, together=together)
+        return measure(trace, drive=drive, orders=orders, drift=self.drift, stated=stated, **how)

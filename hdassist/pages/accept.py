@@ -24,7 +24,14 @@ from hdassist.report.quantities import NO_VALUE, Quantity
 from hdassist.report.report import Report
 from hdassist.terminal.answers import csv_text, together
 from hdassist.terminal.brief import again
-from hdassist.terminal.influence_words import influence_words, measure_words, samples_words, settling_words
+from hdassist.terminal.influence_words import (
+    draws_to_settle,
+    influence_words,
+    measure_words,
+    more_draws,
+    samples_words,
+    settling_words,
+)
 from hdassist.terminal.wheels import WHEEL_WORDS
 from hdassist.verdict import SEVERITY, percent_text, worst_exit_code
 from hdassist.version import __version__
@@ -139,18 +146,21 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
 
 def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[tuple[str, str]]:
     """Largest influences, the next measurement, remarks and the next command, a label and a text each."""
-    if predictions and predictions.samples:
+    next_ = ""
+    if predictions and (samples := predictions.samples):
         if (least := predictions.least_sure) and predictions.influences:
             yield "influence", f"{influence_words(predictions.influences)} at {least.M_g_Nm:g} N·m"
-        kept = predictions.belief(least) if least else None
-        odds = Probability(kept.probability, kept.probability_low, kept.probability_high) if kept else None
-        words = measure_words(predictions.to_measure, held=True)
-        yield "measure", settling_words(words, odds, predictions.sure, predictions.samples)
+        beliefs = [each.belief for each in answer.checks if each.belief]
+        odds = [Probability(b.probability, b.probability_low, b.probability_high) for b in beliefs]
+        words = settling_words(measure_words(predictions.to_measure, held=True), odds, predictions.sure, samples)
+        yield "measure", words
+        if words == more_draws(samples):
+            next_ = again("accept", drive, "--draws", str(draws_to_settle(samples)))
     codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
     yield "remarks", f"hdassist explain {codes}" if codes else ""
     first = by_severity(answer.checks)[0]
     measured = first.basis == "predicted" and first.verdict != "FAIL"
-    yield "next", f"{again('accept', drive)} {first.option}" if measured else to_explain(answer.checks)
+    yield "next", next_ or (f"{again('accept', drive)} {first.option}" if measured else to_explain(answer.checks))
 
 
 def sentence(check: Decision) -> str:

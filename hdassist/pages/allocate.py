@@ -12,7 +12,7 @@ from hdassist.preset.fields import Drive
 from hdassist.report.blocks import Facts, Table
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again, probability_words
-from hdassist.terminal.influence_words import field_unit, measure_words
+from hdassist.terminal.influence_words import MORE_DRAWS, field_unit, measure_words
 from hdassist.tolerance.allocation import Allocation, Tolerance
 from hdassist.tolerance.law import ProductionLaw
 from hdassist.verdict import Verdict
@@ -23,7 +23,7 @@ class Allocated:
     """The cheapest tolerances of a drive, ways to build it one after the other.
 
     wanted, the yield as a share, and sure, with which probability; limits and self errors [arcsec]; to_measure: what of
-    the design.
+    the design; count, of drives drawn for each decision.
     """
 
     law: ProductionLaw
@@ -35,6 +35,7 @@ class Allocated:
     ways: Sequence[Allocation]
     seed: int = 0
     to_measure: Sequence[MeasurementGain] = ()
+    count: int = 0
 
     @property
     def drive(self) -> Drive:
@@ -130,6 +131,9 @@ def _facts(found: Allocated) -> Iterator[tuple[str, str]]:
         cheapest = min((way for way in found.ways if way.fits), key=lambda way: way.cost)
         values = [f"{path}={value:.3g}" for path, value in cheapest.values.items()]
         yield "next", again("tolerance", found.drive, *(word for value in values for word in ("--set", value)))
+    elif found.verdict is Verdict.INCONCLUSIVE and not found.to_measure:
+        asked = ("--yield", f"{found.wanted:g}", "--sure", f"{found.sure:g}", "-n", str(MORE_DRAWS * found.count))
+        yield "next", again("allocate", found.drive, *asked)
     else:
         yield "next", again("sensitivity", found.drive)
 

@@ -57,6 +57,8 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
     first, unsure = found[0], [each for each in found if each.uncertainty_arcsec is not None]
     once = "one approach a position: no uncertainty, and scatter widens the range by an unknown part"
     words = [word for q in unsure for word in ("--value", f"{q.name}={q.arcsec:.3g}±{_expanded(q):.2g}")]
+    unlimited = [q.name for q in unsure if drive is None or getattr(drive.acceptance, q.name) is None]
+    words += [word for name in unlimited for word in ("--limit", f"{name}=LIMIT")]
     return Report(
         command="measure",
         drive=drive,

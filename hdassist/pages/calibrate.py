@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from math import isfinite
 
@@ -27,9 +28,12 @@ FOUND_VALUES: tuple[Quantity[FoundValue], ...] = (
 )
 
 
-def calibrate_report(result: Calibration) -> Report:
-    """A calibration."""
+def calibrate_report(result: Calibration, written: str | None = None) -> Report:
+    """A calibration; written, the file of the preset with its values, None where none is written."""
     wanted = result.targets
+    next_ = "the same command with --write FILE writes a preset with these values"
+    if written is not None:
+        next_ = shlex.join(["hdassist", "check", written])
     sets = [_set_object(wanted, fit) for fit in result.fits]
     met = sets[0]["targets_met"]
     columns = zip(wanted.targets, sets[0]["found"], sets[0]["off_tolerances"], met, strict=True)
@@ -48,7 +52,7 @@ def calibrate_report(result: Calibration) -> Report:
         blocks=(
             Table.by_row("values, half width of their interval, bounds", FOUND_VALUES, result.values, words=(0, 1)),
             Table("targets", ("target", "unit", "wanted", "found", "off, tolerances", ""), tuple(rows)),
-            Facts((("note", NOTE), ("next", "the same command with --write FILE writes a preset with these values"))),
+            Facts((("note", NOTE), ("next", "" if result.shortfall else next_))),
         ),
         details=(Table("sets of values that were kept", heads, tuple(kept)),),
         values={

@@ -118,7 +118,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         drive=check.drive,
         head=f"{check.drive.name}, {k.z_g}/{k.z_b} teeth, {fixed} fixed{heading(check.measured)}",
         verdict=str(check.verdict),
-        why=tuple(filter(None, map(verdict_reason, check.points))),
+        why=tuple(filter(None, map(verdict_reason, check.points))) or tuple(_undrawn(check)),
         blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
         details=(*error_tables(check), Facts.of(_more_facts(check)), *(error_curve(check, each) for each in others)),
         certificate=check.certificate,
@@ -150,18 +150,31 @@ def verdict_reason(point: OperatingPoint) -> str:
     return f"{point.M_g:g} N·m: F'_ior + self error ≤ {point.limit_arcsec:g}″: {words}"
 
 
+def _undrawn(check: DesignCheck) -> Iterator[str]:
+    """Why a verdict without samples is open, and the remedy."""
+    if check.verdict is Verdict.INCONCLUSIVE and check.prior and not check.samples:
+        count = len(check.prior.fields)
+        drawn = "no samples of them were drawn (that takes --draws, smooth teeth, locked balls)"
+        yield f"{count} inputs are not known exactly, and {drawn}; a measured F'_ior decides"
+
+
 def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
     """Largest influences, the next measurement and the next command, a label and a text each."""
     least_sure = check.points[check.least_sure]
     at = f" at {least_sure.M_g:g} N·m"
     yield "influence", influence_words(check.influences) + at if check.influences else ""
     measured = measure_words(check.to_measure, least_sure.limit_arcsec is not None)
-    yield "measure", settling_words(measured, least_sure.probability, least_sure.sure, check.samples)
+    yield (
+        "measure",
+        settling_words(measured, [point.probability for point in check.points], least_sure.sure, check.samples),
+    )
+    if tuple(_undrawn(check)):
+        yield "measure", again("accept", check.drive, "--measured", f"{least_sure.M_g:g}=FILE")
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
     if check.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE) and not check.unknown:
         yield "coupling", _coupling(check)
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
-    yield "next", again(step, check.drive, pitch=check.measured)
+    yield "next", again(step, check.drive)
 
 
 def _more_facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
@@ -175,14 +188,13 @@ def _more_facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
 
 
 def _coupling(check: DesignCheck) -> str:
-    """F'_ior with a cam that aligns itself, at the torque where it takes most off; empty where it is no lever."""
-    pairs = [(p.error.F_ior_arcsec, p.floating.first, p.M_g) for p in check.points if p.floating]
-    if not pairs:
+    """F'_ior with a cam that aligns itself, at the torque that is least sure; empty where it is no lever."""
+    point = check.points[check.least_sure]
+    now = point.error.F_ior_arcsec
+    if not point.floating or point.floating.first > (1 - LEAST_SHARE) * now or now < LEAST_ERROR:
         return ""
-    now, then, M_g = max(pairs, key=lambda pair: 1 - pair[1] / max(pair[0], LEAST_ERROR))
-    if then > (1 - LEAST_SHARE) * now or now < LEAST_ERROR:
-        return ""
-    return f"a self-aligning cam (cam.coupling: oldham) would bring {now:.1f} to {then:.1f}″ at {M_g:g} N·m"
+    less = f"{now:.1f} to {point.floating.first:.1f}″ at {point.M_g:g} N·m"
+    return f"a self-aligning cam (cam.coupling: oldham) would bring F'_ior, by the values as given, from {less}"
 
 
 def fitted_words(prior: DrivePrior) -> str:

@@ -69,16 +69,16 @@ def compensate_report(result: Correction, *, is_written: bool = False) -> Report
 def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
     """What a record with the correction on shows, and what was promised."""
     promised, (low, high) = found.promised, found.interval_arcsec
-    measured = f"{low:.1f} to {high:.1f}" if high is not None else f"at least {low:.1f}"
-    named = {each.name: (each, came) for each, came in zip(found.promised_parts, found.parts, strict=True)}
-    rows = [("F'_ior", f"{promised.uncorrected_p50:.1f}", _range(promised), measured)]
-    for part in result.parts[: len(named)]:
-        promised_part, came = named[part.name]
-        rows.append((part.name, _range(part), _range(promised_part), _range(came)))
-    why = [f"{found.F_ior_arcsec:.1f}″ measured ({measured}), promised at most {promised.p95:.1f}″"]
-    if found.verdict is not Verdict.PASS:
+    came = f"at least {low:.1f}" if high is None else f"{low:.1f}-{high:.1f}"
+    rows: list[tuple[str, ...]] = [("F'_ior", f"{promised.uncorrected_p50:.1f}", _range(promised), came)]
+    parts = zip(result.parts, found.promised_parts, found.parts, strict=False)  # loads and directions are not compared
+    rows += [(before.name, *map(_range, (before, *others))) for before, *others in parts]
+    why = [f"{found.F_ior_arcsec:.1f}″ came ({came}), promised at most {promised.p95:.1f}″"]
+    measure = []
+    if found.verdict is Verdict.FAIL:
         why.append(f"likely cause: {found.cause or 'none of sign, zero and turns; has load, hole or drive changed?'}")
-    measure = [("measure", "the full cycle with the correction on")] if high is None else []
+    elif found.verdict is Verdict.INCONCLUSIVE:
+        measure = [("measure", "the full cycle with the correction on, twice or more: that shows the noise")]
     return Report(
         command="compensate",
         drive=result.drive,
@@ -131,10 +131,10 @@ def _facts(result: Correction, is_written: bool) -> Iterator[tuple[str, str]]:
         yield "measure", "the full cycle: it needs no fit"
     elif recorded:
         yield "record", f"at {recorded} N·m, whose angles the correction has"
-    is_open = result.chosen.is_refused or result.misfit
-    if is_open or not (is_written or recorded):
-        words = ["record.csv"] if is_open else ["--csv", "correction.csv"]
-        yield "next", again("compensate", result.drive, *words)
+    if result.chosen.is_refused or result.misfit:
+        yield "next", again("compensate", result.drive, "record.csv")
+    elif not (is_written or recorded):
+        yield "next", again("compensate", result.drive, "--csv", "correction.csv")
 
 
 def _enough(result: Correction) -> str:

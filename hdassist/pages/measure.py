@@ -31,7 +31,7 @@ DIRECTION_NAMES = {1: "growing", -1: "falling"}
 ORDER_COLUMNS: tuple[Quantity[MeasuredOrder], ...] = (
     Quantity("per_cam_rev", "order", "1/turn", ".2f"),
     Quantity("amplitude_arcsec", "amplitude", "″", ".3f"),
-    Quantity("amplitude_uncertainty_arcsec", "±", "″", ".3f", "uncertainty_arcsec"),
+    Quantity("amplitude_uncertainty_arcsec", "u", "″", ".3f", "uncertainty_arcsec"),
     Quantity("phase_deg", "phase", "deg", ".1f"),
     Quantity("cause", "cause", "", "", lambda o: o.cause or None),
 )

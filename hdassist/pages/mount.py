@@ -48,7 +48,7 @@ NO_HOLE_BETTER = {
 def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
     """Warnings beside the numbers, in the language of the texts."""
     found = list(warnings_of(advice.drive, say))
-    if advice.open_ and not advice.as_given and not advice.positions:
+    if advice.open_ and not advice.positions:
         found.append(say("warning.not_drawn", count=len(advice.open_)))
     if advice.measured and not advice.drive.mounting.holes:
         found.append(say("warning.steps"))
@@ -105,6 +105,8 @@ def what_to_do(advice: Advice) -> str:
     else:
         why = f"what is not known ({fields}) could reverse it"
     where = ", ".join(map(hole_place, advice.to_try))
+    if advice.measured:
+        return f"No order: {why}. To decide, measure F'_ior in {where}; hdassist trials does not take measured teeth"
     trials = [f"{f'h{p.hole}' if advice.drive.mounting.holes else f'{p.rotation_deg:g}'}=F_IOR" for p in advice.to_try]
     return f"No order: {why}. To decide, measure F'_ior in {where}: {again('trials', advice.drive, *trials)}"
 
@@ -141,7 +143,7 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
     if advice.unknown and not advice.samples:
         yield "unknown", f"taken as 0: {unknown_names(advice.unknown)}"
     if advice.order != "none" and not carded:  # else the sentence above names it
-        yield "next", again("mount", advice.drive, "--card", "card.html", pitch=advice.measured)
+        yield "next", again("mount", advice.drive, "--card", "card.html")
 
 
 def _kept(samples: Samples, found: PositionStatistics, sure: float, torque: int, room_arcsec: float) -> Probability:
@@ -166,7 +168,7 @@ def _measure(advice: Advice) -> str:
     if advice.order != "none" or advice.any_hole or not advice.gain_probability:
         return ""
     words = measure_words(advice.to_measure, True, advice.curve.holes)
-    return settling_words(words, advice.gain_probability, advice.needed, advice.samples)
+    return settling_words(words, [advice.gain_probability], advice.needed, advice.samples)
 
 
 def position_curves(advice: Advice, limits: Sequence[float | None] | None = None) -> Iterator[Curve]:
@@ -184,8 +186,8 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
         mark = "mark" if advice.measured and advice.measured.fixed(advice.drive) else symbol
         x_label = f"phase {mark} - {cam}, °"
     order = np.argsort(turned)
-    notes = ["bars 5 to 95 % over all that is uncertain"] * bool(sampled)
-    notes += ["line: unknown as 0"] * bool(advice.unknown and not advice.any_hole)
+    notes = ["line: unknown as 0" if advice.unknown else "line: as given"] * bool(sampled or advice.unknown)
+    notes = [] if advice.any_hole else [*notes, *["marks: median, 5 to 95 %"] * bool(sampled)]
     for k, (M_g, limit) in enumerate(zip(result.torques, limits or [None] * len(result.torques), strict=True)):
         marks = tuple(
             CurveMark(at.rotation_deg / per, at.F_ior_arcsec[k], "now" if kind == "now" else "best", kind)

@@ -55,7 +55,9 @@ def sensitivity_report(found: Sensitivities) -> Report:
     effects = [_effects(found, t) for t in range(len(torques))]
     verdict, reason = _answer(found)
     drawn = f"{len(samples.weights)} random drives, each of a design of its own, seed {samples.seed}"
-    facts = [("measure", measure_words(found.to_measure, False)), ("next", again("allocate", law.drive))]
+    limited = all(law.drive.limit(M_g) is not None for M_g in torques)
+    next_ = again("allocate", law.drive, *(() if limited else ("--limit", "LIMIT")))
+    facts = [("measure", measure_words(found.to_measure, False)), ("next", next_)]
     return Report(
         command="sensitivity",
         drive=law.drive,

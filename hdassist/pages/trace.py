@@ -95,4 +95,4 @@ def _facts(drive: Drive, trace: Trace) -> Iterator[tuple[str, str]]:
     cycle = trace.error.kinematics.cycle_cam_revolutions
     whole = ("trace", "-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
     command, *more = whole if trace.revolutions < cycle else ("mount",)
-    yield "next", again(command, drive, *more, pitch=trace.measured)
+    yield "next", again(command, drive, *more)

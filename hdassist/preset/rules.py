@@ -11,9 +11,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from hdassist.numerals import number_of
 from hdassist.preset.measured import position_fault
 
 LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
+FARTHEST_MEASURED = 100.0  # times the greatest torque, of a measured F'_ior: beyond, the number is mistyped
 LEAST_END = 1e-4  # of the rated torque, of a segment of the stiffness curve: below, there is only play
 
 
@@ -58,7 +60,11 @@ def field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple
             involved = tuple(paths[name] for name in rule.names)
             if fault := rule.fault(*(values[path] for path in involved)):
                 yield Conflict(rule.path, rule.message, fault if isinstance(fault, str) else "", rule.hint), involved
+    greatest = max(map(abs, (values.get("operation.rated") or 0.0, *values.get("operation.M_g", ()))), default=0.0)
     for key in values.get("measured.F_ior", ()) if "mounting.holes" in values else ():
+        if abs(number_of(key.partition("@")[2])) > FARTHEST_MEASURED * greatest > 0:
+            words = f"measured at more than {FARTHEST_MEASURED:g} times the drive's greatest torque, {greatest:g} N*m"
+            yield Conflict(f"measured.F_ior.{key}", words, key, "the torque is in N*m"), ()
         if position := position_fault(key.split("@")[0], values["mounting.holes"]):
             yield Conflict(f"measured.F_ior.{key}", position[0], key, position[1]), ()
     for path, phase in values.items():

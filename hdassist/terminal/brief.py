@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 DRAWN = ("tolerance", "sensitivity", "allocate")  # commands of random drives
 SAMPLED = ("check", "report", "mount", "plan", "accept", "compare", "compensate")  # commands that draw samples
 LIMITED = ("check", "report", "mount", "plan", "accept", *DRAWN)  # commands that take --limit
+TOOTHED = ("check", "trace", "mount", "accept")  # commands that take measured teeth
 TAKEN_OVER = {  # options that the next command has too, by their name: the commands that take them
     "draws": SAMPLED,
     "seed": (*SAMPLED, *DRAWN),
@@ -30,24 +31,24 @@ TAKEN_OVER = {  # options that the next command has too, by their name: the comm
     "each_load": ("compensate",),
     "distribution": DRAWN,
     "known": DRAWN,
+    **dict.fromkeys(("pitch_b", "pitch_g", "mark_b", "mark_g"), TOOTHED),
+    **dict.fromkeys(("pitch_form", "pitch_sense", "pitch_flank"), TOOTHED),
 }
 COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
 
 
-def again(command: str, drive: Drive | None, *more: str, pitch: object = None) -> str:
-    """A command about the same drive, as a shell takes it; pitch: wheels that are measured, whose files go with it.
-
-    PRESET stands for a drive that is not known.
-    """
+def again(command: str, drive: Drive | None, *more: str) -> str:
+    """A command about the same drive, as a shell takes it; PRESET stands for one that is not known."""
     words = ["PRESET"]
     if drive:
         origin = drive.origin
-        given = [(name, value) for name, value in origin.asked if command in TAKEN_OVER[name]]
-        asked = [f"--{name}={value}".replace("_", "-").removesuffix("=True") for name, value in given]
+        given = [
+            (name, value) for name, value in origin.asked if command in TAKEN_OVER[name] and f"--{name}" not in more
+        ]
+        asked = [f"--{name.replace('_', '-')}={value}".removesuffix("=True") for name, value in given]
         preset = "-" if origin.file == STDIN else origin.file or drive.name
         words = [preset, *_options(command, origin.overrides), *asked]
-    text = shlex.join(["hdassist", command, *words, *more])
-    return text + " with the same pitch files" * bool(pitch)
+    return shlex.join(["hdassist", command, *words, *more])
 
 
 def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:

@@ -63,15 +63,21 @@ def measure_words(found: Sequence[MeasurementGain], held: bool, holes: int = 0) 
 
 def more_draws(samples: Samples) -> str:
     """The remedy for a verdict that is left open by its Monte Carlo interval alone."""
-    return f"no measurement, more samples settle it: --draws {MORE_DRAWS * round(samples.effective)}"
+    return f"no measurement, more samples settle it: --draws {draws_to_settle(samples)}"
 
 
-def settling_words(measured: str, found: Probability | None, needed: float, samples: Samples | None) -> str:
-    """Measurements that settle a verdict on a probability, in words; more samples where chance alone leaves it open."""
-    if not found or not samples or is_settled(found.low, found.high, needed):
+def draws_to_settle(samples: Samples) -> int:
+    """Effective samples that halve the interval of a probability."""
+    return MORE_DRAWS * round(samples.effective)
+
+
+def settling_words(measured: str, found: Sequence[Probability | None], needed: float, samples: Samples | None) -> str:
+    """Measurements that settle verdicts on probabilities, in words; more samples where chance alone leaves all open."""
+    known = [each for each in found if each]
+    by_value = {verdict_by_probability(each.value, each.value, needed) for each in known}
+    if samples is None or Verdict.INCONCLUSIVE in by_value:
         return measured
-    by_value = verdict_by_probability(found.value, found.value, needed)
-    return measured if by_value is Verdict.INCONCLUSIVE else more_draws(samples)
+    return measured if all(is_settled(each.low, each.high, needed) for each in known) else more_draws(samples)
 
 
 def samples_words(samples: Samples) -> str:

@@ -49,7 +49,9 @@ def test_values_are_found_written_and_used(folder):
     for words in ("targets", "lost_motion, M_g 4 N·m".replace("·", "*"), "met", "gears.j_n", "--details"):
         assert words in again.stdout
     assert again.stdout.startswith("small, calibration (rig 3): 1 of 1 targets met\n")
-    assert "sets of values that were kept" in run(*args, "--details", "--ascii", cwd=folder).stdout
+    written = run(*args, "--details", "--ascii", "--write", "other.yaml", cwd=folder).stdout
+    assert "sets of values that were kept" in written
+    assert "next  hdassist check other.yaml\n" in written
     quiet = run(*args, "-q", cwd=folder)
     assert quiet.stdout == f"gears.j_n={found.gears.j_n!r}\n"
 

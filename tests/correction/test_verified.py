@@ -46,7 +46,7 @@ def verified(bench, after: np.ndarray, turns: float = 10.5, *options: str):
 
 def test_a_correction_that_does_as_promised_passes_part_by_part(bench):
     _, error, _, taken = bench
-    page = verified(bench, error + taken)  # F_kpp is ideal less actual: the actual error is its opposite
+    page = verified(bench, error + taken, 30)  # F_kpp is ideal less actual: the actual error is its opposite
     assert page.returncode == 0
     lines = page.stdout.splitlines()
     assert lines[0].endswith("phasors on at 1 N·m: PASS")
@@ -77,6 +77,22 @@ def test_the_likely_cause_of_a_broken_promise_is_named(bench, way, shift, cause)
     assert found["verified"]["cause"] == cause
 
 
+def test_a_correction_that_leaves_no_more_than_noise_in_one_cycle_is_open_until_the_noise_is_known(bench):
+    _, error, _, taken = bench
+    once = verified(bench, error + taken)
+    assert once.returncode == 6
+    assert "twice or more: that shows the noise" in " ".join(once.stdout.split())
+
+
+def test_an_error_that_is_no_line_of_the_model_is_not_passed(bench):
+    _, error, _, taken = bench
+    odd = np.cos(2 * np.pi * 46.3 * np.arange(len(error)) / TURN)  # comes 463 times in the cycle
+    answer = verified(bench, error + taken + odd, 30, "--json")
+    found = json.loads(answer.stdout)["verified"]
+    assert answer.returncode == 3
+    assert found["interval_arcsec"][1] > np.ptp(error + taken + odd) > found["promised"]["p95"]
+
+
 def test_another_drive_is_no_wrong_sign_or_zero(bench):
     _, _, _, taken = bench
     other = error_lines(load_preset(TINY, ["phases.xi_b=300", "harmonics.a_b2=20"]), 1.0, [{}]).curves[0]
@@ -85,9 +101,17 @@ def test_another_drive_is_no_wrong_sign_or_zero(bench):
     assert "has load, hole or drive changed?" in answer.stdout
 
 
+def test_a_refused_correction_has_no_promise_to_keep(bench):
+    folder, error, _, taken = bench
+    after = write(folder / "refused.csv", error + taken)
+    answer = run("compensate", TINY, "--set", "phases.xi_b=unknown", "--draws", "4", *ON, "--after", after)
+    assert answer.returncode == 5
+    assert "record it first" in answer.stdout
+
+
 def test_part_of_the_cycle_cannot_keep_a_promise_but_break_it(bench):
     _, error, _, taken = bench
     kept = verified(bench, error + taken, 4)
     assert kept.returncode == 6
-    assert "measure  the full cycle with the correction on" in kept.stdout
+    assert "measure  the full cycle with the correction on, twice" in kept.stdout
     assert verified(bench, error - taken, 4).returncode == 3

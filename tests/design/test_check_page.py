@@ -72,7 +72,7 @@ def test_a_coupling_is_named_where_it_is_a_lever():
     limit = ("--limit", "0.1")
     page = " ".join(run("check", TINY, *stiff, *limit, "--no-plot").stdout.split())
     assert then < 0.9 * now
-    assert f"{words}{now:.1f} to {then:.1f}″ at 4 N·m" in page
+    assert f"{words}F'_ior, by the values as given, from {now:.1f} to {then:.1f}″ at 4 N·m" in page
     # it is none where the wheels run true, and a cam is all that could be off
     for others in ("tolerances={F_i1: 0, F_i2: 0, e_hb: 0, e_hh: 0, e_hg: 0, e_b: 0}", "cam.coupling=oldham"):
         assert words not in " ".join(run("check", TINY, *stiff, *limit, "--set", others, "--no-plot").stdout.split())

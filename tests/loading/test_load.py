@@ -256,6 +256,8 @@ def test_optional_fields_may_be_empty() -> None:
         *([([], f"measured: {{F_ior: {{{key}: 28 ± 1}}}}\n", [f"my.yaml:9:20: measured.F_ior.{key}: "
          f"must be a hole, or a turn in deg, at a torque in N*m (got {key}; like h4@80 or 120@80)"])
           for key in ("h4", "x@80", "h4@0", "h-1@80", "h4@80 Nm")]),
+        ([], "measured: {F_ior: {h4@90000: 28 ± 1}}\n", ["my.yaml:9:30: measured.F_ior.h4@90000: measured at more "
+         "than 100 times the drive's greatest torque, 800 N*m (got h4@90000; the torque is in N*m)"]),
         ([], "measured: {F_ior: {h12@80.5: 28 ± 1}}\n",
          ["my.yaml:9:30: measured.F_ior.h12@80.5: the seat's holes are h0 to h11 (got h12@80.5)"]),
         ([], "measured: {F_ior: {4@80: 28 ± 1}}\n", ["my.yaml:9:26: measured.F_ior.4@80: 4 deg is no hole of the seat, "

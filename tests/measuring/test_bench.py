@@ -116,6 +116,7 @@ def test_the_page_has_values_as_accept_takes_them(tmp_path):
     assert "second hand" in beside
     words = " ".join(beside.split())
     assert f"next hdassist accept {SMALL}" in words
+    assert "--limit hysteresis_loss=LIMIT --limit lost_motion=LIMIT" in words
     assert "rated torque 40.5 N·m: the greatest of the loop; small has no operation.rated" in words
     assert '"torque_Nm": torque, N·m' in words
     assert "places" in beside

@@ -103,6 +103,7 @@ def test_the_rest_stands_in_the_details(rig):
     for words in ("range of the readings", "full cycle, cam turns", "share of the cycle visited",
                   "the 12 greatest of", "not stated", "combined"):  # fmt: skip
         assert words in whole
+    assert "±, ″" not in whole  # beside a ± of two u
     coupled = ERROR + 12 * np.cos(2 * np.pi * TURNS / 30)
     (rig / "coupled.csv").write_text(text([360 * TURNS, coupled], "cam_deg,error_arcsec"))
     beside = run("measure", "coupled.csv", "--drive", SMALL, "--no-plot", cwd=rig)

@@ -213,3 +213,18 @@ def test_beside_measured_teeth_nothing_is_drawn_and_an_order_by_the_values_as_gi
     given = pitch(*asked, "--draws", "0", files=files)
     assert given.returncode == 0
     assert given.stdout in ("0\n", "1\n")
+    assert "were not drawn: 1;" in given.stderr
+    page = " ".join(pitch(*asked[:-1], files=files).stdout.split())
+    assert "; hdassist trials does not take measured teeth" in page
+    assert "hdassist trials /" not in page
+
+
+def test_an_open_verdict_beside_measured_teeth_has_its_reason_and_a_next_command_with_the_files(files):
+    (files / "my_wheel.csv").write_bytes((files / "wheel.csv").read_bytes())
+    asked = ("--limit", "400", "--set", "uncertainty.phases.phi_hb=9", "--pitch-b", "my_wheel.csv", "--mark-b", "120")
+    done = pitch("check", SMALL, "--torque", "4", *asked, files=files)
+    words = " ".join(done.stdout.split())
+    assert done.returncode == 6
+    assert "1 inputs are not known exactly, and no samples of them were drawn" in words
+    options = "--limit 400 --pitch-b=my_wheel.csv --mark-b=120.0"
+    assert f"next hdassist mount {SMALL} --set uncertainty.phases.phi_hb=9 --torque=4 {options}" in words

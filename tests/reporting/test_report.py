@@ -102,6 +102,8 @@ def test_its_drawings_are_svg(sheet, folder):
     figures = [b for s in sections(drive_report(sheet, draws=64, seed=0)) for b in s.blocks if isinstance(b, DRAWN)]
     assert len(drawn) == len(figures) == 4  # error, seat, positions, stiffness
     assert all(svg.getElementsByTagName("title") for svg in drawn)
+    captions = [figure.caption for figure in figures if isinstance(figure, Curve)]
+    assert sum("line: as given; marks: median, 5 to 95 %" in caption for caption in captions) == 1
     charts = [svg for svg in drawn if svg.getAttribute("viewBox") == "0 20 480 238"]
     texts = [each.firstChild.data for svg in charts for each in svg.getElementsByTagName("text")]
     assert texts and max(map(len, texts)) <= 60  # 480 units of 12.5 px: longer ones would reach over the next drawing

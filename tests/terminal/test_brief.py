@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import io
 import shlex
+from unittest import mock
 
 import pytest
 from typer.main import get_command
 
+from hdassist.belief.statistics import Probability
 from hdassist.cli.commands import COMMANDS
 from hdassist.cli.main import app
 from hdassist.commands.check import CheckCommand
@@ -18,6 +20,7 @@ from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.terminal.brief import LIMITED, TAKEN_OVER, again, on_what, proof
 from hdassist.terminal.console import Style, console
+from hdassist.terminal.influence_words import more_draws, settling_words
 from hdassist.terminal.options import torque_overrides
 from hdassist.terminal.page import report_page
 from hdassist.verdict import Verdict
@@ -91,6 +94,18 @@ def test_options_are_taken_over_by_the_commands_that_have_them():
     assert {name for name, options in every.items() if "limit" in options} == {*LIMITED}
     for option, takers in TAKEN_OVER.items():
         assert all(option in every[name] for name in takers)
+
+
+def test_an_option_that_is_given_takes_the_place_of_the_one_that_was_asked():
+    drive = load_preset("vzp160", (), (("draws", "8"), ("seed", "3")))
+    assert again("check", drive, "--draws", "32") == "hdassist check vzp160 --seed=3 --draws 32"
+
+
+@pytest.mark.parametrize(("second", "by_chance"), [((0.9, 0.7, 0.99), True), ((0.7, 0.58, 0.79), False)])
+def test_more_samples_are_asked_for_only_where_they_settle_every_verdict(second, by_chance):
+    samples = mock.Mock(effective=64.0)
+    found = settling_words("a measurement", [Probability(0.84, 0.75, 0.91), Probability(*second)], 0.8, samples)
+    assert found == (more_draws(samples) if by_chance else "a measurement")
 
 
 def test_the_proof_in_a_line():

@@ -21,7 +21,7 @@ def test_the_first_line_says_what_to_tighten_and_fits_a_terminal() -> None:
     words = " ".join(done.stdout.split())
     field = "tangential composite deviation F'_i2 of the rigid wheel (tolerances.F_i2)"
     assert words.startswith(f"tiny, tighten first at 4 N*m: {field} made 20 % tighter it takes ")
-    for part in ("95th percentile", "tolerances.F_i1", "proof", "next hdassist allocate"):
+    for part in ("95th percentile", "tolerances.F_i1", "proof", "next hdassist allocate", " --limit LIMIT "):
         assert part in words
     assert len(done.stdout.splitlines()) <= 24
     assert "..." not in done.stdout
