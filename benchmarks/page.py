@@ -58,7 +58,7 @@ def _machine(machine: dict[str, Any]) -> str:
 def _anew(loads: dict[str, float]) -> Iterable[str]:
     if loads:
         words = ", ".join(f"{part} at load {load}" for part, load in loads.items())
-        yield f"Measured anew later, each compared within itself: {words}.\n"
+        yield f"Measured anew later, each compared within itself: {words}. One run differs from the next by up to 15 %.\n"
 
 
 def _table(heads: Iterable[str], lines: Iterable[Iterable[str]]) -> str:
@@ -76,7 +76,7 @@ def _missed(targets: list[Row]) -> str:
     if not missed:
         return "Every target is met.\n"
     keys = dict.fromkeys(row.key for row in missed)
-    lines = ["### Missed, why, and what to try next\n"]
+    lines = ["### Missed, why, and next attempts\n"]
     for key in keys:
         works = "; ".join(f"{row.work} ({row.got}, target {row.asked})" for row in missed if row.key == key)
         lines.append(f"- **{works}**: {REASONS[key]}")

@@ -7,7 +7,7 @@ HEAD = """\
 
 Made by `python -m benchmarks --write`, which measures everything below in one run and takes some ten minutes; `--from`
 with `--anew` measures parts of an earlier run again. Ratios count; absolute times belong to the machine named here and
-to what else it had to do.
+to its other work.
 
 Times are processor time: of whole processes that of the command and its workers, over that of an import which every
 answer needs or could do with; of all else that of one thread. Whole processes have all that a user waits for: the
@@ -18,7 +18,7 @@ largest of them).
 
 SOLVERS = """\
 Microseconds of processor time a state of `vzp160` with flanks that bear as a whole (`numerics.stations: 1`; below is
-what coned ones cost), sums and certificate included: over the cycle, where each state is next to the one before, and
+as much as coned ones), sums and certificate included: over the cycle, where each state is next to the one before, and
 over the states that proposals of its extremes solve, in their order and batches.
 """
 
@@ -86,14 +86,14 @@ REASONS = {
 }
 
 CHOSEN = """\
-## What was chosen, on which comparison
+## Choices, and the comparisons behind them
 
 - **Principal pivots that neighbouring states share**, not one active-set solve after another (DAQP, warm): the table
   of solvers above. All run the matrices of the formulation; states that pivots give up go to DAQP.
 - **The pivots in C**, with numpy behind it where there is no compiler: the same table. Both agree to 1e-9 arcsec in a
   test, and each state keeps its certificate.
 - **Every state of one drive**, proposals only of very many: at the walk's speed the whole cycle costs about as much
-  as a search for its extremes did, and misses nothing. What proposals miss is the table above.
+  as a search for its extremes did, and misses no state. The misses of proposals are the table above.
 - **A grid of 60 x 60 positions and states solved on its hills**, not cells that are halved: 40 x 40 missed an island
   of 0.4 arcsec. From there a search climbs as long as a neighbour is higher, and looks around five steps at the end:
   along a crease of the error, where contacts change, three of 170 drives of any torque were 0.04 to 0.13 arcsec low.
@@ -110,7 +110,7 @@ CHOSEN = """\
 """
 
 DRAWN = """\
-What `ErrorMap.many_extremes` proposes against every state (`python -m benchmarks.proposals`): states and processor
+Proposals of `ErrorMap.many_extremes` against every state (`python -m benchmarks.proposals`): states and processor
 time are medians a drive. Hard cases: `vzp160` with e_hb of 0, 80 and 120 µm, in the positions of the wheel with the
 least and the greatest error, at both torques. Random drives: `vzp160` with cam offsets and phases drawn anew, at 80
 N·m (light), at 800 N·m (heavy), and at any torque with all other deviations, `j_n` and `g_b` drawn too (seeded). The
