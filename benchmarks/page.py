@@ -58,7 +58,7 @@ def _machine(machine: dict[str, Any]) -> str:
 def _anew(loads: dict[str, float]) -> Iterable[str]:
     if loads:
         words = ", ".join(f"{part} at load {load}" for part, load in loads.items())
-        yield f"Measured anew later, each compared within itself: {words}. One run differs from the next by up to 15 %.\n"
+        yield f"Measured anew later, each compared within itself: {words}. Two runs differ by up to 15 %.\n"
 
 
 def _table(heads: Iterable[str], lines: Iterable[Iterable[str]]) -> str:
