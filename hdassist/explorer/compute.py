@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, errors_by_turn
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
+from hdassist.belief.turned import errors_by_turn
 from hdassist.comparing.drives import differing_fields
 from hdassist.design.check import DesignCheck, check, drive_samples
 from hdassist.error.cycle import kinematic_error

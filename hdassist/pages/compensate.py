@@ -131,9 +131,10 @@ def _facts(result: Correction, is_written: bool) -> Iterator[tuple[str, str]]:
         yield "measure", "the full cycle: it needs no fit"
     elif recorded:
         yield "record", f"at {recorded} N·m, whose angles the correction has"
-    others = [f"--torque {M_g:g}" for M_g in result.drive.operation.M_g if M_g not in (result.M_g, -result.M_g)]
+    stored = result.M_g, getattr(result.correction, "other_M_g", None)
+    others = [f"--torque {M_g:g}" for M_g in result.drive.operation.M_g if M_g not in stored]
     if result.chosen.form.each_load and others:
-        yield "file", f"has the table at {result.M_g:g} N·m; those of other loads by {', '.join(others)}"
+        yield "stored", f"the correction at {result.M_g:g} N·m; those of other loads by {', '.join(others)}"
     if result.chosen.is_refused or result.misfit:
         yield "next", again("compensate", result.drive, "record.csv")
     elif not (is_written or recorded):

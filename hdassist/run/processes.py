@@ -113,7 +113,7 @@ class Processes(Executor):
                     self._is_over = True
                     self.kill()
                     answer.set_exception(BrokenExecutor())
-                except Exception as error:  # of pickling
+                except Exception as error:  # of a task or answer that cannot be pickled: whatever its class raises
                     answer.set_exception(error)
                 else:
                     (answer.set_result if is_done else answer.set_exception)(found)

@@ -61,7 +61,7 @@ class OptionGroup:
 
     def only(self, part: type[PartT]) -> PartT:
         """The options of one of the groups that a command is made of, or of a dataclass with the same fields."""
-        names = [each.name for each in fields(part)]  # type: ignore[arg-type]
+        names = [each.name for each in fields(part)]  # type: ignore[arg-type]  # a dataclass, which a type variable cannot ask for
         return part(**{name: getattr(self, name) for name in names})
 
     def given(self) -> Iterator[tuple[str, object]]:
