@@ -58,13 +58,18 @@ def number(value: float, limit: Limit) -> str:
     return f"{value:.{max(2, 2 - floor(log10(limit.limit)))}f}"
 
 
-def _number(name: str) -> Callable[[Decision], str | None]:
-    return lambda d: None if (value := getattr(d, name)) is None else number(value, d)
-
-
 def _value(check: Decision) -> str | None:
-    found = _number("value")(check)
-    return found and "≥ " * (check.extent == "at least") + found
+    """The value; of a lower bound the lower end of its interval, as `hdassist measure` shows it."""
+    if check.value is None:
+        return None
+    if check.extent != "at least":
+        return number(check.value, check)
+    return f"≥ {number(max(0.0, check.value - (check.expanded_uncertainty or 0.0)), check)}"
+
+
+def _beside(name: str) -> Callable[[Decision], str | None]:
+    """A number beside the value, which a lower bound does not have."""
+    return lambda d: None if (value := getattr(d, name)) is None or d.extent == "at least" else number(value, d)
 
 
 def _range(check: Decision) -> str | None:
@@ -80,10 +85,10 @@ DECISION_COLUMNS: tuple[Quantity[Decision], ...] = (
     Quantity("check", "check", "", "", lambda d: f"{d.label}, {d.unit.replace('*', '·')}"),
     Quantity("verdict", "verdict", "", "", lambda d: str(d.verdict)),
     Quantity("value", "value", "", "", _value),
-    Quantity("expanded_uncertainty", "± (k=2)", "", "", _number("expanded_uncertainty")),
+    Quantity("expanded_uncertainty", "± (k=2)", "", "", _beside("expanded_uncertainty")),
     Quantity("range", "5 to 95 %", "", "", _range),
     Quantity("limit", "limit", "", "", bound),
-    Quantity("margin", "margin", "", "", _number("margin")),
+    Quantity("margin", "margin", "", "", _beside("margin")),
     Quantity("kept", "kept", "", "", lambda d: d.belief and f"{100 * d.belief.probability:.0f} %"),
 )
 
@@ -169,8 +174,8 @@ def sentence(check: Decision) -> str:
     if not value:
         return f"{check.label}: no value, limit {limit} {check.unit}"
     measure = value + (f" ± {spread}" if spread else "") + (f" ({span})" if span else "")
-    sure = f", kept {kept}" if kept else ""
-    return f"{check.label}: {measure} {check.unit}, limit {limit}, margin {margin}{sure}, {check.basis}"
+    rest = (margin and f"margin {margin}", kept and f"kept {kept}", check.basis)
+    return ", ".join([f"{check.label}: {measure} {check.unit}", f"limit {limit}", *filter(None, rest)])
 
 
 def is_open(check: Decision) -> bool:
@@ -215,9 +220,10 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
 
 
 def _deciding(answer: AcceptAnswer) -> str:
-    """The check that decides: of those of the worst verdict the one with the least room; or the first error."""
+    """The check that decides, the worst one with the least room, and why it is not plain; or the first error."""
     if not answer.error:
-        return sentence(by_severity(answer.checks)[0])
+        worst = by_severity(answer.checks)[0]
+        return "; ".join(filter(None, (sentence(worst), worst.reason)))
     first, *more = answer.error.message.splitlines()
     return first + (f" (and {len(more)} more)" if more else "")
 
