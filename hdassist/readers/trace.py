@@ -226,9 +226,7 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     )  # fmt: skip
 
 
-def _left_out(
-    table: NumberTable, rows: NDArray[np.bool_], why: str, columns: Sequence[Array | None]
-) -> list[Any]:
+def _left_out(table: NumberTable, rows: NDArray[np.bool_], why: str, columns: Sequence[Array | None]) -> list[Any]:
     """Columns without some rows, whose lines are noted with the reason."""
     if rows.any():
         table.notes.append(f"left out, {why}: lines {shortened(table.lines[rows].tolist())}")
