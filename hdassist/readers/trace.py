@@ -185,9 +185,10 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     if first.shaft == "output":
         cam *= per_turn
     if form.robust:
-        columns = (cam, readings, output, time_s, torque)
         why = f'"{table.name(first.index)}" leaps there and back'
-        cam, readings, output, time_s, torque = _left_out(table, leaping(cam), why, columns)
+        cam, readings, output, time_s, torque = _left_out(
+            table, leaping(cam), why, (cam, readings, output, time_s, torque)
+        )
     if not np.ptp(readings):
         raise _fault(table, 0, other.index, "a constant column", "check the column of the error")
     error, sense, in_time = readings * other.size, 0, False
