@@ -17,7 +17,7 @@ from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS
 from hdassist.preset.fields import field_table, sections
 from hdassist.preset.kinds import choices_of, kind_of, may_be_unknown, plain, range_of, unit_of
 
-EntryKind = Literal["check", "remark", "quantity or word", "symbol", "field", "section", "error"]
+EntryKind = Literal["check", "remark", "quantity or word", "symbol", "field", "section", "error", "option"]
 GREEK = {"φ": "phi", "ξ": "xi", "δ": "delta", "β": "beta", "τ": "tau", "θ": "theta", "ё": "е"}
 LONGEST_NAME = 60  # characters of a name that are compared with others
 
@@ -107,20 +107,27 @@ def _by_spelling() -> dict[str, list[Entry]]:
     return by_spelling
 
 
+def _has_word(entry: Entry, spelling: str) -> bool:
+    """Whether a word, or its singular, is one of the words of an entry's names or one of the values of its field."""
+    words = " ".join((*entry.names, *(text for label, text in entry.facts if label == "values")))
+    either = {spelling, spelling.removesuffix("s") or spelling}
+    return not either.isdisjoint(map(normal_spelling, re.split(r"[\s.,-]+", words)))
+
+
 def explained(name: str) -> list[Entry]:
-    """Entries of a name; of a single letter those of its case.
+    """Entries of a name; of a single letter those of its case; else those with the word in their names or values.
 
     Raises UsageError: an unknown name; its hint has the nearest names.
     """
-    spelling = normal_spelling(name)
-    alike = _by_spelling().get(spelling, []) if spelling else []
+    spelling, known = normal_spelling(name), _by_spelling()
+    alike = known.get(spelling) or known.get(spelling.removesuffix("s"), [])
     exact = [entry for entry in alike if name in entry.names]
     if len(spelling) == 1 and exact:  # m and M, N and n
         return exact
-    if alike:
-        return alike
-    near = get_close_matches(spelling[:LONGEST_NAME], _by_spelling(), 3, 0.6)
-    meant = " or ".join(dict.fromkeys(_by_spelling()[key][0].names[0] for key in near))
+    if spelling and (found := alike or [entry for entry in entries() if _has_word(entry, spelling)]):
+        return found
+    near = get_close_matches(spelling[:LONGEST_NAME], known, 3, 0.6)
+    meant = " or ".join(dict.fromkeys(known[key][0].names[0] for key in near))
     raise UsageError(
         f"unknown name: {name[:LONGEST_NAME]}",
         f"did you mean {meant}?" if meant else "hdassist explain lists all names",

@@ -13,6 +13,7 @@ from hdassist.model.unknown import unknown_notes
 from hdassist.report.blocks import Facts, Table
 from hdassist.report.quantities import Quantity
 from hdassist.report.report import Report
+from hdassist.verdict import Verdict
 
 UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
 NOTE = "fitted targets are no evidence for the model: targets that were not fitted are"
@@ -47,7 +48,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
         command="calibrate",
         drive=result.drive,
         head=f"{result.drive.name}, calibration" + (f" ({wanted.name})" if wanted.name else ""),
-        verdict=f"{sum(met)} of {len(met)} targets met",
+        verdict=f"{met.count(False) or len(met)} of {len(met)} targets {'met' if all(met) else 'MISSED'}",
         why=(result.shortfall or f"sets of values that meet all targets: {len(result.fits)}",),
         blocks=(
             Table.by_row("values, half width of their interval, bounds", FOUND_VALUES, result.values, words=(0, 1)),
@@ -70,6 +71,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
         # in the form of --set
         line="\n".join(f"{each.path}={each.found!r}" for each in result.values),
         warnings=tuple(_warnings(result)),
+        exit_code=0 if all(met) else Verdict.FAIL.exit_code,
     )
 
 

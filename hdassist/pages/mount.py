@@ -23,9 +23,11 @@ from hdassist.model.unknown import unknown_names, unknown_turn
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import bare
-from hdassist.pages.card import CardFacts, warnings_of
+from hdassist.pages.card import WHEELS, CardFacts, warnings_of
 from hdassist.pages.losses import LEVELS, kept_line, losses_table, positions_object, whiskers_of
 from hdassist.pages.seat import ENGLISH, TRADE, hole_place, instruction, seat_of, wheel
+from hdassist.preset.yamltext import shown
+from hdassist.readers.pitch import ASSUMED
 from hdassist.report.blocks import Curve, CurveMark, Facts, Figure, Table
 from hdassist.report.quantities import csv_columns
 from hdassist.report.report import CsvTable, Report
@@ -52,6 +54,9 @@ def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
         found.append(say("warning.not_drawn", count=len(advice.open_)))
     if advice.measured and not advice.drive.mounting.holes:
         found.append(say("warning.steps"))
+    for name, measured in advice.measured.by_name.items() if advice.measured else ():
+        if ASSUMED["sense"][1] in measured.pitch.notes:
+            found.append(say("warning.sense", wheel=say(f"wheel.{WHEELS[name]}"), file=shown(measured.pitch.file)))
     return tuple(found)
 
 
