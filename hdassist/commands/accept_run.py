@@ -1,7 +1,5 @@
 """The runs of `hdassist accept`: drives one after the other, a lot, and answers done again."""
 
-from __future__ import annotations
-
 from collections.abc import Generator, Sequence
 from contextlib import closing
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The cheapest tolerances that reach a yield as a report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -10,6 +8,7 @@ from hdassist.json_parts import attributes, measure_objects
 from hdassist.pages.tolerance import MORE_DRIVES, law_warnings, yield_range
 from hdassist.preset.fields import Drive
 from hdassist.report.blocks import Facts, Table
+from hdassist.report.quantities import Fact
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again, probability_words
 from hdassist.terminal.influence_words import MORE_DRAWS, field_unit, measure_words
@@ -116,7 +115,7 @@ def _words(way: Allocation, found: Allocated) -> str:
     )
 
 
-def _facts(found: Allocated) -> Iterator[tuple[str, str]]:
+def _facts(found: Allocated) -> Iterator[Fact]:
     """Where no way is sure enough, the share of the self error and the next measurement; the next command."""
     passed = found.verdict is Verdict.PASS
     if not passed:

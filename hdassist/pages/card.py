@@ -1,7 +1,5 @@
 """The assembly card: an advice for the assembler at the bench, in the language of the reader."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from datetime import date

@@ -1,7 +1,5 @@
 """Reports as HTML and Markdown, assembly cards as HTML and plain text: the templates of templates/."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

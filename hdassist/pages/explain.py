@@ -1,7 +1,5 @@
 """Names that can be explained, as a report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 from hdassist.acceptance.checks import CODES

@@ -1,7 +1,5 @@
 """Positions over samples of F'_ior, as a table, whiskers and JSON: of the belief, and after trials."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 

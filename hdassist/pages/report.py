@@ -1,7 +1,5 @@
 """Everything about a drive as one report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from hdassist.comparing.sheet import DriveSheet

@@ -1,7 +1,5 @@
 """The seat of the fixed wheel: what to do there in words, and its places as a figure."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from hdassist.mounting.positions import Choice, Position

@@ -1,7 +1,5 @@
 """A sweep as a report, and its rows for CSV."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -12,6 +10,7 @@ from hdassist.design.vary import Axis
 from hdassist.json_parts import attributes, unknown_objects
 from hdassist.model.unknown import unknowns
 from hdassist.report.blocks import Curve, Facts
+from hdassist.report.quantities import Fact
 from hdassist.report.report import Report
 from hdassist.terminal.brief import again
 from hdassist.verdict import worst_exit_code
@@ -55,7 +54,7 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
     )
 
 
-def _facts(swept: Swept) -> Iterator[tuple[str, str]]:
+def _facts(swept: Swept) -> Iterator[Fact]:
     """Least and greatest F'_ior, rows without an answer, and the next command."""
     sweep, ends = swept.sweep, swept.ends
     for end, (row, F_ior) in ends.items():

@@ -1,12 +1,11 @@
 """Reported quantities, declared once: key in JSON and CSV, words in tables, unit, format."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeAlias, TypeVar
 
 T = TypeVar("T")
+Fact: TypeAlias = tuple[str, str]  # a label and a text
 NO_VALUE = "-"  # in a table
 
 
@@ -19,9 +18,9 @@ class Quantity(Generic[T]):
     """
 
     key: str
-    label: str
-    unit: str
-    digits: str | Callable[[Any], str]
+    label: str = ""
+    unit: str = ""
+    digits: str | Callable[[Any], str] = ""
     value: str | Callable[[T], Any] = ""
 
     def of(self, thing: T) -> Any:
@@ -46,6 +45,9 @@ class Quantity(Generic[T]):
     def words(self) -> str:
         """Label with unit."""
         return f"{self.label}, {self.unit}" if self.unit else self.label
+
+
+Quantities: TypeAlias = tuple[Quantity[T], ...]
 
 
 def csv_table(preset: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> tuple[list[str], list[list[Any]]]:

@@ -46,9 +46,14 @@ def again(command: str, drive: Drive | None, *more: str) -> str:
             (name, value) for name, value in origin.asked if command in TAKEN_OVER[name] and f"--{name}" not in more
         ]
         asked = [f"--{name.replace('_', '-')}={value}".removesuffix("=True") for name, value in given]
-        preset = "-" if origin.file == STDIN else origin.file or drive.name
-        words = [preset, *_options(command, origin.overrides), *asked]
+        words = [preset_argument(drive), *_options(command, origin.overrides), *asked]
     return shlex.join(["hdassist", command, *words, *more])
+
+
+def preset_argument(drive: Drive) -> str:
+    """The preset of a drive as a command takes it."""
+    origin = drive.origin
+    return "-" if origin.file == STDIN else origin.file or drive.name
 
 
 def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:

@@ -1,7 +1,5 @@
 """Samples of a belief, the fields that decide an answer and the next measurement, in words."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from hdassist.belief.influence import Influence

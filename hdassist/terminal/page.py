@@ -1,7 +1,5 @@
 """A report as a page of a terminal: verdict and reasons, its blocks, one line of proof."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any

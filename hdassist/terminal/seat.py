@@ -1,7 +1,5 @@
 """The seat of the fixed wheel drawn in characters."""
 
-from __future__ import annotations
-
 from math import ceil, cos, radians, sin
 
 from hdassist.report.blocks import Seat
