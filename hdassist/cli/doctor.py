@@ -43,8 +43,7 @@ class DoctorCommand(o.PageOptions):
 
     def report(self, _out: o.Output, _preset: str) -> o.Report:
         """The installation, examined."""
-        from hdassist.report.blocks import Table
-        from hdassist.report.report import Report
+        from hdassist.report import Report, Table
         from hdassist.terminal.output import complain
 
         found = [*packages(), surroundings(), engine(), cache(), self_test()]

@@ -47,8 +47,7 @@ class PresetsListCommand(o.PageOptions):
         from hdassist.loading.load import load_preset
         from hdassist.preset.library import preset_names
         from hdassist.preset.schema import origin_counts
-        from hdassist.report.blocks import Table
-        from hdassist.report.report import Report
+        from hdassist.report import Report, Table
         from hdassist.terminal.answers import envelope
 
         rows, values = [], []
@@ -106,8 +105,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
     def report(self, _out: o.Output, preset: str) -> o.Report:
         """All values of the preset."""
         from hdassist.preset.schema import resolved_fields, value_text
-        from hdassist.report.blocks import Table
-        from hdassist.report.report import Report
+        from hdassist.report import Report, Table
 
         drive = self.load(preset)
         rows = resolved_fields(drive)
@@ -146,7 +144,7 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
     def _report(self, name: str) -> o.Report:
         """The verdict on a preset, which a bad --set has too. Raises all other errors of loading it."""
         from hdassist.preset.schema import origin_counts
-        from hdassist.report.report import Report
+        from hdassist.report import Report
         from hdassist.terminal.output import complain
 
         try:

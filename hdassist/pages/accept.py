@@ -17,9 +17,7 @@ from hdassist.json_parts import attributes
 from hdassist.pages.check import fitted_words
 from hdassist.preset.fields import Drive
 from hdassist.preset.yamltext import shown
-from hdassist.report.blocks import Facts, Table
-from hdassist.report.quantities import NO_VALUE, Fact, Quantities, Quantity
-from hdassist.report.report import Report
+from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table
 from hdassist.terminal.answers import csv_text, together
 from hdassist.terminal.brief import again
 from hdassist.terminal.influence_words import (

@@ -8,9 +8,7 @@ from hdassist.calibration.calibrate import Calibration, Fit, FoundValue
 from hdassist.calibration.targets import Targets
 from hdassist.json_parts import Json, attributes
 from hdassist.model.unknown import unknown_notes
-from hdassist.report.blocks import Facts, Table
-from hdassist.report.quantities import Quantities, Quantity
-from hdassist.report.report import Report
+from hdassist.report import Facts, Quantities, Quantity, Report, Table
 
 UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
 NOTE = "fitted targets are no evidence for the model: targets that were not fitted are"

@@ -21,9 +21,7 @@ from hdassist.json_parts import (
 )
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.seat import wheel
-from hdassist.report.blocks import Curve, Facts, Table
-from hdassist.report.quantities import Fact, Quantities, Quantity, as_object, csv_table
-from hdassist.report.report import Report
+from hdassist.report import Curve, Fact, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
 from hdassist.terminal.brief import again, probability_words, thousands
 from hdassist.terminal.influence_words import influence_words, measure_words, samples_words, settling_words
 from hdassist.terminal.wheels import heading

@@ -12,8 +12,7 @@ from rich.text import Text
 
 from hdassist.pages import drawings
 from hdassist.pages.card import Card
-from hdassist.report.blocks import BLANK, Figure, Paragraph
-from hdassist.report.report import Report
+from hdassist.report import BLANK, Figure, Paragraph, Report
 from hdassist.terminal.brief import proof
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output

@@ -9,7 +9,7 @@ from hdassist.json_parts import Json
 from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import hole_words
 from hdassist.preset.fields import Drive
-from hdassist.report.blocks import Table
+from hdassist.report import Table
 from hdassist.terminal.brief import probability_words
 from hdassist.verdict import SURE
 

@@ -26,9 +26,7 @@ from hdassist.mounting.positions import bare
 from hdassist.pages.card import CardFacts, warnings_of
 from hdassist.pages.losses import LEVELS, kept_line, losses_table, positions_object, whiskers_of
 from hdassist.pages.seat import ENGLISH, TRADE, hole_place, instruction, seat_of, wheel
-from hdassist.report.blocks import Curve, CurveMark, Facts, Figure, Table
-from hdassist.report.quantities import csv_columns
-from hdassist.report.report import CsvTable, Report
+from hdassist.report import CsvTable, Curve, CurveMark, Facts, Figure, Report, Table, csv_columns
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.brief import again, probability_words
 from hdassist.terminal.influence_words import influence_words, measure_words, more_draws, samples_words, settling_words

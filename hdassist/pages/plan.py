@@ -9,9 +9,7 @@ from hdassist.belief.samples import ErrorBelief
 from hdassist.json_parts import samples_object
 from hdassist.model.unknown import unknown_notes
 from hdassist.planning.plan import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgement
-from hdassist.report.blocks import Curve, CurveMark, Facts, Table
-from hdassist.report.quantities import Quantities, Quantity, as_object, csv_table
-from hdassist.report.report import Report
+from hdassist.report import Curve, CurveMark, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
 from hdassist.terminal.brief import preset_argument
 from hdassist.terminal.influence_words import more_draws
 from hdassist.verdict import Verdict

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from hdassist.mounting.positions import Choice, Position
 from hdassist.preset.fields import Drive
-from hdassist.report.blocks import Hole, Seat, SeatMark
+from hdassist.report import Hole, Seat, SeatMark
 from hdassist.terminal.texts import Texts, texts
 
 ENGLISH = texts()

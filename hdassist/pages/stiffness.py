@@ -8,9 +8,7 @@ from hdassist.error.stiffness import LOST_MOTION_SHARE, Segment, Stiffness
 from hdassist.json_parts import attributes
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
-from hdassist.report.blocks import Curve, Facts, Table
-from hdassist.report.quantities import Fact, Quantities, Quantity, as_object, csv_columns
-from hdassist.report.report import Report
+from hdassist.report import Curve, Fact, Facts, Quantities, Quantity, Report, Table, as_object, csv_columns
 from hdassist.terminal.brief import again, on_what
 
 ARCMIN = pi / 10800  # rad

@@ -9,9 +9,7 @@ from hdassist.design.sweep import Sweep, SweepRow, Swept
 from hdassist.design.vary import Axis
 from hdassist.json_parts import attributes, unknown_objects
 from hdassist.model.unknown import unknowns
-from hdassist.report.blocks import Curve, Facts
-from hdassist.report.quantities import Fact
-from hdassist.report.report import Report
+from hdassist.report import Curve, Fact, Facts, Report
 from hdassist.terminal.brief import again
 from hdassist.verdict import worst_exit_code
 

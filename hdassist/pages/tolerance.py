@@ -10,9 +10,7 @@ from hdassist.belief.measure import MeasurementGain
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
 from hdassist.json_parts import Json, attributes, measure_objects
-from hdassist.report.blocks import Curve, Facts, Table
-from hdassist.report.quantities import Quantities, Quantity, as_object, csv_table
-from hdassist.report.report import Report
+from hdassist.report import Curve, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
 from hdassist.terminal.brief import again, probability_words
 from hdassist.terminal.influence_words import field_unit, measure_words
 from hdassist.tolerance.law import ProductionLaw, TolerancedSize

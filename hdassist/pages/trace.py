@@ -9,9 +9,7 @@ from hdassist.error.trace import Trace
 from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.preset.fields import Drive, Measured
-from hdassist.report.blocks import Curve, Facts, Paragraph, Series, Table
-from hdassist.report.quantities import Fact, Quantities, Quantity, csv_columns
-from hdassist.report.report import Report
+from hdassist.report import Curve, Fact, Facts, Paragraph, Quantities, Quantity, Report, Series, Table, csv_columns
 from hdassist.terminal.brief import again, not_known, on_what
 from hdassist.terminal.wheels import heading
 

@@ -16,9 +16,18 @@ from hdassist.pages.card import CardFacts, after_trials, warnings_of
 from hdassist.pages.losses import SHARES, kept_line, losses_table, position_object, positions_object, whiskers_of
 from hdassist.pages.mount import ORDER_WORDS
 from hdassist.pages.seat import ENGLISH
-from hdassist.report.blocks import Curve, CurveMark, Facts
-from hdassist.report.quantities import Fact, Quantities, Quantity, as_object, csv_columns
-from hdassist.report.report import CsvTable, Report
+from hdassist.report import (
+    CsvTable,
+    Curve,
+    CurveMark,
+    Fact,
+    Facts,
+    Quantities,
+    Quantity,
+    Report,
+    as_object,
+    csv_columns,
+)
 from hdassist.terminal.texts import Texts
 from hdassist.trials.advice import TrialAdvice
 from hdassist.trials.posterior import Prediction

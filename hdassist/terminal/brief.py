@@ -16,7 +16,7 @@ from hdassist.verdict import Verdict, percent_text
 
 if TYPE_CHECKING:
     from hdassist.belief.statistics import Probability
-    from hdassist.report.report import ReportProof
+    from hdassist.report import ReportProof
 
 DRAWN = ("tolerance", "sensitivity", "allocate")  # commands of random drives
 SAMPLED = ("check", "report", "mount", "plan", "accept", "compare", "compensate")  # commands that draw samples

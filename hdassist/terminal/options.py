@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hdassist.measuring.reading import Reading
     from hdassist.preset.fields import Drive
     from hdassist.readers.wheels import WheelFiles
-    from hdassist.report.report import Report as Report  # named by the methods of commands too
+    from hdassist.report import Report as Report  # named by the methods of commands too
     from hdassist.terminal.output import Output as Output
 
 PartT = TypeVar("PartT")

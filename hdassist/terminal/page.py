@@ -12,7 +12,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from hdassist.json_parts import certificate_object
-from hdassist.report.blocks import (
+from hdassist.report import (
     BLANK,
     Block,
     Curve,
@@ -20,12 +20,13 @@ from hdassist.report.blocks import (
     Figure,
     Lines,
     Paragraph,
+    Report,
+    ReportProof,
     ReportSection,
     Seat,
     Table,
     Tiles,
 )
-from hdassist.report.report import Report, ReportProof
 from hdassist.solve.answers import Certificate
 from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE, CrossCheck

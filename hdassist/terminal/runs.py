@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError, UsageError
 from hdassist.json_parts import Json
-from hdassist.report.report import Report
+from hdassist.report import Report
 from hdassist.runfiles import is_written
 from hdassist.terminal.answers import combine, csv_text, failure, json_text, report_object
 from hdassist.terminal.console import made_or

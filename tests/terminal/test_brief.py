@@ -14,8 +14,7 @@ from hdassist.cli.commands import COMMANDS
 from hdassist.cli.main import app
 from hdassist.commands.check import CheckCommand
 from hdassist.loading.load import load_preset
-from hdassist.report.blocks import Facts
-from hdassist.report.report import Report
+from hdassist.report import Facts, Report
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.terminal.brief import LIMITED, TAKEN_OVER, again, on_what, proof
