@@ -17,8 +17,7 @@ from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
 from hdassist.pages.check import F_ior_table
 from hdassist.report import Block, Curve, Facts, Lines, Report
-from hdassist.terminal.brief import proof
-from hdassist.terminal.influence_words import named
+from hdassist.terminal.words import named, proof
 from hdassist.verdict import Verdict
 from hdassist.visible import visible
 

@@ -19,8 +19,9 @@ from hdassist.preset.fields import Drive
 from hdassist.preset.yamltext import shown
 from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table
 from hdassist.terminal.answers import csv_text, together
-from hdassist.terminal.brief import again
-from hdassist.terminal.influence_words import (
+from hdassist.terminal.wheels import WHEEL_WORDS
+from hdassist.terminal.words import (
+    again,
     draws_to_settle,
     influence_words,
     measure_words,
@@ -28,7 +29,6 @@ from hdassist.terminal.influence_words import (
     samples_words,
     settling_words,
 )
-from hdassist.terminal.wheels import WHEEL_WORDS
 from hdassist.verdict import SEVERITY, percent_text, worst_exit_code
 from hdassist.version import __version__
 

@@ -8,8 +8,7 @@ from hdassist.json_parts import attributes, measure_objects
 from hdassist.pages.tolerance import MORE_DRIVES, law_warnings, yield_range
 from hdassist.preset.fields import Drive
 from hdassist.report import Fact, Facts, Report, Table
-from hdassist.terminal.brief import again, probability_words
-from hdassist.terminal.influence_words import MORE_DRAWS, field_unit, measure_words
+from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words, probability_words
 from hdassist.tolerance.allocation import Allocation, Tolerance
 from hdassist.tolerance.law import ProductionLaw
 from hdassist.verdict import Verdict

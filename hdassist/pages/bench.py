@@ -9,7 +9,7 @@ from hdassist.pages.measure import ends_text
 from hdassist.preset.fields import Drive
 from hdassist.readers.bench import LoopRecord, PositionRecord
 from hdassist.report import Facts, Lines, Quantity, Report, Table, as_object
-from hdassist.terminal.brief import again
+from hdassist.terminal.words import again
 from hdassist.textfile import STDIN
 
 _CHECKS = {check.field: check for check in CHECKS}

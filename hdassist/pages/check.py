@@ -22,9 +22,16 @@ from hdassist.json_parts import (
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.seat import wheel
 from hdassist.report import Curve, Fact, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
-from hdassist.terminal.brief import again, probability_words, thousands
-from hdassist.terminal.influence_words import influence_words, measure_words, samples_words, settling_words
 from hdassist.terminal.wheels import heading
+from hdassist.terminal.words import (
+    again,
+    influence_words,
+    measure_words,
+    probability_words,
+    samples_words,
+    settling_words,
+    thousands,
+)
 from hdassist.verdict import Verdict
 
 UNKNOWN_AT_ZERO = "F_ior_nominal_arcsec, at_max and at_min take what is not known as 0"

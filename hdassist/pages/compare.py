@@ -14,8 +14,7 @@ from hdassist.json_parts import Json
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_notes
 from hdassist.report import NO_VALUE, CsvTable, Curve, Facts, Quantity, Report, Table, as_object
-from hdassist.terminal.brief import again, not_known, on_what
-from hdassist.terminal.influence_words import named
+from hdassist.terminal.words import again, named, not_known, on_what
 from hdassist.textfile import STDIN
 
 _PLOTTED_ROWS = 6

@@ -13,10 +13,10 @@ from rich.text import Text
 from hdassist.pages import drawings
 from hdassist.pages.card import Card
 from hdassist.report import BLANK, Figure, Paragraph, Report
-from hdassist.terminal.brief import proof
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
 from hdassist.terminal.page import block_on_page, in_characters
+from hdassist.terminal.words import proof
 from hdassist.visible import visible
 
 CARD_COLUMNS = 78  # of the card as plain text

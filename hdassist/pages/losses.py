@@ -10,7 +10,7 @@ from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import hole_words
 from hdassist.preset.fields import Drive
 from hdassist.report import Table
-from hdassist.terminal.brief import probability_words
+from hdassist.terminal.words import probability_words
 from hdassist.verdict import SURE
 
 LEVELS = {"expected": 0.5, "low": 0.05, "high": 0.95}  # quantiles

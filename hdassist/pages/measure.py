@@ -19,7 +19,7 @@ from hdassist.measuring.windup import RecordedTorque
 from hdassist.pages.trace import curve_of_turns
 from hdassist.preset.fields import Drive
 from hdassist.report import NO_VALUE, CsvTable, Curve, Facts, Quantity, Report, ReportSection, Table, as_object
-from hdassist.terminal.brief import again
+from hdassist.terminal.words import again
 from hdassist.textfile import STDIN
 
 _NAMED_SLOW = 0.1  # of F'_ior: least slow terms in a line

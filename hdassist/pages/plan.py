@@ -10,8 +10,7 @@ from hdassist.json_parts import samples_object
 from hdassist.model.unknown import unknown_notes
 from hdassist.planning.plan import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgement
 from hdassist.report import Curve, CurveMark, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
-from hdassist.terminal.brief import preset_argument
-from hdassist.terminal.influence_words import more_draws
+from hdassist.terminal.words import more_draws, preset_argument
 from hdassist.verdict import Verdict
 
 _LARGE_LINE = 0.1  # of the variance

@@ -15,7 +15,7 @@ from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import origin_counts, resolved_fields, value_text
 from hdassist.report import Block, Facts, Paragraph, Report, ReportSection, Seat, Table, Tiles
 from hdassist.terminal.answers import report_object
-from hdassist.terminal.influence_words import named, samples_words
+from hdassist.terminal.words import named, samples_words
 from hdassist.verdict import Verdict, worst_exit_code
 from hdassist.version import __version__
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from hdassist.json_parts import attributes, influence_objects, measure_objects, samples_object
 from hdassist.pages.tolerance import law_warnings
 from hdassist.report import Facts, Quantities, Quantity, Report, Table, csv_table
-from hdassist.terminal.brief import again
-from hdassist.terminal.influence_words import measure_words, named
+from hdassist.terminal.words import again, measure_words, named
 from hdassist.tolerance.production import TIGHTER_STEP
 from hdassist.tolerance.sensitivity import Sensitivities, Tightened
 

@@ -9,7 +9,7 @@ from hdassist.json_parts import attributes
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
 from hdassist.report import Curve, Fact, Facts, Quantities, Quantity, Report, Table, as_object, csv_columns
-from hdassist.terminal.brief import again, on_what
+from hdassist.terminal.words import again, on_what
 
 ARCMIN = pi / 10800  # rad
 TWIST_CAPTION = "Twist of the drive without deviations, the cam held"

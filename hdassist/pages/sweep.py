@@ -10,7 +10,7 @@ from hdassist.design.vary import Axis
 from hdassist.json_parts import attributes, unknown_objects
 from hdassist.model.unknown import unknowns
 from hdassist.report import Curve, Fact, Facts, Report
-from hdassist.terminal.brief import again
+from hdassist.terminal.words import again
 from hdassist.verdict import worst_exit_code
 
 ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")

@@ -11,8 +11,7 @@ from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
 from hdassist.json_parts import Json, attributes, measure_objects
 from hdassist.report import Curve, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
-from hdassist.terminal.brief import again, probability_words
-from hdassist.terminal.influence_words import field_unit, measure_words
+from hdassist.terminal.words import again, field_unit, measure_words, probability_words
 from hdassist.tolerance.law import ProductionLaw, TolerancedSize
 from hdassist.tolerance.sensitivity import to_measure
 from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief

@@ -10,8 +10,8 @@ from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.preset.fields import Drive, Measured
 from hdassist.report import Curve, Fact, Facts, Paragraph, Quantities, Quantity, Report, Series, Table, csv_columns
-from hdassist.terminal.brief import again, not_known, on_what
 from hdassist.terminal.wheels import heading
+from hdassist.terminal.words import again, not_known, on_what
 
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
 MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn

@@ -169,7 +169,7 @@ class DriveOptions(OptionGroup):
 
     def taken_over(self) -> tuple[tuple[str, str], ...]:
         """Options that a next command on the drive is to have too, by name."""
-        from hdassist.terminal.brief import TAKEN_OVER
+        from hdassist.terminal.words import TAKEN_OVER
 
         return tuple((name, str(value)) for name, value in self.given() if name in TAKEN_OVER)
 

@@ -30,10 +30,10 @@ from hdassist.report import (
 from hdassist.solve.answers import Certificate
 from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE, CrossCheck
-from hdassist.terminal.brief import COLOURS, proof
 from hdassist.terminal.console import Style, console, made_or
 from hdassist.terminal.plot import curve
 from hdassist.terminal.seat import seat_in_characters
+from hdassist.terminal.words import COLOURS, proof
 from hdassist.verdict import Verdict
 
 DRAWINGS: dict[type, Callable[[Style, Any], str]] = {

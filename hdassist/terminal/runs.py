@@ -68,7 +68,7 @@ def note_time(report: Report, begun: float, name: str = "") -> None:
     """Note on stderr how long a report took since begun [s], its residuals, and the engine that solved its states."""
     from hdassist.solve.answers import Certificate
     from hdassist.solve.walk import walk_library
-    from hdassist.terminal.brief import proof
+    from hdassist.terminal.words import proof
 
     found, words = report.certificate, proof(report.certificate)
     if isinstance(found, Certificate):

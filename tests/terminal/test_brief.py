@@ -17,11 +17,10 @@ from hdassist.loading.load import load_preset
 from hdassist.report import Facts, Report
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.terminal.brief import LIMITED, TAKEN_OVER, again, on_what, proof
 from hdassist.terminal.console import Style, console
-from hdassist.terminal.influence_words import more_draws, settling_words
 from hdassist.terminal.options import torque_overrides
 from hdassist.terminal.page import report_page
+from hdassist.terminal.words import LIMITED, TAKEN_OVER, again, more_draws, on_what, proof, settling_words
 from hdassist.verdict import Verdict
 from tests.process import SMALL, run
 
