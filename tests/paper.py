@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hdassist.report.report import Report
+from hdassist.report import Report
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
 from hdassist.terminal.page import report_page

@@ -1,7 +1,5 @@
 """The commands of hdassist: module and summary of each, loaded when it is called."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache
 from importlib import import_module

@@ -41,13 +41,11 @@ class DoctorCommand(o.PageOptions):
     stored digits. Exit codes: 0 fine, 5 answers of this installation cannot be trusted.
     """
 
-    def run(self) -> int:
-        """Examine the installation; returns the exit code."""
-        from hdassist.report.blocks import Table
-        from hdassist.report.report import Report
-        from hdassist.terminal.runs import give_report
+    def report(self, _out: o.Output, _preset: str) -> o.Report:
+        """The installation, examined."""
+        from hdassist.report import Report, Table
+        from hdassist.terminal.output import complain
 
-        out = self.open()
         found = [*packages(), surroundings(), engine(), cache(), self_test()]
         found.sort(key=lambda each: ("broken", "note", "ok").index(each.status))
         broken = ", ".join(each.what for each in found if each.status == "broken")
@@ -55,15 +53,13 @@ class DoctorCommand(o.PageOptions):
             f"answers of this installation cannot be trusted: {broken}",
             "install hdassist anew into a fresh environment",
         )
-        report = Report(
+        if broken:
+            complain(error)
+        return Report(
             "doctor", None, "this installation", f"broken: {broken}" if broken else "fine",
             blocks=(Table("", ("part", "status", "found"), tuple(map(astuple, found)), words=(0, 1, 2)),),
             values={"findings": list(map(asdict, found))}, exit_code=error.exit_code if broken else 0,
         )  # fmt: skip
-        give_report(report, out, json=self.json)
-        if broken:
-            raise error
-        return 0
 
 
 def packages() -> Iterator[DoctorFinding]:

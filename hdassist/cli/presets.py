@@ -15,7 +15,6 @@ from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.json_parts import Json
-    from hdassist.report.report import Report
 
 presets_app = typer.Typer(
     name="presets",
@@ -43,15 +42,13 @@ class PresetsListCommand(o.PageOptions):
     What each rests on: how many of its values are given, identified from measurements, or only assumed.
     """
 
-    def run(self) -> int:
-        """List the presets; returns the exit code."""
+    def report(self, _out: o.Output, _preset: str) -> o.Report:
+        """The presets."""
         from hdassist.loading.load import load_preset
         from hdassist.preset.library import preset_names
         from hdassist.preset.schema import origin_counts
-        from hdassist.report.blocks import Table
-        from hdassist.report.report import Report
+        from hdassist.report import Report, Table
         from hdassist.terminal.answers import envelope
-        from hdassist.terminal.runs import give_report
 
         rows, values = [], []
         for name in preset_names():
@@ -65,9 +62,7 @@ class PresetsListCommand(o.PageOptions):
             rows.append((name, f"{gears.z_g}/{gears.z_b}", f"{gears.m!r} mm", numbers, sentence))
         heads = ("name", "teeth", "module", "given,\nidentified,\nassumed", "description")
         table = Table("", heads, tuple(rows), words=range(len(heads)))
-        report = Report("presets-list", None, "presets of hdassist", blocks=(table,), values={"presets": values})
-        give_report(report, self.open(), json=self.json)
-        return 0
+        return Report("presets-list", None, "presets of hdassist", blocks=(table,), values={"presets": values})
 
 
 @presets_app.command("show", cls=Command)
@@ -88,39 +83,39 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
     preset: str
     resolved: bool = False
 
+    def open(self) -> o.Output:
+        """As of other commands, with the room for a table in a pipe."""
+        out = super().open()
+        return out if sys.stdout.isatty() else replace(out, style=replace(out.style, width=PIPED_COLUMNS))
+
     def run(self) -> int:
         """Show the preset; returns the exit code."""
         from hdassist.preset.library import read_preset
-        from hdassist.preset.schema import resolved_fields, value_text
-        from hdassist.report.blocks import Table
-        from hdassist.report.report import Report
         from hdassist.terminal.files import give_stdout
-        from hdassist.terminal.output import warn
-        from hdassist.terminal.runs import give_report
 
-        out = self.open()
-        if not (self.resolved or self.json or self.overrides):
-            text = read_preset(self.preset)[0]
-            if sys.stdout.isatty() or self.output != "-":
-                out.text(text.decode("utf-8", "backslashreplace"))
-            else:
-                give_stdout(text)
-            return 0
-        drive = self.load(self.preset)
+        if self.resolved or self.json or self.overrides:
+            return super().run()
+        out, text = self.open(), read_preset(self.preset)[0]
+        if sys.stdout.isatty() or self.output != "-":
+            out.text(text.decode("utf-8", "backslashreplace"))
+        else:
+            give_stdout(text)
+        return 0
+
+    def report(self, _out: o.Output, preset: str) -> o.Report:
+        """All values of the preset."""
+        from hdassist.preset.schema import resolved_fields, value_text
+        from hdassist.report import Report, Table
+
+        drive = self.load(preset)
         rows = resolved_fields(drive)
         cells = tuple((row.path, value_text(row.value), row.unit, row.kind, row.reference) for row in rows)
         heads = ("field", "value", "unit", "origin", "reference")
-        report = Report(
+        return Report(
             "presets-show", drive, drive.name, blocks=(Table("", heads, cells, words=range(len(heads))),),
             values={"description": drive.description, "fields": list(map(asdict, rows))},
             warnings=drive.origin.warnings,
         )  # fmt: skip
-        if not sys.stdout.isatty():
-            out = replace(out, style=replace(out.style, width=PIPED_COLUMNS))
-        give_report(report, out, json=self.json)
-        for warning in report.warnings:
-            warn(warning)
-        return 0
 
 
 @presets_app.command("validate", cls=Command)
@@ -146,10 +141,10 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
         reports = run_each(VALIDATE, self.presets, self._report, self, failed=_invalid, keep_failures=True)
         return give(VALIDATE, reports, replace(self, quiet=True), out)
 
-    def _report(self, name: str) -> Report:
+    def _report(self, name: str) -> o.Report:
         """The verdict on a preset, which a bad --set has too. Raises all other errors of loading it."""
         from hdassist.preset.schema import origin_counts
-        from hdassist.report.report import Report
+        from hdassist.report import Report
         from hdassist.terminal.output import complain
 
         try:

@@ -1,7 +1,5 @@
 """The runs of `hdassist accept`: drives one after the other, a lot, and answers done again."""
 
-from __future__ import annotations
-
 from collections.abc import Generator, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -19,7 +17,7 @@ from hdassist.errors import HdassistError, UsageError
 from hdassist.json_parts import Json
 from hdassist.pages import accept as page
 from hdassist.pages.accept_junit import junit
-from hdassist.report.report import Report
+from hdassist.report import Report
 from hdassist.run.kept import Kept, KeptOwner, open_kept
 from hdassist.run.processes import workers
 from hdassist.run.run import Run

@@ -35,19 +35,17 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
     sure: float = 0.95
     mounting: bool = True
 
-    def run(self) -> int:
-        """Choose the tolerances; returns the exit code."""
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """The cheapest tolerances."""
         from hdassist.error.self_error import self_error
         from hdassist.errors import UsageError
         from hdassist.pages.allocate import Allocated, allocate_report
-        from hdassist.terminal.runs import give
         from hdassist.tolerance.allocation import Allocator
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.sensitivity import to_measure
         from hdassist.tolerance.yields import rooms
 
-        out = self.open()
-        drive = self.load(self.preset)
+        drive = self.load(preset)
         law, torques, limits = self.law(drive, chosen=True), drive.operation.M_g, require_limits(drive)
         own = [found.range_arcsec for found in self_error(drive, torques)]
         room = rooms(limits, own)
@@ -70,4 +68,4 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         found = Allocated(
             law, self.wanted, self.sure, limits, own, allocator.choices, ways, self.seed, gains, self.count
         )
-        return give("allocate", [allocate_report(found)], self, out)
+        return allocate_report(found)

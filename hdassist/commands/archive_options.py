@@ -9,7 +9,7 @@ from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.measuring.measure import Measurement
-    from hdassist.report.report import Report
+    from hdassist.report import Report
 
 
 @dataclass(frozen=True, kw_only=True)

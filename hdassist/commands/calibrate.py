@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from hdassist.terminal import options as o
-
-if TYPE_CHECKING:
-    from hdassist.report.report import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +43,8 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     jobs: int = 0
     details: bool = False
 
-    def run(self) -> int:
-        """Find the values; returns the exit code."""
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """The values, found and written where that is asked for."""
         from hdassist.calibration.calibrate import calibrate, estimate_drives
         from hdassist.calibration.targets import read_targets
         from hdassist.errors import UsageError
@@ -57,34 +53,24 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         from hdassist.preset.fields import IDENTIFIED_WITH
         from hdassist.preset.library import READ_AT_MOST, read_preset
         from hdassist.terminal.files import take_output, write_text
-        from hdassist.terminal.runs import give, run_each
         from hdassist.textfile import read_bytes
 
-        o.stdin_once(self.preset, str(self.targets))
-        out, changed = self.open(), ""
+        o.stdin_once(preset, str(self.targets))
         if self.write is not None:
             take_output(self.write, self.force)
-            if self.preset == "-" or self.overrides:
+            if preset == "-" or self.overrides:
                 raise UsageError("--write changes the preset as it stands in its file: no stdin, no --set with it")
-
-        def one(name: str) -> Report:
-            nonlocal changed
-            drive = self.load(name)
-            wanted = read_targets(read_bytes(self.targets, READ_AT_MOST)[0], str(self.targets), drive)
-            given = read_preset(name)[0].decode("utf-8-sig") if self.write is not None else ""
-            if self.write is not None:  # a text that cannot be changed is better known before than after
-                with_found_values(given, name, {u.path: u.low for u in wanted.unknowns}, "")
-            with out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run:
-                result = calibrate(drive, wanted, points=self.evaluations, run=run)
-            if self.write is not None:
-                best = wanted.by_path(result.fits[0].values)
-                missed = ", targets missed" * bool(result.shortfall)
-                ref = f"hdassist calibrate, {wanted.name or self.targets.name}{missed}"
-                model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
-                changed = with_found_values(given, name, best, ref, model)
-            return calibrate_report(result, self.write)
-
-        code = give("calibrate", run_each("calibrate", [self.preset], one, self), self, out)
+        drive = self.load(preset)
+        wanted = read_targets(read_bytes(self.targets, READ_AT_MOST)[0], str(self.targets), drive)
+        given = read_preset(preset)[0].decode("utf-8-sig") if self.write is not None else ""
+        if self.write is not None:  # a text that cannot be changed is better known before than after
+            with_found_values(given, preset, {u.path: u.low for u in wanted.unknowns}, "")
+        with out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run:
+            result = calibrate(drive, wanted, points=self.evaluations, run=run)
         if self.write is not None:
-            write_text(self.write, changed, self.force)
-        return code
+            best = wanted.by_path(result.fits[0].values)
+            missed = ", targets missed" * bool(result.shortfall)
+            ref = f"hdassist calibrate, {wanted.name or self.targets.name}{missed}"
+            model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
+            write_text(self.write, with_found_values(given, preset, best, ref, model), self.force)
+        return calibrate_report(result, self.write)

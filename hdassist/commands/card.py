@@ -13,7 +13,7 @@ from hdassist.terminal.options import AnswerOptions, CardOptions
 
 if TYPE_CHECKING:
     from hdassist.pages.card import CardFacts
-    from hdassist.report.report import Report
+    from hdassist.report import Report
     from hdassist.terminal.output import Output
     from hdassist.terminal.texts import Texts
 

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from hdassist.terminal import options as o
-
-if TYPE_CHECKING:
-    from hdassist.report.report import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,27 +34,19 @@ class CheckCommand(o.FigureOptions, o.SamplingOptions, o.PitchOptions, o.Limited
     solver: str | None = None
     cross_check: str = "highs"
 
-    def run(self) -> int:
-        """Check the drives; returns the exit code."""
-        from hdassist.terminal.runs import give, run_each
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """The design check of a drive."""
         from hdassist.terminal.wheels import pitch_files, read_teeth
 
-        out = self.open()
         files = pitch_files(self.presets, self)
+        with out.progress(preset) as progress:  # words before numpy is imported
+            drive = self.load(preset)
+            measured = read_teeth(files, drive)
+            torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
+            progress.expect(words := f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m")
+            from hdassist.design.check import check, check_states
+            from hdassist.pages.check import check_report
 
-        def one(name: str) -> Report:
-            with out.progress(name) as progress:  # words before numpy is imported
-                drive = self.load(name)
-                measured = read_teeth(files, drive)
-                torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
-                progress.expect(words := f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m")
-                from hdassist.design.check import check, check_states
-                from hdassist.pages.check import check_report
-
-                with out.run(words, check_states(drive, measured, self.draws), self, progress) as run:
-                    result = check(
-                        drive, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run
-                    )
-            return check_report(result, self.seed)
-
-        return give("check", run_each("check", self.presets, one, self), self, out)
+            with out.run(words, check_states(drive, measured, self.draws), self, progress) as run:
+                result = check(drive, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run)
+        return check_report(result, self.seed)

@@ -10,7 +10,7 @@ from hdassist.errors import UsageError
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
-    from hdassist.report.report import Report
+    from hdassist.report import Report
 
 PRESET_SUFFIXES = (".yaml", ".yml")
 OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options that presets do not have, beside TraceOptions

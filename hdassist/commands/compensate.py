@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from hdassist.correction.forms import CorrectionForm
     from hdassist.correction.records import RecordedError
     from hdassist.preset.fields import Drive
-    from hdassist.report.report import Report
+    from hdassist.report import Report
 
 
 @dataclass(frozen=True, kw_only=True)

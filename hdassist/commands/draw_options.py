@@ -9,7 +9,6 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from hdassist.belief.samples import Samples
     from hdassist.preset.fields import Drive
-    from hdassist.terminal.output import Output
     from hdassist.tolerance.law import ProductionLaw
     from hdassist.tolerance.production import Production, RandomDrive
 
@@ -36,12 +35,14 @@ class DrawOptions(o.LimitedDriveOptions):
             raise UsageError("no field scatters: all tolerances are 0", "set tolerances.e_hb or others above 0")
         return found
 
-    def with_designs(self, out: "Output", production: "Production", count: int) -> "tuple[Production, Samples | None]":
+    def with_designs(
+        self, out: "o.Output", production: "Production", count: int
+    ) -> "tuple[Production, Samples | None]":
         """A production with the designs of so many drives, and the samples that they are of, if they differ."""
         with out.run("designs", production.design_states(count), self) as run:
             return production.with_designs(count, run=run)
 
-    def records(self, out: "Output", production: "Production", count: int) -> "list[RandomDrive]":
+    def records(self, out: "o.Output", production: "Production", count: int) -> "list[RandomDrive]":
         """Records of so many drives of a production."""
         from hdassist.run.stream import stream
 

@@ -27,15 +27,12 @@ class ExplainCommand(o.PageOptions):
 
     names: list[str]
 
-    def run(self) -> int:
-        """Explain the names; returns the exit code."""
+    def report(self, _out: o.Output, _preset: str) -> o.Report:
+        """The names, explained."""
         from hdassist.pages.explain import explain_report
-        from hdassist.terminal.runs import give_report
 
-        out = self.open()
         found = list(dict.fromkeys(entry for name in self.names for entry in _entries(name)))
-        give_report(explain_report(found), out, json=self.json)
-        return 0
+        return explain_report(found)
 
 
 def _entries(name: str) -> list[Entry]:

@@ -10,7 +10,6 @@ from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.planning.plan import ReadingPlan
-    from hdassist.report.report import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,19 +53,13 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
             raise UsageError("--turns and --both are of a test to judge", "--positions 12")
         return None
 
-    def run(self) -> int:
-        """Judge tests of the drive; returns the exit code."""
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """Tests of the drive, judged."""
         from hdassist.design.check import check_states
         from hdassist.pages.plan import plan_report
         from hdassist.planning.plan import PlanDemands, choose_plan
-        from hdassist.terminal.runs import give, run_each
 
-        out, asked = self.open(), self.plan()
-        demands = PlanDemands(self.wrong, self.noise, self.corrected)
-
-        def one(name: str) -> Report:
-            drive = self.load(name)
-            with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
-                return plan_report(choose_plan(drive, asked=asked, demands=demands, draws=self.draws, run=run))
-
-        return give("plan", run_each("plan", [self.preset], one, self), self, out)
+        asked, demands = self.plan(), PlanDemands(self.wrong, self.noise, self.corrected)
+        drive = self.load(preset)
+        with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
+            return plan_report(choose_plan(drive, asked=asked, demands=demands, draws=self.draws, run=run))

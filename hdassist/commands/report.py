@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
-
-if TYPE_CHECKING:
-    from hdassist.report.report import Report
 
 REPORT_SUFFIXES = (".html", ".md")
 
@@ -36,22 +33,13 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
     def run(self) -> int:
         """Make the report; returns the exit code."""
-        from hdassist.comparing.sheet import sheet_of, sheet_states
         from hdassist.pages.documents import report_html, report_markdown
-        from hdassist.pages.report import drive_report
         from hdassist.terminal.runs import give, run_each
 
-        kind, out = self._kind(), self.open()
-
-        def one(name: str) -> Report:
-            drive = self.load(name)
-            with out.run(drive.name, sheet_states(drive, self.draws), self) as run:
-                return drive_report(sheet_of(drive, draws=self.draws, run=run), draws=self.draws, seed=self.seed)
-
-        reports = run_each("report", [self.preset], one, self)
         if self.json or self.quiet:
-            return give("report", reports, self, out)
-        [report] = reports
+            return super().run()
+        kind, out = self._kind(), self.open()
+        [report] = run_each("report", [self.preset], partial(self.report, out), self)
         code = give("report", [replace(report, head="")], self, out)  # its warnings: the page is a document
         if kind == ".html":
             page = report_html(report)
@@ -60,9 +48,18 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
             out.text(report_markdown(report, out.style))
         return code
 
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """All about a drive."""
+        from hdassist.comparing.sheet import sheet_of, sheet_states
+        from hdassist.pages.report import drive_report
+
+        drive = self.load(preset)
+        with out.run(drive.name, sheet_states(drive, self.draws), self) as run:
+            return drive_report(sheet_of(drive, draws=self.draws, run=run), draws=self.draws, seed=self.seed)
+
     def _kind(self) -> str:
         """Suffix of the file that the report is written as. Raises UsageError for any other."""
-        if self.output == "-" or self.json or self.quiet:
+        if self.output == "-":
             return ".md"
         kind = Path(self.output).suffix.lower()
         if kind not in REPORT_SUFFIXES:

@@ -28,18 +28,16 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
     count: int = 96
     details: bool = False
 
-    def run(self) -> int:
-        """Rank the tolerances; returns the exit code."""
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """The tolerances, ranked."""
         from dataclasses import replace
         from functools import partial
 
         from hdassist.pages.sensitivity import sensitivity_report
-        from hdassist.terminal.runs import give
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.sensitivity import sensitivities
 
-        out = self.open()
-        drive = self.load(self.preset)
+        drive = self.load(preset)
         law = self.law(drive)
         each_its_own = replace(law, shared=law.shared + law.own, own=())
         production = Production(
@@ -48,4 +46,4 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
         production, samples = self.with_designs(out, production, self.count)
         assert samples
         found = sensitivities(production, samples, partial(self.records, out))
-        return give("sensitivity", [sensitivity_report(replace(found, law=law))], self, out)
+        return sensitivity_report(replace(found, law=law))

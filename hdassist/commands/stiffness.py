@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from hdassist.terminal import options as o
-
-if TYPE_CHECKING:
-    from hdassist.report.report import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,18 +31,11 @@ class StiffnessCommand(o.FigureOptions, o.DriveOptions):
     details: bool = False
     cross_check: str = "highs"
 
-    def run(self) -> int:
-        """Compute the twist over torque; returns the exit code."""
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """The twist over torque."""
         from hdassist.error.stiffness import stiffness, stiffness_states
         from hdassist.pages.stiffness import stiffness_report
-        from hdassist.terminal.runs import give, run_each
 
-        out = self.open()
-
-        def one(name: str) -> Report:
-            drive = self.load(name)
-            with out.run(drive.name, stiffness_states(), self) as run:
-                result = stiffness(drive, T_1=self.t1, T_2=self.t2, T_max=self.to, run=run)
-            return stiffness_report(drive, result)
-
-        return give("stiffness", run_each("stiffness", [self.preset], one, self), self, out)
+        drive = self.load(preset)
+        with out.run(drive.name, stiffness_states(), self) as run:
+            return stiffness_report(drive, stiffness(drive, T_1=self.t1, T_2=self.t2, T_max=self.to, run=run))

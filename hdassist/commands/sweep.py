@@ -11,9 +11,7 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from hdassist.design.sweep import Sweep, SweepRow
     from hdassist.preset.fields import Drive
-    from hdassist.report.report import Report
     from hdassist.run.kept import Kept, KeptOwner
-    from hdassist.terminal.output import Output
 
 JSON_ROWS = 100_000  # that --json holds in memory, at most
 
@@ -48,10 +46,8 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
         """Standard output: -o takes the rows."""
         return "-"
 
-    def run(self) -> int:
-        """Compute the rows; returns the exit code."""
-        from contextlib import ExitStack
-
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """The rows, computed and written."""
         from hdassist.design.sweep import collect
         from hdassist.pages import sweep as page
         from hdassist.run.kept import open_kept
@@ -59,17 +55,13 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
         from hdassist.runfiles import claim_output
         from hdassist.terminal.answers import csv_text
         from hdassist.terminal.output import note
-        from hdassist.terminal.runs import give, run_each
 
-        out = self.open()
         file = None if self.output == "-" else self.output
         streamed = self._takes_stdout()
-
-        def one(_: str) -> Report:
-            sweep, drive, owner = self._sweep()
-            if file is not None:
-                claim_output(file, is_kept=True)
-            results = stack.enter_context(open_kept(file, owner, sweep.kind, force=self.force))
+        sweep, drive, owner = self._sweep(preset)
+        if file is not None:
+            claim_output(file, is_kept=True)
+        with open_kept(file, owner, sweep.kind, force=self.force) as results:
             rows = _rows(sweep, drive.name, results, self.jobs, out)
             kept = f"are kept in {file}: the same command goes on" if file else "are done, none is kept"
             with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
@@ -84,9 +76,6 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
                 note(f"error: no row has an answer: {swept.reason}")
             return replace(report, head="") if streamed else report
 
-        with ExitStack() as stack:  # JSON is made of the rows that the file of results has
-            return give("sweep", run_each("sweep", [self.preset], one, self), self, out)
-
     def _takes_stdout(self) -> bool:
         """Whether rows go to standard output as CSV. Raises UsageError: it is asked for JSON as well."""
         import sys
@@ -98,7 +87,7 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
         no_page = not (self.json or self.quiet or sys.stdout.isatty())
         return self.csv == "-" or (no_page and self.csv is None and self.output == "-")
 
-    def _sweep(self) -> tuple[Sweep, Drive, KeptOwner]:
+    def _sweep(self, preset: str) -> tuple[Sweep, Drive, KeptOwner]:
         """The sweep, its drive, and the owner of its rows. Raises DataError and UsageError."""
         from hdassist.design.sweep import Sweep
         from hdassist.design.vary import read_axes
@@ -107,7 +96,7 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
         from hdassist.preset.library import read_preset
         from hdassist.run.kept import KeptOwner
 
-        text, file = read_preset(self.preset)
+        text, file = read_preset(preset)
         drive = load_text(text, file, self.changes)
         sweep = Sweep.of(text, file, drive, read_axes(self.vary, drive.origin.overrides))
         if self.json and sweep.rows > JSON_ROWS:
@@ -117,7 +106,7 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
         return sweep, drive, owner
 
 
-def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], jobs: int, out: Output) -> Iterator[SweepRow]:
+def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], jobs: int, out: o.Output) -> Iterator[SweepRow]:
     """Records of all rows: those that are kept, then the others as they are computed and kept."""
     from contextlib import closing
 

@@ -40,8 +40,8 @@ class ToleranceCommand(o.FigureOptions, DrawOptions):
     details: bool = False
     per_design: int = 10
 
-    def run(self) -> int:
-        """Draw the drives; returns the exit code."""
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """Random drives of a preset."""
         from hdassist.error.self_error import self_error
         from hdassist.errors import UntrustedError
         from hdassist.pages.tolerance import tolerance_report
@@ -50,12 +50,10 @@ class ToleranceCommand(o.FigureOptions, DrawOptions):
         from hdassist.run.stream import stream
         from hdassist.runfiles import claim_output
         from hdassist.terminal.output import note
-        from hdassist.terminal.runs import give
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.yields import AtTorque, Summary, rooms
 
-        out, count, results = self.open(), self.count, self.results
-        drive = self.load(self.preset)
+        count, results, drive = self.count, self.results, self.load(preset)
         law, torques = self.law(drive), drive.operation.M_g
         if self.limit or self.wanted is not None:
             require_limits(drive)
@@ -99,11 +97,10 @@ class ToleranceCommand(o.FigureOptions, DrawOptions):
                     summary.add(records)
                     progress(len(records))
             interrupted = kept.done < count
-        if interrupted:
-            note(f"interrupted: {progress_words()}")
         if not summary.count:
             if interrupted:
-                return 130
+                raise KeyboardInterrupt
             raise UntrustedError(f"no random drive has an answer: {summary.reason}", "narrow what scatters")
-        report = tolerance_report(law, self.seed, summary, samples, interrupted=interrupted)
-        return give("tolerance", [report], self, out)
+        if interrupted:
+            note(f"interrupted: {progress_words()}")
+        return tolerance_report(law, self.seed, summary, samples, interrupted=interrupted)

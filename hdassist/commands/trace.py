@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from hdassist.terminal import options as o
-
-if TYPE_CHECKING:
-    from hdassist.report.report import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,30 +36,24 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
         """All that the options change of a preset, its torque too."""
         return [*super().changes, *o.torque_overrides([self.torque])]
 
-    def run(self) -> int:
-        """Compute the trace; returns the exit code."""
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """The trace of a drive."""
         from hdassist.error.trace import trace
         from hdassist.model.kinematics import Kinematics
         from hdassist.pages.trace import trace_report
-        from hdassist.terminal.runs import give, run_each
         from hdassist.terminal.wheels import pitch_files, read_teeth
 
-        out = self.open()
-        files = pitch_files([self.preset], self)
-
-        def one(name: str) -> Report:
-            drive = self.load(name)
-            measured = read_teeth(files, drive)
-            with out.run(drive.name, self.revolutions * Kinematics.of(drive).teeth_fixed, self) as run:
-                result = trace(
-                    drive,
-                    drive.operation.M_g[0],
-                    measured=measured,
-                    start_deg=self.start,
-                    revolutions=self.revolutions,
-                    solver=self.solver,
-                    run=run,
-                )
-            return trace_report(drive, result, self.seed)
-
-        return give("trace", run_each("trace", [self.preset], one, self), self, out)
+        files = pitch_files([preset], self)
+        drive = self.load(preset)
+        measured = read_teeth(files, drive)
+        with out.run(drive.name, self.revolutions * Kinematics.of(drive).teeth_fixed, self) as run:
+            result = trace(
+                drive,
+                drive.operation.M_g[0],
+                measured=measured,
+                start_deg=self.start,
+                revolutions=self.revolutions,
+                solver=self.solver,
+                run=run,
+            )
+        return trace_report(drive, result, self.seed)

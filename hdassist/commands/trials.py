@@ -1,7 +1,5 @@
 """`hdassist trials`: the position of the fixed wheel from measurements in a few positions."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 

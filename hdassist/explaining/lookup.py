@@ -1,7 +1,5 @@
 """Explanations of checks, remarks, fields, sections, symbols, words and errors, by any spelling of their names."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Words of the trade, symbols of the paper and kinds of errors, as words.toml declares them."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -39,7 +39,7 @@ from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import hole_words, usable_positions
 from hdassist.preset.kinds import text_of
 from hdassist.preset.schema import ResolvedField, resolved_fields
-from hdassist.report.blocks import Paragraph
+from hdassist.report import Paragraph
 from hdassist.run.stops import STOPS, end_at_stops
 from hdassist.visible import visible
 

@@ -29,9 +29,9 @@ from hdassist.explorer.service import Question, Service
 from hdassist.explorer.state import Session
 from hdassist.mounting.advice import Advice
 from hdassist.preset.fields import Drive
-from hdassist.report.report import Report
-from hdassist.terminal.brief import again
+from hdassist.report import Report
 from hdassist.terminal.console import PLAIN_CHARACTERS
+from hdassist.terminal.words import again
 from hdassist.trials.advice import TrialAdvice
 from hdassist.visible import visible
 

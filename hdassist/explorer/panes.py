@@ -21,7 +21,7 @@ from hdassist.mounting.positions import bare
 from hdassist.pages.seat import seat_holes
 from hdassist.preset.kinds import text_of
 from hdassist.preset.schema import ResolvedField, resolved_fields
-from hdassist.report.blocks import Block, Seat, SeatMark
+from hdassist.report import Block, Seat, SeatMark
 from hdassist.terminal.console import Style
 from hdassist.terminal.page import block_on_page
 from hdassist.terminal.plot import ticks

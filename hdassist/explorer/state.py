@@ -19,8 +19,8 @@ from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.library import read_preset
 from hdassist.preset.overrides import OVERRIDE_PLACE
 from hdassist.readers.trace import TraceForm, read_trace
-from hdassist.terminal.brief import again
 from hdassist.terminal.options import TrialOptions
+from hdassist.terminal.words import again
 
 TRIALS = TrialOptions()  # as the command has them where no other is asked for
 

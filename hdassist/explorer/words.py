@@ -16,10 +16,8 @@ from hdassist.explorer.panes import INK, MARKS, torque_style
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
 from hdassist.pages.check import F_ior_table
-from hdassist.report.blocks import Block, Curve, Facts, Lines
-from hdassist.report.report import Report
-from hdassist.terminal.brief import proof
-from hdassist.terminal.influence_words import named
+from hdassist.report import Block, Curve, Facts, Lines, Report
+from hdassist.terminal.words import named, proof
 from hdassist.verdict import Verdict
 from hdassist.visible import visible
 

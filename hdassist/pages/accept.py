@@ -1,7 +1,5 @@
 """Acceptance of a drive, of a lot, or done again, as a report; a sentence for each check; figures as CSV."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, fields, replace
@@ -20,12 +18,11 @@ from hdassist.pages.check import fitted_words
 from hdassist.preset.fields import Drive
 from hdassist.preset.units import convert
 from hdassist.preset.yamltext import shown
-from hdassist.report.blocks import Facts, Table
-from hdassist.report.quantities import NO_VALUE, Quantity
-from hdassist.report.report import Report
+from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table
 from hdassist.terminal.answers import csv_text, together
-from hdassist.terminal.brief import again
-from hdassist.terminal.influence_words import (
+from hdassist.terminal.wheels import WHEEL_WORDS
+from hdassist.terminal.words import (
+    again,
     draws_to_settle,
     influence_words,
     measure_words,
@@ -33,7 +30,6 @@ from hdassist.terminal.influence_words import (
     samples_words,
     settling_words,
 )
-from hdassist.terminal.wheels import WHEEL_WORDS
 from hdassist.verdict import SEVERITY, percent_text, worst_exit_code
 from hdassist.version import __version__
 
@@ -41,8 +37,8 @@ RULE_WORDS = {
     "guard": f"guard bands of {GUARD:g} u on each side of a limit",
     "simple": "simple acceptance up to a limit",
 }
-CHECK_FIGURES: tuple[Quantity[Decision | None], ...] = tuple(  # of CSV
-    Quantity(name, "", "", "")
+CHECK_FIGURES: Quantities[Decision | None] = tuple(  # of CSV
+    Quantity(name)
     for name in (
         *(each.name for each in fields(Decision) if each.name not in ("unstated", "belief")),
         *(f"belief.{each.name}" for each in fields(Belief)),
@@ -82,15 +78,15 @@ def bound(limit: Limit) -> str:
     return f"{'≤' if limit.check.upper else '≥'} {limit.limit:.6g}"
 
 
-DECISION_COLUMNS: tuple[Quantity[Decision], ...] = (
-    Quantity("check", "check", "", "", lambda d: f"{d.label}, {d.unit.replace('*', '·')}"),
-    Quantity("verdict", "verdict", "", "", lambda d: str(d.verdict)),
-    Quantity("value", "value", "", "", _value),
-    Quantity("expanded_uncertainty", "± (k=2)", "", "", _beside("expanded_uncertainty")),
-    Quantity("range", "5 to 95 %", "", "", _range),
-    Quantity("limit", "limit", "", "", bound),
-    Quantity("margin", "margin", "", "", _beside("margin")),
-    Quantity("kept", "kept", "", "", lambda d: d.belief and f"{100 * d.belief.probability:.0f} %"),
+DECISION_COLUMNS: Quantities[Decision] = (
+    Quantity("check", "check", value=lambda d: f"{d.label}, {d.unit.replace('*', '·')}"),
+    Quantity("verdict", "verdict", value=lambda d: str(d.verdict)),
+    Quantity("value", "value", value=_value),
+    Quantity("expanded_uncertainty", "± (k=2)", value=_beside("expanded_uncertainty")),
+    Quantity("range", "5 to 95 %", value=_range),
+    Quantity("limit", "limit", value=bound),
+    Quantity("margin", "margin", value=_beside("margin")),
+    Quantity("kept", "kept", value=lambda d: d.belief and f"{100 * d.belief.probability:.0f} %"),
 )
 
 
@@ -167,7 +163,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
         yield Table.by_row(title, columns, checks, words=(0, 1))
 
 
-def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[tuple[str, str]]:
+def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[Fact]:
     """Largest influences, the next measurement, remarks and the next command, a label and a text each."""
     next_ = ""
     if predictions and (samples := predictions.samples):
@@ -248,7 +244,7 @@ def _deciding(answer: AcceptAnswer) -> str:
     return first + (f" (and {len(more)} more)" if more else "")
 
 
-def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[tuple[str, str]]:
+def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
     """Remarks, the next measurement and the next command, a label and a text each."""
     remarks = Counter(code for answer in answers for code in {remark.code for remark in answer.remarks})
     yield "remarks", "; ".join(f"{code}: {_drives(remarks[code])}" for code in sorted(remarks))

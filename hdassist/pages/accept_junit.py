@@ -6,8 +6,6 @@ that was left out is skipped. The grounds of an answer are properties of the sui
 There are no durations and no machine names; the time of an answer is a property.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from xml.etree.ElementTree import Element, SubElement, indent, tostring

@@ -1,7 +1,5 @@
 """The cheapest tolerances that reach a yield as a report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -9,10 +7,8 @@ from hdassist.belief.measure import MeasurementGain
 from hdassist.json_parts import attributes, measure_objects
 from hdassist.pages.tolerance import MORE_DRIVES, law_warnings, yield_range
 from hdassist.preset.fields import Drive
-from hdassist.report.blocks import Facts, Table
-from hdassist.report.report import Report
-from hdassist.terminal.brief import again, probability_words
-from hdassist.terminal.influence_words import MORE_DRAWS, field_unit, measure_words
+from hdassist.report import Fact, Facts, Report, Table
+from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words, probability_words
 from hdassist.tolerance.allocation import Allocation, Tolerance
 from hdassist.tolerance.law import ProductionLaw
 from hdassist.verdict import Verdict
@@ -116,7 +112,7 @@ def _words(way: Allocation, found: Allocated) -> str:
     )
 
 
-def _facts(found: Allocated) -> Iterator[tuple[str, str]]:
+def _facts(found: Allocated) -> Iterator[Fact]:
     """Where no way is sure enough, the share of the self error and the next measurement; the next command."""
     passed = found.verdict is Verdict.PASS
     if not passed:

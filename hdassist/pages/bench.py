@@ -8,10 +8,8 @@ from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.pages.measure import ends_text
 from hdassist.preset.fields import Drive
 from hdassist.readers.bench import LoopRecord, PositionRecord
-from hdassist.report.blocks import Facts, Lines, Table
-from hdassist.report.quantities import Quantity, as_object
-from hdassist.report.report import Report
-from hdassist.terminal.brief import again
+from hdassist.report import Facts, Lines, Quantity, Report, Table, as_object
+from hdassist.terminal.words import again
 from hdassist.textfile import STDIN
 
 _CHECKS = {check.field: check for check in CHECKS}

@@ -1,7 +1,5 @@
 """A calibration as a report."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterator
 from math import isfinite
@@ -10,16 +8,14 @@ from hdassist.calibration.calibrate import Calibration, Fit, FoundValue
 from hdassist.calibration.targets import Targets
 from hdassist.json_parts import Json, attributes
 from hdassist.model.unknown import unknown_notes
-from hdassist.report.blocks import Facts, Table
-from hdassist.report.quantities import Quantity
-from hdassist.report.report import Report
+from hdassist.report import Facts, Quantities, Quantity, Report, Table
 from hdassist.verdict import Verdict
 
 UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
 NOTE = "fitted targets are no evidence for the model: targets that were not fitted are"
-FOUND_VALUES: tuple[Quantity[FoundValue], ...] = (
-    Quantity("path", "field", "", ""),
-    Quantity("unit", "unit", "", ""),
+FOUND_VALUES: Quantities[FoundValue] = (
+    Quantity("path", "field"),
+    Quantity("unit", "unit"),
     Quantity("start", "start", "", "g"),
     Quantity("found", "found", "", "g"),
     Quantity("half_width", "±", "", ".2g"),

@@ -1,7 +1,5 @@
 """The assembly card: an advice for the assembler at the bench, in the language of the reader."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from datetime import date
@@ -14,7 +12,7 @@ from hdassist.pages.seat import ENGLISH, instruction, place_at, seat_of, turn, w
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import origin_counts
 from hdassist.preset.yamltext import shown
-from hdassist.report.blocks import Block, Facts, Lines, Paragraph, Seat, SeatMark, Table
+from hdassist.report import Block, Facts, Lines, Paragraph, Seat, SeatMark, Table
 from hdassist.terminal.texts import HOME, Texts
 from hdassist.version import __version__
 

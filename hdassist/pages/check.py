@@ -1,7 +1,5 @@
 """The design check of a drive as a report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 
@@ -23,12 +21,17 @@ from hdassist.json_parts import (
 )
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.seat import wheel
-from hdassist.report.blocks import Curve, Facts, Table
-from hdassist.report.quantities import Quantity, as_object, csv_table
-from hdassist.report.report import CsvTable, Report
-from hdassist.terminal.brief import again, probability_words, thousands
-from hdassist.terminal.influence_words import influence_words, measure_words, samples_words, settling_words
+from hdassist.report import Curve, Fact, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
 from hdassist.terminal.wheels import heading
+from hdassist.terminal.words import (
+    again,
+    influence_words,
+    measure_words,
+    probability_words,
+    samples_words,
+    settling_words,
+    thousands,
+)
 from hdassist.verdict import Verdict
 
 UNKNOWN_AT_ZERO = "F_ior_nominal_arcsec, at_max and at_min take what is not known as 0"
@@ -49,21 +52,21 @@ def _percentile_error(percent: int, point: OperatingPoint) -> float | None:
 
 
 BELIEF_PERCENTILES = {5: "5th percentile", 50: "median", 95: "95th percentile"}
-POINT_QUANTITIES: tuple[Quantity[OperatingPoint], ...] = (
+POINT_QUANTITIES: Quantities[OperatingPoint] = (
     Quantity("M_g_Nm", "torque M_g", "N·m", "g", "M_g"),
     Quantity("F_ior_arcsec", "F'_ior", "″", ".2f"),
     Quantity("self_error_arcsec", "self error", "″", ".2f", "self_error.range_arcsec"),
     Quantity("F_ior_upper_arcsec", "F'_ior + self error", "″", ".2f"),
     Quantity("limit_arcsec", "limit", "″", "g"),
-    Quantity("verdict", "verdict", "", ""),
+    Quantity("verdict", "verdict"),
     Quantity("F_ior_nominal_arcsec", "F'_ior, numbers of the preset", "″", ".2f", "error.F_ior_arcsec"),
     *(
-        Quantity(f"{end}.{angle}_deg", words, unit, digits, partial(_angle_deg, end, angle))
+        Quantity(f"{end}.{angle}_deg", words, "deg", digits, partial(_angle_deg, end, angle))
         for end, label in (("at_max", "greatest at phi_h"), ("at_min", "least at phi_h"))
-        for angle, words, unit, digits in (
-            ("phi_h", label, "deg", ".1f"),
-            ("phi_g", "  phi_g there", "deg", ".2f"),
-            ("phi_b", "  phi_b there", "deg", ".2f"),
+        for angle, words, digits in (
+            ("phi_h", label, ".1f"),
+            ("phi_g", "  phi_g there", ".2f"),
+            ("phi_b", "  phi_b there", ".2f"),
         )
     ),
     Quantity("one_wave_share", "one-wave meshing, share", "", ".3f", "error.one_wave_share"),
@@ -73,14 +76,14 @@ POINT_QUANTITIES: tuple[Quantity[OperatingPoint], ...] = (
     Quantity("ball_phase_arcsec", "self error of ball phase", "″", ".2f", "self_error.ball_phase_arcsec"),
     Quantity("F_ior_floating_arcsec", "F'_ior, self-aligning cam", "″", ".2f", "floating.first"),
 )
-BELIEF: tuple[Quantity[OperatingPoint], ...] = (
+BELIEF: Quantities[OperatingPoint] = (
     *(
         Quantity(f"belief.p{percent}_arcsec", f"F'_ior, {words}", "″", ".2f", f"belief.p{percent}")
         for percent, words in BELIEF_PERCENTILES.items()
     ),
     Quantity("belief.probability", "probability of keeping it", "", ".2f", "probability.value"),
 )
-MONTE_CARLO: tuple[Quantity[OperatingPoint], ...] = (
+MONTE_CARLO: Quantities[OperatingPoint] = (
     *(
         Quantity(
             f"belief.p{percent}_error_arcsec", f"standard error of the {words}", "″", ".2f",
@@ -94,16 +97,14 @@ MONTE_CARLO: tuple[Quantity[OperatingPoint], ...] = (
     ),
 )  # fmt: skip
 OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of the unknown inputs too
-HELD: Quantity[OperatingPoint] = Quantity("held_arcsec", "F'_ior + self error, 5 to 95 %", "″", "")
 
-
-_ON_PAGE: tuple[Quantity[OperatingPoint], ...] = (
+_ON_PAGE: Quantities[OperatingPoint] = (
     Quantity("M_g", "torque, N·m", "", "g"),
     Quantity("F_ior", "F'_ior", "", ".2f", lambda p: p.belief.p50 if p.belief else p.error.F_ior_arcsec),
     Quantity("belief", "5 to 95 %", "", lambda belief: f"{belief.p5:.1f} to {belief.p95:.1f}"),
     Quantity("self_error", "self error", "", ".2f", "self_error.range_arcsec"),
     Quantity("limit_arcsec", "limit", "", "g"),
-    Quantity("verdict", "verdict", "", "", lambda p: p.verdict if p.limit_arcsec is not None else None),
+    Quantity("verdict", "verdict", value=lambda p: p.verdict if p.limit_arcsec is not None else None),
 )
 
 
@@ -124,7 +125,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         certificate=check.certificate,
         cross_checks=check.cross_checks,
         values=_values(check, seed),
-        csv=check_csv(check),
+        csv=csv_table(check.drive.name, (*POINT_QUANTITIES, *BELIEF), check.points),
         line=_line(check),
         warnings=check.warnings,
         exit_code=check.verdict.exit_code,
@@ -142,11 +143,9 @@ def F_ior_table(check: DesignCheck) -> Table:
 
 def verdict_reason(point: OperatingPoint) -> str:
     """Why the verdict at a torque is as it is; empty where there is no limit, or no probability."""
-    found = point.probability
-    if found is None:
+    if not (found := point.probability):
         return ""
-    needed = point.sure if point.verdict is Verdict.INCONCLUSIVE else None
-    words = probability_words(found, needed)
+    words = probability_words(found, point.sure if point.verdict is Verdict.INCONCLUSIVE else None)
     return f"{point.M_g:g} N·m: F'_ior + self error ≤ {point.limit_arcsec:g}″: {words}"
 
 
@@ -158,16 +157,14 @@ def _undrawn(check: DesignCheck) -> Iterator[str]:
         yield f"{count} inputs are not known exactly, and {drawn}; a measured F'_ior decides"
 
 
-def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
+def _facts(check: DesignCheck) -> Iterator[Fact]:
     """Largest influences, the next measurement and the next command, a label and a text each."""
     least_sure = check.points[check.least_sure]
     at = f" at {least_sure.M_g:g} N·m"
     yield "influence", influence_words(check.influences) + at if check.influences else ""
     measured = measure_words(check.to_measure, least_sure.limit_arcsec is not None)
-    yield (
-        "measure",
-        settling_words(measured, [point.probability for point in check.points], least_sure.sure, check.samples),
-    )
+    odds = [point.probability for point in check.points]
+    yield "measure", settling_words(measured, odds, least_sure.sure, check.samples)
     if tuple(_undrawn(check)):
         yield "measure", again("accept", check.drive, "--measured", f"{least_sure.M_g:g}=FILE")
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
@@ -177,14 +174,15 @@ def _facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
     yield "next", again(step, check.drive)
 
 
-def _more_facts(check: DesignCheck) -> Iterator[tuple[str, str]]:
+def _more_facts(check: DesignCheck) -> Iterator[Fact]:
     """More to be known beside the numbers, a label and a text each."""
     k = check.kinematics
     yield "cycle", f"ratio {k.u:g}, {k.cycle_cam_revolutions} cam turns, {thousands(k.cycle_states)} states"
     yield "catalogue", accuracy_words(check.drive.catalogue.accuracy, check.points)
-    yield "unknown", unknown_names(check.unknown) if check.unknown and check.samples else ""
-    yield "samples", samples_words(check.samples) if check.samples else ""
-    yield "exact", fitted_words(check.prior) if check.prior and check.samples else ""
+    if check.samples:
+        yield "unknown", unknown_names(check.unknown)
+        yield "samples", samples_words(check.samples)
+        yield "exact", fitted_words(check.samples.prior)
 
 
 def _coupling(check: DesignCheck) -> str:
@@ -209,7 +207,7 @@ def error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
     taken = ", unknown as 0" if check.unknown else ", as given" if check.samples else ""
     beside = f": F'_ior {point.error.F_ior_arcsec:.1f}″, not the median" if check.samples else ""
     return Curve(
-        np.asarray(point.error.states.phi_h / (2 * np.pi)),
+        point.error.states.phi_h / (2 * np.pi),
         point.error.error_arcsec,
         x_label="cam angle phi_h, turns",
         y_label=f"error at {point.M_g:g} N·m{taken}, ″: least and greatest around each cam turn",
@@ -252,7 +250,8 @@ def _values(check: DesignCheck, seed: int) -> Json:
         },
         "pitch": pitch_object(check.measured),
         "operating_points": [
-            as_object((*POINT_QUANTITIES, *BELIEF, *MONTE_CARLO, HELD), point) for point in check.points
+            as_object((*POINT_QUANTITIES, *BELIEF, *MONTE_CARLO, Quantity("held_arcsec")), point)
+            for point in check.points
         ],
         "unknown": unknown_objects(check.unknown),
         "identified_as_exact": check.prior.fitted if check.prior else [],
@@ -263,11 +262,6 @@ def _values(check: DesignCheck, seed: int) -> Json:
         "seed": seed,
         "verdict": check.verdict,
     }
-
-
-def check_csv(check: DesignCheck) -> CsvTable:
-    """One row per torque."""
-    return csv_table(check.drive.name, (*POINT_QUANTITIES, *BELIEF), check.points)
 
 
 def _line(check: DesignCheck) -> str:

@@ -13,11 +13,8 @@ from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmpli
 from hdassist.json_parts import Json
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_notes
-from hdassist.report.blocks import Curve, Facts, Table
-from hdassist.report.quantities import NO_VALUE, Quantity, as_object
-from hdassist.report.report import CsvTable, Report
-from hdassist.terminal.brief import again, not_known, on_what
-from hdassist.terminal.influence_words import named
+from hdassist.report import NO_VALUE, CsvTable, Curve, Facts, Quantity, Report, Table, as_object
+from hdassist.terminal.words import again, named, not_known, on_what
 from hdassist.textfile import STDIN
 
 _PLOTTED_ROWS = 6

@@ -17,12 +17,9 @@ from hdassist.pages.seat import hole_place
 from hdassist.pages.stiffness import stiffness_warnings
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import ResolvedField, value_text
-from hdassist.report.blocks import Facts, Table
-from hdassist.report.quantities import NO_VALUE
-from hdassist.report.report import Report
+from hdassist.report import NO_VALUE, Facts, Report, Table
 from hdassist.terminal.answers import report_object
-from hdassist.terminal.brief import again
-from hdassist.terminal.influence_words import measure_words
+from hdassist.terminal.words import again, measure_words
 
 NAMED_PATHS = 6  # in a line
 DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "most by")

@@ -15,10 +15,8 @@ from hdassist.json_parts import samples_object
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.planning.lines import POINTS_A_TURN
-from hdassist.report.blocks import Curve, Facts, Table
-from hdassist.report.quantities import csv_columns
-from hdassist.report.report import Report
-from hdassist.terminal.brief import again
+from hdassist.report import Curve, Facts, Report, Table, csv_columns
+from hdassist.terminal.words import again
 from hdassist.verdict import Verdict
 
 UNPROVEN = "no real drive has been corrected with this yet: record the first one corrected"

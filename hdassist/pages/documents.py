@@ -1,7 +1,5 @@
 """Reports as HTML and Markdown, assembly cards as HTML and plain text: the templates of templates/."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,12 +12,11 @@ from rich.text import Text
 
 from hdassist.pages import drawings
 from hdassist.pages.card import Card
-from hdassist.report.blocks import BLANK, Figure, Paragraph
-from hdassist.report.report import Report
-from hdassist.terminal.brief import proof
+from hdassist.report import BLANK, Figure, Paragraph, Report
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
 from hdassist.terminal.page import block_on_page, in_characters
+from hdassist.terminal.words import proof
 from hdassist.visible import visible
 
 CARD_COLUMNS = 78  # of the card as plain text

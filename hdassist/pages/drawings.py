@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import cos, radians, sin
 
 from hdassist.model.geometry import Array
-from hdassist.report.blocks import Curve
+from hdassist.report import Curve
 from hdassist.terminal.plot import least_and_greatest, ticks
 
 CENTRE = (210.0, 146.0)  # of the seat

@@ -1,14 +1,11 @@
 """Names that can be explained, as a report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 from hdassist.acceptance.checks import CODES
 from hdassist.explaining.lookup import Entry, entries
 from hdassist.json_parts import attributes
-from hdassist.report.blocks import Facts, Paragraph, ReportSection
-from hdassist.report.report import Report
+from hdassist.report import Facts, Paragraph, Report, ReportSection
 
 KIND_TITLES = {
     "error": "errors",

@@ -10,9 +10,7 @@ import numpy as np
 from hdassist.json_parts import as_json
 from hdassist.measuring.archive import ArchiveEntry, DriveHistory, histories
 from hdassist.pages.measure import DIRECTION_NAMES
-from hdassist.report.blocks import Curve, Facts, Table
-from hdassist.report.quantities import Quantity
-from hdassist.report.report import Report
+from hdassist.report import Curve, Facts, Quantity, Report, Table
 
 ENTRY_COLUMNS: tuple[Quantity[ArchiveEntry], ...] = (
     Quantity("date", "date", "", ""),

@@ -1,7 +1,5 @@
 """Positions over samples of F'_ior, as a table, whiskers and JSON: of the belief, and after trials."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 
@@ -11,8 +9,8 @@ from hdassist.json_parts import Json
 from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import hole_words
 from hdassist.preset.fields import Drive
-from hdassist.report.blocks import Table
-from hdassist.terminal.brief import probability_words
+from hdassist.report import Table
+from hdassist.terminal.words import probability_words
 from hdassist.verdict import SURE
 
 LEVELS = {"expected": 0.5, "low": 0.05, "high": 0.95}  # quantiles

@@ -18,10 +18,8 @@ from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED, UncertaintyS
 from hdassist.measuring.windup import RecordedTorque
 from hdassist.pages.trace import curve_of_turns
 from hdassist.preset.fields import Drive
-from hdassist.report.blocks import Curve, Facts, ReportSection, Table
-from hdassist.report.quantities import NO_VALUE, Quantity, as_object
-from hdassist.report.report import CsvTable, Report
-from hdassist.terminal.brief import again
+from hdassist.report import NO_VALUE, CsvTable, Curve, Facts, Quantity, Report, ReportSection, Table, as_object
+from hdassist.terminal.words import again
 from hdassist.textfile import STDIN
 
 _NAMED_SLOW = 0.1  # of F'_ior: least slow terms in a line

@@ -28,14 +28,19 @@ from hdassist.pages.losses import LEVELS, kept_line, losses_table, positions_obj
 from hdassist.pages.seat import ENGLISH, TRADE, hole_place, instruction, seat_of, wheel
 from hdassist.preset.yamltext import shown
 from hdassist.readers.pitch import ASSUMED
-from hdassist.report.blocks import Curve, CurveMark, Facts, Figure, Table
-from hdassist.report.quantities import csv_columns
-from hdassist.report.report import CsvTable, Report
+from hdassist.report import CsvTable, Curve, CurveMark, Facts, Figure, Report, Table, csv_columns
 from hdassist.solve.answers import EMPTY
-from hdassist.terminal.brief import again, probability_words
-from hdassist.terminal.influence_words import influence_words, measure_words, more_draws, samples_words, settling_words
 from hdassist.terminal.texts import Texts
 from hdassist.terminal.wheels import heading
+from hdassist.terminal.words import (
+    again,
+    influence_words,
+    measure_words,
+    more_draws,
+    probability_words,
+    samples_words,
+    settling_words,
+)
 from hdassist.verdict import Verdict
 
 OPEN_NAMED = 4  # fields that are not known exactly, which are named

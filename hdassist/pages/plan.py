@@ -1,10 +1,7 @@
 """Plans of a test of F'_ior as a report."""
 
-from __future__ import annotations
-
 import shlex
-from collections.abc import Callable, Iterator
-from operator import attrgetter
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -12,11 +9,8 @@ from hdassist.belief.samples import ErrorBelief
 from hdassist.json_parts import samples_object
 from hdassist.model.unknown import unknown_notes
 from hdassist.planning.plan import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgement
-from hdassist.report.blocks import Curve, CurveMark, Facts, Table
-from hdassist.report.quantities import Quantity, as_object, csv_table
-from hdassist.report.report import Report
-from hdassist.terminal.influence_words import more_draws
-from hdassist.textfile import STDIN
+from hdassist.report import Curve, CurveMark, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
+from hdassist.terminal.words import more_draws, preset_argument
 from hdassist.verdict import Verdict
 
 _LARGE_LINE = 0.1  # of the variance
@@ -28,30 +22,23 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f}" if share >= 0.1 else f"{100 * share:.1f}"
 
 
-def _risk(path: str) -> Callable[[PlanJudgement], float | None]:
-    return lambda judged: attrgetter(path)(judged) if judged.false_pass else None
-
-
-PLAN_QUANTITIES: tuple[Quantity[PlanJudgement], ...] = (
-    Quantity("test", "test sees, %", "", "", attrgetter("plan.name")),
+PLAN_QUANTITIES: Quantities[PlanJudgement] = (
+    Quantity("test", "test sees, %", value="plan.name"),
     Quantity("seen.p5", "5 %", "", _percent, lambda judged: judged.seen[0]),
     Quantity("seen.p50", "50 %", "", _percent, lambda judged: judged.seen[1]),
     Quantity("seen.p95", "95 %", "", _percent, lambda judged: judged.seen[2]),
-    Quantity("enough", "enough", "", "", lambda judged: _ENOUGH_WORDS[judged.verdict]),
-    Quantity("false_pass.value", "false PASS", "", _percent, _risk("false_pass.value")),
-    Quantity("false_fail.value", "false FAIL", "", _percent, _risk("false_fail.value")),
-    *(
-        Quantity(path, "", "", "", _risk(path))
-        for path in ("false_pass.low", "false_pass.high", "false_fail.low", "false_fail.high")
-    ),
-    Quantity("readings", "", "", "", attrgetter("plan.readings")),
-    Quantity("step_output_deg", "", "", "", lambda judged: 360 * judged.plan.step_turns),
+    Quantity("enough", "enough", value=lambda judged: _ENOUGH_WORDS[judged.verdict]),
+    Quantity("false_pass.value", "false PASS", "", _percent),
+    Quantity("false_fail.value", "false FAIL", "", _percent),
+    *map(Quantity, ("false_pass.low", "false_pass.high", "false_fail.low", "false_fail.high")),
+    Quantity("readings", value="plan.readings"),
+    Quantity("step_output_deg", value=lambda judged: 360 * judged.plan.step_turns),
 )
-LINE_QUANTITIES: tuple[Quantity[LineSeen], ...] = (
-    Quantity("per_output_turn", "times an output turn", "", "g", attrgetter("per_output_turn")),
-    Quantity("per_cam_turn", "a cam turn", "", ".2f", attrgetter("per_cam_turn")),
-    Quantity("variance_share", "of variance, %", "", _percent, attrgetter("variance_share")),
-    Quantity("seen_as", "looks like (0: blind)", "", "g", attrgetter("seen_as")),
+LINE_QUANTITIES: Quantities[LineSeen] = (
+    Quantity("per_output_turn", "times an output turn", "", "g"),
+    Quantity("per_cam_turn", "a cam turn", "", ".2f"),
+    Quantity("variance_share", "of variance, %", "", _percent),
+    Quantity("seen_as", "looks like (0: blind)", "", "g"),
 )
 
 
@@ -66,13 +53,12 @@ def plan_report(choice: PlanChoice) -> Report:
     how = {Verdict.PASS: "will do", Verdict.FAIL: "will not do"}.get(choice.verdict, "may do")
     answer = f"{first.name if choice.asked else names or 'any of these tests'} {how}"
     origin = drive.origin
-    preset = "-" if origin.file == STDIN else origin.file or drive.name
     is_open = any(each.verdict is Verdict.INCONCLUSIVE for each in choice.judged)
     facts = (
         ("blind", _blind(choice)),
         ("enough", names if choice.asked else ""),
         ("open", more_draws(choice.samples) if choice.samples and is_open else ""),
-        ("next", shlex.join(["hdassist", "measure", "record.csv", "--drive", preset])),
+        ("next", shlex.join(["hdassist", "measure", "record.csv", "--drive", preset_argument(drive)])),
     )
     return Report(
         command="plan",

@@ -1,7 +1,5 @@
 """Everything about a drive as one report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from hdassist.comparing.sheet import DriveSheet
@@ -15,10 +13,9 @@ from hdassist.pages.stiffness import ARCMIN, stiffness_report
 from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import origin_counts, resolved_fields, value_text
-from hdassist.report.blocks import Block, Facts, Paragraph, ReportSection, Seat, Table, Tiles
-from hdassist.report.report import Report
+from hdassist.report import Block, Facts, Paragraph, Report, ReportSection, Seat, Table, Tiles
 from hdassist.terminal.answers import report_object
-from hdassist.terminal.influence_words import named, samples_words
+from hdassist.terminal.words import named, samples_words
 from hdassist.verdict import Verdict, worst_exit_code
 from hdassist.version import __version__
 

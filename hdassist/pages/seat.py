@@ -1,12 +1,10 @@
 """The seat of the fixed wheel: what to do there in words, and its places as a figure."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from hdassist.mounting.positions import Choice, Position
 from hdassist.preset.fields import Drive
-from hdassist.report.blocks import Hole, Seat, SeatMark
+from hdassist.report import Hole, Seat, SeatMark
 from hdassist.terminal.texts import Texts, texts
 
 ENGLISH = texts()

@@ -1,17 +1,12 @@
 """Which tolerance to tighten first, and which fields F'_ior comes from, as a report."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from hdassist.json_parts import attributes, influence_objects, measure_objects, samples_object
 from hdassist.pages.tolerance import law_warnings
-from hdassist.report.blocks import Facts, Table
-from hdassist.report.quantities import Quantity, csv_table
-from hdassist.report.report import Report
-from hdassist.terminal.brief import again
-from hdassist.terminal.influence_words import measure_words, named
+from hdassist.report import Facts, Quantities, Quantity, Report, Table, csv_table
+from hdassist.terminal.words import again, measure_words, named
 from hdassist.tolerance.production import TIGHTER_STEP
 from hdassist.tolerance.sensitivity import Sensitivities, Tightened
 
@@ -30,14 +25,14 @@ class FieldEffect:
     tightened: Tightened | None
 
 
-EFFECT_CSV: tuple[Quantity[FieldEffect], ...] = (
+EFFECT_CSV: Quantities[FieldEffect] = (
     Quantity("M_g_Nm", "torque", "N·m", "g", "M_g"),
-    Quantity("field", "field", "", "", "path"),
+    Quantity("field", "field", value="path"),
     Quantity("share", "variance, %", "", lambda share: f"{100 * share:.0f}", "share"),
     Quantity("now_arcsec", "95th percentile", "", ".2f", "tightened.now"),
     Quantity("tighter_arcsec", STEP_WORDS, "", ".2f", "tightened.then"),
 )
-EFFECT_COLUMNS: tuple[Quantity[FieldEffect], ...] = (
+EFFECT_COLUMNS: Quantities[FieldEffect] = (
     *EFFECT_CSV[1:3],
     Quantity(
         "gain",

@@ -1,7 +1,5 @@
 """The torsional stiffness of a drive as a report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from math import pi
 
@@ -10,10 +8,8 @@ from hdassist.error.stiffness import LOST_MOTION_SHARE, Segment, Stiffness
 from hdassist.json_parts import attributes
 from hdassist.preset.fields import Drive
 from hdassist.preset.overrides import is_overridden
-from hdassist.report.blocks import Curve, Facts, Table
-from hdassist.report.quantities import Quantity, as_object, csv_columns
-from hdassist.report.report import Report
-from hdassist.terminal.brief import again, on_what
+from hdassist.report import Curve, Fact, Facts, Quantities, Quantity, Report, Table, as_object, csv_columns
+from hdassist.terminal.words import again, on_what
 
 ARCMIN = pi / 10800  # rad
 TWIST_CAPTION = "Twist of the drive without deviations, the cam held"
@@ -27,17 +23,17 @@ def _percent(percent: float) -> str:
     return f"{percent:+.0f} %"
 
 
-WHOLE_QUANTITIES: tuple[Quantity[Stiffness], ...] = (
+WHOLE_QUANTITIES: Quantities[Stiffness] = (
     Quantity("rated_Nm", "rated torque", "N·m", "g", "rated"),
     Quantity("lost_motion_arcsec", f"lost motion, +-{LOST_MOTION_SHARE:.0%} of rated", "″", ".2f"),
     Quantity("play_arcsec", "play", "″", ".2f"),
 )
-SEGMENT_QUANTITIES: tuple[Quantity[Segment], ...] = (
-    Quantity("from_Nm", "from", "N·m", ".4g", "start"),
-    Quantity("to_Nm", "to", "N·m", ".4g", "end"),
-    Quantity("stiffness_Nm_per_rad", "stiffness", "N·m/rad", "g", "stiffness"),
+SEGMENT_QUANTITIES: Quantities[Segment] = (
+    Quantity("from_Nm", value="start"),
+    Quantity("to_Nm", value="end"),
+    Quantity("stiffness_Nm_per_rad", value="stiffness"),
 )
-_ON_PAGE: tuple[Quantity[SegmentBeside], ...] = (
+_ON_PAGE: Quantities[SegmentBeside] = (
     Quantity("name", "", "", lambda name: name.replace("_", "")),
     Quantity("segment", "torque, N·m", "", lambda segment: f"{segment.start:.4g} to {segment.end:.4g}"),
     Quantity("K", "K, 1e4 N·m/rad", "", _scaled, "segment.stiffness"),
@@ -86,7 +82,7 @@ def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
     return (*drive.origin.warnings, f"{stands} in lost motion; --set operation.rated=T tells it" if asked else stands)
 
 
-def _facts(drive: Drive, found: Stiffness) -> Iterator[tuple[str, str]]:
+def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:
     """Facts beside the segments, a label and a text each."""
     elsewhere = ends_elsewhere(drive.catalogue, found.positive)
     yield "segments", "end at other torques than the catalogue's, so K is not compared" * elsewhere

@@ -1,7 +1,5 @@
 """A sweep as a report, and its rows for CSV."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -11,9 +9,8 @@ from hdassist.design.sweep import Sweep, SweepRow, Swept
 from hdassist.design.vary import Axis
 from hdassist.json_parts import attributes, unknown_objects
 from hdassist.model.unknown import unknowns
-from hdassist.report.blocks import Curve, Facts
-from hdassist.report.report import Report
-from hdassist.terminal.brief import again
+from hdassist.report import Curve, Fact, Facts, Report
+from hdassist.terminal.words import again
 from hdassist.verdict import worst_exit_code
 
 ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")
@@ -55,7 +52,7 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
     )
 
 
-def _facts(swept: Swept) -> Iterator[tuple[str, str]]:
+def _facts(swept: Swept) -> Iterator[Fact]:
     """Least and greatest F'_ior, rows without an answer, and the next command."""
     sweep, ends = swept.sweep, swept.ends
     for end, (row, F_ior) in ends.items():

@@ -1,7 +1,5 @@
 """Yield and F'_ior of random drives as a report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -12,11 +10,8 @@ from hdassist.belief.measure import MeasurementGain
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
 from hdassist.json_parts import Json, attributes, measure_objects
-from hdassist.report.blocks import Curve, Facts, Table
-from hdassist.report.quantities import Quantity, as_object, csv_table
-from hdassist.report.report import Report
-from hdassist.terminal.brief import again, probability_words
-from hdassist.terminal.influence_words import field_unit, measure_words
+from hdassist.report import Curve, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
+from hdassist.terminal.words import again, field_unit, measure_words, probability_words
 from hdassist.tolerance.law import ProductionLaw, TolerancedSize
 from hdassist.tolerance.sensitivity import to_measure
 from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief
@@ -65,14 +60,14 @@ def _percentile(share: float, drives: MountedDrives) -> float:
 
 
 PERCENTILES = (("low", "5 %", 0.05), ("median", "median", 0.5), ("high", "95 %", 0.95))
-MOUNTING_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
+MOUNTING_COLUMNS: Quantities[MountedDrives] = (
     Quantity("M_g_Nm", "torque, N·m", "", "g", "point.M_g"),
-    Quantity("wheel", "wheel", "", "", lambda d: f"best of {d.summary.positions}" if d.best else "as built"),
+    Quantity("wheel", "wheel", value=lambda d: f"best of {d.summary.positions}" if d.best else "as built"),
 )
-F_IOR_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
+F_IOR_COLUMNS: Quantities[MountedDrives] = (
     *(Quantity(f"{name}_arcsec", words, "", ".2f", partial(_percentile, share)) for name, words, share in PERCENTILES),
 )
-YIELD_COLUMNS: tuple[Quantity[MountedDrives], ...] = (
+YIELD_COLUMNS: Quantities[MountedDrives] = (
     Quantity("limit", "limit", "", "g", "point.limit"),
     Quantity("yield", "yield", "", yield_words, "yield_belief"),
 )

@@ -1,7 +1,5 @@
 """A trace of the error as a report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,20 +9,18 @@ from hdassist.error.trace import Trace
 from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.preset.fields import Drive, Measured
-from hdassist.report.blocks import Curve, Facts, Paragraph, Series, Table
-from hdassist.report.quantities import Quantity, csv_columns
-from hdassist.report.report import Report
-from hdassist.terminal.brief import again, not_known, on_what
+from hdassist.report import Curve, Fact, Facts, Paragraph, Quantities, Quantity, Report, Series, Table, csv_columns
 from hdassist.terminal.wheels import heading
+from hdassist.terminal.words import again, not_known, on_what
 
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
 MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
-ORDER_QUANTITIES: tuple[Quantity[Order], ...] = (
+ORDER_QUANTITIES: Quantities[Order] = (
     Quantity("per_cam_rev", "order", "", ".2f"),
     Quantity("amplitude_arcsec", "amplitude", "″", ".3f"),
     Quantity("phase_deg", "phase", "deg", ".1f"),
-    Quantity("cause", "cause", "", ""),
+    Quantity("cause", "cause"),
 )
 _ON_PAGE: Quantity[Order] = Quantity("amplitude_arcsec", "″", "", ".2f")
 
@@ -88,7 +84,7 @@ def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
     return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over)
 
 
-def _facts(drive: Drive, trace: Trace) -> Iterator[tuple[str, str]]:
+def _facts(drive: Drive, trace: Trace) -> Iterator[Fact]:
     """Assumptions, and the next command, a label and a text each."""
     yield "assumed", on_what(drive)
     yield "unknown", not_known(drive)

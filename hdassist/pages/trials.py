@@ -1,7 +1,5 @@
 """The advice after trials as a report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import asdict
 
@@ -18,9 +16,18 @@ from hdassist.pages.card import CardFacts, after_trials, warnings_of
 from hdassist.pages.losses import SHARES, kept_line, losses_table, position_object, positions_object, whiskers_of
 from hdassist.pages.mount import ORDER_WORDS
 from hdassist.pages.seat import ENGLISH
-from hdassist.report.blocks import Curve, CurveMark, Facts
-from hdassist.report.quantities import Quantity, as_object, csv_columns
-from hdassist.report.report import CsvTable, Report
+from hdassist.report import (
+    CsvTable,
+    Curve,
+    CurveMark,
+    Fact,
+    Facts,
+    Quantities,
+    Quantity,
+    Report,
+    as_object,
+    csv_columns,
+)
 from hdassist.terminal.texts import Texts
 from hdassist.trials.advice import TrialAdvice
 from hdassist.trials.posterior import Prediction
@@ -31,7 +38,7 @@ TURNS = "turns counter-clockwise from the cam side"
 APART = 3.0  # standard deviations by which values of one position may differ without a remark
 UNLIKE = "the values came out unlike those of a drive as the preset has it"
 
-POSTERIOR: tuple[Quantity[TrialAdvice], ...] = (
+POSTERIOR: Quantities[TrialAdvice] = (
     Quantity("offset.size_um", "cam offset", "um", ".0f", lambda a: a.offset[0]),
     Quantity("offset.size_sd_um", "standard deviation", "um", ".0f", lambda a: a.offset[1]),
     Quantity("offset.direction_deg", "towards", "deg", ".0f", lambda a: a.facing[0]),
@@ -142,7 +149,7 @@ def trials_instruction(advice: TrialAdvice) -> str:
     )
 
 
-def _facts(advice: TrialAdvice, *, carded: bool) -> Iterator[tuple[str, str]]:
+def _facts(advice: TrialAdvice, *, carded: bool) -> Iterator[Fact]:
     """Limits, how to go on, and the next command, a label and a text each."""
     torques, best = advice.drive.operation.M_g, advice.losses.best
 
@@ -158,7 +165,7 @@ def _facts(advice: TrialAdvice, *, carded: bool) -> Iterator[tuple[str, str]]:
         yield "next", f"the same command with {'--card card.html' if advice.settled else value}"
 
 
-def _more_facts(advice: TrialAdvice) -> Iterator[tuple[str, str]]:
+def _more_facts(advice: TrialAdvice) -> Iterator[Fact]:
     """Predicted and measured values, noise, and results of the fit, a label and a text each."""
     setup = advice.prior.rig
     for one in advice.predictions:

@@ -1,1 +1,317 @@
-"""The answer of a command as it is declared: no form of output is made here."""
+"""The answer of a command as it is declared: quantities, texts, tables and figures as data; no form of output."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdassist.json_parts import Json
+
+if TYPE_CHECKING:
+    from hdassist.preset.fields import Drive
+    from hdassist.solve.throughcvxpy import CrossCheck
+
+T = TypeVar("T")
+Fact: TypeAlias = tuple[str, str]  # a label and a text
+NO_VALUE = "-"  # in a table
+
+
+@dataclass(frozen=True)
+class Quantity(Generic[T]):
+    """A reported quantity of things T.
+
+    key: dotted place in JSON, with the unit in its last part; label and unit: words in tables; digits: format of the
+    number there, or the function that writes it; value: dotted name of its attribute (empty: the key), or a function.
+    """
+
+    key: str
+    label: str = ""
+    unit: str = ""
+    digits: str | Callable[[Any], str] = ""
+    value: str | Callable[[T], Any] = ""
+
+    def of(self, thing: T) -> Any:
+        """The quantity of a thing in full precision; None where there is none."""
+        if callable(self.value):
+            return self.value(thing)
+        found: Any = thing
+        for name in (self.value or self.key).split("."):
+            found = None if found is None else getattr(found, name)
+        return found
+
+    def text(self, thing: T) -> str:
+        """The quantity as a table shows it."""
+        value = self.of(thing)
+        if value is None:
+            return NO_VALUE
+        if callable(self.digits):
+            return self.digits(value)
+        return format(value, self.digits) if self.digits else str(value)
+
+    @property
+    def words(self) -> str:
+        """Label with unit."""
+        return f"{self.label}, {self.unit}" if self.unit else self.label
+
+
+Quantities: TypeAlias = tuple[Quantity[T], ...]
+
+
+def csv_table(preset: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> tuple[list[str], list[list[Any]]]:
+    """Header and rows of CSV: a row for each thing, the preset's name in its first column."""
+    columns = tuple(quantities)
+    return ["preset", *(q.key for q in columns)], [[preset, *(q.of(thing) for q in columns)] for thing in things]
+
+
+def csv_columns(**columns: Any) -> tuple[list[str], list[tuple[Any, ...]]]:
+    """Header and rows of CSV from columns of the same length by name: arrays or lists."""
+    lists = (values.tolist() if hasattr(values, "tolist") else values for values in columns.values())
+    return [*columns], list(zip(*lists, strict=True))
+
+
+def as_object(quantities: Iterable[Quantity[T]], thing: T) -> dict[str, Any]:
+    """The quantities of a thing as a JSON object, dotted keys nested."""
+    result: dict[str, Any] = {}
+    for quantity in quantities:
+        *parents, last = quantity.key.split(".")
+        place = result
+        for name in parents:
+            place = place.setdefault(name, {})
+        place[last] = quantity.of(thing)
+    return result
+
+
+Series = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Text."""
+
+    text: str
+
+
+BLANK = "_" * 12  # to write on
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Sentences one below the other under a title, each behind a mark."""
+
+    title: str
+    lines: tuple[str, ...]
+    mark: str = ""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Labelled lines; one without text is to be written on."""
+
+    rows: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(cls, rows: Iterable[tuple[str, str]]) -> Facts:
+        """Labelled lines from labels and texts; those without text are left out."""
+        return cls(tuple(row for row in rows if row[1]))
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells under heads, with a title and notes.
+
+    words: places of the columns of words; the others have numbers.
+    """
+
+    title: str
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    words: Collection[int] = (0,)
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def by_row(
+        cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T], *, words: Collection[int] = (0,)
+    ) -> Table:
+        """A table with a column for each quantity that any thing has and a row for each thing.
+
+        words: places of quantities that are words, as of a table.
+        """
+        rows = tuple(things)
+        shown = {k: q for k, q in enumerate(quantities) if any(q.of(thing) is not None for thing in rows)}
+        cells = tuple(tuple(q.text(thing) for q in shown.values()) for thing in rows)
+        heads = tuple(q.words.strip() for q in shown.values())
+        return cls(title, heads, cells, [place for place, k in enumerate(shown) if k in words])
+
+    @classmethod
+    def by_column(cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> Table:
+        """A table with a row for each quantity that any thing has and a column for each thing; the first is heads."""
+        columns = tuple(things)
+        head, *rows = [(q.words, *(q.text(thing) for thing in columns)) for q in quantities]
+        return cls(title, head, tuple(row for row in rows if {*row[1:]} - {NO_VALUE}))
+
+
+@dataclass(frozen=True)
+class CurveMark:
+    """A place of a curve with words; kind: now, target or limit."""
+
+    x: float
+    y: float
+    words: str
+    kind: str
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """y over x, both shape (n,), x growing; labels with units.
+
+    caption: of a page that has room for it; over: a length of x, around each place of which the least and the greatest
+    y are drawn (0: all of y); limit: a line across; whiskers: x with a least and a greatest value; points: whether each
+    x is marked; from_zero: whether the axis begins there; second: another series over x, shape (n,), with the names of
+    both; rows: about how many, of characters.
+    """
+
+    x: Series
+    y: Series
+    x_label: str
+    y_label: str
+    caption: str = ""
+    over: float = 0.0
+    limit: float | None = None
+    whiskers: tuple[tuple[float, float, float], ...] = ()
+    marks: tuple[CurveMark, ...] = ()
+    points: bool = False
+    from_zero: bool = False
+    second: Series | None = None
+    names: tuple[str, ...] = ()
+    rows: int = 6
+
+    @property
+    def series(self) -> tuple[Series, ...]:
+        """The values over x, of one series or two."""
+        return (self.y,) if self.second is None else (self.y, self.second)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the greatest value that the axis of y holds."""
+        values = [end for _, *both in self.whiskers for end in both] + [0.0] * self.from_zero
+        values += [] if self.limit is None else [self.limit]
+        drawn = np.concatenate([*self.series, values])
+        return float(drawn.min()), float(drawn.max())
+
+
+@dataclass(frozen=True)
+class Hole:
+    """A hole of the seat: its number, counted from now; its direction [deg]; whether it may be used."""
+
+    number: int
+    angle_deg: float
+    usable: bool
+
+
+@dataclass(frozen=True)
+class SeatMark:
+    """A direction on the seat [deg], with a letter and words for it.
+
+    kind: of a place of the wheel now, best or worst; of a pointer from the centre now, after (the wheel's mark) or cam.
+    """
+
+    kind: str
+    angle_deg: float
+    letter: str
+    words: str
+
+
+@dataclass(frozen=True)
+class Seat:
+    """The seat of the fixed wheel, counter-clockwise from the right, seen from the cam side.
+
+    holes: none where the angle is free; first_deg: direction of hole 0; turn_deg: the turn from now, the shorter
+    way, negative for clockwise; barred: the letter of holes that are not allowed; legend: meaning of letters and
+    numbers mean, for a drawing in characters.
+    """
+
+    title: str
+    holes: tuple[Hole, ...]
+    first_deg: float
+    turn_deg: float
+    places: tuple[SeatMark, ...]
+    pointers: tuple[SeatMark, ...]
+    barred: str
+    legend: str
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Numbers to be seen at once: words, the number, and the words below each."""
+
+    rows: tuple[tuple[str, str, str], ...]
+
+
+Figure = Curve | Seat
+
+
+@dataclass(frozen=True)
+class ReportSection:
+    """Blocks under a title."""
+
+    title: str
+    blocks: tuple[Block, ...]
+
+
+Block = Paragraph | Lines | Facts | Table | Figure | Tiles | ReportSection
+
+
+class ReportProof(Protocol):
+    """States that were solved behind an answer, and their greatest residual as a share of its scale.
+
+    A Certificate has the residuals one by one too.
+    """
+
+    @property
+    def states(self) -> int:
+        """How many there are."""
+
+    @property
+    def max_residual(self) -> float:
+        """Their greatest residual."""
+
+
+CsvTable = tuple[Sequence[str], Sequence[Sequence[Any]]]  # header and rows
+
+
+@dataclass(frozen=True)
+class Report:
+    """The answer of a command about one drive or file.
+
+    command; drive, None where there is none; head, the subject of the answer, empty where there is no page; verdict, a
+    word; why, sentences below it.
+    blocks of the page, and those that only --details shows; certificate and cross-checks of the states behind it.
+    values: keys of JSON beside those that all answers have, results among them as as_json takes them; csv; line: the
+    answer alone.
+    about: the subject of warnings, the drive or its file where it is empty; warnings; exit_code.
+    """
+
+    command: str
+    drive: Drive | None
+    head: str
+    verdict: str = ""
+    why: tuple[str, ...] = ()
+    blocks: tuple[Block, ...] = ()
+    details: tuple[Block, ...] = ()
+    certificate: ReportProof | None = None
+    cross_checks: tuple[CrossCheck | None, ...] = ()
+    values: Json = field(default_factory=dict)
+    csv: CsvTable | None = None
+    line: str = ""
+    about: str = ""
+    warnings: tuple[str, ...] = ()
+    exit_code: int = 0
+
+    @property
+    def subject(self) -> str:
+        """The subject of warnings; empty without any."""
+        return self.about or (self.drive.name if self.drive else "")

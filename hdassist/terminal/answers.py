@@ -19,7 +19,7 @@ from hdassist.visible import printable, visible
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
-    from hdassist.report.report import Report
+    from hdassist.report import Report
 
 FORMULA = tuple("=+-@\t\n＝＋－＠")  # by which a spreadsheet knows one
 _NUMBER = re.compile(NUMBER)

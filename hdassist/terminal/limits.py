@@ -1,7 +1,5 @@
 """Memory that a run needs of the system."""
 
-from __future__ import annotations
-
 from hdassist.errors import DataError, Fault
 
 ADDRESSES = 512_000_000  # bytes: with less OpenBLAS waits for ever while it is loaded, or ends the process

@@ -6,9 +6,11 @@ its help, and `run` carries it out. A field has type and default; options.toml h
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from importlib.resources import files
 from inspect import get_annotations
 from math import isfinite
@@ -25,7 +27,8 @@ if TYPE_CHECKING:
     from hdassist.measuring.reading import Reading
     from hdassist.preset.fields import Drive
     from hdassist.readers.wheels import WheelFiles
-    from hdassist.terminal.output import Output
+    from hdassist.report import Report as Report  # named by the methods of commands too
+    from hdassist.terminal.output import Output as Output
 
 PartT = TypeVar("PartT")
 DECLARED = tomllib.loads(files("hdassist.terminal").joinpath("options.toml").read_text("utf-8"))
@@ -110,6 +113,18 @@ class PageOptions(OptionGroup):
         plots, details = getattr(self, "plot", True), getattr(self, "details", False)
         return Output(style, self.answer_file, csv, self.force, self.no_color, plots, details)
 
+    def run(self) -> int:
+        """Give the report on each preset that the command names, or the only one; returns the exit code."""
+        from hdassist.terminal.runs import give, run_each
+
+        out, presets = self.open(), getattr(self, "presets", None) or [getattr(self, "preset", "")]
+        command = "-".join(re.findall("[A-Z][a-z]+", type(self).__name__)[:-1]).lower()
+        return give(command, run_each(command, presets, partial(self.report, out), self), self, out)
+
+    def report(self, out: Output, preset: str) -> Report:
+        """The report on a preset; out shows how far its work is."""
+        raise NotImplementedError
+
 
 @dataclass(frozen=True, kw_only=True)
 class AnswerOptions(PageOptions):
@@ -154,7 +169,7 @@ class DriveOptions(OptionGroup):
 
     def taken_over(self) -> tuple[tuple[str, str], ...]:
         """Options that a next command on the drive is to have too, by name."""
-        from hdassist.terminal.brief import TAKEN_OVER
+        from hdassist.terminal.words import TAKEN_OVER
 
         return tuple((name, str(value)) for name, value in self.given() if name in TAKEN_OVER)
 

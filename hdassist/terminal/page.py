@@ -1,7 +1,5 @@
 """A report as a page of a terminal: verdict and reasons, its blocks, one line of proof."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -14,7 +12,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from hdassist.json_parts import certificate_object
-from hdassist.report.blocks import (
+from hdassist.report import (
     BLANK,
     Block,
     Curve,
@@ -22,19 +20,20 @@ from hdassist.report.blocks import (
     Figure,
     Lines,
     Paragraph,
+    Report,
+    ReportProof,
     ReportSection,
     Seat,
     Table,
     Tiles,
 )
-from hdassist.report.report import Report, ReportProof
 from hdassist.solve.answers import Certificate
 from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE, CrossCheck
-from hdassist.terminal.brief import COLOURS, proof
 from hdassist.terminal.console import Style, console, made_or
 from hdassist.terminal.plot import curve
 from hdassist.terminal.seat import seat_in_characters
+from hdassist.terminal.words import COLOURS, proof
 from hdassist.verdict import Verdict
 
 DRAWINGS: dict[type, Callable[[Style, Any], str]] = {

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdassist.report.blocks import Curve
+from hdassist.report import Curve
 from hdassist.terminal.console import Style
 
 FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError, UsageError
 from hdassist.json_parts import Json
-from hdassist.report.report import Report
+from hdassist.report import Report
 from hdassist.runfiles import is_written
 from hdassist.terminal.answers import combine, csv_text, failure, json_text, report_object
 from hdassist.terminal.console import made_or
 from hdassist.terminal.files import write_text
-from hdassist.terminal.options import AnswerOptions, PageOptions
+from hdassist.terminal.options import PageOptions
 from hdassist.terminal.output import Output, complain, note, warn
 from hdassist.verdict import worst_exit_code
 
@@ -26,7 +26,7 @@ def run_each(
     command: str,
     names: Sequence[str],
     one: Callable[[str], Report],
-    options: AnswerOptions,
+    options: PageOptions,
     *,
     failed: Callable[[str, HdassistError], Json] | None = None,
     keep_failures: bool = False,
@@ -48,11 +48,11 @@ def run_each(
             if options.debug or isinstance(error, UsageError) or (len(names) == 1 and not kept):
                 raise
             complain(error, "" if name in error.message else name)
-            fault = failed(name, error) if failed else failure(command, error, preset=name)
+            fault = failed(name, error) if failed else failure(command, error, preset=name or None)
             reports.append(Report(command, None, "", values=fault, exit_code=error.exit_code))
             continue
         reports.append(report)
-        if options.verbose:
+        if getattr(options, "verbose", False):
             note_time(report, begun, name)
     return reports
 
@@ -68,7 +68,7 @@ def note_time(report: Report, begun: float, name: str = "") -> None:
     """Note on stderr how long a report took since begun [s], its residuals, and the engine that solved its states."""
     from hdassist.solve.answers import Certificate
     from hdassist.solve.walk import walk_library
-    from hdassist.terminal.brief import proof
+    from hdassist.terminal.words import proof
 
     found, words = report.certificate, proof(report.certificate)
     if isinstance(found, Certificate):
@@ -80,7 +80,7 @@ def note_time(report: Report, begun: float, name: str = "") -> None:
 def give(
     command: str,
     reports: Sequence[Report],
-    options: AnswerOptions,
+    options: PageOptions,
     out: Output,
     *,
     more: Mapping[str, Any] | None = None,
@@ -97,9 +97,10 @@ def give(
     if options.json:
         out.text(json_text({**combine(command, list(map(report_object, reports))), **(more or {})}))
     elif pages := [report for report in reports if report.head]:
-        if options.quiet and out.csv != "-":
-            out.text("".join(f"{report.line}\n" for report in pages))
-        if not options.quiet:
+        if getattr(options, "quiet", False):
+            if out.csv != "-":
+                out.text("".join(f"{report.line}\n" for report in pages))
+        else:
             from rich.console import Group
 
             made = [made_or("page", partial(_page, each, out), partial(getattr, each, "line")) for each in pages]
@@ -113,11 +114,3 @@ def _page(report: Report, out: Output) -> RenderableType:
     from hdassist.terminal.page import report_page
 
     return report_page(report, out.style, plots=out.plots, details=out.details)
-
-
-def give_report(report: Report, out: Output, *, json: bool) -> None:
-    """Write a report that needs no drive or file, as JSON or as its page."""
-    if json:
-        out.text(json_text(report_object(report)))
-    else:
-        out.human(_page(report, out))

@@ -1,10 +1,8 @@
 """The seat of the fixed wheel drawn in characters."""
 
-from __future__ import annotations
-
 from math import ceil, cos, radians, sin
 
-from hdassist.report.blocks import Seat
+from hdassist.report import Seat
 
 SEAT_WIDTH, SEAT_HEIGHT = 41, 15  # of the drawing, in characters
 NUMBERED_IN_TEXT = 24  # holes that have room for their number

@@ -21,7 +21,7 @@ from hdassist.explorer.compute import (
 )
 from hdassist.explorer.words import headline
 from hdassist.loading.load import load_preset
-from hdassist.report.report import Report
+from hdassist.report import Report
 from hdassist.terminal.answers import json_text, report_object
 from hdassist.terminal.console import Style, console
 from hdassist.verdict import Verdict

@@ -20,17 +20,17 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from hdassist.pages import documents
-from hdassist.report.blocks import (
+from hdassist.report import (
     Curve,
     CurveMark,
     Facts,
     Lines,
     Paragraph,
+    Report,
     ReportSection,
     Table,
     Tiles,
 )
-from hdassist.report.report import Report
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from hdassist.terminal.answers import csv_text, json_text, report_object
 from hdassist.terminal.console import Style, console

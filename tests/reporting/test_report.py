@@ -20,10 +20,10 @@ from hdassist.pages.drawings import ENVELOPE_COLUMNS, outline
 from hdassist.pages.mount import mount_report, what_to_do
 from hdassist.pages.report import drive_report
 from hdassist.preset.schema import origin_counts
-from hdassist.report.blocks import Curve, Facts, Lines, Paragraph, ReportSection, Seat, Table, Tiles
+from hdassist.report import Curve, Facts, Lines, Paragraph, ReportSection, Seat, Table, Tiles
 from hdassist.terminal.answers import report_object
-from hdassist.terminal.brief import proof
 from hdassist.terminal.console import Style
+from hdassist.terminal.words import proof
 from tests.process import SMALL, run
 
 LIMIT = "acceptance.F_ior=40"

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdassist.json_parts import as_json
-from hdassist.report.quantities import Quantity
+from hdassist.report import Quantity
 from hdassist.terminal.answers import FORMULA, csv_text, json_text
 from hdassist.verdict import Verdict
 from hdassist.visible import visible

@@ -14,15 +14,13 @@ from hdassist.cli.commands import COMMANDS
 from hdassist.cli.main import app
 from hdassist.commands.check import CheckCommand
 from hdassist.loading.load import load_preset
-from hdassist.report.blocks import Facts
-from hdassist.report.report import Report
+from hdassist.report import Facts, Report
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.terminal.brief import LIMITED, TAKEN_OVER, again, on_what, proof
 from hdassist.terminal.console import Style, console
-from hdassist.terminal.influence_words import more_draws, settling_words
 from hdassist.terminal.options import torque_overrides
 from hdassist.terminal.page import report_page
+from hdassist.terminal.words import LIMITED, TAKEN_OVER, again, more_draws, on_what, proof, settling_words
 from hdassist.verdict import Verdict
 from tests.process import SMALL, run
 

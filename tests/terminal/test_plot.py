@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.report.blocks import Curve, Table
-from hdassist.report.quantities import Quantity, as_object, csv_table
+from hdassist.report import Curve, Quantity, Table, as_object, csv_table
 from hdassist.terminal.answers import combine, csv_text, json_text
 from hdassist.terminal.console import Style
 from hdassist.terminal.plot import curve, dots_to_braille, least_and_greatest

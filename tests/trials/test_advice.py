@@ -22,10 +22,10 @@ from hdassist.mounting.positions import rotated
 from hdassist.mounting.trial import Trial
 from hdassist.pages.trials import trials_card_facts, trials_instruction, trials_report, trials_warnings
 from hdassist.terminal.answers import report_object
-from hdassist.terminal.brief import probability_words
 from hdassist.terminal.console import Style
 from hdassist.terminal.page import report_page
 from hdassist.terminal.texts import texts
+from hdassist.terminal.words import probability_words
 from hdassist.trials.advice import TrialAdvice, advise_from_trials
 from hdassist.trials.posterior import (
     Prediction,

@@ -1,0 +1,178 @@
+"""Words that pages share: the command to type next, the proof, fields that decide, the next measurement."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from hdassist.model.assumed import assumptions
+from hdassist.model.unknown import unknown_names, unknowns
+from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.kinds import unit_of
+from hdassist.textfile import STDIN
+from hdassist.verdict import Verdict, is_settled, percent_text, verdict_by_probability
+
+if TYPE_CHECKING:
+    from hdassist.belief.influence import Influence
+    from hdassist.belief.measure import MeasurementGain
+    from hdassist.belief.samples import Samples
+    from hdassist.belief.statistics import Probability
+    from hdassist.report import ReportProof
+    from hdassist.solve.throughcvxpy import CrossCheck
+
+DRAWN = ("tolerance", "sensitivity", "allocate")  # commands of random drives
+SAMPLED = ("check", "report", "mount", "plan", "accept", "compare", "compensate")  # commands that draw samples
+LIMITED = ("check", "report", "mount", "plan", "accept", *DRAWN)  # commands that take --limit
+TOOTHED = ("check", "trace", "mount", "accept")  # commands that take measured teeth
+TAKEN_OVER = {  # options that the next command has too, by their name: the commands that take them
+    "draws": SAMPLED,
+    "seed": (*SAMPLED, *DRAWN),
+    "sure": ("accept",),
+    "form": ("compensate",),
+    "points": ("compensate",),
+    "each_load": ("compensate",),
+    "distribution": DRAWN,
+    "known": DRAWN,
+    **dict.fromkeys(("pitch_b", "pitch_g", "mark_b", "mark_g"), TOOTHED),
+    **dict.fromkeys(("pitch_form", "pitch_sense", "pitch_flank"), TOOTHED),
+}
+REPORTED = 2  # influences and measurements on a short page
+MORE_DRAWS = 4  # times as many samples, which halve the interval of a probability
+HOW = {
+    "cam.W_0": "on a drawing, or the axes of the cam with a micrometre",
+    "supports.C_1": "push the rigid wheel in its housing",
+    "supports.C_2": "push the flexspline sideways",
+    "supports.C_3": "push the cam sideways",
+    "tolerances.F_i1": "run-out of the flexspline's teeth and where it is greatest",
+    "tolerances.F_i2": "run-out of the rigid wheel's teeth and where it is greatest",
+    "bearing.g_b": "radial play of the bearing on the cam",
+    "gears.j_n": "tooth thickness over pins",
+    "stiffness.lost_motion": "lost motion at 4 % of the rated torque",
+}
+COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
+
+
+def again(command: str, drive: Drive | None, *more: str) -> str:
+    """A command about the same drive, as a shell takes it; PRESET stands for one that is not known."""
+    words = ["PRESET"]
+    if drive:
+        origin = drive.origin
+        given = [
+            (name, value) for name, value in origin.asked if command in TAKEN_OVER[name] and f"--{name}" not in more
+        ]
+        asked = [f"--{name.replace('_', '-')}={value}".removesuffix("=True") for name, value in given]
+        words = [preset_argument(drive), *_options(command, origin.overrides), *asked]
+    return shlex.join(["hdassist", command, *words, *more])
+
+
+def preset_argument(drive: Drive) -> str:
+    """The preset of a drive as a command takes it."""
+    origin = drive.origin
+    return "-" if origin.file == STDIN else origin.file or drive.name
+
+
+def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
+    """Overrides as options of a command; torques and limits as they were asked for."""
+    for override in overrides:
+        if torques := re.fullmatch(r"operation\.M_g=\[([-+.\de, ]+)\]", override):
+            yield from (f"--torque={torque.strip().removesuffix('.0')}" for torque in torques[1].split(","))
+        elif command in LIMITED and (limit := re.fullmatch(r"acceptance\.F_ior(?:\.([^=]+))?=([^{]+)", override)):
+            yield from ("--limit", f"F_ior@{limit[1]}={limit[2]}" if limit[1] else limit[2])
+        else:
+            yield from ("--set", override)
+
+
+def proof(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None] = ()) -> str:
+    """One line of proof: states, greatest residual as a share of its scale, states that another solver solved."""
+    if not found or not found.states:
+        return ""
+    words = f"{thousands(found.states)} states, residual {found.max_residual:.0e}"
+    if crosses := [cross for cross in cross_checks if cross]:
+        words += f", {sum(cross.states for cross in crosses)} again by {crosses[0].solver}"
+    return words
+
+
+def probability_words(found: Probability, needed: float | None = None) -> str:
+    """A probability in per cent with its Monte Carlo interval, and that which is needed, as percent_text has them."""
+    return percent_text(found.value, found.low, found.high, needed)
+
+
+def thousands(count: int) -> str:
+    """A count with its thousands apart: 20 200."""
+    return f"{count:,}".replace(",", " ")
+
+
+def on_what(drive: Drive) -> str:
+    """How many values of a drive are assumed, or left to a default, and have a range that nobody has weighed."""
+    ranges = len(assumptions(drive))
+    return f"the ranges of {ranges} values are not weighed here: hdassist check weighs them" if ranges else ""
+
+
+def not_known(drive: Drive) -> str:
+    """Deviations of a drive that are not known, and were computed as 0."""
+    open_ = unknowns(drive)
+    return f"taken as 0: {unknown_names(open_)}" if open_ else ""
+
+
+def named(path: str, holes: int = 0) -> str:
+    """A field, figure or error in words with its path in brackets; holes of the seat, 0 for a free angle."""
+    if path.startswith("F_ior@"):
+        M_g, _, rotation = path.removeprefix("F_ior@").partition("+")
+        there = f"hole {round(float(rotation or 0) * holes / 360)}" if holes else f"turned by {rotation}°"
+        return f"F'_ior at {M_g} N·m" + (f" now and {there}" if rotation else "")
+    if path not in field_table():
+        return f"{path.removeprefix('stiffness.')} (hdassist stiffness)"
+    return f"{field_table()[path].description} ({path})"
+
+
+def field_unit(path: str) -> str:
+    """The unit of a field."""
+    return unit_of(field_table()[path])
+
+
+def influence_words(found: Sequence[Influence], result: str = "ln F'_ior") -> str:
+    """The largest shares of the variance of a result: the first field in words, the second by its path."""
+    words = [f"{named(each.group)}: {100 * each.share:.0f} % of the variance of {result}" for each in found[:1]]
+    return "; ".join([*words, *(f"{each.group} {100 * each.share:.0f} %" for each in found[1:REPORTED])])
+
+
+def measure_words(found: Sequence[MeasurementGain], held: bool, holes: int = 0) -> str:
+    """The best measurements with the gain expected of each; held, whether there is a limit; holes of the seat."""
+    words: list[str] = []
+    turned = [each for each in found if "+" in each.measured][1:]  # one of them is enough
+    for each in [each for each in found if each not in turned][:REPORTED]:
+        gain = f"{100 * each.gain:.0f} % " + ("more sure" if held else "less spread")
+        field = each.measured in HOW and words  # the first in words, others by their path
+        how = f", {HOW[each.measured]}" if each.measured in HOW else ""
+        words.append(f"{each.measured if field else named(each.measured, holes)}{how}: {gain}")
+    return "; ".join(words)
+
+
+def more_draws(samples: Samples) -> str:
+    """The remedy for a verdict that is left open by its Monte Carlo interval alone."""
+    return f"no measurement, more samples settle it: --draws {draws_to_settle(samples)}"
+
+
+def draws_to_settle(samples: Samples) -> int:
+    """Effective samples that halve the interval of a probability."""
+    return MORE_DRAWS * round(samples.effective)
+
+
+def settling_words(measured: str, found: Sequence[Probability | None], needed: float, samples: Samples | None) -> str:
+    """Measurements that settle verdicts on probabilities, in words; more samples where chance alone leaves all open."""
+    known = [each for each in found if each]
+    by_value = {verdict_by_probability(each.value, each.value, needed) for each in known}
+    if samples is None or Verdict.INCONCLUSIVE in by_value:
+        return measured
+    return measured if all(is_settled(each.low, each.high, needed) for each in known) else more_draws(samples)
+
+
+def samples_words(samples: Samples) -> str:
+    """How many samples there are, and why others are not."""
+    refused = sum(samples.refused.values())
+    words = f"{samples.effective:.0f} effective of {samples.draws} drawn"
+    if samples.of_ranges.draws < samples.draws:
+        words += f", ranges and influence by the first {samples.of_ranges.draws}"
+    return words + (f"; {refused} are no drive ({next(iter(samples.refused))})" if refused else "")
