@@ -15,7 +15,7 @@ from hdassist.preset.fields import field_table
 from hdassist.preset.kinds import kind_of, unit_of
 from hdassist.preset.overrides import is_overridden, path_of
 from hdassist.preset.units import read_count, read_number
-from hdassist.preset.yamltext import InvalidValue, near_miss, scalar_value, shown
+from hdassist.preset.yamltext import InvalidValueError, near_miss, scalar_value, shown
 
 VARY = "--vary"
 TORQUE = "operation.M_g"
@@ -71,10 +71,10 @@ def _axis(text: str) -> Axis:
 
     def number(part: str) -> float:
         value = scalar_value(part)
-        found = read_count(value) if is_count else read_number(value, unit)
-        if isinstance(found, InvalidValue):
-            raise _invalid(text, f"numbers ({shown(part) or 'nothing'} {found.message})", found.hint)
-        return found if is_count else float(found)
+        try:
+            return read_count(value) if is_count else float(read_number(value, unit))
+        except InvalidValueError as fault:
+            raise _invalid(text, f"numbers ({shown(part) or 'nothing'} {fault.message})", fault.hint) from None
 
     parts = [part.strip() for part in values.split(":" if ":" in values else ",")]
     if ":" in values and len(parts) != 3:
