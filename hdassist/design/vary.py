@@ -66,7 +66,9 @@ def _axis(text: str) -> Axis:
     path = ".".join(map(str, path_of(key)))
     info = _fields().get(path)
     if info is None:
-        raise _invalid(text, "a field of a single number", _meant(path))
+        same = (each for each in _fields() if each.split(".")[1] == path.split(".")[-1])
+        close = f"did you mean {meant}?" if (meant := next(same, "")) else near_miss(path, _fields())
+        raise _invalid(text, "a field of a single number", close or "write section.key, like gears.j_n")
     unit, is_count = unit_of(info), kind_of(info) == "count"
 
     def number(part: str) -> float:
@@ -100,8 +102,3 @@ def _grid(text: str, start: Fraction, stop: Fraction, steps: str, is_count: bool
 
 def _invalid(text: str, expected: str, hint: str = "") -> UsageError:
     return UsageError(f"invalid {VARY} {shown(text) or 'nothing'}: expected {expected}", hint)
-
-
-def _meant(path: str) -> str:
-    same = [one for one in _fields() if one.split(".")[1] == path.split(".")[-1]]
-    return f"did you mean {same[0]}?" if same else near_miss(path, _fields()) or "write section.key, like gears.j_n"

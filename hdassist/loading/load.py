@@ -30,7 +30,7 @@ from hdassist.preset.fields import (
 )
 from hdassist.preset.kinds import (
     KEYED_TABLES,
-    DeclaredModel,
+    Section,
     UncertainReading,
     in_range,
     kind_of,
@@ -77,9 +77,9 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
     into its origin. Result: the drive; its origin carries the SHA-256 of the text, the overrides and the warnings.
     Raises PresetError with every finding; UsageError if the text is in order and only the overrides are not.
     """
-    parsed = [sets.parse(override, index) for index, override in enumerate(overrides, 1)]
     document = read_yaml(text, file)
-    sets.apply(document, parsed)
+    for index, override in enumerate(overrides, 1):
+        sets.set_override(document, override, index)
     drive = _drive(document)
     if document.findings or drive is None:
         findings = ordered_findings(document.findings)
@@ -175,7 +175,7 @@ def _check_tables(tables: dict[str, Any], valid: dict[str, Any], document: Docum
             document.add(("source", path, "range"), words, "correct one of them", ends)
 
 
-def _read_table(document: Document, path: Path, table: Any, model: type[DeclaredModel]) -> dict[str, Any]:
+def _read_table(document: Document, path: Path, table: Any, model: type[Section]) -> dict[str, Any]:
     """Values of the fields of a model that a table gives, each as the field holds it; faults are findings."""
     if not _is_table(document, path, table, model):
         return {}
@@ -204,7 +204,7 @@ def _read_table(document: Document, path: Path, table: Any, model: type[Declared
     return read
 
 
-def _is_table(document: Document, path: Path, table: Any, model: type[DeclaredModel] | None) -> bool:
+def _is_table(document: Document, path: Path, table: Any, model: type[Section] | None) -> bool:
     """Whether a value is a table of keys, those of a model if any; a finding where it is not."""
     if isinstance(table, InvalidValueError):
         document.bad.add(path)
@@ -282,7 +282,7 @@ def _read_value(document: Document, path: Path, info: FieldInfo, value: Any) -> 
     return {key: document.read((*path, key), read, key, item) for key, item in found.items()}
 
 
-def _unknown_hint(path: Path, value: Any, model: type[DeclaredModel]) -> str:
+def _unknown_hint(path: Path, value: Any, model: type[Section]) -> str:
     """A hint for an unknown key of a table, whose keys are the fields of a model."""
     if removed := REMOVED.get(".".join(map(str, path))):
         return removed

@@ -17,7 +17,6 @@ from hdassist.numerals import number_of
 from hdassist.preset.deviations import Harmonics, Phases, Tolerances
 from hdassist.preset.kinds import (
     MAX_NAME,
-    DeclaredModel,
     OneLine,
     PerOrder,
     PerPosition,
@@ -226,7 +225,7 @@ class Origin:
     asked: tuple[tuple[str, str], ...] = ()
 
 
-class Drive(DeclaredModel):
+class Drive(Section):
     """A strain wave drive as a preset describes it."""
 
     name: Annotated[OneLine, Field(min_length=1, max_length=MAX_NAME)]

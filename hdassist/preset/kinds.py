@@ -43,21 +43,17 @@ def _declared(meaning: str, unit: str = "", default: Any = ..., *, unknown: bool
     return Field(default, description=meaning, json_schema_extra=extra)
 
 
-class DeclaredModel(BaseModel):
+class Section(BaseModel):
     """A part of a preset: immutable, closed, its fields as fields.toml declares them."""
 
     model_config = CLOSED
 
     def __init_subclass__(cls) -> None:
         """Join each field with its declaration; one that may be None is so by default."""
-        declared = DECLARED_FIELDS[cls.__name__] if cls.__annotations__ else {}
+        declared = DECLARED_FIELDS[cls.__name__]
         for name in declared:
             none = {"default": None} if "None" in cls.__annotations__[name] else {}
             setattr(cls, name, _declared(**none | declared[name]))
-
-
-class Section(DeclaredModel):
-    """A group of preset fields."""
 
     @classmethod
     def of_defaults(cls) -> Self:
