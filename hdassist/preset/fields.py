@@ -152,11 +152,6 @@ class Catalogue(Section):
 class Measured(Section):
     """Values measured on this drive; +- is its expanded uncertainty (k = 2). It weighs uncertain inputs."""
 
-    K_1: float | None
-    K_2: float | None
-    K_3: float | None
-    lost_motion: float | None
-    play: float | None
     F_ior: PerPosition
 
 
@@ -167,17 +162,6 @@ class Acceptance(Section):
     turn_range: PerTorque
     self_error: PerTorque
     order_amplitude: PerOrder
-    lost_motion: float | None
-    positioning: float | None
-    repeatability: float | None
-    bidirectional: float | None
-    hysteresis_loss: float | None
-    starting_torque: float | None
-    backdrive_torque: float | None
-    ratchet_torque: float | None
-    K_1: float | None
-    K_2: float | None
-    K_3: float | None
     rule: Literal["guard", "simple"]
 
 

@@ -49,8 +49,10 @@ class Section(BaseModel):
     model_config = CLOSED
 
     def __init_subclass__(cls) -> None:
-        """Join each field with its declaration; one that may be None is so by default."""
+        """Join each field, without a type a number or None, with its declaration; what may be None is so by default."""
         declared = DECLARED_FIELDS[cls.__name__]
+        if declared.keys() > cls.__annotations__.keys():
+            cls.__annotations__ = {name: cls.__annotations__.get(name, "float | None") for name in declared}
         for name in declared:
             none = {"default": None} if "None" in cls.__annotations__[name] else {}
             setattr(cls, name, _declared(**none | declared[name]))
