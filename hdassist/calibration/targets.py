@@ -11,8 +11,6 @@ targets:
   - {quantity: self_error, M_g: 80, low: 0.25, high: 2.0}
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

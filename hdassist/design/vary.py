@@ -1,7 +1,5 @@
 """Axes of a sweep: fields of a preset, each with its values."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

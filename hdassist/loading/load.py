@@ -1,7 +1,5 @@
 """Preset text to a validated `Drive`, with all findings at once, each with line and column."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Sequence

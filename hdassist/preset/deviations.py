@@ -3,8 +3,6 @@
 A size or direction that a preset does not give is unknown, not zero.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """Overrides "section.key=VALUE" on top of a preset, read by the same YAML reader."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import replace

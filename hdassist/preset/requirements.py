@@ -1,7 +1,5 @@
 """Requirements on a new drive from the options of a command line."""
 
-from __future__ import annotations
-
 import re
 from math import isfinite
 

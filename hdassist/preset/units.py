@@ -3,8 +3,6 @@
 Conversion is decimal and rounds once, so "75 um" and 0.075 are the same number.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from dataclasses import replace

@@ -4,8 +4,6 @@ A preset needs little of YAML, and a slip in a number must not pass unseen. So t
 and tags, a key stands once, and a plain scalar is read by the rules below and no others.
 """
 
-from __future__ import annotations
-
 import difflib
 import re
 from codecs import BOM_UTF8
