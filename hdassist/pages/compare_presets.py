@@ -122,8 +122,9 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
 
 
 def _cell(field: ResolvedField) -> str:
-    """A value and its origin."""
-    return NOT_KNOWN if field.kind == NOT_KNOWN else f"{value_text(field.value)} ({field.kind})"
+    """A value, its origin and its range."""
+    bounds = f" {' to '.join(map(value_text, field.range))}" if field.range and field.kind == "assumed" else ""
+    return NOT_KNOWN if field.kind == NOT_KNOWN else f"{value_text(field.value)} ({field.kind}{bounds})"
 
 
 def _change_cells(change: ErrorChange) -> Iterator[str]:
