@@ -160,7 +160,10 @@ def _values(result: DrivesComparison, seed: int) -> Json:
             {
                 "field": row[0].path,
                 "unit": row[0].unit,
-                "values": [{"value": cell.value, "origin": cell.kind, "reference": cell.ref} for cell in row],
+                "values": [
+                    {"value": cell.value, "origin": cell.kind, "reference": cell.ref, "range": cell.range}
+                    for cell in row
+                ],
             }
             for row in result.differing
         ],
