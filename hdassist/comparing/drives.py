@@ -12,7 +12,7 @@ import numpy as np
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, SAMPLE_STATES
-from hdassist.belief.statistics import weighted_quantile
+from hdassist.belief.statistics import RESOLVED_ERROR, weighted_quantile
 from hdassist.belief.tabled import COARSE_POINTS
 from hdassist.comparing.pairs import DRAWN_PAIRS, differently_open, drawn_pairs
 from hdassist.comparing.sheet import DriveSheet, sheet_of, sheet_states
@@ -62,7 +62,9 @@ class ErrorChange:
             return tuple(weighted_quantile(column, weights, share) for column in values.T)
 
         low, median, high = (percentile(after - before, share) for share in (0.05, 0.5, 0.95))
-        shares = (abs(change) / of for change, of in zip(median, percentile(before, 0.5), strict=True))
+        shares = (
+            abs(change) / max(of, RESOLVED_ERROR) for change, of in zip(median, percentile(before, 0.5), strict=True)
+        )
         return cls(field, median, low, high, tuple(shares))
 
 
@@ -184,7 +186,9 @@ def drive_changes(
     def alone(path: str, count: int) -> ErrorChange | None:
         """The change by a field alone over the first pairs; None where most of them make no drive."""
         changed = [one.with_values({path: other.value(path)}) for one, other in drives[:count]]
-        sound = [k for k, drive in enumerate(changed) if _is_sound(drive, drives[k][0])]
+        # sound: without a conflict, nor more unknown fields than before (a direction, for example)
+        more = [len(unknowns(now)) > len(unknowns(one)) for now, (one, _) in zip(changed, drives, strict=False)]
+        sound = [k for k, drive in enumerate(changed) if not more[k] and first_conflict(drive) is None]
         after = F_ior([changed[k] for k in sound])
         solved = ~np.isnan(after).any(axis=1)
         if 2 * solved.sum() < len(changed):
@@ -208,11 +212,6 @@ def drive_changes(
 
 def _largest_first(changes: Iterable[ErrorChange]) -> list[ErrorChange]:
     return sorted(changes, key=lambda change: -max(change.share))
-
-
-def _is_sound(moved: Drive, before: Drive) -> bool:
-    """Whether a drive has no conflict, nor more unknown fields than before (a direction, for example)."""
-    return first_conflict(moved) is None and len(unknowns(moved)) <= len(unknowns(before))
 
 
 def _errors(drive: Drive, torques: Sequence[float], grid: int) -> tuple[Array, Certificate]:
