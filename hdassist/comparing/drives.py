@@ -10,8 +10,9 @@ from operator import add
 import numpy as np
 
 from hdassist.belief.evidence import evidence_of
+from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, SAMPLE_STATES
-from hdassist.belief.statistics import weighted_quantile
+from hdassist.belief.statistics import RESOLVED_ERROR, weighted_quantile
 from hdassist.belief.tabled import COARSE_POINTS
 from hdassist.comparing.pairs import DRAWN_PAIRS, differently_open, drawn_pairs
 from hdassist.comparing.sheet import DriveSheet, sheet_of, sheet_states
@@ -27,7 +28,7 @@ from hdassist.preset.schema import ResolvedField, resolved_fields
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-SINGLE_PAIRS = 16  # of those drawn, in which single fields are changed
+SINGLE_PAIRS = 16  # in which single fields are changed: the first, as Sobol points lie evenly from the start
 SCREENED_PAIRS = 2  # of them on which every field is tried, before the largest are searched on all
 REPORTED_FIELDS = 3
 # have no bearing on F'_ior at a torque: loads, evidence, limits, the seat's holes, resolution of other answers,
@@ -61,7 +62,9 @@ class ErrorChange:
             return tuple(weighted_quantile(column, weights, share) for column in values.T)
 
         low, median, high = (percentile(after - before, share) for share in (0.05, 0.5, 0.95))
-        shares = (abs(change) / of for change, of in zip(median, percentile(before, 0.5), strict=True))
+        shares = (
+            abs(change) / max(of, RESOLVED_ERROR) for change, of in zip(median, percentile(before, 0.5), strict=True)
+        )
         return cls(field, median, low, high, tuple(shares))
 
 
@@ -160,10 +163,14 @@ def drive_changes(
     Argument: pairs of their samples that are drawn. Raises UntrustedError where one of both drives has no answer that
     can be trusted.
     """
-    paths = differing_fields((first.drive, second.drive))
-    same = not paths and evidence_of(first.drive) == evidence_of(second.drive)
+    differing = differing_fields((first.drive, second.drive))
+    same = not differing and evidence_of(first.drive) == evidence_of(second.drive)
     found = drawn_pairs(first, second, same=same, count=pairs, run=run)
-    proof, drives = found.certificate, found.drives[:: -(-len(found.drives) // SINGLE_PAIRS)]
+    proof, drives = found.certificate, found.drives[:SINGLE_PAIRS]
+    # bounds of what is unknown hang on other fields
+    open_ = [each.path for each in prior_of(second.drive).fields]
+    moved = [path for path in open_ if any(one.value(path) != other.value(path) for one, other in drives)]
+    paths = list(dict.fromkeys((*differing, *moved)))
     grid = COARSE_POINTS if first.samples or second.samples else GRID
 
     def F_ior(drives: Sequence[Drive]) -> Array:
@@ -178,11 +185,13 @@ def drive_changes(
 
     def alone(path: str, count: int) -> ErrorChange | None:
         """The change by a field alone over the first pairs; None where most of them make no drive."""
-        moved = {k: one.with_values({path: other.value(path)}) for k, (one, other) in enumerate(drives[:count])}
-        sound = [k for k, drive in moved.items() if _is_sound(drive, drives[k][0])]
-        after = F_ior([moved[k] for k in sound])
+        changed = [one.with_values({path: other.value(path)}) for one, other in drives[:count]]
+        # sound: without a conflict, nor more unknown fields than before (a direction, for example)
+        more = [len(unknowns(now)) > len(unknowns(one)) for now, (one, _) in zip(changed, drives, strict=False)]
+        sound = [k for k, drive in enumerate(changed) if not more[k] and first_conflict(drive) is None]
+        after = F_ior([changed[k] for k in sound])
         solved = ~np.isnan(after).any(axis=1)
-        if 2 * solved.sum() < len(moved):
+        if 2 * solved.sum() < len(changed):
             return None
         return ErrorChange.of(path, before[sound][solved], after[solved], np.ones(solved.sum()))
 
@@ -203,11 +212,6 @@ def drive_changes(
 
 def _largest_first(changes: Iterable[ErrorChange]) -> list[ErrorChange]:
     return sorted(changes, key=lambda change: -max(change.share))
-
-
-def _is_sound(moved: Drive, before: Drive) -> bool:
-    """Whether a drive has no conflict, nor more unknown fields than before (a direction, for example)."""
-    return first_conflict(moved) is None and len(unknowns(moved)) <= len(unknowns(before))
 
 
 def _errors(drive: Drive, torques: Sequence[float], grid: int) -> tuple[Array, Certificate]:

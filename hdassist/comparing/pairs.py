@@ -7,14 +7,13 @@ on the one drive than by that on the other, that drive is paired with all of the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from hdassist.belief.evidence import evidence_of, log_likelihood
-from hdassist.belief.prior import DrivePrior, FieldPrior, prior_of
+from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.belief.statistics import effective_number, probability_of
 from hdassist.design.check import DesignCheck
@@ -28,7 +27,8 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.verdict import Verdict, verdict_by_probability
 
 DRAWN_PAIRS = 64
-LEAST_EFFECTIVE = 0.25  # of the pairs: where fewer agree with the evidence on the second drive, samples are independent
+LEAST_EFFECTIVE = 0.5  # of the pairs: where fewer agree with the evidence on the second drive, samples are independent
+LEAST_WEIGHT = 1e-300  # where a sample has none it is not divided by
 SAME_ERROR = 0.005  # arcsec: a change that is less counts as none
 
 
@@ -59,7 +59,7 @@ class DrivePairs:
         for sense, inside in (("less", change < 0), ("more", change > 0)):
             # once over the samples of each drive: of so many that chance alone could make it otherwise
             marginals = [(self.weights.sum(1 - k), (self.weights * inside).sum(1 - k)) for k in self.sampled]
-            found = [probability_of(hits / of, of) for of, hits in marginals]
+            found = [probability_of(hits / np.maximum(of, LEAST_WEIGHT), of) for of, hits in marginals]
             if all(verdict_by_probability(each.low, each.high) is Verdict.PASS for each in found) and inside.any():
                 return sense
         return UNKNOWN
@@ -77,18 +77,18 @@ class PairedPrior(DrivePrior):
 
 
 def differently_open(first: Drive, second: Drive) -> list[str]:
-    """Paths of fields that one of two drives leaves open, and the other does not in the same way."""
-    drives = (first, second)
-    open_ = [{each.path: each for each in prior_of(drive).fields} for drive in drives]
-    return [path for path in {**open_[0], **open_[1]} if not _is_alike(drives, *(each.get(path) for each in open_))]
+    """Paths of fields that one of two drives leaves open, and the other does not in the same way.
 
-
-def _is_alike(drives: Sequence[Drive], one: FieldPrior | None, other: FieldPrior | None) -> bool:
-    """Whether two drives leave a field open in the same way: unknown in both, or with the same distribution."""
-    if not one or not other:
-        return False
-    same = (one.distribution, one.low, one.high) == (other.distribution, other.low, other.high)
-    return same or all(drive.value(one.path) is None for drive in drives)
+    The same way is with the same distribution, or unknown in both, however large they may be.
+    """
+    open_ = [
+        {
+            each.path: drive.value(each.path) is not None and (each.distribution, each.low, each.high)
+            for each in prior_of(drive).fields
+        }
+        for drive in (first, second)
+    ]
+    return [path for path in {**open_[0], **open_[1]} if open_[0].get(path) != open_[1].get(path)]
 
 
 class _Believed:
@@ -118,17 +118,18 @@ def drawn_pairs(
 ) -> DrivePairs:
     """Pairs of the samples of two checked drives.
 
-    Samples are independent of each other where a drive has none, where F'_ior as measured is evidence, or where few
-    pairs agree with the evidence on the second drive. Arguments: same, whether nothing that moves F'_ior differs;
-    count, pairs that are drawn. Raises UntrustedError where an answer cannot be trusted.
+    Samples are independent of each other where a drive has none, where F'_ior as measured is evidence, where the first
+    has evidence that the second has not, or where few pairs agree with that on the second. Arguments: same, whether
+    nothing that moves F'_ior differs; count, pairs that are drawn. Raises UntrustedError where an answer cannot be
+    trusted.
     """
     one, other = _Believed(first), _Believed(second)
     rows, others = (even_rows(each.weights, count if one.samples or other.samples else 1) for each in (one, other))
     drives = tuple(zip(one.drives(one.shares(rows)), other.drives(other.shares(others)), strict=True))
     if same:
         return DrivePairs(one.F_ior_arcsec, one.F_ior_arcsec, np.diag(one.weights), drives)
-    measured = any(each.M_g for each in (*one.evidence, *other.evidence))
-    if one.samples and other.samples and not measured:
+    measured = any(each.M_g for each in other.evidence)
+    if one.samples and other.samples and not measured and {*one.evidence} <= {*other.evidence}:
         with suppress(UntrustedError):
             return _paired(one, other, rows, run)
     sampled = tuple(k for k, each in enumerate((one, other)) if each.samples)
@@ -144,12 +145,10 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
     """Pairs of some samples of a first drive, each with a drive alike. Raises UntrustedError where too few agree."""
     assert one.samples and other.samples
     shares, count = one.shares(rows), len(rows)
-    paths = [each.path for each in one.prior.fields]
+    paths, apart = [each.path for each in one.prior.fields], differently_open(one.drive, other.drive)
     paired = np.random.default_rng(run.seed).random((count, len(other.prior.fields) + 1))
     for k, field in enumerate(other.prior.fields):
-        if field.path in paths and _is_alike(
-            (one.drive, other.drive), one.prior.fields[paths.index(field.path)], field
-        ):
+        if field.path not in apart:
             paired[:, k] = shares[:, paths.index(field.path)]
     paired[:, -1] = 0  # each goes on to F'_ior
     found, proof = other.samples, EMPTY

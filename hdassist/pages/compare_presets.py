@@ -119,8 +119,9 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
 
 
 def _cell(field: ResolvedField) -> str:
-    """A value and its origin."""
-    return NOT_KNOWN if field.kind == NOT_KNOWN else f"{value_text(field.value)} ({field.kind})"
+    """A value, its origin and its range."""
+    bounds = f" {' to '.join(map(value_text, field.range))}" if field.range and field.kind == "assumed" else ""
+    return NOT_KNOWN if field.kind == NOT_KNOWN else f"{value_text(field.value)} ({field.kind}{bounds})"
 
 
 def _change_cells(change: ErrorChange) -> Iterator[str]:
@@ -156,7 +157,10 @@ def _values(result: DrivesComparison, seed: int) -> Json:
             {
                 "field": row[0].path,
                 "unit": row[0].unit,
-                "values": [{"value": cell.value, "origin": cell.kind, "reference": cell.ref} for cell in row],
+                "values": [
+                    {"value": cell.value, "origin": cell.kind, "reference": cell.ref, "range": cell.range}
+                    for cell in row
+                ],
             }
             for row in result.differing
         ],

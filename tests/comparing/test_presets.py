@@ -161,7 +161,9 @@ def test_what_one_preset_does_not_know_makes_ranges_and_no_verdict(files):
     assert changed["pairs"] == 4
     assert changed["together"]["p5_arcsec"] < changed["together"]["p95_arcsec"]
     assert [field["field"] for field in told["differences"]] == ["tolerances.F_i2", "phases.phi_hb"]
-    assert told["differences"][1]["values"][1] == {"value": None, "origin": "unknown", "reference": ""}
+    assert told["differences"][1]["values"][1] == {
+        "value": None, "origin": "unknown", "reference": "", "range": None,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -194,6 +196,7 @@ def test_what_cannot_be_meant_is_refused(files, args, code, words):
 C_3 = "source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}"
 J_N = "source.gears.j_n={kind: assumed, range: [16, 20], ref: judged}"
 W_0 = "source.cam.W_0={kind: assumed, range: [1.7, 1.8], ref: judged}"
+WIDE = "source.gears.j_n={kind: assumed, range: [10, 30], ref: judged}"
 CATALOGUE = ("catalogue.K_1=800", "catalogue.K_2=1400", "catalogue.accuracy=2100")
 
 
@@ -210,6 +213,8 @@ def tiny(*overrides: str):
         (("tolerances.F_i2=10",), (C_3, J_N)),
         ((C_3, W_0, *CATALOGUE), (C_3, W_0, *CATALOGUE, "tolerances.F_i2=10")),
         ((C_3, W_0, *CATALOGUE), (C_3, *CATALOGUE, "cam.W_0=1.75", "tolerances.e_hb=unknown")),
+        ((C_3, WIDE), (C_3, WIDE, "catalogue.accuracy=90")),
+        ((C_3, WIDE, "catalogue.accuracy=90"), (C_3, WIDE, "gears.m=1.501")),
         ((C_3, J_N, "measured.F_ior={h0@4: 120 ± 20}"), (C_3, J_N)),
     ],
 )
@@ -224,6 +229,38 @@ def test_pairs_have_the_medians_and_ranges_of_check(one, other):
             near = [weighted_quantile(F_ior[:, 0], weights, float(np.clip(share + s, 0, 1))) for s in (-error, error)]
             told = point.F_ior_arcsec if share == 0.5 else point.range_arcsec[share > 0.5]
             assert near[0] * 0.98 <= told <= near[1] * 1.02
+
+
+def test_a_bound_that_moves_with_another_field_is_a_change_of_its_own():
+    one, other = checks(*(tiny("harmonics.a_b2=unknown", f"tolerances.F_i2={F}") for F in (400, 10)))
+    found, _ = drive_changes(one, other)
+    assert {change.field for change in found.single} == {"tolerances.F_i2", "harmonics.a_b2"}
+    assert differing_fields([one.drive, other.drive]) == ["tolerances.F_i2"]
+
+
+@pytest.mark.parametrize(
+    "sets",
+    [
+        ("gears.j_n=17", "supports.C_3=2500"),
+        ("tolerances.F_i1=10", "tolerances.F_i2=10"),
+        ("phases.xi_b=unknown", "tolerances.F_i2=5"),
+        ("tolerances.e_hb=unknown", "gears.j_n=21"),
+    ],
+)
+def test_no_change_contradicts_the_medians_of_check(sets):
+    one, other = checks(tiny(C_3, J_N, *CATALOGUE), tiny(C_3, J_N, *CATALOGUE, *sets))
+    there, back = (drive_changes(*pair)[0] for pair in ((one, other), (other, one)))
+    change = other.points[0].F_ior_arcsec - one.points[0].F_ior_arcsec
+    assert there.F_ior_is[0] in (("less", "unknown") if change < 0 else ("more", "unknown"))
+    opposite = {"less": "more", "more": "less"}
+    assert back.F_ior_is[0] in (opposite.get(there.F_ior_is[0], "unknown"), "unknown")
+
+
+def test_a_share_of_no_error_is_a_number():
+    none = tiny(*(f"tolerances.{size}=0" for size in ("F_i1", "F_i2", "e_hb", "e_hh")))
+    found, _ = drive_changes(*checks(none, tiny()))
+    assert found.F_ior_is == ("more",)
+    assert np.isfinite(found.together.share).all()
 
 
 def test_three_presets_are_held_against_the_first(better):
