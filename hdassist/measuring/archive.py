@@ -114,16 +114,12 @@ def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
         Path(folder).mkdir()
     with open_kept(str(Path(folder) / ARCHIVE_FILE), OWNER, ENTRIES, patience=WRITERS_WAIT) as kept:
         known = {(each.serial, each.sha256, each.direction): each for each in kept.records()}
-        before = (known.get((each.serial, each.sha256, each.direction)) for each in fresh)
-        after = [_corrected(old, each, conditions) for old, each in zip(before, fresh, strict=True)]
-        fresh = [each for each in after if each not in known.values()]
+        for k, each in enumerate(fresh):
+            if old := known.get((each.serial, each.sha256, each.direction)):
+                fresh[k] = replace(old, **{name: getattr(each, name) for name in conditions})
+        fresh = [each for each in fresh if each not in known.values()]
         kept.append(fresh)
     return bool(fresh)
-
-
-def _corrected(old: ArchiveEntry | None, new: ArchiveEntry, conditions: Json) -> ArchiveEntry:
-    """An entry that is there with the conditions that are stated of it now; the new one where there is none."""
-    return replace(old, **{name: getattr(new, name) for name in conditions}) if old else new
 
 
 def _result(found: SweepResult) -> Json:

@@ -214,30 +214,8 @@ def advise_from_trials(
     those of the drive [N*m], at which trials that it does not show may have been measured. Raises what trial_prior
     does; UntrustedError: trials that the drive does not show, with the torque at which it would.
     """
-    trials = (*_of_preset(drive, rig, (*trials, outcome)), *trials)
-    try:
-        return _advice(drive, trials, rig, outcome, needed, effort, run)
-    except UntrustedError as fault:
-        if torques := {*drive.operation.M_g, *other_torques} - {rig.M_g}:
-            prior = trial_prior(drive, sorted(torques), rig, effort=effort, run=run)
-            if M_g := likelier_torque(prior, trials):
-                words = f"measured at another torque? The trials fit {M_g:g} N·m far better than {rig.M_g:g} N·m"
-                raise UntrustedError(
-                    f"{words}: {fault.message}", f"--trial-torque {M_g:g}; if not, {fault.hint}"
-                ) from None
-        raise
-
-
-def _advice(
-    drive: Drive,
-    trials: tuple[Trial, ...],
-    rig: Rig,
-    outcome: Trial | None,
-    needed: float,
-    effort: TrialEffort,
-    run: Run,
-) -> TrialAdvice:
     torques, positions = drive.operation.M_g, usable_positions(drive.mounting.holes, drive.mounting.allowed)
+    trials = (*_of_preset(drive, rig, (*trials, outcome)), *trials)
     if not trials:
         raise UsageError(f"no trials at {rig.M_g:g} N·m: expected HOLE=VALUE, or measured.F_ior", TRIAL_HINT)
     every = (*trials, outcome) if outcome else trials
@@ -248,20 +226,30 @@ def _advice(
         require_reachable(prior, trials)
         return drawn(weeded(prior, trials), trials, [0.0]).effective >= effort.effective
 
-    whole = trial_prior(drive, torques, rig, effort=effort, enough=enough, run=run)
-    prior = weeded(whole, every)
-    teach = partial(learnt, prior, rotations_deg=positions, torques=torques)
-    predictions = tuple(prediction(prior, every[:k], every[k]) for k in range(1, len(every)))
+    at_torques = partial(trial_prior, drive, rig=rig, effort=effort, run=run)
     try:
-        draws, losses = teach(every)
-        require_effective(prior, every, draws, effort.effective)
-        explained = not outcome or draws.misread[-1] <= SUSPECTED  # one taken for misread does not count for the hole
-    except UntrustedError:
-        if not outcome:
+        whole = at_torques(torques, enough=enough)
+        prior = weeded(whole, every)
+        teach = partial(learnt, prior, rotations_deg=positions, torques=torques)
+        predictions = tuple(prediction(prior, every[:k], every[k]) for k in range(1, len(every)))
+        try:
+            draws, losses = teach(every)
+            require_effective(prior, every, draws, effort.effective)
+            # an outcome that is taken for misread does not count for its hole
+            explained = not outcome or draws.misread[-1] <= SUSPECTED
+        except UntrustedError:
+            if not outcome:
+                raise
+            explained = False
+        if not explained:
+            draws, losses = teach(every := trials)
+    except UntrustedError as fault:
+        others = {*torques, *other_torques} - {rig.M_g}
+        if not others or not (M_g := likelier_torque(at_torques(sorted(others)), trials)):
             raise
-        explained = False
-    if not explained:
-        draws, losses = teach(every := trials)
+        words = f"measured at another torque? The trials fit {M_g:g} N·m far better than {rig.M_g:g} N·m"
+        hint = f"--trial-torque {M_g:g}; if not, {fault.hint}"
+        raise UntrustedError(f"{words}: {fault.message}", hint) from None
     without = () if outcome or len(every) < FITTING_TRIALS else _without_each(every, losses.best, teach)
     best = next_trial(draws, losses, rig.noise_arcsec, run.seed)
     found = TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, without)

@@ -142,15 +142,15 @@ def require_effective(prior: Prior, trials: Sequence[Trial], draws: Draws, neede
 
 def likelier_torque(prior: Prior, trials: Sequence[Trial]) -> float | None:
     """Torque of the prior [N*m] at which trials are far more probable than at that of the rig; None without one."""
-    y, tried, possible = np.array([t.F_ior_arcsec for t in trials]), [t.rotation_deg for t in trials], prior.possible
-    spreads, weight = prior.noise(trials), prior.weight.ravel()[possible]
-
-    def log_probability(M_g: float) -> float:
-        f, read_error = prior.at(tried, possible, M_g), prior.read_error[M_g]
-        return float(logsumexp(log_likelihood_of_errors(f, y, spreads, kernel(tried, tried), read_error), b=weight))
-
-    likeliest = max(prior.F_ior_by_torque, key=log_probability)
-    return likeliest if log_probability(likeliest) > log_probability(prior.M_g) + np.log(FAR_LIKELIER) else None
+    tried, possible = [t.rotation_deg for t in trials], prior.possible
+    measured = np.array([t.F_ior_arcsec for t in trials]), prior.noise(trials), kernel(tried, tried)
+    weight = prior.weight.ravel()[possible]
+    log_probability = {
+        M_g: logsumexp(log_likelihood_of_errors(prior.at(tried, possible, M_g), *measured, read_error), b=weight)
+        for M_g, read_error in prior.read_error.items()
+    }
+    likeliest = max(log_probability, key=log_probability.__getitem__)
+    return likeliest if log_probability[likeliest] > log_probability[prior.M_g] + np.log(FAR_LIKELIER) else None
 
 
 def next_trial(draws: Draws, losses: PositionStatistics, noise_arcsec: float, seed: int = 0) -> tuple[float, float]:
