@@ -1,7 +1,7 @@
 """Explanations of checks, remarks, fields, sections, symbols, words and errors, by any spelling of their names."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
@@ -105,25 +105,28 @@ def _by_spelling() -> dict[str, list[Entry]]:
     return by_spelling
 
 
-def _has_word(entry: Entry, spelling: str) -> bool:
-    """Whether a word, or its singular, is one of the words of an entry's names or one of the values of its field."""
-    words = " ".join((*entry.names, *(text for label, text in entry.facts if label == "values")))
-    either = {spelling, spelling.removesuffix("s") or spelling}
-    return not either.isdisjoint(map(normal_spelling, re.split(r"[\s.,-]+", words)))
+def _has_word(entry: Entry, stem: str) -> bool:
+    """Whether a word without its plural's s is in the names of an entry, or in the values of its field."""
+    words = re.split(r"[\s.,-]+", " ".join((*entry.names, dict(entry.facts).get("values", ""))))
+    return stem in (normal_spelling(word).removesuffix("s") for word in words)
 
 
-def explained(name: str) -> list[Entry]:
+def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry]:
     """Entries of a name; of a single letter those of its case; else those with the word in their names or values.
 
-    Raises UsageError: an unknown name; its hint has the nearest names.
+    Argument: help of the options of commands, by their fields. Raises UsageError: an unknown name; its hint has the
+    nearest names.
     """
     spelling, known = normal_spelling(name), _by_spelling()
-    alike = known.get(spelling) or known.get(spelling.removesuffix("s"), [])
+    stem = spelling.removesuffix("s")
+    alike = known.get(spelling) or known.get(stem, [])
     exact = [entry for entry in alike if name in entry.names]
     if len(spelling) == 1 and exact:  # m and M, N and n
         return exact
-    if spelling and (found := alike or [entry for entry in entries() if _has_word(entry, spelling)]):
+    if stem and (found := alike or [entry for entry in entries() if _has_word(entry, stem)]):
         return found
+    if words := (options or {}).get(re.sub(r"\W", "_", name)):
+        return [Entry("option", (name,), words.rstrip("."))]
     near = get_close_matches(spelling[:LONGEST_NAME], known, 3, 0.6)
     meant = " or ".join(dict.fromkeys(known[key][0].names[0] for key in near))
     raise UsageError(

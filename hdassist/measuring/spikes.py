@@ -12,13 +12,14 @@ from scipy.ndimage import median_filter
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.fit import TraceFit
 from hdassist.readers.table import shortened
-from hdassist.readers.trace import MAX_SPIKE_SHARE, MeasuredTrace
+from hdassist.readers.trace import MeasuredTrace
 
 SPIKE_SIGMAS = 6.0  # robust standard deviations of the readings around the fit
 SPIKE_RANGE_SHARE = 0.1  # of the fitted curve: a smaller spike has no effect
 LONGEST_SPIKE = 2  # readings: a longer one may be the drive
 BESIDE_SPIKE = 7  # readings around one, of whose departures the median is taken
 TO_SIGMA = 1.4826  # standard deviation of normal readings over their median departure
+MAX_SPIKE_SHARE = 1 / 20  # of the readings: with more of them the rig is at fault
 NAMED_LINES = 3  # lines in a message
 
 

@@ -125,20 +125,17 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
 
 
 def shown_checks(answer: AcceptAnswer) -> list[Decision]:
-    """Checks of an answer, those that are no errors in the unit in which options give their limit."""
-    limits = answer.request.limits if answer.request else ()
-    return [_in_given_unit(check, limits) for check in answer.checks]
+    """Checks of an answer, stiffnesses and torques in the unit in which options give their limit."""
+    given = [LimitText.parse(text, "--limit") for text in (answer.request.limits if answer.request else ())]
+    units = {each.field: each.text.lstrip("+-.0123456789 eE") for each in given}
+    return [_in_unit(check, units.get(check.check.field, "")) for check in answer.checks]
 
 
-def _in_given_unit(check: Decision, limits: Sequence[str]) -> Decision:
-    for given in (LimitText.parse(text, "--limit") for text in limits):
-        unit = given.text.lstrip("+-.0123456789 eE")
-        if unit and given.field == check.check.field and not check.belief and check.unit != "arcsec":
-            size = convert(f"1 {unit}", check.unit)
-            numbers = {name: getattr(check, name) for name in ("limit", "value", "expanded_uncertainty", "margin")}
-            scaled = {name: value and value / size for name, value in numbers.items()}
-            return replace(check, unit=unit, **scaled)
-    return check
+def _in_unit(check: Decision, unit: str) -> Decision:
+    if not unit or check.belief or check.unit == "arcsec":
+        return check
+    size, names = convert(f"1 {unit}", check.unit), ("limit", "value", "expanded_uncertainty", "margin")
+    return replace(check, unit=unit, **{name: (found := getattr(check, name)) and found / size for name in names})
 
 
 def by_severity(checks: Iterable[Decision]) -> list[Decision]:

@@ -114,11 +114,11 @@ def what_to_do(advice: Advice) -> str:
             return f"No order: {why}; {by_chance}"
     else:
         why = f"what is not known ({fields}) could reverse it"
-    where = ", ".join(map(hole_place, advice.to_try))
+    where = f"at {min(advice.curve.torques, key=abs):g} N·m in {', '.join(map(hole_place, advice.to_try))}"
     if advice.measured:
-        return f"No order: {why}. To decide, measure F'_ior in {where}; hdassist trials does not take measured teeth"
+        return f"No order: {why}. To decide, measure F'_ior {where}; hdassist trials does not take measured teeth"
     trials = [f"{f'h{p.hole}' if advice.drive.mounting.holes else f'{p.rotation_deg:g}'}=F_IOR" for p in advice.to_try]
-    return f"No order: {why}. To decide, measure F'_ior in {where}: {again('trials', advice.drive, *trials)}"
+    return f"No order: {why}. To decide, measure F'_ior {where}: {again('trials', advice.drive, *trials)}"
 
 
 def _samples_table(advice: Advice) -> Iterator[Table]:

@@ -26,7 +26,6 @@ from hdassist.textfile import Readable
 MAX_TRACE_BYTES = 100_000_000
 ARCSEC_PER_DEG = 3600.0
 LARGEST_ERROR = 7200.0  # arcsec, range of an error
-MAX_SPIKE_SHARE = 1 / 20  # of the readings: with more of them far off the rig is at fault
 SLIP = 0.02  # of the ratio: greatest disagreement of the two encoders with it
 LEAST_WRAP = 1e-3  # deg, of encoders that restart
 ENCODERS = 2
@@ -184,24 +183,22 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     cam = _angle(table, first, angle, form.wrap, None if output is None else output * per_turn)
     if first.shaft == "output":
         cam *= per_turn
+    far = leaping(readings * (other.size / ARCSEC_PER_DEG) if output is None else output)
     if form.robust:
-        why = f'"{table.name(first.index)}" leaps there and back'
-        cam, readings, output, time_s, torque = _left_out(
-            table, leaping(cam), why, (cam, readings, output, time_s, torque)
-        )
+        leaps = leaping(cam)
+        for column, rows in ((first, leaps), (other, far)):
+            if rows.any():
+                named = shortened(table.lines[rows].tolist())
+                table.notes.append(f'left out, "{table.name(column.index)}" leaps there and back: lines {named}')
+        kept = ~(leaps | far)
+        table.lines, cam, readings = table.lines[kept], cam[kept], readings[kept]
+        output, time_s, torque = (None if each is None else each[kept] for each in (output, time_s, torque))
     if not np.ptp(readings):
         raise _fault(table, 0, other.index, "a constant column", "check the column of the error")
     error, sense, in_time = readings * other.size, 0, False
-    if output is not None:
-        error, sense = _second(table, other.index, output, cam, per_turn)
-    far = np.abs(error - np.median(error)) > LARGEST_ERROR / 2
-    is_spiked = bool(np.ptp(error) > LARGEST_ERROR and far.mean() <= MAX_SPIKE_SHARE)
-    if form.robust and is_spiked:
-        columns = (cam, readings, error, output, time_s, torque)
-        why = f'"{table.name(other.index)}" is more than {LARGEST_ERROR / 2 / ARCSEC_PER_DEG:g} deg off the others'
-        cam, readings, error, output, time_s, torque = _left_out(table, far, why, columns)
     step = _step(readings) * abs(other.size)
     if output is not None:
+        error, sense = _second(table, other.index, output, cam, per_turn)
         if not step:
             step = _step_in_time(cam, output, per_turn)
             in_time = step > 0
@@ -216,7 +213,9 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     if reach > LARGEST_ERROR:
         row = int(np.abs(error - np.median(error)).argmax())
         message = f"an error that spans {reach / ARCSEC_PER_DEG:.3g} deg"
-        hint = "check the column of the error, its unit and the ratio" + "; --robust leaves single ones out" * is_spiked
+        hint = "check the column of the error, its unit and the ratio" + "; --robust leaves single ones out" * bool(
+            far.any()
+        )
         raise _fault(table, row, other.index, message, hint)
     left = len(cam) - sum(s.stop - s.start for s in moves)
     if left:
@@ -225,14 +224,6 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(table.notes),
         first.shaft or "cam", sense, in_time, form.robust, time_s, torque,
     )  # fmt: skip
-
-
-def _left_out(table: NumberTable, rows: NDArray[np.bool_], why: str, columns: Sequence[Array | None]) -> list[Any]:
-    """Columns without some rows, whose lines are noted with the reason."""
-    if rows.any():
-        table.notes.append(f"left out, {why}: lines {shortened(table.lines[rows].tolist())}")
-        table.lines = table.lines[~rows]
-    return [None if each is None else each[~rows] for each in columns]
 
 
 def _angle(
