@@ -34,23 +34,18 @@ class WheelFiles:
         return {name: file for name in WHEEL_NAMES if (file := getattr(self, f"pitch_{name}")) is not None}
 
     @property
-    def is_marked(self) -> bool:
-        """Whether a direction of a mark is given."""
-        return self.mark_b is not None or self.mark_g is not None
-
-    def mark(self, name: str) -> float | None:
-        """Direction [deg] of the mark of a wheel; None where it is not given."""
-        return self.mark_b if name == "b" else self.mark_g
+    def marks(self) -> dict[str, float]:
+        """The given directions of marks [deg] by wheel."""
+        return {name: mark for name in WHEEL_NAMES if (mark := getattr(self, f"mark_{name}")) is not None}
 
     def require_sound(self) -> None:
         """Raise UsageError for a mark or a form without a file, and for a mark that is not finite."""
-        for name in WHEEL_NAMES:
-            mark = self.mark(name)
-            if mark is not None and name not in self.files:
+        for name, mark in self.marks.items():
+            if name not in self.files:
                 raise UsageError(
                     f"--mark-{name} is the mark of a measured wheel", f"--pitch-{name} FILE names its file"
                 )
-            if mark is not None and not isfinite(mark):
+            if not isfinite(mark):
                 raise UsageError(f"invalid --mark-{name} {mark}: expected an angle in deg")
         if not self.files and (self.pitch_form or self.pitch_sense or self.pitch_flank):
             raise UsageError("--pitch-form, --pitch-sense and --pitch-flank say how to read --pitch-b and --pitch-g")
@@ -67,7 +62,7 @@ class WheelFiles:
     def _wheel(self, name: str, file: str, drive: Drive) -> MeasuredWheel:
         teeth = drive.gears.z_b if name == "b" else drive.gears.z_g
         pitch = read_pitch(file, teeth, form=self.pitch_form, sense=self.pitch_sense, flank=self.pitch_flank)
-        mark, notes = self.mark(name), list(pitch.notes)
+        mark, notes = self.marks.get(name), list(pitch.notes)
         if mark is None and (given := drive.value(f"phases.xi_{name}")) is None:
             raise UsageError(f"unknown direction of the mark of {file}", f"like --mark-{name} 30, in deg")
         if mark is None:
