@@ -13,7 +13,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdassist.errors import UntrustedError
 from hdassist.measuring.fit import (
@@ -89,27 +88,23 @@ def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
 
 
 def _least_likely(probes: Array, power: Array, others: Array, resolution: float, per_probe: float) -> tuple[int, float]:
-    """The place whose power noise has least often, and the logarithm of the chance; others: power of its neighbours."""
+    """The place whose power noise has least often, and the logarithm of the chance; others: power of its neighbours.
+
+    per_probe: resolved places for each of them.
+    """
     total = np.concatenate([[0.0], np.cumsum(others)])
     reach, at = max(1, int(NEIGHBOURHOOD / per_probe)), np.arange(len(probes))
     below, above = (np.searchsorted(probes, probes + side * resolution) for side in (-LINE_WIDTH, LINE_WIDTH))
     sides = ((np.maximum(at - reach, 0), below), (above, np.minimum(at + reach, len(probes))))
-    tail = np.max([_tail(power, total, first, last, per_probe) for first, last in sides], axis=0)
+    tails = []
+    for first, last in sides:
+        places = np.maximum(last - first, 0) * per_probe
+        ratio = power / np.maximum((total[np.maximum(first, last)] - total[first]) * per_probe, 1e-300)
+        tails.append(np.where(places >= FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
+    tail = np.max(tails, axis=0)
     tail = np.where(probes >= FEWEST_PERIODS * resolution, tail, np.inf)
     best = int(tail.argmin())
     return best, float(tail[best])
-
-
-def _tail(power: Array, total: Array, first: NDArray[np.int64], last: NDArray[np.int64], per_probe: float) -> Array:
-    """Logarithm of the chance that noise has such a power over the mean of the neighbours from first to last.
-
-    total: running sums of the power; per_probe: resolved places for each neighbour. 0 where there are none.
-    """
-    count = np.maximum(last - first, 0)
-    mean = (total[np.maximum(first, last)] - total[first]) / np.maximum(count, 1)
-    places = count * per_probe
-    ratio = power / np.maximum(mean * places, 1e-300)
-    return np.asarray(np.where(places >= FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
 
 
 def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:

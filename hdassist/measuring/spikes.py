@@ -29,12 +29,11 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, 
     Raises UntrustedError: spikes where the trace is not to be read without them, or too many to leave out.
     """
     bins, fitted = fit.bins, fit.bins.error - fit.residual
-    rows, sweeps = trace.rows, trace.sweeps
-    fits = [
-        np.interp(trace.cam_deg[s.start : s.stop] / 360, bins.turns[bins.sweep == k], fitted[bins.sweep == k])
-        for k, s in enumerate(sweeps)
+    rows, moves = trace.rows, zip(*map(trace.by_sweep, (trace.cam_deg, trace.error_arcsec)), strict=True)
+    apart = [
+        error - np.interp(cam / 360, bins.turns[bins.sweep == k], fitted[bins.sweep == k])
+        for k, (cam, error) in enumerate(moves)
     ]
-    apart = [trace.error_arcsec[s.start : s.stop] - fit for s, fit in zip(sweeps, fits, strict=True)]
     size = np.abs(np.concatenate(apart))
     beside = np.concatenate([np.abs(each - median_filter(each, BESIDE_SPIKE, mode="mirror")) for each in apart])
     # a spike draws the fit to it, and so its neighbours off: only the farthest are looked at
