@@ -16,7 +16,7 @@ from math import factorial
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
 from hdassist.errors import Fault, UntrustedError
@@ -265,14 +265,13 @@ class TraceFit:
         return curve_of(self.coefficients, self.orders, turns)
 
 
-def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: Array | None = None) -> TraceFit:
+def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: ArrayLike = ()) -> TraceFit:
     """Fit the orders, lines beside them, a level of each sweep, and slow terms to a trace's bins.
 
     Raises UntrustedError: too few bins, or angles that do not resolve the orders.
     """
-    lines = np.sort(lines) if lines is not None else np.array([])
-    orders = np.sort(np.concatenate([orders, lines]))
-    return TraceFit(TraceDesign(bins, orders, slow), bins.error, lines)
+    lines = np.sort(lines)
+    return TraceFit(TraceDesign(bins, np.sort(np.concatenate([orders, lines])), slow), bins.error, lines)
 
 
 def drift_of(fit: TraceFit, extent: float) -> float:

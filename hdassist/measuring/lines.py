@@ -120,7 +120,10 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
         trial = fit_orders(bins, orders, slow, np.append(fit.lines, order))
         for _ in range(ORDER_ITERATIONS):
             free = ~np.isin(trial.lines, fit.lines[held])
-            step = np.clip(_step(trial), -resolution / 2, resolution / 2)
+            a, b = trial.coefficients.reshape(2, -1)[:, np.searchsorted(trial.orders, trial.lines)]
+            phase = (2 * np.pi) * bins.turns[:, None] * trial.lines
+            slopes = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
+            step = np.clip(trial.beside(slopes)[1], -resolution / 2, resolution / 2)  # to first order
             trial = fit_orders(bins, orders, slow, trial.lines + free * step)
         if trial.unresolved.sum() <= fit.unresolved.sum():
             return trial
@@ -133,13 +136,3 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     pairs = [fit.beside(order_columns(bins.turns, place[None])) for place in places]
     squares = [bins.weight @ (own @ pair) ** 2 for own, pair in pairs]
     return fit_orders(bins, orders, slow, np.append(fit.lines, places[int(np.argmax(squares))]))
-
-
-def _step(fit: TraceFit) -> Array:
-    """By how much the orders of the lines have to move to fit better, to first order, shape (lines,)."""
-    bins = fit.bins
-    place = np.searchsorted(fit.orders, fit.lines)
-    a, b = fit.coefficients.reshape(2, -1)[:, place]
-    phase = (2 * np.pi) * bins.turns[:, None] * fit.lines
-    slopes = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
-    return fit.beside(slopes)[1]

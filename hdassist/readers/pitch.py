@@ -127,7 +127,7 @@ def read_pitch(
     if (sense_is if sign_is == "along" else sign_is) == "cw":
         values = -values
         table.notes.append("signs turned round")
-    deviation = np.asarray(values - values.mean(), dtype=np.float64)
+    deviation = values - values.mean()
     deviation.setflags(write=False)
     flank_is = cast(Flank | None, side or None)
     return PitchFile(deviation, mark, flank_is, table.file, table.sha256, tuple(table.notes))

@@ -139,8 +139,8 @@ class MeasuredTrace:
     def without(self, rows: NDArray[np.int64]) -> MeasuredTrace:
         """The trace without some rows."""
         columns = ("cam_deg", "error_arcsec", "line", "time_s", "load")
-        given = {name: getattr(self, name) for name in columns if getattr(self, name) is not None}
-        kept: dict[str, Any] = {name: np.delete(values, rows) for name, values in given.items()}
+        given = {name: getattr(self, name) for name in columns}
+        kept: dict[str, Any] = {name: np.delete(each, rows) for name, each in given.items() if each is not None}
         return replace(self, **kept, sweeps=tuple(sweeps(kept["cam_deg"])))
 
 
@@ -172,17 +172,16 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     Raises PresetError: the first fault of its angles; DataError: no ratio; UsageError: one column for two.
     """
     first, other = _columns(table, form)
-    by_second = other.shaft == "output"
     if len(table.lines) < FEWEST_ROWS:
         raise table.fault(f"{len(table.lines)} rows", f"a trace has {FEWEST_ROWS} rows or more", 0, first.index)
-    if ratio is None and (first.shaft == "output" or by_second):
+    if ratio is None and "output" in (first.shaft, other.shaft):
         message = f"{table.file}: the ratio is needed to bring output and cam together"
         raise DataError(message, "--ratio 100, or --drive PRESET")
     per_turn = abs(ratio or 1)
     angle, readings = (table.values[:, column.index].copy() for column in (first, other))
     time_s, torque = _beside(table, "time", "s"), _beside(table, "torque", "N·m")
     table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
-    output = _angle(table, other, readings, form.wrap) if by_second else None
+    output = _angle(table, other, readings, form.wrap) if other.shaft else None
     cam = _angle(table, first, angle, form.wrap, None if output is None else output * per_turn)
     if first.shaft == "output":
         cam *= per_turn

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import isfinite
 
@@ -56,29 +55,24 @@ class WheelFiles:
         Raises PresetError with the faults of a file, DataError for a file that cannot be read, UsageError where the
         direction of a mark is unknown.
         """
-        wheels = {name: self._wheel(name, file, drive) for name, file in self.files.items()}
+        wheels = {}
+        for name, file in self.files.items():
+            teeth = drive.gears.z_b if name == "b" else drive.gears.z_g
+            pitch = read_pitch(file, teeth, form=self.pitch_form, sense=self.pitch_sense, flank=self.pitch_flank)
+            mark, notes = self.marks.get(name), list(pitch.notes)
+            if mark is None:
+                if (given := drive.value(f"phases.xi_{name}")) is None:
+                    raise UsageError(f"unknown direction of the mark of {file}", f"like --mark-{name} 30, in deg")
+                mark = float(given)
+                words = f"the mark stands at {mark:g} deg, as phases.xi_{name} of the preset"
+                notes.append(f"{words}; --mark-{name} says otherwise")
+            if name == "b" and drive.tolerances.e_b:
+                notes.append(
+                    "tolerances.e_b is added to the measured teeth: right only where their own centre was the datum"
+                )
+            composite, *harmonics = IN_TEETH[name]
+            replaced = [composite] if is_overridden(composite, drive.origin.overrides) else []
+            without_effect = (*replaced, *filter(drive.number, harmonics))
+            notes += [f"{path} has no effect, the teeth are measured" for path in without_effect]
+            wheels[name] = MeasuredWheel(replace(pitch, notes=tuple(notes)), mark % 360)
         return MeasuredTeeth(**wheels) if wheels else None
-
-    def _wheel(self, name: str, file: str, drive: Drive) -> MeasuredWheel:
-        teeth = drive.gears.z_b if name == "b" else drive.gears.z_g
-        pitch = read_pitch(file, teeth, form=self.pitch_form, sense=self.pitch_sense, flank=self.pitch_flank)
-        mark, notes = self.marks.get(name), list(pitch.notes)
-        if mark is None and (given := drive.value(f"phases.xi_{name}")) is None:
-            raise UsageError(f"unknown direction of the mark of {file}", f"like --mark-{name} 30, in deg")
-        if mark is None:
-            mark = float(given)
-            notes.append(
-                f"the mark stands at {mark:g} deg, as phases.xi_{name} of the preset; --mark-{name} says otherwise"
-            )
-        notes += _other_deviations(drive, name)
-        return MeasuredWheel(replace(pitch, notes=tuple(notes)), mark % 360)
-
-
-def _other_deviations(drive: Drive, name: str) -> Iterator[str]:
-    """Notes on the preset's deviations that are added to a measured wheel, or have no effect beside it."""
-    if name == "b" and drive.tolerances.e_b:
-        yield "tolerances.e_b is added to the measured teeth: right only where their own centre was the datum"
-    composite, *harmonics = IN_TEETH[name]
-    replaced = [composite] if is_overridden(composite, drive.origin.overrides) else []
-    for path in (*replaced, *filter(drive.number, harmonics)):
-        yield f"{path} has no effect, the teeth are measured"
