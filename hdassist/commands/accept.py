@@ -97,7 +97,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         wheels, files = base.wheels, base.files()[1:]
         if not lots:
             wheels.require_sound()
-        of_one = self.measured or self.value or self.serial or wheels.files or wheels.is_marked
+        of_one = self.measured or self.value or self.serial or wheels.files or wheels.marks
         if (len(self.presets) > 1 or lots) and of_one:
             raise UsageError("what was measured belongs to one drive", "one PRESET, or columns of a lot: LOT.csv")
         if (self.preset or self.resume or self.jsonl) and not (lots or self.replay):

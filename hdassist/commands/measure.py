@@ -44,14 +44,11 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
     def run(self) -> int:
         """Measure the traces; returns the exit code."""
         from hdassist.loading.load import load_preset
+        from hdassist.measuring.bench import bench_record
         from hdassist.measuring.cycle import gearing_of
-        from hdassist.measuring.measure import measure
-        from hdassist.measuring.orders import parse_orders
-        from hdassist.measuring.uncertainty import parse_stated
         from hdassist.pages.bench import bench_report
         from hdassist.pages.measure import measure_report, repeats
-        from hdassist.readers.bench import bench_record
-        from hdassist.readers.trace import read_record, trace_of
+        from hdassist.readers.trace import read_record
         from hdassist.terminal.answers import failure
         from hdassist.terminal.runs import give, run_each
 
@@ -59,10 +56,10 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
         out, take = self.open(), self.archiving(self.files)
         if self.history is not None:
             return give("measure-history", [self.history_report(self.history)], self, out)
-        stated, orders = parse_stated(self.budget), parse_orders(self.orders or None)
         drive = load_preset(self.preset) if self.preset is not None else None
-        gearing = gearing_of(drive, self.ratio)
         form = self.reading()
+        form.require_sound()
+        gearing_of(drive, self.ratio)  # a wrong ratio is refused before any file is read
         done: list[Measurement] = []
 
         def one(name: str) -> Report:
@@ -71,10 +68,7 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
                 if self.archive:
                     raise UsageError(f"{name}: positions and torque loops are not kept in an archive", "traces are")
                 return bench_report(record, drive, self.seed)
-            trace = trace_of(table, form, gearing.ratio if gearing else None)
-            result = measure(
-                trace, drive=drive, ratio=self.ratio, orders=orders, drift=self.drift, stated=stated, seed=self.seed
-            )
+            result = form.of_table(table, drive, self.ratio, seed=self.seed)
             done.append(result)
             take(result)
             return measure_report(result, drive, self.words_of_reading())

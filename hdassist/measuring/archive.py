@@ -19,7 +19,7 @@ from scipy.special import chdtrc
 
 from hdassist.errors import DataError, UsageError
 from hdassist.json_parts import Json
-from hdassist.measuring.measure import Measurement, SweepResult
+from hdassist.measuring.measure import Measurement
 from hdassist.preset.kinds import OneLine
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept, own_schema, read_kept, why_invalid
 from hdassist.textfile import read_bytes
@@ -107,7 +107,21 @@ def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
     today = datetime.now(UTC).date().isoformat()
     about = {"date": today, **conditions, "file": found.trace.file, "sha256": found.trace.sha256}
     try:
-        fresh = [_ENTRY.validate_python(about | _result(each)) for each in found.directions]
+        fresh = [
+            _ENTRY.validate_python(
+                {
+                    **about,
+                    "direction": each.direction,
+                    "F_ior_arcsec": each.range.value,
+                    "standard_uncertainty_arcsec": each.uncertainty_arcsec,
+                    "low_arcsec": each.interval_arcsec[0],
+                    "high_arcsec": each.interval_arcsec[1],
+                    "F_ior_is_lower_bound": each.is_bound,
+                    "unstated": tuple(source.name for source in each.sources if source.arcsec is None),
+                }
+            )
+            for each in found.directions
+        ]
     except ValidationError as error:
         raise UsageError(f"invalid --serial or --conditions: {why_invalid(error)}") from None
     with suppress(OSError):  # the file's fault is reported
@@ -120,19 +134,6 @@ def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
         fresh = [each for each in fresh if each not in known.values()]
         kept.append(fresh)
     return bool(fresh)
-
-
-def _result(found: SweepResult) -> Json:
-    low, high = found.interval_arcsec
-    return {
-        "direction": found.direction,
-        "F_ior_arcsec": found.range.value,
-        "standard_uncertainty_arcsec": found.uncertainty_arcsec,
-        "low_arcsec": low,
-        "high_arcsec": high,
-        "F_ior_is_lower_bound": found.is_bound,
-        "unstated": tuple(source.name for source in found.sources if source.arcsec is None),
-    }
 
 
 def is_cut_off(folder: str) -> bool:
@@ -163,15 +164,11 @@ def histories(entries: Iterable[ArchiveEntry]) -> tuple[DriveHistory, ...]:
     for each in entries:
         if not each.F_ior_is_lower_bound:
             groups.setdefault((each.hole, each.M_g_Nm, each.direction), []).append(each)
-    compared = {key: own for key, own in groups.items() if len(own) > 1}
-    return tuple(_history(own, len(compared)) for own in compared.values())
-
-
-def _history(own: Sequence[ArchiveEntry], comparisons: int) -> DriveHistory:
-    """The history of entries that are alike but for their dates, one of so many comparisons."""
-    y, u = np.array([(each.F_ior_arcsec, each.standard_uncertainty_arcsec) for each in own]).T
-    weight, freedom = u**-2, len(own) - 1
-    chi_square = float(weight @ (y - np.average(y, weights=weight)) ** 2)
-    probability = float(chdtrc(freedom, chi_square))
-    is_changed = probability < CHANGED / comparisons
-    return DriveHistory(tuple(own), chi_square, probability, is_changed)
+    compared = [own for own in groups.values() if len(own) > 1]
+    found = []
+    for own in compared:
+        y, u = np.array([(each.F_ior_arcsec, each.standard_uncertainty_arcsec) for each in own]).T
+        chi_square = float((((y - np.average(y, weights=u**-2)) / u) ** 2).sum())
+        probability = float(chdtrc(len(own) - 1, chi_square))
+        found.append(DriveHistory(tuple(own), chi_square, probability, probability < CHANGED / len(compared)))
+    return tuple(found)

@@ -1,5 +1,9 @@
 """Figures that makers and buyers state of a drive beside F'_ior: from approached positions, and from torque loops.
 
+A file of either is known by the names of its columns. Positions: a target angle of the output, the angle or the
+deviation that was measured there, and the side from which it was approached, 1 or -1. A loop: torque at the output and
+its twist, the cam held; a number of the place in a third column.
+
 Positions: every deviation is that of its position and side, and scatter of the approach, alike everywhere. Statistics
 of drawn approaches say how uncertain those of the measured ones are, and by how much scatter widens a range.
 Loops: the twist at a torque is that of a parabola through the readings around it, on each branch.
@@ -15,14 +19,35 @@ import numpy as np
 from hdassist.errors import DataError
 from hdassist.measuring.range import BIAS_SHARE
 from hdassist.model.geometry import Array
-from hdassist.readers.bench import LoopRecord, PositionRecord
 from hdassist.readers.sweeps import WHOLE_TURN_DEG, AngleError, sweeps
+from hdassist.readers.table import NumberTable
+from hdassist.readers.words import TURN_ARCSEC, role_in
 
 LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the lost motion
 AROUND = 5  # readings, at least, through which a parabola is laid
 TINY = 1e-30  # N*m
 LOOP_HINT = "go from -T_0 to T_0 and back, T_0 the rated torque"
 SAME_TARGET = 0.5  # arcsec: targets nearer than that are one
+
+
+@dataclass(frozen=True, eq=False)
+class PositionRecord:
+    """Approaches of positions, each of shape (rows,): target [arcsec], deviation [arcsec], side 1 or -1."""
+
+    table: NumberTable
+    target_arcsec: Array
+    deviation_arcsec: Array
+    side: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LoopRecord:
+    """Torque loops, each of shape (rows,): torque [N*m], twist [arcsec], number of the place."""
+
+    table: NumberTable
+    torque_Nm: Array
+    twist_arcsec: Array
+    place: Array
 
 
 @dataclass(frozen=True)
@@ -45,6 +70,32 @@ class PlaceLoop:
     place: float
     hysteresis: tuple[float, float]
     lost_motion: tuple[float, float]
+
+
+def bench_record(table: NumberTable) -> PositionRecord | LoopRecord | None:
+    """Positions or loops of a table by the names of its columns; None for any other, such as a trace."""
+    roles = [role_in(name) for name in table.names]
+    columns = {role: roles.index(role) for role in roles}
+    angle = next((role for role in ("twist", "actual", "angle", "output") if role in columns), "")
+
+    def read(role: str, default: str) -> Array:
+        return table.in_unit(columns[role], role, default)
+
+    def marks(role: str) -> Array:
+        return table.values[:, columns[role]] if role in columns else np.ones(len(table.lines))
+
+    if "cam" in columns:
+        return None
+    if "target" in columns and ("error" in columns or angle):
+        target = read("target", "deg")
+        if "error" in columns:
+            deviation = read("error", "arcsec")
+        else:
+            deviation = np.mod(read(angle, "deg") - target + TURN_ARCSEC / 2, TURN_ARCSEC) - TURN_ARCSEC / 2
+        return PositionRecord(table, target, deviation, np.sign(marks("side")))
+    if "torque" in columns and angle and "error" not in columns:
+        return LoopRecord(table, read("torque", "N·m"), read(angle, "arcsec"), marks("place"))
+    return None
 
 
 def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2000) -> tuple[StatedQuantity, ...]:
@@ -94,20 +145,19 @@ def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
     at = LOOP_SHARE * rated * np.array([-1.0, 0.0, 1.0])
     loops = []
     for place in np.unique(record.place):
-        torque, twist = (each[record.place == place] for each in (record.torque_Nm, record.twist_arcsec))
+        points = np.array([record.torque_Nm, record.twist_arcsec])[:, record.place == place]
         where = f"{record.table.file}: place {place:g}"
         try:
-            branches = sweeps(torque * WHOLE_TURN_DEG / max(np.ptp(torque), TINY))
+            branches = sweeps(points[0] * WHOLE_TURN_DEG / max(np.ptp(points[0]), TINY))
         except AngleError:
             raise DataError(f"{where}: the torque does not rise and fall in whole branches", LOOP_HINT) from None
         sides = []
         for way, words in ((1, "rising"), (-1, "falling")):
-            own = [slice(branch.start, branch.stop) for branch in branches if branch.direction == way]
-            own = [rows for rows in own if torque[rows].min() <= at[0] and torque[rows].max() >= at[2]]
-            if not own:
+            parts = [points[:, branch.rows] for branch in branches if branch.direction == way]
+            parts = [part for part in parts if part[0].min() <= at[0] and part[0].max() >= at[2]]
+            if not parts:
                 raise DataError(f"{where}: no {words} branch from {at[0]:.3g} to {at[2]:.3g} N*m", LOOP_HINT)
-            rows = np.concatenate([np.arange(branch.start, branch.stop) for branch in own])
-            sides.append([_twist_at(torque[rows], twist[rows], each, at[2]) for each in at])
+            sides.append([_twist_at(np.concatenate(parts, axis=1), each, at[2]) for each in at])
         (low, none, high), variance = np.array(sides)[..., 0].T, np.array(sides)[..., 1].sum(axis=0)
         hysteresis = abs(float(none[0] - none[1])), sqrt(variance[1])
         loops.append(
@@ -123,12 +173,13 @@ def loop_quantities(loops: tuple[PlaceLoop, ...]) -> tuple[StatedQuantity, ...]:
     return StatedQuantity("hysteresis_loss", *hysteresis, words), StatedQuantity("lost_motion", *lost, words)
 
 
-def _twist_at(torque: Array, twist: Array, at: float, within: float) -> tuple[float, float]:
+def _twist_at(points: Array, at: float, within: float) -> tuple[float, float]:
     """Twist [arcsec] at a torque [N*m] by a parabola through the readings around it, and the variance of that."""
+    torque, twist = points
     off = torque - at
     near = np.abs(off) <= max(within, float(np.partition(np.abs(off), AROUND - 1)[AROUND - 1]))
     columns = np.vander(off[near], 3, increasing=True)
-    inverse = np.linalg.pinv(columns.T @ columns)
-    solution = inverse @ columns.T @ twist[near]
+    inverse = np.linalg.pinv(columns)
+    solution = inverse @ twist[near]
     left = twist[near] - columns @ solution
-    return float(solution[0]), float(left @ left / (len(left) - 3) * inverse[0, 0])
+    return float(solution[0]), float(left @ left / (len(left) - 3) * (inverse[0] @ inverse[0]))

@@ -49,7 +49,7 @@ class Bins:
 
 def travel_of(trace: MeasuredTrace) -> Array:
     """Travel of the cam since the first row, in either direction, shape (rows,) [turns]."""
-    return np.asarray(np.concatenate([[0.0], np.cumsum(np.abs(np.diff(trace.cam_deg)))]) / 360)
+    return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(trace.cam_deg)))]) / 360
 
 
 def bins_of(trace: MeasuredTrace, highest: float) -> Bins:

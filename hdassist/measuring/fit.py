@@ -16,7 +16,7 @@ from math import factorial
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
 from hdassist.errors import Fault, UntrustedError
@@ -125,19 +125,19 @@ class TraceDesign:
     def _slow(self, turns: Array, travel: Array) -> Array:
         """Drift, or polynomials of the angle, at angles and travels [turns], shape (angles, degree)."""
         if not self.slow.by_angle:
-            return np.asarray((travel[:, None] / self.reach) ** np.arange(1, self.slow.degree + 1))
+            return (travel[:, None] / self.reach) ** np.arange(1, self.slow.degree + 1)
         least, greatest = self.bins.turns.min(), self.bins.turns.max()
         return legvander((2 * turns - least - greatest) / (greatest - least), self.slow.degree)[:, 1:]
 
-    def residual(self, curves: Array) -> Array:
-        """Curves at the bins, shape (bins, ...), less their own least squares."""
+    def fitted(self, curves: Array) -> tuple[Array, Array]:
+        """Unknowns that fit curves at the bins best, shape (columns, ...), and what they leave, shape (bins, ...)."""
         solution = self.project(lambda rows: curves[rows])
-        return np.asarray(curves - np.concatenate([self._rows(rows.start) @ solution for rows in self._parts]))
+        return solution, curves - np.concatenate([self._rows(rows.start) @ solution for rows in self._parts])
 
     def project(self, curves: Callable[[slice], Array]) -> Array:
         """Unknowns that fit curves best, shape (columns, ...), from their values at a slice of the bins."""
         moments = [(self._rows(rows.start) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
-        return np.asarray(self.root @ (self.root.T @ sum(moments)))
+        return self.root @ (self.root.T @ sum(moments))
 
     def drift_at(self, drift: Array, turns: Array, travel: Array) -> Array:
         """A drift [arcsec] at cam angles and after so much travel [turns]."""
@@ -157,7 +157,7 @@ class TraceFit:
     def __init__(self, design: TraceDesign, values: Array, lines: Array) -> None:
         bins = self.bins = design.bins
         self.design, self.lines, self.orders = design, lines, design.orders
-        solution, self.residual = design.project(lambda rows: values[rows]), design.residual(values)
+        solution, self.residual = design.fitted(values)
         self.variance = float(bins.weight @ self.residual**2) / (len(bins) - design.columns)
         self.correlated, self.unmodelled = residual_memory(design, self.residual, self.variance)
         ends = np.cumsum([2 * len(design.orders), bins.sweeps, design.slow.degree])
@@ -167,20 +167,16 @@ class TraceFit:
         self.slopes = dict(zip(design.slow.over, pairs, strict=True))
 
     @cached_property
-    def _noise(self) -> tuple[Array, Array]:
-        floor = noise_floor(self.design, self.residual, self.variance)
-        return floor or (np.full(len(self.orders), self.correlated), np.ones(len(self.orders)))
+    def noise(self) -> tuple[Array, Array]:
+        """Power of the noise at each order over that of independent residuals; factor of an interval of the order."""
+        ones = np.ones(len(self.orders))
+        return noise_floor(self.design, self.residual, self.variance) or (self.correlated * ones, ones)
 
     @cached_property
     def factor(self) -> Array:
         """Shape (2 orders, columns): its product with unit noise is an error of the coefficients."""
-        power, _ = self._noise
-        return np.asarray(self.design.root[: 2 * len(power)] * np.sqrt(self.variance * np.tile(power, 2))[:, None])
-
-    @property
-    def student(self) -> Array:
-        """Factor of an interval of each order, shape (orders,)."""
-        return self._noise[1]
+        power, _ = self.noise
+        return self.design.root[: 2 * len(power)] * np.sqrt(self.variance * np.tile(power, 2))[:, None]
 
     @property
     def error(self) -> Array:
@@ -189,7 +185,7 @@ class TraceFit:
 
     def beside(self, curves: Array) -> tuple[Array, Array]:
         """Further columns of the design, shape (bins, columns), less what others of it fit, and their coefficients."""
-        own = self.design.residual(curves)
+        own = self.design.fitted(curves)[1]
         weighted = own * self.bins.weight[:, None]
         return own, np.asarray(np.linalg.lstsq(weighted.T @ own, weighted.T @ self.residual, rcond=None)[0])
 
@@ -215,12 +211,12 @@ class TraceFit:
     @property
     def is_slow(self) -> NDArray[np.bool_]:
         """Whether an order is of the output's turns, not of the cam's, shape (orders,)."""
-        return np.asarray(self.orders < SLOWEST_ORDER)
+        return self.orders < SLOWEST_ORDER
 
     def mean_square(self, own: OrderIndices) -> Array:
         """Twice the mean products of cosines and sines of some orders over the record: of even turns, the identity."""
         columns, weight = order_columns(self.bins.turns, self.orders[own]), self.bins.weight
-        return np.asarray(2 * (columns.T * weight) @ columns / weight.sum() if len(own) > 1 else np.eye(2))
+        return 2 * (columns.T * weight) @ columns / weight.sum() if len(own) > 1 else np.eye(2)
 
     def wave(self, own: OrderIndices, square: Array | None = None) -> tuple[float, float, float, float]:
         """Order, amplitude, its standard uncertainty [arcsec] and phase [deg] of the wave of the orders of a group.
@@ -239,7 +235,7 @@ class TraceFit:
         return (
             order,
             amplitude,
-            float(np.linalg.norm(along) * self.student[own].max()),
+            float(np.linalg.norm(along) * self.noise[1][own].max()),
             float(np.degrees(np.angle((a - 1j * b).sum()))),
         )
 
@@ -257,11 +253,6 @@ class TraceFit:
         return order, left, min(spread / max(2 * left, 1e-300), float(np.sqrt(spread))), phase
 
     @property
-    def noise_power(self) -> Array:
-        """Power of the noise in cosine and sine of each order [arcsec^2], shape (orders,)."""
-        return np.asarray((self.factor**2).sum(axis=1).reshape(2, -1).sum(axis=0))
-
-    @property
     def clear_of_noise(self) -> bool:
         """Whether the orders together have more power than noise alone would leave in them, but once in thousands."""
         covariance = self.factor @ self.factor.T
@@ -274,14 +265,13 @@ class TraceFit:
         return curve_of(self.coefficients, self.orders, turns)
 
 
-def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: Array | None = None) -> TraceFit:
+def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: ArrayLike = ()) -> TraceFit:
     """Fit the orders, lines beside them, a level of each sweep, and slow terms to a trace's bins.
 
     Raises UntrustedError: too few bins, or angles that do not resolve the orders.
     """
-    lines = np.sort(lines) if lines is not None else np.array([])
-    orders = np.sort(np.concatenate([orders, lines]))
-    return TraceFit(TraceDesign(bins, orders, slow), bins.error, lines)
+    lines = np.sort(lines)
+    return TraceFit(TraceDesign(bins, np.sort(np.concatenate([orders, lines])), slow), bins.error, lines)
 
 
 def drift_of(fit: TraceFit, extent: float) -> float:
@@ -369,11 +359,11 @@ def noise_floor(design: TraceDesign, residual: Array, variance: float) -> tuple[
     if len(probes) < FLOOR_FEWEST:
         return None
     waves = order_columns(bins.turns, probes[:: max(1, len(probes) // FLOOR_WAVES)])
-    power /= (bins.weight @ design.residual(waves) ** 2).mean() / (bins.weight @ waves**2).mean()
+    power /= (bins.weight @ design.fitted(waves)[1] ** 2).mean() / (bins.weight @ waves**2).mean()
     total = np.concatenate([[0.0], np.cumsum(power)])
     first, last = np.searchsorted(probes, orders - FLOOR_AROUND), np.searchsorted(probes, orders + FLOOR_AROUND)
     few = last - first < FLOOR_FEWEST
     middle = np.clip(np.searchsorted(probes, orders) - FLOOR_FEWEST // 2, 0, len(probes) - FLOOR_FEWEST)
     first, last = np.where(few, middle, first), np.where(few, middle + FLOOR_FEWEST, last)
     student = stdtrit(np.maximum(1.0, 2 * resolved * (last - first)), STUDENT_SHARE) / COVERAGE_FACTOR
-    return (total[last] - total[first]) / (last - first), np.asarray(student)
+    return (total[last] - total[first]) / (last - first), student

@@ -13,7 +13,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdassist.errors import UntrustedError
 from hdassist.measuring.fit import (
@@ -89,27 +88,23 @@ def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
 
 
 def _least_likely(probes: Array, power: Array, others: Array, resolution: float, per_probe: float) -> tuple[int, float]:
-    """The place whose power noise has least often, and the logarithm of the chance; others: power of its neighbours."""
+    """The place whose power noise has least often, and the logarithm of the chance; others: power of its neighbours.
+
+    per_probe: resolved places for each of them.
+    """
     total = np.concatenate([[0.0], np.cumsum(others)])
     reach, at = max(1, int(NEIGHBOURHOOD / per_probe)), np.arange(len(probes))
     below, above = (np.searchsorted(probes, probes + side * resolution) for side in (-LINE_WIDTH, LINE_WIDTH))
     sides = ((np.maximum(at - reach, 0), below), (above, np.minimum(at + reach, len(probes))))
-    tail = np.max([_tail(power, total, first, last, per_probe) for first, last in sides], axis=0)
+    tails = []
+    for first, last in sides:
+        places = np.maximum(last - first, 0) * per_probe
+        ratio = power / np.maximum((total[np.maximum(first, last)] - total[first]) * per_probe, 1e-300)
+        tails.append(np.where(places >= FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
+    tail = np.max(tails, axis=0)
     tail = np.where(probes >= FEWEST_PERIODS * resolution, tail, np.inf)
     best = int(tail.argmin())
     return best, float(tail[best])
-
-
-def _tail(power: Array, total: Array, first: NDArray[np.int64], last: NDArray[np.int64], per_probe: float) -> Array:
-    """Logarithm of the chance that noise has such a power over the mean of the neighbours from first to last.
-
-    total: running sums of the power; per_probe: resolved places for each neighbour. 0 where there are none.
-    """
-    count = np.maximum(last - first, 0)
-    mean = (total[np.maximum(first, last)] - total[first]) / np.maximum(count, 1)
-    places = count * per_probe
-    ratio = power / np.maximum(mean * places, 1e-300)
-    return np.asarray(np.where(places >= FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
 
 
 def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
@@ -125,7 +120,10 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
         trial = fit_orders(bins, orders, slow, np.append(fit.lines, order))
         for _ in range(ORDER_ITERATIONS):
             free = ~np.isin(trial.lines, fit.lines[held])
-            step = np.clip(_step(trial), -resolution / 2, resolution / 2)
+            a, b = trial.coefficients.reshape(2, -1)[:, np.searchsorted(trial.orders, trial.lines)]
+            phase = (2 * np.pi) * bins.turns[:, None] * trial.lines
+            slopes = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
+            step = np.clip(trial.beside(slopes)[1], -resolution / 2, resolution / 2)  # to first order
             trial = fit_orders(bins, orders, slow, trial.lines + free * step)
         if trial.unresolved.sum() <= fit.unresolved.sum():
             return trial
@@ -138,13 +136,3 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     pairs = [fit.beside(order_columns(bins.turns, place[None])) for place in places]
     squares = [bins.weight @ (own @ pair) ** 2 for own, pair in pairs]
     return fit_orders(bins, orders, slow, np.append(fit.lines, places[int(np.argmax(squares))]))
-
-
-def _step(fit: TraceFit) -> Array:
-    """By how much the orders of the lines have to move to fit better, to first order, shape (lines,)."""
-    bins = fit.bins
-    place = np.searchsorted(fit.orders, fit.lines)
-    a, b = fit.coefficients.reshape(2, -1)[:, place]
-    phase = (2 * np.pi) * bins.turns[:, None] * fit.lines
-    slopes = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
-    return fit.beside(slopes)[1]

@@ -12,7 +12,6 @@ from hdassist.errors import DataError, Fault, UntrustedError, UsageError
 from hdassist.measuring.bins import Bins, bins_of, travel_of
 from hdassist.measuring.cycle import FULL_SHARE, Coverage, Gearing, gearing_of
 from hdassist.measuring.fit import BINS_PER_COLUMN, SlowTerms, TraceFit, curve_of, drift_of, fit_orders
-from hdassist.measuring.lag import EncoderLag, encoder_lag, speed_changes
 from hdassist.measuring.lines import with_lines
 from hdassist.measuring.orders import (
     DEFAULT_ORDERS,
@@ -24,6 +23,7 @@ from hdassist.measuring.orders import (
     slow_terms,
 )
 from hdassist.measuring.range import Range, ranges_of, visited_angles
+from hdassist.measuring.slopes import EncoderLag, RecordedTorque, encoder_lag, speed_changes, tells_compliance
 from hdassist.measuring.spikes import without_spikes
 from hdassist.measuring.uncertainty import (
     COVERAGE_FACTOR,
@@ -34,7 +34,6 @@ from hdassist.measuring.uncertainty import (
     resolution_source,
     stated_sources,
 )
-from hdassist.measuring.windup import RecordedTorque, tells_compliance
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
@@ -168,7 +167,7 @@ def measure(
     torque = None if trace.load is None else RecordedTorque.of(trace.load)
     for sign in (0,) if together else (1, -1):
         own = cleaned.one_way(sign)
-        longest = max((float(np.ptp(own.cam_deg[s.start : s.stop])) / 360 for s in own.sweeps), default=0.0)
+        longest = max((float(np.ptp(angles)) / 360 for angles in own.by_sweep(own.cam_deg)), default=0.0)
         if longest < SHORTEST_TURNS - 0.01:
             if own.sweeps:
                 notes.append(f"{'growing' if sign > 0 else 'falling'} angles left out: {longest:.2g} of a cam turn")
@@ -243,7 +242,7 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
     And the highest order per cam turn that the steps resolve.
     """
     declared = orders or DEFAULT_ORDERS
-    steps = np.concatenate([np.diff(trace.cam_deg[sweep.start : sweep.stop]) for sweep in trace.sweeps]) / 360
+    steps = np.concatenate(list(map(np.diff, trace.by_sweep(trace.cam_deg)))) / 360
     highest = 1 / (STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
     if declared[-1] <= highest:
         return declared, highest
@@ -300,8 +299,7 @@ def _sweep_result(
         visits = Coverage(steps / per_turn, steps / cycle)
         if bins.span >= WHOLE_TURN * gearing.ratio and not len(fit.lines):
             places = visited
-    grid, rng = places / per_turn, np.random.default_rng([seed, sign + 1])
-    extent, revolution, cam = ranges_of(fit, grid, rng, whole=visits is not None and visits.share >= FULL_SHARE)
+    grid = places / per_turn
     slow = fit.design.drift_at(fit.drift, bins.turns, bins.travel)
     if not fit.design.slow.by_angle:
         slow = curve_of(fit.coefficients * np.tile(fit.is_slow, 2), fit.orders, bins.turns)
@@ -317,14 +315,18 @@ def _sweep_result(
         resolution_source(trace, float(np.sqrt(np.mean(bins.rows * fit.residual**2)))),
         *stated_sources(stated),
     )
+    drifts, others = combined(drifting), combined(common)
+    extent, revolution, cam = ranges_of(
+        fit, grid, np.random.default_rng([seed, sign + 1]),
+        (hypot(drifts, others), hypot(drifts / bins.span, others), others),
+        whole=visits is not None and visits.share >= FULL_SHARE,
+    )  # fmt: skip
     sources = (
         UncertaintySource("noise", extent.spread, "bootstrap of the residuals"),
         UncertaintySource("bias correction", extent.bias_uncertainty, "a third of what was taken off"),
         *drifting,
         *common,
     )
-    extent = replace(extent, others=combined((*drifting, *common)))
-    revolution = replace(revolution, others=hypot(combined(drifting) / bins.span, combined(common)))
     if trace.in_time and trace.step_arcsec > COARSE_STEP * extent.value:
         size = f"{trace.step_arcsec:.2g}″"
         message = f"the output is read in steps of {size} at even angles: what they round looks like error"
@@ -337,7 +339,7 @@ def _sweep_result(
     rows = trace.rows
     drifted = fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
     return SweepResult(
-        sign, fit, grid, extent, revolution, replace(cam, others=combined(common)), float(np.ptp(slow)),
+        sign, fit, grid, extent, revolution, cam, float(np.ptp(slow)),
         float(np.ptp(trace.error_arcsec[rows] - drifted)), *order_tables(fit, declared, drive, gearing), visits,
         sources,
     )  # fmt: skip

@@ -8,7 +8,7 @@ range. A record of T cam turns resolves orders 1/T apart: of closer ones, fewer 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -137,10 +137,10 @@ def order_tables(
             words.append(LINE_CAUSE)
         return "; ".join(dict.fromkeys(words)) or (NO_CAUSE if drive else "")
 
-    table = []
-    for own in fit.groups:
-        is_line = bool(np.isin(orders[own], fit.lines[~is_beat]).any())
-        table.append(MeasuredOrder(*fit.wave(own), cause(own), is_line))
+    table = [
+        MeasuredOrder(*fit.wave(own), cause(own), bool(np.isin(orders[own], fit.lines[~is_beat]).any()))
+        for own in fit.groups
+    ]
     together = []
     for order in declared:
         off = np.abs(orders - order)
@@ -150,52 +150,43 @@ def order_tables(
         joint = MeasuredOrder(order, *fit.joint_wave(own)[1:], "")
         place = next((k for k, group in enumerate(fit.groups) if off.argmin() in group), 0)
         if is_part:
-            beats = OpenBeats.of(fit, own, joint, ratio)
-            joint, table[place] = beats.widened(joint, BEATS), beats.widened(table[place], 0)
+            widened = over_whole_turns(fit, own, joint, ratio)
+            joint, table[place] = widened(joint, BEATS), widened(table[place], 0)
         together.append(replace(joint, cause=table[place].cause))
     return tuple(table), tuple(together)
 
 
-@dataclass(frozen=True)
-class OpenBeats:
-    """Cosines, then sines, of an order and its beats over whole turns of the output, as a part of one leaves them open.
+def over_whole_turns(
+    fit: TraceFit, own: OrderIndices, joint: MeasuredOrder, ratio: float
+) -> Callable[[MeasuredOrder, int], MeasuredOrder]:
+    """Orders of a part of an output turn with the uncertainty of their amplitude over whole turns, with so many beats.
 
-    mean: [arcsec], shape (2 (2 BEATS + 1),); covariance: its matrix; student: factor of an interval, for their common
-    size is found by so few.
+    Arguments: places of an order and its beats in a fit, which are a joint wave over the record.
+    Cosine and sine of each beat c are drawn from a normal distribution, those next to the order as large as the
+    order itself and those further off smaller by half from one to the next; the coefficients of the record are B c
+    and noise. Their common size is found by expectation and maximisation.
     """
+    away = np.tile(np.arange(-BEATS, BEATS + 1), 2)
+    pair = np.concatenate([own, own + len(fit.orders)])
+    beats, turns = joint.per_cam_rev + away[: len(away) // 2] / ratio, fit.bins.turns
+    record = fit.design.project(lambda rows: order_columns(turns[rows], beats))[pair]
+    noise = fit.factor[pair] @ fit.factor[pair].T
+    share = 4.0 ** -np.maximum(np.abs(away) - 1.0, 0)
+    variance = joint.amplitude_arcsec**2 / share.sum() + np.trace(noise)
+    for _ in range(SIZE_ITERATIONS):
+        prior = record * (variance * share)
+        gain = np.linalg.lstsq(prior @ record.T + noise, prior, rcond=None)[0].T
+        mean, covariance = gain @ fit.coefficients[pair], np.diag(variance * share) - gain @ prior
+        variance = float(np.mean((mean**2 + np.diag(covariance)) / share))
+    freedom = len(away) - float((np.diag(covariance) / (variance * share)).sum())  # of that size
+    student = float(stdtrit(max(freedom, 1.0), 0.975)) / COVERAGE_FACTOR
 
-    mean: Array
-    covariance: Array
-    student: float
-
-    @classmethod
-    def of(cls, fit: TraceFit, own: OrderIndices, joint: MeasuredOrder, ratio: float) -> OpenBeats:
-        """Beats by the places of an order and its beats in a fit, which are a joint wave over the record.
-
-        Cosine and sine of each beat c are drawn from a normal distribution, those next to the order as large as the
-        order itself and those further off smaller by half from one to the next; the coefficients of the record are B c
-        and noise. Their common size is found by expectation and maximisation.
-        """
-        away = np.tile(np.arange(-BEATS, BEATS + 1), 2)
-        pair = np.concatenate([own, own + len(fit.orders)])
-        beats, turns = joint.per_cam_rev + away[: len(away) // 2] / ratio, fit.bins.turns
-        record = fit.design.project(lambda rows: order_columns(turns[rows], beats))[pair]
-        noise = fit.factor[pair] @ fit.factor[pair].T
-        share = 4.0 ** -np.maximum(np.abs(away) - 1.0, 0)
-        variance = joint.amplitude_arcsec**2 / share.sum() + np.trace(noise)
-        for _ in range(SIZE_ITERATIONS):
-            prior = record * (variance * share)
-            gain = np.linalg.lstsq(prior @ record.T + noise, prior, rcond=None)[0].T
-            mean, covariance = gain @ fit.coefficients[pair], np.diag(variance * share) - gain @ prior
-            variance = float(np.mean((mean**2 + np.diag(covariance)) / share))
-        freedom = len(away) - float((np.diag(covariance) / (variance * share)).sum())  # of that size
-        return cls(mean, covariance, float(stdtrit(max(freedom, 1.0), 0.975)) / COVERAGE_FACTOR)
-
-    def widened(self, order: MeasuredOrder, beats: int) -> MeasuredOrder:
-        """An order of the record with the uncertainty of its amplitude over whole turns, with so many of its beats."""
-        kept = np.flatnonzero(np.abs(np.tile(np.arange(-BEATS, BEATS + 1), 2)) <= beats)
-        mean, covariance = self.mean[kept], self.covariance[np.ix_(kept, kept)]
-        size = float(np.sqrt(mean @ mean + np.trace(covariance)))
-        scatter = float(np.sqrt(2 * np.trace(covariance @ covariance) + 4 * mean @ covariance @ mean)) / (2 * size)
-        room = UNSEEN_FACTOR * self.student * float(np.hypot(size - order.amplitude_arcsec, scatter))
+    def widened(order: MeasuredOrder, beats: int) -> MeasuredOrder:
+        kept = np.abs(away) <= beats
+        centre, spread = mean[kept], covariance[kept][:, kept]
+        size = float(np.sqrt(centre @ centre + np.trace(spread)))
+        scatter = float(np.sqrt(2 * np.trace(spread @ spread) + 4 * centre @ spread @ centre)) / (2 * size)
+        room = UNSEEN_FACTOR * student * np.hypot(size - order.amplitude_arcsec, scatter)
         return replace(order, uncertainty_arcsec=float(np.hypot(order.uncertainty_arcsec, room)))
+
+    return widened

@@ -9,6 +9,7 @@ estimate, and a BIAS_SHARE of the correction. Both numbers were found by simulat
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
@@ -39,8 +40,8 @@ class Range:
     fitted: float
     bias: float
     spread: float
-    rise: float = 0.0
-    others: float = 0.0
+    rise: float
+    others: float
 
     @property
     def value(self) -> float:
@@ -77,14 +78,17 @@ def visited_angles(bins: Bins, highest: float) -> tuple[Array, int]:
 
 
 def ranges_of(
-    fit: TraceFit, turns: Array, rng: np.random.Generator, *, whole: bool, draws: int = 200
+    fit: TraceFit, turns: Array, rng: np.random.Generator, others: Sequence[float], *, whole: bool, draws: int = 200
 ) -> tuple[Range, Range, Range]:
     """Range of a fitted curve over angles [turns], shape (angles,), rising, within one cam turn, and of its cam orders.
 
-    whole: whether the angles are those of the full cycle, in others of which lines may add more.
+    others: standard uncertainty of each of the three by all sources but noise; whole: whether the angles are those of
+    the full cycle, in others of which lines may add more.
     """
-    best = _shrunk(fit)
     noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], draws))
+    power = (fit.factor**2).sum(axis=1).reshape(2, -1).sum(axis=0)  # of the noise in each order, arcsec^2
+    keep = np.maximum(0.0, 1 - SHRINK * power / np.maximum(fit.amplitude**2, 1e-300))
+    best = fit.coefficients * (1.0 if fit.design.condition > CORRELATED else np.tile(keep, 2))
     line = np.isin(fit.orders, fit.lines) | fit.unresolved
     own = np.where(np.tile(line, 2), 0.0, fit.coefficients)
     curves = np.concatenate([np.stack([fit.coefficients, own, best], axis=1), best[:, None] + noise], axis=1)
@@ -92,33 +96,27 @@ def ranges_of(
     lines = 2 * sum(fit.wave(own)[1] for own in fit.groups if line[own[0]]) if whole else 0.0
     part = np.floor(turns * TURN_PARTS + 1e-6).astype(np.int64)
     part -= part[0]
-    begins = range(int(part[-1]) + 1)
-    high = np.full((len(begins) - 1 + TURN_PARTS, curves.shape[1]), -np.inf)
-    low = -high
+    high = np.full((int(part[-1]) + 1, 2 * curves.shape[1]), -np.inf)  # of the curves, then of their opposites
     for start in range(0, len(turns), DESIGN_CHUNK):
         rows = slice(start, start + DESIGN_CHUNK)
         values = order_columns(turns[rows], fit.orders) @ curves
         places, first = np.unique(part[rows], return_index=True)
-        high[places] = np.maximum(high[places], np.maximum.reduceat(values, first))
-        low[places] = np.minimum(low[places], np.minimum.reduceat(values, first))
-    cycle, cam = np.split(high.max(axis=0) - low.min(axis=0), 2)
-    turn = [high[k : k + TURN_PARTS].max(axis=0) - low[k : k + TURN_PARTS].min(axis=0) for k in begins]
-    return _range(cycle, lines), _range(np.max(turn, axis=0)[: len(cycle)], lines), _range(cam, 0.0)
+        greatest = np.maximum.reduceat(np.concatenate([values, -values], axis=1), first)
+        high[places] = np.maximum(high[places], greatest)
+
+    def extents(parts: slice) -> Array:
+        return np.asarray(np.add(*np.split(high[parts].max(axis=0), 2)))
+
+    cycle, cam = np.split(extents(slice(None)), 2)
+    turn = np.max([extents(slice(k, k + TURN_PARTS))[: len(cycle)] for k in range(len(high))], axis=0)
+    return _range(cycle, lines, others[0]), _range(turn, lines, others[1]), _range(cam, 0.0, others[2])
 
 
-def _range(extents: Array, lines: float) -> Range:
+def _range(extents: Array, lines: float, others: float) -> Range:
     """Range out of those of the fitted curve, of it without lines, of the shrunk one, and of the drawn ones.
 
-    lines: range that they add where their extremes meet those of the curve [arcsec].
+    lines: range that they add where their extremes meet those of the curve [arcsec]; others: see Range.
     """
     (fitted, own, without), drawn = extents[:3].tolist(), extents[3:]
     bias, spread = max(0.0, float(drawn.mean()) - without), SPREAD_FACTOR * float(drawn.std(ddof=1))
-    return Range(fitted, bias, spread, max(0.0, own + lines - fitted) if lines else 0.0)
-
-
-def _shrunk(fit: TraceFit) -> Array:
-    """Coefficients with each order made smaller by the share of noise in its power."""
-    if fit.design.condition > CORRELATED:
-        return fit.coefficients
-    keep = np.maximum(0.0, 1 - SHRINK * fit.noise_power / np.maximum(fit.amplitude**2, 1e-300))
-    return np.asarray(fit.coefficients * np.tile(keep, 2))
+    return Range(fitted, bias, spread, max(0.0, own + lines - fitted) if lines else 0.0, others)

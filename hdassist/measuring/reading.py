@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from hdassist.errors import DataError
+from hdassist.measuring.bench import bench_record
+from hdassist.measuring.cycle import gearing_of
 from hdassist.measuring.measure import Measurement, measure, require_drift
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
-from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
-from hdassist.readers.bench import bench_record
+from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import TraceForm, read_record, trace_of
 from hdassist.run.kept import ClosedRecord
 
@@ -37,6 +38,11 @@ class Reading(ClosedRecord, TraceForm):
         if bench_record(table):
             words = f"{table.file}: approached positions or a torque loop, which is no trace"
             raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")
-        trace = trace_of(table, self, abs(Kinematics.of(drive).u))
+        return self.of_table(table, drive, **how)
+
+    def of_table(self, table: NumberTable, drive: Drive | None, ratio: float | None = None, **how: Any) -> Measurement:
+        """Results of the trace in a table, of a drive or of one of a ratio; how: more arguments of `measure`."""
+        gearing = gearing_of(drive, ratio)
+        trace = trace_of(table, self, gearing.ratio if gearing else None)
         orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
-        return measure(trace, drive=drive, orders=orders, drift=self.drift, stated=stated, **how)
+        return measure(trace, drive=drive, ratio=ratio, orders=orders, drift=self.drift, stated=stated, **how)

@@ -7,7 +7,7 @@ where the shaft turns back, and named; many of them are a fault of the rig that 
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import binary_opening, median_filter
 
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.fit import TraceFit
@@ -29,30 +29,28 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, 
     Raises UntrustedError: spikes where the trace is not to be read without them, or too many to leave out.
     """
     bins, fitted = fit.bins, fit.bins.error - fit.residual
-    rows, sweeps = trace.rows, trace.sweeps
-    fits = [
-        np.interp(trace.cam_deg[s.start : s.stop] / 360, bins.turns[bins.sweep == k], fitted[bins.sweep == k])
-        for k, s in enumerate(sweeps)
+    rows, moves = trace.rows, zip(*map(trace.by_sweep, (trace.cam_deg, trace.error_arcsec)), strict=True)
+    apart = [
+        error - np.interp(cam / 360, bins.turns[bins.sweep == k], fitted[bins.sweep == k])
+        for k, (cam, error) in enumerate(moves)
     ]
-    apart = [trace.error_arcsec[s.start : s.stop] - fit for s, fit in zip(sweeps, fits, strict=True)]
     size = np.abs(np.concatenate(apart))
     beside = np.concatenate([np.abs(each - median_filter(each, BESIDE_SPIKE, mode="mirror")) for each in apart])
     # a spike draws the fit to it, and so its neighbours off: only the farthest are looked at
     noise = TO_SIGMA * float(np.median(size))
     far = size > max(SPIKE_SIGMAS * noise, SPIKE_RANGE_SHARE * float(np.ptp(fitted)), float(size.max()) / 2)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], far, [0]]))).reshape(-1, 2)
-    short = [k for first, last in edges.tolist() if last - first <= LONGEST_SPIKE for k in range(first, last)]
-    short = [k for k in short if beside[k] > size[k] / 2]  # the misfit is smooth
-    if not short:
+    short = far & ~binary_opening(far, np.ones(LONGEST_SPIKE + 1))
+    spikes = np.flatnonzero(short & (beside > size / 2))  # the misfit is smooth
+    if not len(spikes):
         return None
-    words = f"lines {shortened(trace.line[rows[short]].tolist(), NAMED_LINES)}: {size[short].max():.3g}″ off the others"
-    if len(short) > MAX_SPIKE_SHARE * len(rows):
+    lines = shortened(trace.line[rows[spikes]].tolist(), NAMED_LINES)
+    words = f"lines {lines}: {size[spikes].max():.3g}″ off the others"
+    if len(spikes) > MAX_SPIKE_SHARE * len(rows):
         hint = "check the encoders' cables and counters"
         raise UntrustedError(f"{trace.file}: {words}: too many to leave out", hint, Fault.ORDERS_UNTOLD)
     inside = np.concatenate([np.minimum(np.arange(len(each)), np.arange(len(each))[::-1]) for each in apart])
-    if not trace.robust and (inside[short] >= LONGEST_SPIKE).any():  # a shaft that turns back has play and a lag
+    if not trace.robust and (inside[spikes] >= LONGEST_SPIKE).any():  # a shaft that turns back has play and a lag
         hint = "check the encoders' cables and counters, or leave out these rows: --robust"
         raise UntrustedError(f"{trace.file}: {words}, no readings of a shaft", hint, Fault.ORDERS_UNTOLD)
-    return trace.without(
-        rows[short]
-    ), f"{words}, left out; else the curve would span {np.ptp(fit.curve(bins.turns)):.1f}″"
+    words += f", left out; else the curve would span {np.ptp(fit.curve(bins.turns)):.1f}″"
+    return trace.without(rows[spikes]), words

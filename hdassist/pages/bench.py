@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from hdassist.acceptance.checks import CHECKS
-from hdassist.measuring.bench import PlaceLoop, StatedQuantity, loop_quantities, place_loops, position_quantities
+from hdassist.measuring.bench import (
+    LoopRecord,
+    PlaceLoop,
+    PositionRecord,
+    StatedQuantity,
+    loop_quantities,
+    place_loops,
+    position_quantities,
+)
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.pages.measure import ends_text
 from hdassist.preset.fields import Drive
-from hdassist.readers.bench import LoopRecord, PositionRecord
 from hdassist.report import Facts, Lines, Quantity, Report, Table, as_object
 from hdassist.terminal.words import again
 from hdassist.textfile import STDIN

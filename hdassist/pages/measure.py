@@ -14,8 +14,8 @@ from hdassist.measuring.fit import SLOWEST_ORDER
 from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import MeasuredOrder
 from hdassist.measuring.range import GAP_PERIODS
+from hdassist.measuring.slopes import RecordedTorque
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED, UncertaintySource
-from hdassist.measuring.windup import RecordedTorque
 from hdassist.pages.trace import curve_of_turns
 from hdassist.preset.fields import Drive
 from hdassist.report import NO_VALUE, CsvTable, Curve, Facts, Quantity, Report, ReportSection, Table, as_object

@@ -62,16 +62,14 @@ def cells_of(line: str, separator: str) -> list[Cell]:
     cells = []
     at, end = len(line) - len(line.lstrip()), len(line.rstrip())
     while at <= end and (match := _CELLS[separator].search(line, at, end)):
-        cells.append(Cell(_unquoted(match[1].strip()), match.start(1) + 1))
+        text = match[1].strip()
+        if len(text) > 1 and text.startswith('"') and text.endswith('"'):
+            text = text[1:-1].replace('""', '"').strip()
+        cells.append(Cell(text, match.start(1) + 1))
         at = match.end() if separator == " " else (line.find(separator, match.end(), end) + 1 or end + 1)
     while cells and not cells[-1].text:
         cells.pop()
     return cells
-
-
-def _unquoted(text: str) -> str:
-    quoted = len(text) > 1 and text.startswith('"') and text.endswith('"')
-    return text[1:-1].replace('""', '"').strip() if quoted else text
 
 
 def row_text(row: Iterable[Cell]) -> str:

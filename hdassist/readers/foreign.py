@@ -25,7 +25,6 @@ PROGRAMS = {  # words in the first lines, and the file that they are of
     r"^\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d\S* \D": "a log of events",
 }
 _HEAD = 40  # lines that name a program
-_NUMBER = r"\s*=\s*([-+0-9.]+)"
 _GUIDE_FACT = r"(Pixel scale|(?<!Cal )\bDec) = ([-+0-9.]+)(?: arc-sec/px| deg)?(?:,|$)"
 
 
@@ -57,10 +56,12 @@ def readable_parts(text: TextFile, notes: list[str]) -> Iterator[tuple[int, str]
 
 def _of_pe_file(lines: list[str], notes: list[str]) -> Iterator[str]:
     """Angle of the shaft that turns once a worm period, the cam, by motor steps, else by time."""
-    period, steps = (_stated(rf"^!{key}{_NUMBER}", lines) for key in ("WormPeriod", "StepsPerWorm"))
-    if not (period and period > 0):
+    facts = re.findall(r"^!(WormPeriod|StepsPerWorm)\s*=\s*([-+0-9.]+)", "\n".join(lines), re.MULTILINE)
+    stated = {key: number_of(number) for key, number in reversed(facts)}  # the first of each
+    period, steps = (stated.get(key, nan) for key in ("WormPeriod", "StepsPerWorm"))
+    if not period > 0:
         raise DataError("a PE file of EQMOD without its !WormPeriod", "!WormPeriod=479 above the rows, in s")
-    column, turn, by = (1, steps, "motor steps") if steps and steps > 0 else (0, period, "time")
+    column, turn, by = (1, steps, "motor steps") if steps > 0 else (0, period, "time")
     notes.append(
         f"a PE file of EQMOD: a turn of the cam in the worm period of {period:g} s, by {by}; its sense is not known"
     )
@@ -101,8 +102,3 @@ def _of_guide_log(lines: list[str], notes: list[str]) -> list[str]:
     words = f"error in right ascension over the angle at {SIDEREAL:g} arcsec/s; its sense is not known"
     notes.append(f"a guide log of PHD2: the longest unguided section, {where}, {words}")
     return [longest.get(index, "output_deg error_arcsec" * (index == first - 1)) for index in range(len(lines))]
-
-
-def _stated(pattern: str, lines: list[str]) -> float | None:
-    """The number of the first line that fits a pattern."""
-    return next((number_of(found[1]) for line in lines if (found := re.search(pattern, line))), None)

@@ -28,7 +28,8 @@ teeth, numbered clockwise, mark on tooth 2:
 from __future__ import annotations
 
 import re
-from typing import Literal, NamedTuple, get_args
+from collections.abc import Mapping
+from typing import Literal, NamedTuple, cast, get_args
 
 import numpy as np
 
@@ -92,22 +93,30 @@ def read_pitch(
     precedence over remarks of the file, and flank chooses among columns for two flanks.
     Raises DataError: a file that cannot be read; PresetError: every fault of the file; UsageError: a wrong argument.
     """
-    asked: dict[str, str] = {
-        key: value for key, value in (("form", form), ("sense", sense), ("flank", flank)) if value is not None
-    }
-    for key, value in asked.items():
+    asked = {"form": form, "sense": sense, "flank": flank}
+    given = {key: value for key, value in asked.items() if value is not None}
+    for key, value in given.items():
         if value not in CHOICES[key][0]:
             raise UsageError(f"invalid {key} {value}: expected one of {', '.join(CHOICES[key][0])}")
     if teeth < 2:
         raise UsageError(f"invalid number of teeth {teeth}: expected two or more")
     table = read_numbers(source, ("tooth number", "deviation"))
-    stated = _Statements(table, asked)
+    stated = _Statements(table, given)
     is_table = not table.findings
     teeth_in, deviation_in = stated.columns() if is_table else (0, 0)
-    unit, size = stated.unit()
+    unit = stated.value("unit")
+    try:
+        size = micrometres(unit)
+    except UnitError as error:
+        unit, size = stated.refused("unit", error.message, "um", error.hint), 1.0
     form_is, sense_is, sign_is, side = (stated.value(key) for key in ("form", "sense", "sign", "flank"))
     first, order = _rows_by_tooth(table, teeth_in, teeth) if is_table else (1, [])
-    mark = stated.mark(range(first, first + teeth))
+    mark = int(stated.value("mark") or first)
+    if not stated.stated["mark"]:
+        table.notes.append(f"no mark given: tooth {mark} has it")
+    elif not first <= mark < first + teeth:
+        message = f"no tooth of the wheel: {first} to {first + teeth - 1}"
+        stated.refused("mark", message, "", "give the number of the tooth with the mark")
     table.require_sound()
     values = _cumulative(table, deviation_in, order, (unit, size), is_single=form_is == "single")
     table.require_sound()
@@ -118,10 +127,10 @@ def read_pitch(
     if (sense_is if sign_is == "along" else sign_is) == "cw":
         values = -values
         table.notes.append("signs turned round")
-    deviation = np.asarray(values - values.mean(), dtype=np.float64)
+    deviation = values - values.mean()
     deviation.setflags(write=False)
-    known: Flank | None = "left" if side == "left" else "right" if side == "right" else None
-    return PitchFile(deviation, mark, known, table.file, table.sha256, tuple(table.notes))
+    flank_is = cast(Flank | None, side or None)
+    return PitchFile(deviation, mark, flank_is, table.file, table.sha256, tuple(table.notes))
 
 
 class _Statement(NamedTuple):
@@ -136,90 +145,70 @@ class _Statement(NamedTuple):
 class _Statements:
     """Statements on the form of a file of pitch deviations: by arguments, its remarks and the names of its columns."""
 
-    def __init__(self, table: NumberTable, asked: dict[str, str]) -> None:
+    def __init__(self, table: NumberTable, asked: Mapping[str, str]) -> None:
         self.table, self.asked = table, asked
         self.stated: dict[str, list[_Statement]] = {key: [] for key in PITCH_KEYS.values()}
         if table.names_in_remark and not any(map(names_teeth, table.names)):
             table.names = ()  # a remark with as many words as there are columns
-        keys = [(remark.number, remark.remark, remark.entry[0]) for remark in table.remarks if remark.entry]
-        for line, column, name in (*keys, *((table.names_line, 1, name) for name in table.names)):
+        entries = [(remark.number, remark.remark, *remark.entry) for remark in table.remarks if remark.entry]
+        words = [entry[:3] for entry in entries]
+        for line, column, name in (*words, *((table.names_line, 1, name) for name in table.names)):
             if table.is_latin and _CODE_PAGE.search(name):
                 table.add(line, column, "", "a name that is not UTF-8 text", name, "save the file as UTF-8")
-        for remark in table.remarks:
-            word, text, column = remark.entry or ("", "", 0)
+        for line, _, word, text, column in entries:
             if key := PITCH_KEYS.get(word):
-                self.stated[key].append(_Statement(_value_of(key, text), text, remark.number, column))
+                self.stated[key].append(_Statement(_value_of(key, text), text, line, column))
             elif hint := near_miss(word, PITCH_KEYS):
-                table.notes.append(f'line {remark.number}: "{word}" is passed over; {hint}')
+                table.notes.append(f'line {line}: "{word}" is passed over; {hint}')
 
     def value(self, key: str) -> str:
         """Value of a key: that of the argument, else that of the file, else the one that is assumed, with a note."""
         stated, (default, note) = self.stated[key], ASSUMED.get(key, ("", ""))
-        if key in self.asked:
-            other = next((each.text for each in stated if each.value != self.asked[key]), None)
+        if asked := self.asked.get(key):
+            other = next((each.text for each in stated if each.value != asked), None)
             if other is not None:
-                self.table.notes.append(f"{key} {self.asked[key]} as asked for; the file says {other}")
-            return self.asked[key]
+                self.table.notes.append(f"{key} {asked} as asked for; the file says {other}")
+            return asked
         for each in stated:
             if not each.value:
                 expected = CHOICES[key][1] if key in CHOICES else "the number of a tooth"
-                self._refuse(key, each, f"must be {expected}")
-                return default
+                return self.refused(key, f"must be {expected}", default, at=each)
             if each.value != stated[0].value:
                 hint = f"line {stated[0].line} says {stated[0].text}; keep one of them"
-                self._refuse(key, each, "stated twice, and not the same", hint)
-                return default
+                return self.refused(key, "stated twice, and not the same", default, hint, each)
         if not stated and note:
             self.table.notes.append(note)
         return stated[0].value if stated else default
 
-    def unit(self) -> tuple[str, float]:
-        """Unit of the deviations, and its size in um."""
-        unit = self.value("unit")
-        try:
-            return unit, micrometres(unit)
-        except UnitError as error:
-            self._refuse("unit", self.stated["unit"][0], error.message, error.hint)
-            return "um", 1.0
-
-    def mark(self, teeth: range) -> int:
-        """The tooth with the mark, by default the first one; teeth: their numbers in the file."""
-        stated = self.value("mark")
-        if not stated:
-            self.table.notes.append(f"no mark given: tooth {teeth[0]} has it")
-        elif int(stated) not in teeth:
-            message = f"no tooth of the wheel: {teeth[0]} to {teeth[-1]}"
-            self._refuse("mark", self.stated["mark"][0], message, "give the number of the tooth with the mark")
-        return int(stated or teeth[0])
-
     def columns(self) -> tuple[int, int]:
         """Columns of the tooth numbers and of the deviations; states the meaning of the latter's name."""
-        names = self.table.names
+        table, names = self.table, self.table.names
         teeth = [index for index, name in enumerate(names) if names_teeth(name)]
         first = teeth[0] if len(teeth) == 1 else 0
-        others = [index for index in range(self.table.values.shape[1]) if index != first]
+        others = [index for index in range(table.values.shape[1]) if index != first]
         for key, meaning in (("flank", flank_in), ("form", form_in)):
             wanted = self.asked.get(key) or next((each.value for each in self.stated[key]), "")
             if wanted and len(others) > 1 and names:
                 others = [index for index in others if meaning(names[index]) == wanted] or others
         if len(others) > 1:
-            got = " and ".join(f'"{self.table.name(column)}"' for column in others)
-            line = self.table.names_line if names else int(self.table.lines[0])
-            self.table.add(line, 1, "", f"{len(others)} columns of deviations", got, COLUMNS_HINT)
+            got = " and ".join(f'"{table.name(column)}"' for column in others)
+            line = table.names_line if names else int(table.lines[0])
+            table.add(line, 1, "", f"{len(others)} columns of deviations", got, COLUMNS_HINT)
         elif names:
-            self._take_name(names[others[0]], self.table.names_line)
+            name = names[others[0]]
+            for key, value in (("form", form_in(name)), ("flank", flank_in(name)), ("unit", length_in(name))):
+                if value and value != AMBIGUOUS:
+                    self.stated[key].append(_Statement(value, name, table.names_line, 1))
+                elif value and not self.stated[key] and key not in self.asked:
+                    message = "single pitch deviations, or cumulative ones?"
+                    table.add(table.names_line, 1, key, message, name, FORM_HINT)
         return first, others[0]
 
-    def _take_name(self, name: str, line: int) -> None:
-        for key, value in (("form", form_in(name)), ("flank", flank_in(name)), ("unit", length_in(name))):
-            if value == AMBIGUOUS:
-                if not self.stated[key] and key not in self.asked:
-                    self.table.add(line, 1, key, "single pitch deviations, or cumulative ones?", name, FORM_HINT)
-            elif value:
-                self.stated[key].append(_Statement(value, name, line, 1))
-
-    def _refuse(self, key: str, at: _Statement, message: str, hint: str = "") -> None:
+    def refused(self, key: str, message: str, default: str, hint: str = "", at: _Statement | None = None) -> str:
+        """The default value of a key, whose statement, by default the first one, is a finding."""
+        at = at or self.stated[key][0]
         self.table.add(at.line, at.column, key, message, at.text or "nothing", hint)
+        return default
 
 
 def _value_of(key: str, text: str) -> str:
@@ -289,4 +278,4 @@ def _cumulative(
     elif 0 < reach < LEAST_RANGE:
         hint = "is it mm?" if name != "mm" else "is it um? no wheel is that good"
         table.add_at(0, column, f"{reach:.3g} um over the whole wheel", f"unit {name}", hint)
-    return np.asarray(values)
+    return values

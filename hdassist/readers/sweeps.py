@@ -27,6 +27,14 @@ class AngleSweep:
     stop: int
     direction: int
 
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+    @property
+    def rows(self) -> slice:
+        """Its rows."""
+        return slice(self.start, self.stop)
+
 
 class AngleError(ValueError):
     """An impossible angle: its row, a message and a hint."""
@@ -52,20 +60,17 @@ def unwrapped(angle: Angles, wrap: float, other: Angles | None = None) -> Angles
     other: the same angle by another encoder, without jumps and in either sense, which says how far a long step went.
     Raises AngleError: a step that may have gone either way round.
     """
-    steps = np.diff(angle)
-
-    def off(expected: Angles) -> Angles:
-        return np.asarray(steps - expected - wrap * np.rint((steps - expected) / wrap))
-
-    expected = np.zeros(len(steps))
-    if other is not None:
-        expected = min((np.diff(other), -np.diff(other)), key=lambda each: float(np.abs(off(each)).sum()))
-    steps = expected + off(expected)
-    far = np.flatnonzero(np.abs(steps - expected) > LEAP * wrap)
+    expected = [np.zeros(len(angle))] if other is None else [other, -other]
+    way, off = min(
+        ((each, np.unwrap(angle - each, period=wrap)) for each in expected),
+        key=lambda pair: float(np.abs(np.diff(pair[1])).sum()),
+    )
+    joined = way + off
+    far = np.flatnonzero(np.abs(np.diff(off)) > LEAP * wrap)
     if len(far):
-        row = int(far[0]) + 1
-        raise AngleError(row, f"a step of {abs(steps[row - 1]):.4g} of a wrap of {wrap:g}", "record shorter steps")
-    return np.asarray(np.concatenate([angle[:1], angle[0] + np.cumsum(steps)]))
+        step = abs(np.diff(joined)[far[0]])
+        raise AngleError(int(far[0]) + 1, f"a step of {step:.4g} of a wrap of {wrap:g}", "record shorter steps")
+    return joined
 
 
 def leaping(angle: Angles) -> NDArray[np.bool_]:
@@ -73,7 +78,7 @@ def leaping(angle: Angles) -> NDArray[np.bool_]:
     padded = np.pad(angle, 2, mode="reflect", reflect_type="odd")
     around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
     steps = np.abs(np.diff(around))
-    return np.asarray(np.abs(angle - around) > JITTER + WIDEST_TURN_BACK * float(np.median(steps)))
+    return np.abs(angle - around) > JITTER + WIDEST_TURN_BACK * float(np.median(steps))
 
 
 def sweeps(angle: Angles) -> list[AngleSweep]:
@@ -87,48 +92,34 @@ def sweeps(angle: Angles) -> list[AngleSweep]:
     if not len(steps):
         raise AngleError(0, "the angle does not change", "check the column of the angle")
     step = float(np.median(steps, overwrite_input=True))
-    found = [AngleSweep(a, b, d) for a, b, d in _runs(angle, max(JITTER, min(TURNING_STEPS * step, WIDEST_TURNING)))]
-    for index, sweep in enumerate(found[:-1]):
-        following = found[index + 1]
-        if following.stop - following.start >= FEW_ROWS or index + 2 == len(found):
+    moves = _moves(angle, max(JITTER, min(TURNING_STEPS * step, WIDEST_TURNING)))
+    for before, back, after in zip(moves, moves[1:], moves[2:], strict=False):
+        if len(back) >= FEW_ROWS or (before is moves[0] and len(before) < FEW_ROWS):
             continue
-        if sweep.stop - sweep.start < FEW_ROWS and index == 0:
-            continue
-        if not _is_restart(angle, sweep, following, found[index + 2], step):
-            row = following.start
-            message = f"the angle runs backwards: {angle[row]:.6g} deg after {angle[row - 1]:.6g} deg"
+        row, last = back.start, before.stop - 1
+        is_leap = len(back) == 1 and abs(angle[row] - angle[last]) >= abs(angle[last] - angle[before.start]) / 2
+        follows = len(after) >= FEW_ROWS and abs(angle[after.start] - angle[after.start - 1]) <= SPIKE * step
+        if not (is_leap and follows):  # no restart of the same move
+            message = f"the angle runs backwards: {angle[row]:.6g} deg after {angle[last]:.6g} deg"
             raise AngleError(row, message, "put the rows in the order of time, which --robust does not, or --wrap 360")
-    return [sweep for sweep in found if sweep.stop - sweep.start >= FEW_ROWS]
+    return [move for move in moves if len(move) >= FEW_ROWS]
 
 
-def _is_restart(angle: Angles, before: AngleSweep, back: AngleSweep, after: AngleSweep, step: float) -> bool:
-    """Whether a jump back begins the same move again, and is no slip of a few rows."""
-    leap = abs(angle[back.start] - angle[before.stop - 1])
-    span = abs(angle[before.stop - 1] - angle[before.start])
-    first = abs(angle[after.start] - angle[after.start - 1]) if after.stop > after.start else np.inf
-    long = after.stop - after.start >= FEW_ROWS
-    return back.stop - back.start == 1 and leap >= span / 2 and first <= SPIKE * step and long
-
-
-def _runs(angle: Angles, least: float) -> list[tuple[int, int, int]]:
-    """Runs (start, stop, direction) between turning points that lie at least so far apart."""
+def _moves(angle: Angles, least: float) -> list[AngleSweep]:
+    """Moves between turning points that lie at least so far apart [deg]."""
     signs = np.sign(np.diff(angle)).astype(np.int8)
-    if (signs >= 0).all() or (signs <= 0).all():
-        return [(0, len(angle), 1 if signs.max() > 0 else -1)]
-    # only the last rows before the direction changes can be turning points
     moving = np.flatnonzero(signs)
-    ends = [0, *(moving[:-1][np.diff(signs[moving]) != 0] + 1).tolist(), len(angle) - 1]
-    runs: list[tuple[int, int, int]] = []
+    # only the last rows before the direction changes can be turning points
+    ends = [*(moving[:-1][np.diff(signs[moving]) != 0] + 1).tolist(), len(angle) - 1]
+    moves: list[AngleSweep] = []
     start, extreme, direction = 0, 0, 0
-    for row in ends[1:]:
-        value = angle[row]
-        if direction == 0:
-            if abs(value - angle[start]) >= least:
-                direction, extreme = (1 if value > angle[start] else -1), row
-        elif direction * (value - angle[extreme]) >= 0:
+    for row in ends:
+        gap = float(angle[row] - angle[extreme])
+        if direction and direction * gap >= 0:
             extreme = row
-        elif direction * (angle[extreme] - value) >= least:
-            runs.append((start, extreme + 1, direction))
-            start, extreme, direction = extreme + 1, row, -direction
-    runs.append((start, len(angle), direction or 1))
-    return runs
+        elif abs(gap) >= least:
+            if direction:
+                moves.append(AngleSweep(start, extreme + 1, direction))
+                start = extreme + 1
+            extreme, direction = row, 1 if gap > 0 else -1
+    return [*moves, AngleSweep(start, len(angle), direction or (1 if angle[-1] > angle[0] else -1))]

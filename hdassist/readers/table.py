@@ -12,7 +12,7 @@ from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
+from math import isfinite, nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +79,7 @@ class NumberTable:
         name = self.name(column)
         unit = unit_in(name, sizes)
         self.notes.append(f'"{name}": {words}, {unit or f"no unit given, {default} assumed"}')
-        return np.asarray(self.values[:, column] * sizes[unit or default])
+        return self.values[:, column] * sizes[unit or default]
 
     def add(self, line: int, column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
         """Add a finding by line and column of the file."""
@@ -88,6 +88,19 @@ class NumberTable:
     def add_at(self, row: int, column: int, message: str, got: str = "", hint: str = "") -> None:
         """Add a finding by row and column (from 0)."""
         self.add(int(self.lines[row]), 1, self.name(column), message, got, hint)
+
+    def fault(self, message: str, hint: str, row: int | None = None, column: int = 0) -> PresetError:
+        """The fault of a cell by row and column (from 0), or without a row that of the names, which it lists."""
+        if row is None:
+            self.add(self.names_line, 1, "", message, self.listed, hint)
+        else:
+            self.add_at(row, column, message, hint=hint)
+        return PresetError(self.findings)
+
+    @property
+    def listed(self) -> str:
+        """Names of all columns, for messages."""
+        return shown(", ".join(map(self.name, range(self.values.shape[1]))))
 
     def require_sound(self) -> None:
         """Raise PresetError with the findings in the order of the file, at most a hundred of them."""
@@ -219,20 +232,26 @@ class _Rows:
         sample = self.waiting[:SAMPLED_LINES]
         separator = separator_of([line.text for line in sample])
         cells = [cells_of(line.text, separator) for line in sample]
-        rows = [row for row in cells if has_numbers(row)]
+        rows = [(line.number, row) for line, row in zip(sample, cells, strict=True) if has_numbers(row)]
         first = sample[0] if sample else TableLine(1, "", 0)
         if not rows:
             hint = f"rows of {', '.join(self.needs)}" if self.needs else "is this the file with the table?"
             self._refuse(first.number, "no rows of numbers in the file", first.text.strip(), hint)
-        self.width = Counter(map(len, rows)).most_common(1)[0][0]
-        named = not has_numbers(cells[0])
-        row_line = next(line.number for line, row in zip(sample, cells, strict=True) if has_numbers(row))
+        row_line, row = rows[0]
+        self.width = Counter(len(row) for _, row in rows).most_common(1)[0][0]
         if self.width < len(self.needs):
             message = f"{self.width} column, needs {len(self.needs)}: {', '.join(self.needs)}"
-            self._refuse(row_line, message, row_text(rows[0]), "columns stand apart by ; or , or tabs or blanks")
-        self._name(first if named else self.above, separator, named)
+            self._refuse(row_line, message, row_text(row), "columns stand apart by ; or , or tabs or blanks")
+        named = not has_numbers(cells[0])
+        line = first if named else self.above
+        if line and (names := names_in(line.text if named else line.words, self.width, separator)):
+            self.table.names, self.table.names_line, self.table.names_in_remark = names, line.number, not named
+        elif line and named:
+            message = f"the line of names does not fit {self.width} columns"
+            hint = "one name for each column, separated as the rows are"
+            self.table.add(line.number, 1, "", message, line.text.strip(), hint)
         self.separator = separator
-        self._settle_decimal(rows)
+        self._settle_decimal(cells)
         lines, self.waiting = self.waiting[named:], []
         self._read(lines)
         faulty = {finding.line for finding in self.table.findings}
@@ -249,16 +268,6 @@ class _Rows:
         if not self.table.findings:
             self.table.add(line, 1, "", message, got, hint)
         raise PresetError([])
-
-    def _name(self, line: TableLine | None, separator: str, written: bool) -> None:
-        """Names of the columns from a line or, without one, from a remark with as many words as there are columns."""
-        names = names_in(line.text if written else line.words, self.width, separator) if line else None
-        if line and names:
-            self.table.names, self.table.names_line, self.table.names_in_remark = names, line.number, not written
-        elif line and written:
-            message = f"the line of names does not fit {self.width} columns"
-            hint = "one name for each column, separated as the rows are"
-            self.table.add(line.number, 1, "", message, line.text.strip(), hint)
 
     def _read(self, lines: Sequence[TableLine]) -> None:
         """Read lines that are neither blank nor remarks."""
@@ -320,15 +329,15 @@ class _Rows:
         return [self._number(line, index, cell) for index, cell in enumerate(row)]
 
     def _number(self, line: int, index: int, cell: Cell) -> float:
-        decimal = self.decimal or "."
-        message, hint = fault_of(cell.text, decimal)
-        value = float("nan") if message else float(cell.text.replace(decimal, "."))
-        if not message and not abs(value) <= GREATEST:
+        message, hint = fault_of(cell.text, self.decimal or ".")
+        if not message:
+            value = float(cell.text.replace(",", "."))
+            if abs(value) <= GREATEST:
+                return value
             most = f"number up to {GREATEST:g}" if isfinite(value) else "finite number"
             message, hint = f"must be a {most}", "check this cell"
-        if message:
-            self.table.add(line, cell.column, self.table.name(index), message, cell.text or "nothing", hint)
-        return value
+        self.table.add(line, cell.column, self.table.name(index), message, cell.text or "nothing", hint)
+        return nan
 
 
 def _lines(first: int, part: str, table: NumberTable) -> Iterator[TableLine]:

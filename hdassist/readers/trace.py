@@ -14,10 +14,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.errors import DataError, Finding, PresetError, UsageError
+from hdassist.errors import DataError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.preset.units import UnitError
-from hdassist.preset.yamltext import shown
 from hdassist.readers.sweeps import AngleError, AngleSweep, guessed_wrap, leaping, sweeps, unwrapped
 from hdassist.readers.table import NumberTable, read_numbers, shortened
 from hdassist.readers.words import ANGLES, COUNTS, angle_size, plain_unit, role_in, unit_in
@@ -62,8 +61,8 @@ class TraceForm:
             raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
         if len(angles) > ENCODERS:
             raise UsageError(f"invalid --angle-unit {self.angle_unit}: expected one unit for each encoder")
-        error = [self.error_unit] if self.error_unit is not None else []
-        for option, unit in (*(("--angle-unit", unit) for unit in angles), *(("--error-unit", unit) for unit in error)):
+        options = {"--angle-unit": angles, "--error-unit": [] if self.error_unit is None else [self.error_unit]}
+        for option, unit in ((option, unit) for option, units in options.items() for unit in units):
             try:
                 angle_size(unit)
             except UnitError as fault:
@@ -127,7 +126,11 @@ class MeasuredTrace:
     @property
     def rows(self) -> NDArray[np.int64]:
         """Rows of the sweeps."""
-        return np.concatenate([np.arange(sweep.start, sweep.stop) for sweep in self.sweeps])
+        return np.concatenate(self.by_sweep(np.arange(len(self.line))))
+
+    def by_sweep(self, values: NDArray[Any]) -> list[NDArray[Any]]:
+        """Values of all rows, shape (rows,), parted into those of each sweep."""
+        return [values[sweep.rows] for sweep in self.sweeps]
 
     def one_way(self, sign: int) -> MeasuredTrace:
         """The trace with its sweeps in a direction alone; 0 for both."""
@@ -136,8 +139,8 @@ class MeasuredTrace:
     def without(self, rows: NDArray[np.int64]) -> MeasuredTrace:
         """The trace without some rows."""
         columns = ("cam_deg", "error_arcsec", "line", "time_s", "load")
-        given = {name: getattr(self, name) for name in columns if getattr(self, name) is not None}
-        kept: dict[str, Any] = {name: np.delete(values, rows) for name, values in given.items()}
+        given = {name: getattr(self, name) for name in columns}
+        kept: dict[str, Any] = {name: np.delete(each, rows) for name, each in given.items() if each is not None}
         return replace(self, **kept, sweeps=tuple(sweeps(kept["cam_deg"])))
 
 
@@ -169,17 +172,16 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     Raises PresetError: the first fault of its angles; DataError: no ratio; UsageError: one column for two.
     """
     first, other = _columns(table, form)
-    by_second = other.shaft == "output"
     if len(table.lines) < FEWEST_ROWS:
-        raise _fault(table, 0, first.index, f"{len(table.lines)} rows", f"a trace has {FEWEST_ROWS} rows or more")
-    if ratio is None and (first.shaft == "output" or by_second):
+        raise table.fault(f"{len(table.lines)} rows", f"a trace has {FEWEST_ROWS} rows or more", 0, first.index)
+    if ratio is None and "output" in (first.shaft, other.shaft):
         message = f"{table.file}: the ratio is needed to bring output and cam together"
         raise DataError(message, "--ratio 100, or --drive PRESET")
     per_turn = abs(ratio or 1)
     angle, readings = (table.values[:, column.index].copy() for column in (first, other))
     time_s, torque = _beside(table, "time", "s"), _beside(table, "torque", "N·m")
     table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
-    output = _angle(table, other, readings, form.wrap) if by_second else None
+    output = _angle(table, other, readings, form.wrap) if other.shaft else None
     cam = _angle(table, first, angle, form.wrap, None if output is None else output * per_turn)
     if first.shaft == "output":
         cam *= per_turn
@@ -194,7 +196,7 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         table.lines, cam, readings = table.lines[kept], cam[kept], readings[kept]
         output, time_s, torque = (None if each is None else each[kept] for each in (output, time_s, torque))
     if not np.ptp(readings):
-        raise _fault(table, 0, other.index, "a constant column", "check the column of the error")
+        raise table.fault("a constant column", "check the column of the error", 0, other.index)
     error, sense, in_time = readings * other.size, 0, False
     step = _step(readings) * abs(other.size)
     if output is not None:
@@ -208,16 +210,16 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     try:
         moves = sweeps(cam)
     except AngleError as wrong:
-        raise _fault(table, wrong.row, first.index, wrong.message, wrong.hint) from None
-    reach = max((float(np.ptp(error[s.start : s.stop])) for s in moves), default=0.0)
+        raise table.fault(wrong.message, wrong.hint, wrong.row, first.index) from None
+    reach = max((float(np.ptp(error[move.rows])) for move in moves), default=0.0)
     if reach > LARGEST_ERROR:
         row = int(np.abs(error - np.median(error)).argmax())
         message = f"an error that spans {reach / ARCSEC_PER_DEG:.3g} deg"
-        hint = "check the column of the error, its unit and the ratio" + "; --robust leaves single ones out" * bool(
-            far.any()
+        leaves_out = "; --robust leaves single ones out" * bool(far.any())
+        raise table.fault(
+            message, f"check the column of the error, its unit and the ratio{leaves_out}", row, other.index
         )
-        raise _fault(table, row, other.index, message, hint)
-    left = len(cam) - sum(s.stop - s.start for s in moves)
+    left = len(cam) - sum(map(len, moves))
     if left:
         table.notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
     return MeasuredTrace(
@@ -232,13 +234,13 @@ def _angle(
     """Angles [deg] of the readings of a column without wraps; other, see `unwrapped`."""
     angle = readings * (column.size / ARCSEC_PER_DEG)
     if not np.ptp(angle):
-        raise _fault(table, 0, column.index, "a constant column", "check the column of the angle")
+        raise table.fault("a constant column", "check the column of the angle", 0, column.index)
     if wrap is None and (wrap := guessed_wrap(angle, abs(column.size) / ARCSEC_PER_DEG)):
         table.notes.append(f'"{table.name(column.index)}" begins again after {wrap:g} deg: joined')
     try:
         return angle if wrap is None else unwrapped(angle, wrap, other)
     except AngleError as wrong:
-        raise _fault(table, wrong.row, column.index, wrong.message, wrong.hint) from None
+        raise table.fault(wrong.message, wrong.hint, wrong.row, column.index) from None
 
 
 def _beside(table: NumberTable, role: str, default: str) -> Array | None:
@@ -259,11 +261,11 @@ def _second(table: NumberTable, column: int, output: Array, cam: Array, ratio: f
     slope = float(centred @ output / (centred @ centred))
     if np.ptp(cam) >= 360 and abs(abs(slope) * ratio - 1) > SLIP:
         turns = f"the cam turns {1 / abs(slope):.5g} times as far" if slope else "the output does not turn"
-        raise _fault(table, 0, column, f"{turns}, the ratio is {ratio:g}", "check the units, the ratio and the columns")
+        raise table.fault(f"{turns}, the ratio is {ratio:g}", "check the units, the ratio and the columns", 0, column)
     sense = 1 if slope > 0 else -1
     table.notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
     error = (output - output[0] - sense * (cam - cam[0]) / ratio) * ARCSEC_PER_DEG
-    return np.asarray(error), sense
+    return error, sense
 
 
 def _even_step(levels: Array, least: float) -> float:
@@ -303,10 +305,6 @@ def _is_even(cam: Array, within_deg: float) -> bool:
     return float(np.ptp(np.quantile(np.abs(np.diff(cam)), (0.05, 0.95)))) <= within_deg
 
 
-def _fault(table: NumberTable, row: int, column: int, message: str, hint: str) -> PresetError:
-    return PresetError([Finding(table.file, int(table.lines[row]), 1, table.name(column), message, hint=hint)])
-
-
 def _columns(table: NumberTable, form: TraceForm) -> tuple[TraceColumn, TraceColumn]:
     """Columns of the angle, and of the error or the output's own angle: by the form, by their names, or by their order.
 
@@ -324,9 +322,9 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[TraceColumn, TraceCol
     option, asked, kind = ("second", form.second, "output") if by_second else ("error", form.error, "error")
     other = _column(table, asked, kinds, kind, option)
     if other == angle:
-        raise UsageError(f"one column cannot be both: {table.name(angle)}", f"columns: {_listed(table)}")
+        raise UsageError(f"one column cannot be both: {table.name(angle)}", f"columns: {table.listed}")
     if by_second and shaft == "output":
-        raise _unclear(table, "no column of cam angles", "name one: --angle NAME --angle-of cam")
+        raise table.fault("no column of cam angles", "name one: --angle NAME --angle-of cam")
     first, second = (*form.angle_units, None, None)[:ENCODERS]
     angles = _in_unit(table, angle, shaft, f"{shaft} angle", first, "deg", "--angle-unit")
     if by_second:
@@ -344,14 +342,14 @@ def _column(table: NumberTable, asked: str | None, kinds: Sequence[str], kind: s
                 return same[0]
         if asked.isascii() and asked.isdecimal() and 0 < int(asked) <= table.values.shape[1]:
             return int(asked) - 1
-        raise _unclear(table, f"no column {asked}", "give its name or number")
+        raise table.fault(f"no column {asked}", "give its name or number")
     candidates = [index for index, own in enumerate(kinds) if own == kind]
     if len(candidates) == 1:
         return candidates[0]
     words = {"angle": "cam or output angles", "error": "errors", "second": "output angles"}[option]
     several = ": " + ", ".join(f'"{table.name(i)}"' for i in candidates) if candidates else " by its name"
     hint = f"name it: --{option} NAME, or its number"
-    raise _unclear(table, f"{len(candidates) or 'no'} column{'s' * bool(candidates)} of {words}{several}", hint)
+    raise table.fault(f"{len(candidates) or 'no'} column{'s' * bool(candidates)} of {words}{several}", hint)
 
 
 def _in_unit(
@@ -361,18 +359,10 @@ def _in_unit(
     name, named = table.name(index), unit_in(table.name(index), (*ANGLES, COUNTS))
     column = TraceColumn(index, shaft, plain_unit(asked) if asked is not None else named or default)
     if asked is None and column.in_counts:
-        raise _unclear(table, f'"{name}": counts of how many in a turn?', f"like {option} 16384,4194304")
+        raise table.fault(f'"{name}": counts of how many in a turn?', f"like {option} 16384,4194304")
     if asked is not None and named in ANGLES and named != column.unit:
         table.notes.append(f'"{name}": {asked} as asked for, though the name says {named}')
     elif asked is None and not named:
         table.notes.append(f'"{name}": no unit given, {default} assumed ({option})')
     table.notes.append(f'"{name}": {words}, {column.unit}{" a turn" * column.in_counts}')
     return column
-
-
-def _listed(table: NumberTable) -> str:
-    return shown(", ".join(table.name(i) for i in range(table.values.shape[1])))
-
-
-def _unclear(table: NumberTable, message: str, hint: str) -> PresetError:
-    return PresetError([Finding(table.file, table.names_line, 1, "", message, _listed(table), hint)])

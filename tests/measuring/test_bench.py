@@ -10,8 +10,15 @@ import pytest
 
 from hdassist.acceptance.checks import CHECKS
 from hdassist.errors import DataError
-from hdassist.measuring.bench import PlaceLoop, StatedQuantity, place_loops, position_quantities
-from hdassist.readers.bench import LoopRecord, PositionRecord, bench_record
+from hdassist.measuring.bench import (
+    LoopRecord,
+    PlaceLoop,
+    PositionRecord,
+    StatedQuantity,
+    bench_record,
+    place_loops,
+    position_quantities,
+)
 from hdassist.readers.trace import TraceForm, read_record
 from tests.process import SMALL, run
 from tests.rigs import text
