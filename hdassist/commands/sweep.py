@@ -17,7 +17,7 @@ JSON_ROWS = 100_000  # that --json holds in memory, at most
 
 
 @dataclass(frozen=True, kw_only=True)
-class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
+class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
     """F'_ior over a grid of values of any numeric fields of a preset, row by row.
 
     \b
@@ -36,8 +36,6 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
 
     preset: str
     vary: list[str]
-    plot: bool = True
-    details: bool = False
     output: str = "-"
     jobs: int = 0
 

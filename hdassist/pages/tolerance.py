@@ -97,6 +97,8 @@ def tolerance_report(
         words=(1,),
     )
     plots = [_share_below(drives[k : k + len(ways)]) for k in range(0, len(drives), len(ways))]
+    laws = sorted({f.law for f in law.own if isinstance(f, TolerancedSize)})
+    drawn = [f"given sizes {', '.join(laws)}"] * bool(laws) + ["others even"] * bool(law.not_given) + [f"seed {seed}"]
     return Report(
         command="tolerance",
         drive=drive,
@@ -108,7 +110,7 @@ def tolerance_report(
             Facts.of([("measure", measure or ""), ("next", again("sensitivity", drive))]),
             plots.pop(worst),
         ),
-        details=(Facts((("drawn", _law_words(law, seed)),)), *plots),
+        details=(Facts((("drawn", ", ".join(drawn)),)), *plots),
         certificate=summary,
         values=_values(law, seed, summary, gains),
         csv=csv_table(drive.name, (*MOUNTING_COLUMNS, *F_IOR_COLUMNS, YIELD_SHARE), drives),
@@ -144,12 +146,6 @@ def _reasons(summary: Summary) -> Iterator[str]:
             low, median, high = 100 * np.quantile(point.gains(), GAIN_SHARES)
             off.append(f"{median:.0f} % ({low:.0f} to {high:.0f}) at {point.M_g:g} N·m")
         yield f"turning the wheel takes off F'_ior {', '.join(off)}"
-
-
-def _law_words(law: ProductionLaw, seed: int) -> str:
-    laws = sorted({f.law for f in law.own if isinstance(f, TolerancedSize)})
-    words = [f"given sizes {', '.join(laws)}"] if laws else []
-    return ", ".join([*words, *["others even"] * bool(law.not_given), f"seed {seed}"])
 
 
 def _share_below(drives: Sequence[MountedDrives]) -> Curve:

@@ -1,7 +1,8 @@
 """Groups of options that commands are made of.
 
 A command is a frozen dataclass: it inherits the groups that it takes, has its own options as fields, its docstring is
-its help, and `run` carries it out. A field has type and default; options.toml has its words, by class and field.
+its help. `report` gives the report on a preset, for `run` to write; a command of another kind has a `run` of its own.
+A field has type and default; options.toml has its words, by class and field.
 """
 
 from __future__ import annotations
@@ -139,6 +140,14 @@ class FigureOptions(AnswerOptions):
     """How an answer with a table of figures is given."""
 
     csv: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlotOptions(FigureOptions):
+    """How an answer with figures, plots and details is given."""
+
+    plot: bool = True
+    details: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
