@@ -71,7 +71,6 @@ YIELD_COLUMNS: Quantities[MountedDrives] = (
     Quantity("limit", "limit", "", "g", "point.limit"),
     Quantity("yield", "yield", "", yield_words, "yield_belief"),
 )
-YIELD_SHARE: Quantity[MountedDrives] = Quantity("yield", "yield", "", ".3f", "yield_belief.share")
 
 
 def tolerance_report(
@@ -113,7 +112,9 @@ def tolerance_report(
         details=(Facts((("drawn", ", ".join(drawn)),)), *plots),
         certificate=summary,
         values=_values(law, seed, summary, gains),
-        csv=csv_table(drive.name, (*MOUNTING_COLUMNS, *F_IOR_COLUMNS, YIELD_SHARE), drives),
+        csv=csv_table(
+            drive.name, (*MOUNTING_COLUMNS, *F_IOR_COLUMNS, Quantity("yield", value="yield_belief.share")), drives
+        ),
         line=_yields(summary) + f": {summary.verdict}" * (summary.wanted is not None)
         if summary.has_limit
         else "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]}″" for row in F_ior_table.rows),

@@ -206,11 +206,6 @@ class LimitedDriveOptions(LoadedDriveOptions):
         """Limits of F'_ior, those of all torques first. Raises UsageError for any other limit."""
         return limits_of_options(self.limit, only="F_ior")
 
-    @property
-    def changes(self) -> list[str]:
-        """All that the options change of a preset, its limits too."""
-        return [*super().changes, *(limit.override for limit in self.limits)]
-
     def load(self, preset: str) -> Drive:
         """The drive of a preset with the changes.
 
@@ -218,7 +213,7 @@ class LimitedDriveOptions(LoadedDriveOptions):
         """
         from hdassist.acceptance.limits import load_limited
 
-        drive = load_limited(preset, super().changes, self.limits, self.taken_over())
+        drive = load_limited(preset, self.changes, self.limits, self.taken_over())
         torques = drive.operation.M_g
         for limit in self.limits:
             if limit.torque is not None and limit.torque not in torques:
