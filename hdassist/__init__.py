@@ -4,8 +4,6 @@ The names below load their parts when first used, so that importing hdassist cos
 __init__.pyi.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import Any
 

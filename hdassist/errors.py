@@ -1,7 +1,5 @@
 """Errors that a user can act on; each class knows the exit code it ends a command with."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 

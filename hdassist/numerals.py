@@ -1,7 +1,5 @@
 """Numbers as files, options and trials write them: ASCII digits with a decimal point, unseparated."""
 
-from __future__ import annotations
-
 import re
 from math import nan
 

@@ -3,8 +3,6 @@
 Files are compared by device and inode, not by name: links and other cases of a name are the same file.
 """
 
-from __future__ import annotations
-
 import os
 import stat
 import sys

@@ -1,7 +1,5 @@
 """Files that instruments write: their bytes, and their text part after part, from a path, a stream or bytes."""
 
-from __future__ import annotations
-
 import codecs
 import difflib
 import gzip

@@ -1,7 +1,5 @@
 """Verdicts and the exit codes that they end a command with."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from enum import StrEnum
 from math import ceil, floor

@@ -1,7 +1,5 @@
 """Text of unknown origin with control and hidden characters escaped as in Python."""
 
-from __future__ import annotations
-
 import re
 
 # Controls but for newline and tab, marks that turn the writing's direction or have no width, line and paragraph

@@ -17,6 +17,7 @@ from hdassist.mounting.positions import MountingCurve
 from hdassist.mounting.trial import Trial, Tried
 from hdassist.pages.card import Card, card_of
 from hdassist.pages.mount import mount_card_facts
+from hdassist.readers.pitch import ASSUMED
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.texts import texts
 from tests.process import SMALL
@@ -25,7 +26,8 @@ MADE = date(2026, 3, 9)
 LIGHT = [28.09, 29.5, 30.8, 31.44, 30.0, 27.0, 24.0, 17.0, 14.94, 18.16, 21.0, 25.0]
 QUARTERS = [k / 4 for k in range(1, 15)]
 HEAVY = [8.09, 9.0, 11.0, 12.62, 11.0, 9.0, 7.0, 5.0, 4.52, 2.9, 4.0, 6.0]
-TEETH = MeasuredTeeth(b=MeasuredWheel(PitchFile(np.zeros(62), 17, None, "wheel.csv", "0123456789abcdef", ()), 33.0))
+PITCH = PitchFile(np.zeros(62), 17, None, "wheel.csv", "0123456789abcdef", (ASSUMED["sense"][1],))
+TEETH = MeasuredTeeth(b=MeasuredWheel(PITCH, 33.0))
 
 
 def advice_of(*values: list[float], rotations: list[float] | None = None, overrides: tuple[str, ...] = (), **options):

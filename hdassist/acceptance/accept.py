@@ -1,7 +1,5 @@
 """Acceptance of a drive: each limit compared with the measured value, or else with the predicted one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 from hdassist.acceptance.answer import AcceptAnswer, Note, PresetRecord, now, of_predictions

@@ -1,7 +1,5 @@
 """Answers of `hdassist accept`: the records that it works with, writes and reads back."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -133,7 +133,8 @@ def _verdict(found: AcceptedValue, room: float | None, guard: float, rule: Rule,
     if found.extent == "part":
         return Verdict.INCONCLUSIVE, "of a part of the cycle only"
     if room < -guard:
-        return Verdict.FAIL, ""
+        within = found.extent == "at least" and room + (found.expanded_uncertainty or 0.0) > 0
+        return Verdict.FAIL, f"the estimate {found.value:.4g} is beyond the limit by its rule" * within
     if found.extent == "at least":
         return Verdict.INCONCLUSIVE, "a lower bound: part of the cycle only"
     strict = rule == "guard" and found.basis != "predicted"

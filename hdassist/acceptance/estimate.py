@@ -1,7 +1,5 @@
 """The error of a drawn drive over its full cycle, read off waves over both wheels' angles, and its worst cam turn."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

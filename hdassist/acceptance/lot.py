@@ -6,8 +6,6 @@ NAME[@TORQUE], section.key (an override of the preset). Names that begin with # 
 field of the request, its cells add to that as the option would, and their faults are reported with their places.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace

@@ -3,8 +3,6 @@
 The samples are those of `hdassist check`: F'_ior has the same probability of keeping a limit on both pages.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial

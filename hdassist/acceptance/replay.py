@@ -1,7 +1,5 @@
 """Answers of `hdassist accept` done again: whether their files are the same, and the differences of the results."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass

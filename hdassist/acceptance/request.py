@@ -1,7 +1,5 @@
 """The request of an acceptance as plain data: kept beside the answer, it can be carried out again."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import isnan

@@ -1,7 +1,5 @@
 """The rows of a lot as work for `run/stream`: each row's answer is that of its drive alone."""
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Sequence
 from dataclasses import replace

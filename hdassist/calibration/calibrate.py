@@ -4,8 +4,6 @@ Targets are few and unknowns many, so there is seldom one answer: every set that
 from the others is kept, and each value has an interval that says whether the targets have determined it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

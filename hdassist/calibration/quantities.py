@@ -1,7 +1,5 @@
 """Quantities of a drive that a calibration can be asked to meet."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial

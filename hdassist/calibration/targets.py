@@ -11,8 +11,6 @@ targets:
   - {quantity: self_error, M_g: 80, low: 0.25, high: 2.0}
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +23,7 @@ from hdassist.preset import yamltext
 from hdassist.preset.fields import Drive, measures
 from hdassist.preset.kinds import plain, range_of, unit_of
 from hdassist.preset.units import read_number
-from hdassist.preset.yamltext import Document, InvalidValue, Path, near_miss, ordered_findings
+from hdassist.preset.yamltext import Document, InvalidValueError, Path, near_miss, ordered_findings
 
 TARGETS_SCHEMA = "hdassist.targets/1"
 RANGE_TOLERANCE = "10 %"  # of its greater end: how far outside a range counts as much as a tolerance does
@@ -146,13 +144,14 @@ def _numbers(
     values: dict[str, Any] = {}
     for key, value in table.items():
         at, unit = (*path, key), units.get(key)
-        values[key] = value if unit in (TEXT, None) else read_number(value, unit)
+        if unit in (TEXT, None):
+            values[key] = value
+        elif (number := document.read(at, read_number, value, unit)) is not None:
+            values[key] = number
         if key not in units:
             document.add(at, "unknown key", near_miss(key, units) or f"known: {', '.join(units)}", "", key=True)
         elif unit == TEXT and not isinstance(value, str):
             document.add(at, "must be text")
-        elif isinstance(values[key], InvalidValue):
-            document.refuse(at, values.pop(key))
     return values
 
 
@@ -199,8 +198,10 @@ def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationT
     whole = max(abs(end) for end in ends if isfinite(end))  # the base of a share
     stated = given.get("tolerance", RANGE_TOLERANCE if value is None else None)
     is_share = isinstance(stated, str) and stated.strip().endswith("%")
-    read = read_number(stated, "%" if is_share else unit)
-    tolerance = 0.0 if isinstance(read, InvalidValue) else read * whole / 100 if is_share else read
+    try:
+        tolerance = read_number(stated, "%" if is_share else unit) * (whole / 100 if is_share else 1)
+    except InvalidValueError:
+        tolerance = 0.0
     if not 0 < tolerance < inf:
         document.add((*path, "tolerance"), "must be above 0: a number, or a share like 5 %")
         return

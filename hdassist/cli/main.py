@@ -19,6 +19,7 @@ ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
 # faults of the system: of a device that takes no more, or none; of resources that it has no more of
 DEVICE_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)
+# each 1: small matrices gain nothing by more, and a process with several cannot be forked
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
@@ -58,7 +59,7 @@ def _global(
 def run_command_line() -> None:
     """Run the command line and leave with its exit code."""
     for name in THREADS:
-        os.environ.setdefault(name, "1")  # read when numpy loads; the matrices are too small to share
+        os.environ.setdefault(name, "1")  # read when numpy loads
     _open_streams()
     begin_run()
     try:

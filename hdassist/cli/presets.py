@@ -190,10 +190,11 @@ class PresetsNewCommand(WishOptions):
 
     \b
     Examples:
-      hdassist presets new own --coupling oldham --ratio 100 --torque 67 -o own.yaml
-      hdassist presets new own --coupling overhung --shaft 14x30 --ratio 100 --torque 67
+      hdassist presets new own --coupling oldham --ratio 100 --torque 67
+      hdassist presets new own --coupling overhung --shaft 14x30 --ratio 100
       hdassist presets new own --like vzp160 --pitch-diameter 63 --teeth 160/162
-      hdassist presets new own --ratio 100 --stiffness 3.1e4,5e4,5.7e4 --lost-motion '1 arcmin'
+      hdassist presets new own --ratio 100 --stiffness 3.1e4,5e4,5.7e4
+      hdassist presets new own --ratio 100 --torque 67 --lost-motion '1 arcmin'
       hdassist presets new my-drive -o my-drive.yaml
 
     --coupling first: it says how far offsets of the cam are felt, and so how much turning the wheel can bring. oldham:

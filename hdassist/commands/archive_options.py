@@ -35,11 +35,8 @@ class ArchiveOptions(o.OptionGroup):
         def take(found: "Measurement") -> None:
             if self.archive:
                 is_new = add_to_archive(self.archive, conditions, found)
-                words = (
-                    f"added as {self.serial} of {conditions['date']}"
-                    if is_new
-                    else f"known of {self.serial}, not added again"
-                )
+                day = f" of {conditions['date']}" if "date" in conditions else ""
+                words = f"added as {self.serial}{day}" if is_new else f"known of {self.serial}, not added again"
                 note(f"{self.archive}: {found.trace.file} {words}")
 
         return take

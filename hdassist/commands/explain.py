@@ -9,14 +9,14 @@ from hdassist.terminal import options as o
 
 @dataclass(frozen=True, kw_only=True)
 class ExplainCommand(o.PageOptions):
-    """Meaning of a check, an error, a field, a symbol, a quantity or a word of the trade, and the remedy.
+    """Meaning of a check, an error, a field, a symbol, a word of the trade or an option, and the remedy.
 
     \b
     Examples:
       hdassist explain
       hdassist explain F_IOR COVERAGE
       hdassist explain cam.W_0 phi_g "one-wave share"
-      hdassist explain "гибкое колесо" --json
+      hdassist explain "гибкое колесо" robust --json
 
     Without a name: all that there is.
     """
@@ -28,5 +28,6 @@ class ExplainCommand(o.PageOptions):
         from hdassist.explaining.lookup import explained
         from hdassist.pages.explain import explain_report
 
-        found = list(dict.fromkeys(entry for name in self.names for entry in explained(name)))
+        options = {field: words["help"] for table in o.DECLARED.values() for field, words in table.items()}
+        found = list(dict.fromkeys(entry for name in self.names for entry in explained(name, options)))
         return explain_report(found)

@@ -1,7 +1,7 @@
 """`hdassist trials`: the position of the fixed wheel from measurements in a few positions."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hdassist.commands.card import CardFile, give_with_card
 from hdassist.terminal import options as o
@@ -60,11 +60,16 @@ class TrialsCommand(o.PlotOptions, o.CardOptions, o.TraceOptions, o.LoadedDriveO
         from hdassist.trials.advice import advise_from_trials
         from hdassist.trials.prior import Rig, TrialEffort, trial_states
 
-        torques, begun = drive.operation.M_g, time.monotonic()
+        torques = others = drive.operation.M_g
+        begun = time.monotonic()
+        if self.torque and self.preset != "-":
+            others = replace(self, torque=[]).load(self.preset).operation.M_g
         rig, effort = Rig(self.torque_of(torques), self.noise), TrialEffort.of(self.draws)
         states = trial_states(drive, len({*torques, rig.M_g}), effort)
         with out.run(drive.name, states, self) as run:
-            advice = advise_from_trials(drive, trials, rig, outcome=outcome, needed=self.sure, effort=effort, run=run)
+            advice = advise_from_trials(
+                drive, trials, rig, outcome=outcome, needed=self.sure, effort=effort, other_torques=others, run=run
+            )
         facts = (lambda say: trials_card_facts(advice, say)) if advice.settled else None
         report = trials_report(advice, carded=card is not None)
         if self.verbose:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import partial, reduce
 from operator import add
 
 import numpy as np
 
-from hdassist.belief.samples import EFFECTIVE_SAMPLES
+from hdassist.belief.evidence import evidence_of
+from hdassist.belief.prior import prior_of
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, SAMPLE_STATES
+from hdassist.belief.statistics import RESOLVED_ERROR, weighted_quantile
 from hdassist.belief.tabled import COARSE_POINTS
+from hdassist.comparing.pairs import DRAWN_PAIRS, differently_open, drawn_pairs
 from hdassist.comparing.sheet import DriveSheet, sheet_of, sheet_states
-from hdassist.error.error_map import GRID, SEARCHED, Batch, error_maps, every_state, searchable
+from hdassist.design.check import DesignCheck
+from hdassist.error.error_map import GRID, Batch, error_maps, every_state, searchable
 from hdassist.errors import HdassistError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
@@ -23,16 +28,14 @@ from hdassist.preset.schema import ResolvedField, resolved_fields
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-DRAWN_PAIRS = 16  # pairs of drives drawn from the unknown fields
+SINGLE_PAIRS = 16  # in which single fields are changed: the first, as Sobol points lie evenly from the start
 SCREENED_PAIRS = 2  # of them on which every field is tried, before the largest are searched on all
 REPORTED_FIELDS = 3
-SAME_ERROR = 0.005  # arcsec: a change that is less counts as none
-SURE_SHARE = 0.95  # of the pairs that agree: the least for a verdict
 # have no bearing on F'_ior at a torque: loads, evidence, limits, the seat's holes, resolution of other answers,
 # uncertainties
 UNRELATED = (
-    "operation.", "catalogue.", "measured.", "acceptance.", "mounting.holes", "mounting.first_hole", "mounting.allowed",
-    "numerics.n_phase", "uncertainty.",
+    "operation.M_g", "operation.rated", "catalogue.", "measured.", "acceptance.", "mounting.holes",
+    "mounting.first_hole", "mounting.allowed", "numerics.n_phase", "uncertainty.",
 )  # fmt: skip
 
 FieldRow = tuple[ResolvedField, ...]  # a field of each drive
@@ -42,31 +45,36 @@ FieldRow = tuple[ResolvedField, ...]  # a field of each drive
 class ErrorChange:
     """Change of F'_ior of a drive [arcsec] where one field is changed, by path, or all together (no path), by torque.
 
-    change_arcsec: median over the drawn pairs, with the least and the greatest; share: of the median of F'_ior before.
+    change_arcsec: median over the drawn pairs, with its 5th and 95th percentile; share: of the median of F'_ior before.
     """
 
     field: str
     change_arcsec: tuple[float, ...]
-    least_arcsec: tuple[float, ...]
-    greatest_arcsec: tuple[float, ...]
+    p5_arcsec: tuple[float, ...]
+    p95_arcsec: tuple[float, ...]
     share: tuple[float, ...]
 
     @classmethod
-    def of(cls, field: str, before: Array, after: Array) -> ErrorChange:
-        """The change from F'_ior before to F'_ior after [arcsec], shape (pairs, torques) each."""
-        change = after - before
-        median = np.median(change, axis=0)
-        columns = median, change.min(axis=0), change.max(axis=0), np.abs(median) / np.median(before, axis=0)
-        return cls(field, *(tuple(column.tolist()) for column in columns))
+    def of(cls, field: str, before: Array, after: Array, weights: Array) -> ErrorChange:
+        """The change from F'_ior before to F'_ior after [arcsec], shape (pairs, torques); weights, shape (pairs,)."""
+
+        def percentile(values: Array, share: float) -> tuple[float, ...]:
+            return tuple(weighted_quantile(column, weights, share) for column in values.T)
+
+        low, median, high = (percentile(after - before, share) for share in (0.05, 0.5, 0.95))
+        shares = (
+            abs(change) / max(of, RESOLVED_ERROR) for change, of in zip(median, percentile(before, 0.5), strict=True)
+        )
+        return cls(field, median, low, high, tuple(shares))
 
 
 @dataclass(frozen=True)
 class DriveChanges:
     """Changes of F'_ior from a first drive to a second one.
 
-    pairs: that were drawn; F_ior_is: less, more or the same at each torque, unknown where unknown inputs could
-    reverse it; single: fields changed alone, the greatest first; not_alone: paths of those that, alone, make no drive
-    that can be computed, or leave more unknown.
+    pairs: that were drawn, alike in what both leave open in the same way; F_ior_is: less, more or the same at each
+    torque, unknown where unknown inputs could reverse it; single: fields changed alone, the greatest first; not_alone:
+    paths of those that, alone, make no drive that can be computed, or leave more unknown.
     """
 
     pairs: int
@@ -116,7 +124,8 @@ def differing_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
         kinds = ((value, "default" if value is None else "given") for value in values)
         name, words = f"uncertainty.{path}", "expanded uncertainty (k = 2)"
         rows.append(tuple(ResolvedField(name, value, units[path], kind, "", words, None) for value, kind in kinds))
-    return tuple(row for row in rows if any(cell.value != row[0].value for cell in row))
+    open_ = {path for drive in drives[1:] for path in differently_open(drives[0], drive)}
+    return tuple(row for row in rows if row[0].path in open_ or any(cell.value != row[0].value for cell in row))
 
 
 def differing_fields(drives: Sequence[Drive]) -> list[str]:
@@ -126,137 +135,92 @@ def differing_fields(drives: Sequence[Drive]) -> list[str]:
 
 def estimate_comparison(drives: Sequence[Drive], draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a comparison solves, about, for a progress bar."""
-    searches = sum(2 + len(differing_fields((drives[0], each))) for each in drives[1:])
-    return sum(sheet_states(drive, draws) for drive in drives) + SEARCHED * len(drives[0].operation.M_g) * searches
+    searches = sum(DRAWN_PAIRS + SCREENED_PAIRS * len(differing_fields((drives[0], each))) for each in drives[1:])
+    return sum(sheet_states(drive, draws) for drive in drives) + SAMPLE_STATES * len(drives[0].operation.M_g) * searches
 
 
 def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()) -> DrivesComparison:
     """Compare two drives or more with the first of them, all at the same torques.
 
-    Argument: draws, of each from its unknown fields. Raises UntrustedError where an answer cannot be trusted,
+    Argument: draws, of each from what is not known of it. Raises UntrustedError where an answer cannot be trusted,
     KeyboardInterrupt.
     """
     sheets = tuple(sheet_of(drive, draws=draws, run=run) for drive in drives)
-    pairs = min(draws, DRAWN_PAIRS)
-    compared = [drive_changes(drives[0], other, pairs=pairs, run=run) for other in drives[1:]]
+    compared = [
+        drive_changes(sheets[0].check, other.check, pairs=min(draws, DRAWN_PAIRS), run=run) for other in sheets[1:]
+    ]
     proofs = [sheet.certificate for sheet in sheets] + [proof for _, proof in compared]
-    changes = tuple(
-        _as_believed(change, sheets[0], sheet) for (change, _), sheet in zip(compared, sheets[1:], strict=True)
+    return DrivesComparison(
+        sheets, differing_rows(drives), tuple(change for change, _ in compared), reduce(add, proofs)
     )
-    return DrivesComparison(sheets, differing_rows(drives), changes, reduce(add, proofs))
 
 
 def drive_changes(
-    first: Drive, second: Drive, *, pairs: int = DRAWN_PAIRS, run: Run = Run()
+    first: DesignCheck, second: DesignCheck, *, pairs: int = DRAWN_PAIRS, run: Run = Run()
 ) -> tuple[DriveChanges, Certificate]:
     """Changes of F'_ior from a first drive to a second one at their torques, of all fields and of single ones alone.
 
-    With rolling balls there are no draws: unknown fields are 0. Argument: pairs that are drawn. Raises UntrustedError
-    where one of both drives has no answer that can be trusted.
+    Argument: pairs of their samples that are drawn. Raises UntrustedError where one of both drives has no answer that
+    can be trusted.
     """
-    drawn = searchable(first) and searchable(second)
-    before, after = paired_draws((first, second), pairs if drawn else 0, run.seed)
-    grid = COARSE_POINTS if len(before) > 1 else GRID
-    proof = EMPTY
+    differing = differing_fields((first.drive, second.drive))
+    same = not differing and evidence_of(first.drive) == evidence_of(second.drive)
+    found = drawn_pairs(first, second, same=same, count=pairs, run=run)
+    proof, drives = found.certificate, found.drives[:SINGLE_PAIRS]
+    # bounds of what is unknown hang on other fields
+    open_ = [each.path for each in prior_of(second.drive).fields]
+    moved = [path for path in open_ if any(one.value(path) != other.value(path) for one, other in drives)]
+    paths = list(dict.fromkeys((*differing, *moved)))
+    grid = COARSE_POINTS if first.samples or second.samples else GRID
 
-    def F_ior(batches: Iterable[Batch], *, required: bool = False) -> Iterator[Array]:
-        """F'_ior [arcsec] of drives, shape (drives, torques), batch by batch."""
+    def F_ior(drives: Sequence[Drive]) -> Array:
+        """F'_ior [arcsec] of drives, shape (drives, torques); NaN where there is none."""
         nonlocal proof
-        errors_of = partial(_errors, torques=first.operation.M_g, grid=grid, required=required)
-        for values, certificate in run.map(errors_of, batches):
+        values = []
+        for errors, certificate in run.map(partial(_errors, torques=first.drive.operation.M_g, grid=grid), drives):
             proof += certificate
             run.solved(certificate.states)
-            yield values
+            values.append(errors)
+        return np.reshape(values, (len(drives), len(first.points)))
 
-    def alone(paths: Iterable[str], count: int) -> dict[str, ErrorChange]:
-        """Changes by each of some fields alone over the first pairs, without those that make no drive."""
-        moved = {path: _moved(before, after, path).take(np.arange(count)) for path in paths}
-        sound = {path: batch for path, batch in moved.items() if _is_sound(batch, before)}
-        changed = zip(sound, F_ior(sound.values()), strict=True)
-        return {path: ErrorChange.of(path, errors[:count], now) for path, now in changed if not np.isnan(now).any()}
+    def alone(path: str, count: int) -> ErrorChange | None:
+        """The change by a field alone over the first pairs; None where most of them make no drive."""
+        changed = [one.with_values({path: other.value(path)}) for one, other in drives[:count]]
+        # sound: without a conflict, nor more unknown fields than before (a direction, for example)
+        more = [len(unknowns(now)) > len(unknowns(one)) for now, (one, _) in zip(changed, drives, strict=False)]
+        sound = [k for k, drive in enumerate(changed) if not more[k] and first_conflict(drive) is None]
+        after = F_ior([changed[k] for k in sound])
+        solved = ~np.isnan(after).any(axis=1)
+        if 2 * solved.sum() < len(changed):
+            return None
+        return ErrorChange.of(path, before[sound][solved], after[solved], np.ones(solved.sum()))
 
-    errors, others = F_ior((before, after), required=True)
-
-    paths = differing_fields((first, second))
-    screened = alone(paths, min(len(before), SCREENED_PAIRS))
-    chosen = _largest_first(screened.values())[:REPORTED_FIELDS]
-    single = alone([change.field for change in chosen], len(before)).values()
-    ranged = drawn or not (unknowns(first) or unknowns(second))
+    before = F_ior([one for one, _ in drives]) if paths else np.zeros((0, 0))
+    screened = [change for path in paths if (change := alone(path, SCREENED_PAIRS))]
+    single = [alone(change.field, len(drives)) for change in _largest_first(screened)[:REPORTED_FIELDS]]
+    undrawn = [found.F_ior_arcsec is None for pair in zip(first.points, second.points, strict=True) for found in pair]
+    rows, columns = np.nonzero(found.weights)
     changes = DriveChanges(
-        len(before),
-        tuple(sense_of_change(change) if ranged else UNKNOWN for change in (others - errors).T),
-        ErrorChange.of("", errors, others),
-        tuple(_largest_first(single)),
-        tuple(path for path in paths if path not in screened),
+        len(found.drives),
+        tuple(UNKNOWN for _ in first.points) if any(undrawn) and not same else found.senses(),
+        ErrorChange.of("", found.before_arcsec[rows], found.after_arcsec[columns], found.weights[rows, columns]),
+        tuple(_largest_first(change for change in single if change)),
+        tuple(path for path in paths if path not in [change.field for change in screened]),
     )
     return changes, proof
-
-
-def _as_believed(changes: DriveChanges, first: DriveSheet, other: DriveSheet) -> DriveChanges:
-    """Changes, unknown where the medians over all uncertain inputs of both drives move the other way."""
-    medians = [[point.F_ior_arcsec for point in sheet.check.points] for sheet in (first, other)]
-    signs = {"less": -1, "more": 1}
-    senses = (
-        UNKNOWN if before and after and (after - before) * signs.get(sense, 0) < 0 else sense
-        for sense, before, after in zip(changes.F_ior_is, *medians, strict=True)
-    )
-    return replace(changes, F_ior_is=tuple(senses))
-
-
-def sense_of_change(change: Array) -> str:
-    """Whether F'_ior gets less, more or stays the same, by changes [arcsec], shape (pairs,); unknown if they differ."""
-    if np.all(np.abs(change) < SAME_ERROR):
-        return "the same"
-    less, more = np.mean(change < 0), np.mean(change > 0)
-    return "less" if less >= SURE_SHARE else "more" if more >= SURE_SHARE else UNKNOWN
 
 
 def _largest_first(changes: Iterable[ErrorChange]) -> list[ErrorChange]:
     return sorted(changes, key=lambda change: -max(change.share))
 
 
-def paired_draws(drives: Sequence[Drive], count: int, seed: int = 0) -> list[Batch]:
-    """Draws from the unknown fields of each of some drives, a field at the same share of its range in all.
-
-    Where all is known, or for a count of 0, each drive as it is.
-    """
-    open_ = [unknowns(drive) for drive in drives]
-    paths = list(dict.fromkeys(unknown.path for own in open_ for unknown in own))
-    if not paths or not count:
-        return [Batch.of(drive) for drive in drives]
-    shares = dict(zip(paths, np.random.default_rng(seed).random((count, len(paths))).T, strict=True))
-    drawn = [{u.path: u.low + (u.high - u.low) * shares[u.path] for u in own} for own in open_]
-    return [Batch(drive, {**Batch.of(drive, count).columns, **own}) for drive, own in zip(drives, drawn, strict=True)]
-
-
-def _moved(before: Batch, after: Batch, path: str) -> Batch:
-    """Drives of a first batch, each with one field of its drive in a second one."""
-    kept = {each: column for each, column in before.columns.items() if each != path}
-    drawn = {path: after.columns[path]} if path in after.columns else {}
-    return Batch(before.drive.with_values({path: after.drive.value(path)}), kept | drawn)
-
-
-def drives_of(batch: Batch) -> list[Drive]:
-    """Drives of a batch one by one."""
-    rows = zip(*(column.tolist() for column in batch.columns.values()), strict=True)
-    return [batch.drive.with_values(dict(zip(batch.columns, row, strict=True))) for row in rows]
-
-
-def _is_sound(moved: Batch, before: Batch) -> bool:
-    """Whether no drive has a conflict, or more unknown fields than before (a direction, for example)."""
-    drives = zip(drives_of(moved), drives_of(before), strict=False)
-    return all(first_conflict(now) is None and len(unknowns(now)) <= len(unknowns(then)) for now, then in drives)
-
-
-def _errors(batch: Batch, torques: Sequence[float], grid: int, *, required: bool = True) -> tuple[Array, Certificate]:
-    """F'_ior of drives [arcsec], shape (drives, torques), with its proof; NaN without an answer, unless required."""
+def _errors(drive: Drive, torques: Sequence[float], grid: int) -> tuple[Array, Certificate]:
+    """F'_ior of a drive [arcsec], shape (torques,), with its proof; NaN where there is no answer."""
     try:
-        if searchable(batch.drive):
-            found = [each.many_extremes(batch, grid=grid) for each in error_maps(batch.drive, torques)]
+        if searchable(drive):
+            found = [each.many_extremes(Batch.of(drive), grid=grid) for each in error_maps(drive, torques)]
         else:
-            found = [every_state(batch.drive, M_g) for M_g in torques]
+            found = [every_state(drive, M_g) for M_g in torques]
     except HdassistError:
-        if required:
-            raise
-        return np.full((len(batch), len(torques)), np.nan), EMPTY
-    return np.stack([each.F_ior_arcsec for each in found], axis=1), sum((each.certificate for each in found), EMPTY)
+        return np.full(len(torques), np.nan), EMPTY
+    return np.array([each.first for each in found]), sum((each.certificate for each in found), EMPTY)

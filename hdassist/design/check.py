@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, partial, reduce
-from operator import add
+from functools import cached_property, partial
+from operator import call
 from typing import Any
 
 from hdassist.belief.evidence import evidence_of
@@ -35,7 +35,7 @@ from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.run.processes import apart
 from hdassist.run.run import CROSS_SOLVER, Run
-from hdassist.solve.answers import Certificate
+from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck, require_solver
 from hdassist.verdict import SURE, Verdict, verdict_by_probability, worst
 
@@ -148,7 +148,7 @@ class DesignCheck:
     def certificate(self) -> Certificate:
         """Worst residuals over all states of all torques, those of self error and samples included."""
         parts = [part for point in self.points for part in (point.error, point.self_error, point.floating)]
-        return reduce(add, (part.certificate for part in (*parts, self.samples) if part is not None))
+        return sum((part.certificate for part in (*parts, self.samples) if part is not None), EMPTY)
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
@@ -232,7 +232,7 @@ def check(
     sampled = [error.sampled(seed=run.seed) for error in solved]
     again: Callable[[], Any] = partial(apart, _cross_checks, there, sampled, teeth, run.of_task)
     own_error: Callable[[], Any] = partial(self_error, drive, torques, run=run.of_task)
-    checks, own = run.map(_called, [again, own_error])
+    checks, own = run.map(call, [again, own_error])
     errors = [replace(error, cross_check=check) for error, check in zip(solved, checks, strict=True)]
     run.finished(sum(part.certificate.states for part in own))
     known, prior = beside_measured_teeth(drive, measured)
@@ -287,10 +287,6 @@ def _floating(drive: Drive) -> list[Extremes]:
         with suppress(HdassistError):
             return extremes_of(there, drive.operation.M_g)
     return []
-
-
-def _called(job: Callable[[], Any]) -> Any:
-    return job()
 
 
 def _cross_checks(

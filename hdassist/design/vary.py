@@ -1,7 +1,5 @@
 """Axes of a sweep: fields of a preset, each with its values."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +13,7 @@ from hdassist.preset.fields import field_table
 from hdassist.preset.kinds import kind_of, unit_of
 from hdassist.preset.overrides import is_overridden, path_of
 from hdassist.preset.units import read_count, read_number
-from hdassist.preset.yamltext import InvalidValue, near_miss, scalar_value, shown
+from hdassist.preset.yamltext import InvalidValueError, near_miss, scalar_value, shown
 
 VARY = "--vary"
 TORQUE = "operation.M_g"
@@ -66,15 +64,17 @@ def _axis(text: str) -> Axis:
     path = ".".join(map(str, path_of(key)))
     info = _fields().get(path)
     if info is None:
-        raise _invalid(text, "a field of a single number", _meant(path))
+        same = (each for each in _fields() if each.split(".")[1] == path.split(".")[-1])
+        close = f"did you mean {meant}?" if (meant := next(same, "")) else near_miss(path, _fields())
+        raise _invalid(text, "a field of a single number", close or "write section.key, like gears.j_n")
     unit, is_count = unit_of(info), kind_of(info) == "count"
 
     def number(part: str) -> float:
         value = scalar_value(part)
-        found = read_count(value) if is_count else read_number(value, unit)
-        if isinstance(found, InvalidValue):
-            raise _invalid(text, f"numbers ({shown(part) or 'nothing'} {found.message})", found.hint)
-        return found if is_count else float(found)
+        try:
+            return read_count(value) if is_count else float(read_number(value, unit))
+        except InvalidValueError as fault:
+            raise _invalid(text, f"numbers ({shown(part) or 'nothing'} {fault.message})", fault.hint) from None
 
     parts = [part.strip() for part in values.split(":" if ":" in values else ",")]
     if ":" in values and len(parts) != 3:
@@ -100,8 +100,3 @@ def _grid(text: str, start: Fraction, stop: Fraction, steps: str, is_count: bool
 
 def _invalid(text: str, expected: str, hint: str = "") -> UsageError:
     return UsageError(f"invalid {VARY} {shown(text) or 'nothing'}: expected {expected}", hint)
-
-
-def _meant(path: str) -> str:
-    same = [one for one in _fields() if one.split(".")[1] == path.split(".")[-1]]
-    return f"did you mean {same[0]}?" if same else near_miss(path, _fields()) or "write section.key, like gears.j_n"

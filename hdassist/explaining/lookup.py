@@ -1,7 +1,7 @@
 """Explanations of checks, remarks, fields, sections, symbols, words and errors, by any spelling of their names."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
@@ -15,7 +15,7 @@ from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS
 from hdassist.preset.fields import field_table, sections
 from hdassist.preset.kinds import choices_of, kind_of, may_be_unknown, plain, range_of, unit_of
 
-EntryKind = Literal["check", "remark", "quantity or word", "symbol", "field", "section", "error"]
+EntryKind = Literal["check", "remark", "quantity or word", "symbol", "field", "section", "error", "option"]
 GREEK = {"φ": "phi", "ξ": "xi", "δ": "delta", "β": "beta", "τ": "tau", "θ": "theta", "ё": "е"}
 LONGEST_NAME = 60  # characters of a name that are compared with others
 
@@ -94,20 +94,30 @@ def _by_spelling() -> dict[str, list[Entry]]:
     return by_spelling
 
 
-def explained(name: str) -> list[Entry]:
-    """Entries of a name; of a single letter those of its case.
+def _has_word(entry: Entry, stem: str) -> bool:
+    """Whether a word without its plural's s is in the names of an entry, or in the values of its field."""
+    words = re.split(r"[\s.,-]+", " ".join((*entry.names, dict(entry.facts).get("values", ""))))
+    return stem in (normal_spelling(word).removesuffix("s") for word in words)
 
-    Raises UsageError: an unknown name; its hint has the nearest names.
+
+def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry]:
+    """Entries of a name; of a single letter those of its case; else those with the word in their names or values.
+
+    Argument: help of the options of commands, by their fields. Raises UsageError: an unknown name; its hint has the
+    nearest names.
     """
-    spelling = normal_spelling(name)
-    alike = _by_spelling().get(spelling, []) if spelling else []
+    spelling, known = normal_spelling(name), _by_spelling()
+    stem = spelling.removesuffix("s")
+    alike = known.get(spelling) or known.get(stem, [])
     exact = [entry for entry in alike if name in entry.names]
     if len(spelling) == 1 and exact:  # m and M, N and n
         return exact
-    if alike:
-        return alike
-    near = get_close_matches(spelling[:LONGEST_NAME], _by_spelling(), 3, 0.6)
-    meant = " or ".join(dict.fromkeys(_by_spelling()[key][0].names[0] for key in near))
+    if stem and (found := alike or [entry for entry in entries() if _has_word(entry, stem)]):
+        return found
+    if words := (options or {}).get(re.sub(r"\W", "_", name)):
+        return [Entry("option", (name,), words.rstrip("."))]
+    near = get_close_matches(spelling[:LONGEST_NAME], known, 3, 0.6)
+    meant = " or ".join(dict.fromkeys(known[key][0].names[0] for key in near))
     raise UsageError(
         f"unknown name: {name[:LONGEST_NAME]}",
         f"did you mean {meant}?" if meant else "hdassist explain lists all names",

@@ -17,7 +17,6 @@ from hdassist.run.processes import begin_worker
 
 Question = Callable[[Callable[[str, object], None]], None]  # a function of explorer.compute with its arguments
 PRELOADED = ["__main__", "hdassist.cli.main", "hdassist.explorer.preloaded"]
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")  # a process with several cannot be forked
 
 
 class Service:
@@ -30,9 +29,8 @@ class Service:
     def __init__(self) -> None:
         self._context = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload(PRELOADED)
-        for name in ONE_THREAD:
-            os.environ.setdefault(name, "1")
-        forkserver.ensure_running()  # now: it inherits streams that the screen takes away
+        # now: it inherits streams that the screen takes away, and of cli.main the environment of one thread
+        forkserver.ensure_running()
         self._running: set[BaseProcess] = set()
         self._closed = False
 

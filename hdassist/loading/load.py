@@ -1,17 +1,18 @@
 """Preset text to a validated `Drive`, with all findings at once, each with line and column."""
 
-from __future__ import annotations
-
 import hashlib
+import re
 from collections.abc import Sequence
 from contextlib import suppress
+from math import isfinite
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic.fields import FieldInfo
 
 from hdassist.errors import PresetError, UsageError
 from hdassist.model.rules import conflicts
-from hdassist.preset import coupling, library, yamltext
+from hdassist.numerals import number_of
+from hdassist.preset import coupling, library
 from hdassist.preset import overrides as sets
 from hdassist.preset.fields import (
     BY_PATH,
@@ -20,15 +21,37 @@ from hdassist.preset.fields import (
     REMOVED,
     Drive,
     Origin,
+    deviation_sizes,
     field_table,
     measures,
-    read_range,
     sections,
 )
-from hdassist.preset.kinds import Section, choices_of, plain, read_value, unit_of
+from hdassist.preset.kinds import (
+    KEYED_TABLES,
+    Section,
+    UncertainReading,
+    in_range,
+    kind_of,
+    plain,
+    range_of,
+    read_measure,
+    read_reading,
+    read_value,
+    unit_of,
+)
 from hdassist.preset.knowledge import implausible
-from hdassist.preset.units import UnitError, is_spread, read_spread
-from hdassist.preset.yamltext import OVERRIDE, Document, InvalidValue, Path, near_miss, ordered_findings, shown
+from hdassist.preset.units import is_spread, read_number, read_spread
+from hdassist.preset.yamltext import (
+    MAX_FINDINGS,
+    OVERRIDE,
+    Document,
+    InvalidValueError,
+    Path,
+    near_miss,
+    ordered_findings,
+    read_yaml,
+    shown,
+)
 
 Asked = tuple[tuple[str, str], ...]  # options by name, which the next command on a drive is to have too
 
@@ -52,18 +75,21 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
     into its origin. Result: the drive; its origin carries the SHA-256 of the text, the overrides and the warnings.
     Raises PresetError with every finding; UsageError if the text is in order and only the overrides are not.
     """
-    parsed = [sets.parse(override, index) for index, override in enumerate(overrides, 1)]
-    document = yamltext.read_yaml(text, file)
-    sets.apply(document, parsed)
+    document = read_yaml(text, file)
+    for index, override in enumerate(overrides, 1):
+        sets.set_override(document, override, index)
     drive = _drive(document)
     if document.findings or drive is None:
         findings = ordered_findings(document.findings)
         if not all(finding.file == OVERRIDE for finding in findings):
-            own = yamltext.read_yaml(text, file)
+            own = read_yaml(text, file)
             if not overrides or not _drive(own) or own.findings:
                 raise PresetError(findings)
         raise UsageError("\n".join(map(str, findings)))
-    _warn(drive, document)
+    _warn_of_limits(drive, document)
+    _warn_of_model(drive, document)
+    for path, message, usual in implausible(drive):
+        document.warn(tuple(path.split(".")), message, usual)
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     drive._origin = Origin(
         file=file,
@@ -77,7 +103,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
 
 def _drive(document: Document) -> Drive | None:
     """The drive of a document, None where there is none; faults are added to its findings."""
-    if isinstance(document.data, InvalidValue):
+    if isinstance(document.data, InvalidValueError):
         return None
     if not isinstance(document.data, dict):
         message = "the preset is empty" if document.data is None else "a preset must be a table of keys"
@@ -85,34 +111,33 @@ def _drive(document: Document) -> Drive | None:
         document.add((), message, "hdassist presets new NAME prints one to start from", got)
         return None
     data = {key: value for key, value in document.data.items() if value is not None}
-    _check_schema(document, data)
-    _settle_spreads(document, data)
-    drive = None
-    try:
-        drive = Drive.model_validate(data)
-    except ValidationError as error:
-        problems = error.errors(include_url=False, include_context=False)
-        for problem in sorted(problems, key=lambda problem: problem["type"] != "extra_forbidden"):
-            _translate(problem["loc"], problem["type"], problem["input"], document)
-    if drive:  # the cam's support is that of its coupling: not given, or the coupling alone is on the command line
-        fields = [tuple(path.split(".")) for path in (coupling.SUPPORT_FIELD, *coupling.COUPLING_FIELDS)]
-        given, *tried = (path in document.places and document.is_override(path) for path in fields)
-        if drive.supports.C_3 is None or (any(tried) and not given):
-            drive = coupling.with_cam_support(drive)
-    valid = _valid(drive, data, document)
-    for conflict, involved in conflicts(valid):
-        paths = [tuple(path.split(".", 2)) for path in (conflict.path, *involved)]
-        path = next((p for p in paths if document.is_override(p)), paths[0])
-        document.add(path, conflict.message, conflict.hint, conflict.got)
-    _check_tables(drive.model_dump() if drive else data, valid, document)
-    return drive
-
-
-def _check_schema(document: Document, data: dict[str, Any]) -> None:
     if "schema" not in data:
         document.add(("schema",), "missing key", f"write schema: {PRESET_SCHEMA}")
-    elif not isinstance(given := data.pop("schema"), InvalidValue) and given != PRESET_SCHEMA:
+    elif not isinstance(given := data.pop("schema"), InvalidValueError) and given != PRESET_SCHEMA:
         document.add(("schema",), f"must be {PRESET_SCHEMA}")
+    _settle_spreads(document, data)
+    faults = len(document.bad)
+    tables = _read_table(document, (), data, Drive)
+    drive = Drive.model_validate(tables) if len(document.bad) == faults else None
+    if drive:  # the cam's support is that of its coupling: not given, or the coupling alone is on the command line
+        fields = [tuple(path.split(".")) for path in (coupling.SUPPORT_FIELD, *coupling.COUPLING_FIELDS)]
+        own, *tried = (path in document.places and document.is_override(path) for path in fields)
+        if drive.supports.C_3 is None or (any(tried) and not own):
+            drive = coupling.with_cam_support(drive)
+    bad, valid = {path[:2] for path in document.bad}, dict[str, Any]()  # fields without a finding, by path
+    for path, info in field_table().items():
+        section, name = path.split(".")
+        values = tables.get(section, {})
+        if drive:
+            valid[path] = drive.value(path)
+        elif bad.isdisjoint({(section,), (section, name)}) and (name in values or not info.is_required()):
+            valid[path] = values.get(name, info.default)
+    for conflict, involved in conflicts(valid):
+        paths = [tuple(path.split(".", 2)) for path in (conflict.path, *involved)]
+        place = next((p for p in paths if document.is_override(p)), paths[0])
+        document.add(place, conflict.message, conflict.hint, conflict.got)
+    _check_tables(drive.model_dump() if drive else tables, valid, document)
+    return drive
 
 
 def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
@@ -124,7 +149,7 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
         value = values.get(name) if isinstance(values, dict) else None
         if not isinstance(value, str) or not is_spread(value):
             continue
-        with suppress(UnitError):  # the value itself is refused
+        with suppress(InvalidValueError):  # the value itself is refused
             spread = read_spread(value, unit_of(info))[1]
             own_wins, beside_wins = (document.is_override(p) for p in (("uncertainty", path), (section, name)))
             if path in table and beside_wins == own_wins:
@@ -136,60 +161,127 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
 
 def _check_tables(tables: dict[str, Any], valid: dict[str, Any], document: Document) -> None:
     """An uncertainty needs a value, and a value lies in its plausible range; one on the command line is tried."""
-    uncertain, sources = (
-        {} if document.is_bad((name,)) else tables.get(name, {}) for name in ("uncertainty", "source")
-    )
-    for path in uncertain:
+    for path in tables.get("uncertainty", ()):
         if path in valid and valid[path] is None:
             document.add(("uncertainty", path), "an uncertainty of a value that is not given", f"give {path} as well")
-    for path, source in sources.items():
-        place, value = ("source", path, "range"), valid.get(path)
-        if value is None or document.is_bad(place) or document.is_override(tuple(path.split("."))):
+    for path, source in tables.get("source", {}).items():
+        bounds, value = source.get("range"), valid.get(path)
+        if not bounds or value is None or document.is_override(tuple(path.split("."))):
             continue
-        bounds = read_range(path, source.get("range"))
-        if bounds and not bounds[0] <= value <= bounds[1]:
-            words = f"the value {plain(value)} lies outside its range"
-            document.add(place, words, "correct one of them", f"{plain(bounds[0])} to {plain(bounds[1])}")
+        if not bounds[0] <= value <= bounds[1]:
+            words, ends = f"the value {plain(value)} lies outside its range", " to ".join(map(plain, bounds))
+            document.add(("source", path, "range"), words, "correct one of them", ends)
 
 
-def _translate(path: Path, kind: str, value: Any, document: Document) -> None:
-    """Add a finding for a fault that pydantic reports, in words for an author of presets."""
-    if document.is_bad(path):
-        return  # it has a finding
-    if kind != "missing" and path not in document.places:
-        path = path[:2]  # the only item of a list, or the limit for all torques, written as one value
-    section, field = str(path[0]), ".".join(map(str, path[:2]))
-    model = BY_PATH.get(section) or dict(sections()).get(section)  # whose keys the table has
-    info = field_table().get(field) or Drive.model_fields.get(section)
-    if section in BY_PATH and len(path) > 2:
-        info = BY_PATH[section].model_fields.get(str(path[2]))
-    if isinstance(value, InvalidValue):
-        document.refuse(path, value)
-    elif kind == "extra_forbidden":
-        hint = "" if len(document.findings) > yamltext.MAX_FINDINGS else _unknown_hint(path, value, model)
-        document.add(path, "unknown key", hint, "", key=True)
-    elif kind == "missing" and model and len(path) == 1:
-        needed = [name for name, each in model.model_fields.items() if each.is_required()]
-        document.add(path, "missing section", f"it needs {', '.join(needed)}", "")
-    elif kind in ("model_type", "dict_type"):
+def _read_table(document: Document, path: Path, table: Any, model: type[Section]) -> dict[str, Any]:
+    """Values of the fields of a model that a table gives, each as the field holds it; faults are findings."""
+    if not _is_table(document, path, table, model):
+        return {}
+    for key, value in table.items():
+        if key not in model.model_fields and not isinstance(value, InvalidValueError):
+            hint = "" if len(document.findings) > MAX_FINDINGS else _unknown_hint((*path, key), value, model)
+            document.add((*path, key), "unknown key", hint, "", key=True)
+    read: dict[str, Any] = {}
+    for name, info in model.model_fields.items():
+        place, section = (*path, name), dict(sections()).get(name)
+        if name not in table:
+            if info.is_required() and section:
+                needed = [name for name, each in section.model_fields.items() if each.is_required()]
+                document.add(place, "missing section", f"it needs {', '.join(needed)}", "")
+            elif info.is_required():
+                unit = unit_of(info)
+                document.add(place, "missing key", f"{info.description}{unit and f', in {unit}'}", "")
+        elif section:
+            read[name] = _read_table(document, place, table[name], section)
+        elif name in ("uncertainty", *BY_PATH):
+            read[name] = _read_by_path(document, name, table[name])
+        elif name == "range":
+            read[name] = document.read(place, _read_range, str(path[1]), table[name])
+        else:
+            read[name] = _read_value(document, place, info, table[name])
+    return read
+
+
+def _is_table(document: Document, path: Path, table: Any, model: type[Section] | None) -> bool:
+    """Whether a value is a table of keys, those of a model if any; a finding where it is not."""
+    if isinstance(table, InvalidValueError):
+        document.bad.add(path)
+    elif not isinstance(table, dict):
         document.add(path, "must be a table of keys", f"its keys: {', '.join(model.model_fields)}" if model else "")
-    elif info is None:
-        document.add(path, "invalid value")
-    elif kind == "missing":
-        unit = unit_of(info)
-        document.add(path, "missing key", f"{info.description}, in {unit}" if unit else str(info.description), "")
-    elif kind == "literal_error":
-        choices = choices_of(info)
-        document.add(path, f"must be one of {', '.join(choices)}", near_miss(str(value), choices))
-    elif kind == "string_type":
-        document.add(path, "must be text", "put it in quotes" if isinstance(value, int | float) else "")
-    else:
-        words = "must be one line of 1 to 200 characters"  # the name
-        document.add(path, words, "what is longer stands in description" * bool(value))
+    return isinstance(table, dict)
 
 
-def _unknown_hint(path: Path, value: Any, model: type[Section] | None) -> str:
-    """A hint for an unknown key of a table, whose keys are those of a model; of the whole preset without one."""
+def _read_by_path(document: Document, name: str, table: Any) -> dict[str, Any]:
+    """Entries of the table "uncertainty", "cost" or "source"; faults are findings."""
+    model, read = BY_PATH.get(name), dict[str, Any]()
+    if not _is_table(document, (name,), table, model):
+        return read
+    known, words = {
+        "uncertainty": (tuple(measures()), "names no field of a single number"),
+        "cost": (deviation_sizes(), "names no size of a deviation"),
+        "source": (tuple(field_table()), "names no field"),
+    }[name]
+    for path, entry in table.items():
+        place = (name, path)
+        if path not in known:
+            same = (each for each in known if each.split(".")[1] == path.split(".")[-1])
+            hint = near_miss(next(same, path), known) or "write section.key, like gears.z_g"
+            hint = f"like {known[0]}" if path in field_table() else hint * (len(table) <= MAX_FINDINGS)
+            document.add(place, words, hint, shown(path) or "nothing", key=True)
+        elif model:
+            read[path] = _read_table(document, place, entry, model)
+        else:
+            read[path] = document.read(place, read_measure, Drive.model_fields[name], entry, unit_of(measures()[path]))
+    return read
+
+
+def _read_range(path: str, bounds: Any) -> tuple[float, float] | None:
+    """A plausible range of a field, by path, in its unit. Raises InvalidValueError: it is none."""
+    info = field_table()[path]
+    unit = unit_of(info)
+    if isinstance(bounds, InvalidValueError):
+        raise bounds
+    if bounds is None:
+        return None
+    if path not in measures():
+        raise InvalidValueError("only single measures have a range")
+    if not isinstance(bounds, list) or len(bounds) != 2:
+        raise InvalidValueError("must be two numbers, the lower one first", "like [0, 20]")
+    low, high = (read_number(bound, unit) for bound in bounds)
+    if not (in_range(info, low) and in_range(info, high)):
+        raise InvalidValueError(f"reaches beyond what the field takes: {range_of(info, unit)}")
+    if low >= high:
+        raise InvalidValueError("the lower one must stand first")
+    return low, high
+
+
+def _read_value(document: Document, path: Path, info: FieldInfo, value: Any) -> Any:
+    """The value of a field as the field holds it, None where it cannot be read; faults are findings."""
+    found, kind, unit = document.read(path, read_value, info, value), kind_of(info), unit_of(info)
+    if isinstance(found, list):
+        items = enumerate(found)
+        return tuple(document.read((*path, index), read_measure, info, item, unit) for index, item in items)
+    if not isinstance(found, dict):
+        return found
+    pattern, expected, like_key, _ = KEYED_TABLES[kind]
+    known = set[tuple[object, ...]]()
+
+    def read(key: str, item: Any) -> float | UncertainReading:
+        numbers = [number_of(part.removeprefix("h")) for part in key.split("@")]
+        meant = (key[:1] if kind == "readings" and key[:1] == "h" else "", *numbers)
+        fits = re.fullmatch(pattern, key) and all(map(isfinite, numbers))
+        if not (fits and all(numbers[kind == "readings" :])) and (kind, key) != ("limits", "all"):
+            raise InvalidValueError(f"must be {expected}", like_key, at_key=True)
+        if meant in known:
+            raise InvalidValueError("given twice", at_key=True)
+        known.add(meant)
+        return read_reading(info, item, unit) if kind == "readings" else read_measure(info, item, unit)
+
+    return {key: document.read((*path, key), read, key, item) for key, item in found.items()}
+
+
+def _unknown_hint(path: Path, value: Any, model: type[Section]) -> str:
+    """A hint for an unknown key of a table, whose keys are the fields of a model."""
     if removed := REMOVED.get(".".join(map(str, path))):
         return removed
     key = str(path[-1])
@@ -200,30 +292,8 @@ def _unknown_hint(path: Path, value: Any, model: type[Section] | None) -> str:
     home = next((section for section, each in sections() if key in each.model_fields), "")
     if home and path[0] not in BY_PATH:
         return f"{key} belongs to {home}"
-    options = list(model.model_fields) if model else ["schema", *Drive.model_fields]
+    options = ["schema"] * (model is Drive) + list(model.model_fields)
     return near_miss(key, options) or f"known: {', '.join(options)}"
-
-
-def _valid(drive: Drive | None, data: dict[str, Any], document: Document) -> dict[str, Any]:
-    """Fields without a finding, by path: as given, or their default."""
-    if drive is not None:
-        return {path: drive.value(path) for path in field_table()}
-    valid: dict[str, Any] = {}
-    bad = {path[:2] for path in document.bad}
-    for path, info in field_table().items():
-        section, name = path.split(".")
-        given = data.get(section, {})
-        if bad.isdisjoint({(section,), (section, name)}) and (name in given or not info.is_required()):
-            valid[path] = read_value(info, given[name]) if name in given else info.default
-    return valid
-
-
-def _warn(drive: Drive, document: Document) -> None:
-    """Warn of valid values that are far from usual or have no effect."""
-    _warn_of_limits(drive, document)
-    _warn_of_model(drive, document)
-    for path, message, usual in implausible(drive):
-        document.warn(tuple(path.split(".")), message, usual)
 
 
 def _warn_of_limits(drive: Drive, document: Document) -> None:

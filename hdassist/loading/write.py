@@ -16,7 +16,7 @@ from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.preset import coupling
 from hdassist.preset.fields import PRESET_SCHEMA, Drive, Source, field_table, sections
-from hdassist.preset.kinds import UNKNOWN, Section, may_be_unknown, text_of, unit_of
+from hdassist.preset.kinds import MAX_NAME, UNKNOWN, Section, may_be_unknown, text_of, unit_of
 from hdassist.preset.overrides import path_of
 from hdassist.preset.schema import origin_counts
 from hdassist.preset.similarity import Requirements, SimilarValue, similar
@@ -25,7 +25,6 @@ from hdassist.preset.yamltext import scalar_value
 if TYPE_CHECKING:
     from ruamel.yaml import YAML
 
-MAX_NAME = 200
 WIDTH = 110  # of a description
 
 

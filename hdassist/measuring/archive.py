@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Annotated, Literal
@@ -88,7 +88,7 @@ class DriveHistory:
 
 def read_conditions(serial: str, texts: Sequence[str]) -> Json:
     """Fields of an entry from a serial and texts like "torque=80,hole=h4". Raises UsageError: no such text."""
-    found = {"serial": serial, "date": datetime.now(UTC).date().isoformat()}
+    found = {"serial": serial}
     for text in (part for each in texts for part in each.split(",")):
         name, _, value = text.partition("=")
         if name not in CONDITIONS or not value:
@@ -101,9 +101,11 @@ def read_conditions(serial: str, texts: Sequence[str]) -> Json:
 def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
     """Add a record to the archive of a folder; False where each of its directions is there as one of this drive.
 
+    One that is there is added once more where conditions are stated otherwise: the last one counts.
     Raises UsageError: conditions that cannot be, or another file; DataError: it cannot be written, or does not hold.
     """
-    about = {**conditions, "file": found.trace.file, "sha256": found.trace.sha256}
+    today = datetime.now(UTC).date().isoformat()
+    about = {"date": today, **conditions, "file": found.trace.file, "sha256": found.trace.sha256}
     try:
         fresh = [_ENTRY.validate_python(about | _result(each)) for each in found.directions]
     except ValidationError as error:
@@ -111,8 +113,11 @@ def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
     with suppress(OSError):  # the file's fault is reported
         Path(folder).mkdir()
     with open_kept(str(Path(folder) / ARCHIVE_FILE), OWNER, ENTRIES, patience=WRITERS_WAIT) as kept:
-        known = {(each.serial, each.sha256, each.direction) for each in kept.records()}
-        fresh = [each for each in fresh if (each.serial, each.sha256, each.direction) not in known]
+        known = {(each.serial, each.sha256, each.direction): each for each in kept.records()}
+        for k, each in enumerate(fresh):
+            if old := known.get((each.serial, each.sha256, each.direction)):
+                fresh[k] = replace(old, **{name: getattr(each, name) for name in conditions})
+        fresh = [each for each in fresh if each not in known.values()]
         kept.append(fresh)
     return bool(fresh)
 
@@ -144,7 +149,8 @@ def read_archive(folder: str, serial: str) -> list[ArchiveEntry]:
     if len(data) > MAX_ARCHIVE_BYTES:
         raise DataError(f"{name} is larger than {MAX_ARCHIVE_BYTES / 1e6:g} MB", "begin another archive")
     entries = read_kept(data, name, ENTRIES) or []
-    own = sorted((each for each in entries if each.serial == serial), key=lambda each: each.date)
+    last = {(each.sha256, each.direction): each for each in entries if each.serial == serial}.values()
+    own = sorted(last, key=lambda each: each.date)
     if not own:
         serials = ", ".join(sorted({each.serial for each in entries})[:10])
         raise DataError(f"{name} has no measurement of {serial}", f"it has {serials or 'none at all'}")

@@ -2,12 +2,12 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from math import floor, log10
 
 from hdassist.acceptance.answer import AcceptAnswer, answer_json, lot_summary, provenance
 from hdassist.acceptance.decision import GUARD, Decision
-from hdassist.acceptance.limits import Limit
+from hdassist.acceptance.limits import Limit, LimitText
 from hdassist.acceptance.lot import Lot
 from hdassist.acceptance.predictions import Belief, Predictions
 from hdassist.acceptance.replay import answer_differences
@@ -16,6 +16,7 @@ from hdassist.errors import DataError
 from hdassist.json_parts import attributes
 from hdassist.pages.check import fitted_words
 from hdassist.preset.fields import Drive
+from hdassist.preset.units import convert
 from hdassist.preset.yamltext import shown
 from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table
 from hdassist.terminal.answers import csv_text, together
@@ -50,17 +51,22 @@ NAMED_CHECKS = 2  # reasons below the verdict
 def number(value: float, limit: Limit) -> str:
     """A value as its table shows it: three digits of a small limit, two decimals of an arcsec at least."""
     if limit.check.unit != "arcsec":
-        return f"{value:.4g}"
+        return f"{float(f'{value:.4g}'):g}"
     return f"{value:.{max(2, 2 - floor(log10(limit.limit)))}f}"
 
 
-def _number(name: str) -> Callable[[Decision], str | None]:
-    return lambda d: None if (value := getattr(d, name)) is None else number(value, d)
-
-
 def _value(check: Decision) -> str | None:
-    found = _number("value")(check)
-    return found and "≥ " * (check.extent == "at least") + found
+    """The value; of a lower bound the lower end of its interval, as `hdassist measure` shows it."""
+    if check.value is None:
+        return None
+    if check.extent != "at least":
+        return number(check.value, check)
+    return f"≥ {number(max(0.0, check.value - (check.expanded_uncertainty or 0.0)), check)}"
+
+
+def _beside(name: str) -> Callable[[Decision], str | None]:
+    """A number beside the value, which a lower bound does not have."""
+    return lambda d: None if (value := getattr(d, name)) is None or d.extent == "at least" else number(value, d)
 
 
 def _range(check: Decision) -> str | None:
@@ -76,17 +82,17 @@ DECISION_COLUMNS: Quantities[Decision] = (
     Quantity("check", "check", value=lambda d: f"{d.label}, {d.unit.replace('*', '·')}"),
     Quantity("verdict", "verdict", value=lambda d: str(d.verdict)),
     Quantity("value", "value", value=_value),
-    Quantity("expanded_uncertainty", "± (k=2)", value=_number("expanded_uncertainty")),
+    Quantity("expanded_uncertainty", "± (k=2)", value=_beside("expanded_uncertainty")),
     Quantity("range", "5 to 95 %", value=_range),
     Quantity("limit", "limit", value=bound),
-    Quantity("margin", "margin", value=_number("margin")),
+    Quantity("margin", "margin", value=_beside("margin")),
     Quantity("kept", "kept", value=lambda d: d.belief and f"{100 * d.belief.probability:.0f} %"),
 )
 
 
 def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Report:
     """An acceptance of a drive; predictions, those of the model, None without any."""
-    found = by_severity(answer.checks)
+    found = by_severity(shown_checks(answer))
     worst = [check for check in found if check.verdict == found[0].verdict]
     reasons = [f"{check.label}: {check.reason}" if check.reason else sentence(check) for check in worst[:NAMED_CHECKS]]
     reasons[-1] += f"; {len(worst) - NAMED_CHECKS} more" if len(worst) > NAMED_CHECKS else ""
@@ -118,6 +124,20 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
     )
 
 
+def shown_checks(answer: AcceptAnswer) -> list[Decision]:
+    """Checks of an answer, stiffnesses and torques in the unit in which options give their limit."""
+    given = [LimitText.parse(text, "--limit") for text in (answer.request.limits if answer.request else ())]
+    units = {each.field: each.text.lstrip("+-.0123456789 eE") for each in given}
+    return [_in_unit(check, units.get(check.check.field, "")) for check in answer.checks]
+
+
+def _in_unit(check: Decision, unit: str) -> Decision:
+    if not unit or check.belief or check.unit == "arcsec":
+        return check
+    size, names = convert(f"1 {unit}", check.unit), ("limit", "value", "expanded_uncertainty", "margin")
+    return replace(check, unit=unit, **{name: (found := getattr(check, name)) and found / size for name in names})
+
+
 def by_severity(checks: Iterable[Decision]) -> list[Decision]:
     """Checks by their verdict, the worst first, and those of a verdict by their room to the limit, the least first."""
     return sorted(checks, key=lambda each: (SEVERITY.index(each.verdict), (each.margin or 0.0) / each.limit))
@@ -134,7 +154,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
         "no decision on conformity" + (f"; measured teeth: {teeth}" if teeth else ""),
     }
     for basis, title in titles.items():
-        checks = [check for check in answer.checks if (check.basis or "measured") == basis]
+        checks = [check for check in shown_checks(answer) if (check.basis or "measured") == basis]
         less = "margin" if any(check.belief for check in checks) else ""  # a probability stands in its place
         columns = [q for q in DECISION_COLUMNS if q.key != less and {*map(q.text, checks)} - {NO_VALUE}]
         yield Table.by_row(title, columns, checks, words=(0, 1))
@@ -165,8 +185,10 @@ def sentence(check: Decision) -> str:
     if not value:
         return f"{check.label}: no value, limit {limit} {check.unit}"
     measure = value + (f" ± {spread}" if spread else "") + (f" ({span})" if span else "")
-    sure = f", kept {kept}" if kept else ""
-    return f"{check.label}: {measure} {check.unit}, limit {limit}, margin {margin}{sure}, {check.basis}"
+    rest = (margin and f"margin {margin}", kept and f"kept {kept}", check.basis)
+    return ", ".join(
+        [f"{check.label}: {measure} {check.unit.replace('*', '·')}", f"limit {limit}", *filter(None, rest)]
+    )
 
 
 def is_open(check: Decision) -> bool:
@@ -211,9 +233,10 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
 
 
 def _deciding(answer: AcceptAnswer) -> str:
-    """The check that decides: of those of the worst verdict the one with the least room; or the first error."""
+    """The check that decides, the worst one with the least room, and why it is not plain; or the first error."""
     if not answer.error:
-        return sentence(by_severity(answer.checks)[0])
+        worst = by_severity(shown_checks(answer))[0]
+        return "; ".join(filter(None, (sentence(worst), worst.reason)))
     first, *more = answer.error.message.splitlines()
     return first + (f" (and {len(more)} more)" if more else "")
 

@@ -9,6 +9,7 @@ from hdassist.calibration.targets import Targets
 from hdassist.json_parts import Json, attributes
 from hdassist.model.unknown import unknown_notes
 from hdassist.report import Facts, Quantities, Quantity, Report, Table
+from hdassist.verdict import Verdict
 
 UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
 NOTE = "fitted targets are no evidence for the model: targets that were not fitted are"
@@ -43,7 +44,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
         command="calibrate",
         drive=result.drive,
         head=f"{result.drive.name}, calibration" + (f" ({wanted.name})" if wanted.name else ""),
-        verdict=f"{sum(met)} of {len(met)} targets met",
+        verdict=f"{met.count(False) or len(met)} of {len(met)} targets {'met' if all(met) else 'MISSED'}",
         why=(result.shortfall or f"sets of values that meet all targets: {len(result.fits)}",),
         blocks=(
             Table.by_row("values, half width of their interval, bounds", FOUND_VALUES, result.values, words=(0, 1)),
@@ -66,6 +67,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
         # in the form of --set
         line="\n".join(f"{each.path}={each.found!r}" for each in result.values),
         warnings=tuple(_warnings(result)),
+        exit_code=0 if all(met) else Verdict.FAIL.exit_code,
     )
 
 

@@ -85,18 +85,16 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
     """A cell for each of DRIVE_HEADS of each drive at each torque."""
     for k, M_g in enumerate(result.torques):
         for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
-            change = _change(changes, (result.sheets[0], sheet), k) if changes else (NO_VALUE, NO_VALUE)
+            change = _change(changes, k) if changes else (NO_VALUE, NO_VALUE)
             built, best = F_ior_words(sheet.check.points[k]), _mounted_best(sheet, k)
             yield letter, f"{M_g:g} N·m", built, best, *change
 
 
-def _change(changes: DriveChanges, sheets: Sequence[DriveSheet], k: int) -> tuple[str, str]:
-    """How the F'_ior of check changes from A at a torque by its place, and the field that alone does most."""
-    before, after = (sheet.check.points[k].F_ior_arcsec for sheet in sheets)
-    share = abs(after / before - 1) if before and after else changes.together.share[k]
+def _change(changes: DriveChanges, k: int) -> tuple[str, str]:
+    """How F'_ior changes from A at a torque by its place, and the field that alone does most."""
     most = max(changes.single, key=lambda change: abs(change.change_arcsec[k]), default=None)
     sense = changes.F_ior_is[k]
-    words = "open" if sense == NOT_KNOWN else f"{100 * share:.0f} % {sense}"
+    words = "open" if sense == NOT_KNOWN else f"{100 * changes.together.share[k]:.0f} % {sense}"
     return sense if sense == "the same" else words, most.field if most else NO_VALUE
 
 
@@ -114,20 +112,21 @@ def _changes(result: DrivesComparison) -> Iterator[Table]:
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
         title = f"each field alone from A to {letter}, change of F'_ior, ″"
         rows = [(each.field or "all together", *_change_cells(each)) for each in (*changes.single, changes.together)]
-        notes = [f"median (least to greatest) of {changes.pairs} pairs drawn from unknown inputs"] * (changes.pairs > 1)
+        notes = [f"median (5 to 95 %) of {changes.pairs} pairs drawn from unknown inputs"] * (changes.pairs > 1)
         paths = _some(changes.not_alone)
         notes += [f"no drive that can be computed, or one that leaves more unknown: {paths}"] * bool(paths)
         yield Table(title, ("", *torques), tuple(rows), notes=tuple(notes))
 
 
 def _cell(field: ResolvedField) -> str:
-    """A value and its origin."""
-    return NOT_KNOWN if field.kind == NOT_KNOWN else f"{value_text(field.value)} ({field.kind})"
+    """A value, its origin and its range."""
+    bounds = f" {' to '.join(map(value_text, field.range))}" if field.range and field.kind == "assumed" else ""
+    return NOT_KNOWN if field.kind == NOT_KNOWN else f"{value_text(field.value)} ({field.kind}{bounds})"
 
 
 def _change_cells(change: ErrorChange) -> Iterator[str]:
-    """The change at each torque: its median, and its range over drawn pairs."""
-    for median, low, high in zip(change.change_arcsec, change.least_arcsec, change.greatest_arcsec, strict=True):
+    """The change at each torque: its median, with 5th and 95th percentile over drawn pairs."""
+    for median, low, high in zip(change.change_arcsec, change.p5_arcsec, change.p95_arcsec, strict=True):
         yield f"{median:+.2f}" + (f" ({low:+.2f} to {high:+.2f})" if low < high else "")
 
 
@@ -158,7 +157,10 @@ def _values(result: DrivesComparison, seed: int) -> Json:
             {
                 "field": row[0].path,
                 "unit": row[0].unit,
-                "values": [{"value": cell.value, "origin": cell.kind, "reference": cell.ref} for cell in row],
+                "values": [
+                    {"value": cell.value, "origin": cell.kind, "reference": cell.ref, "range": cell.range}
+                    for cell in row
+                ],
             }
             for row in result.differing
         ],

@@ -23,9 +23,11 @@ from hdassist.model.unknown import unknown_names, unknown_turn
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import bare
-from hdassist.pages.card import CardFacts, warnings_of
+from hdassist.pages.card import WHEELS, CardFacts, warnings_of
 from hdassist.pages.losses import LEVELS, kept_line, losses_table, positions_object, whiskers_of
 from hdassist.pages.seat import ENGLISH, TRADE, hole_place, instruction, seat_of, wheel
+from hdassist.preset.yamltext import shown
+from hdassist.readers.pitch import ASSUMED
 from hdassist.report import CsvTable, Curve, CurveMark, Facts, Figure, Report, Table, csv_columns
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.texts import Texts
@@ -57,6 +59,9 @@ def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
         found.append(say("warning.not_drawn", count=len(advice.open_)))
     if advice.measured and not advice.drive.mounting.holes:
         found.append(say("warning.steps"))
+    for name, measured in advice.measured.by_name.items() if advice.measured else ():
+        if ASSUMED["sense"][1] in measured.pitch.notes:
+            found.append(say("warning.sense", wheel=say(f"wheel.{WHEELS[name]}"), file=shown(measured.pitch.file)))
     return tuple(found)
 
 
@@ -109,11 +114,11 @@ def what_to_do(advice: Advice) -> str:
             return f"No order: {why}; {by_chance}"
     else:
         why = f"what is not known ({fields}) could reverse it"
-    where = ", ".join(map(hole_place, advice.to_try))
+    where = f"at {min(advice.curve.torques, key=abs):g} N·m in {', '.join(map(hole_place, advice.to_try))}"
     if advice.measured:
-        return f"No order: {why}. To decide, measure F'_ior in {where}; hdassist trials does not take measured teeth"
+        return f"No order: {why}. To decide, measure F'_ior {where}; hdassist trials does not take measured teeth"
     trials = [f"{f'h{p.hole}' if advice.drive.mounting.holes else f'{p.rotation_deg:g}'}=F_IOR" for p in advice.to_try]
-    return f"No order: {why}. To decide, measure F'_ior in {where}: {again('trials', advice.drive, *trials)}"
+    return f"No order: {why}. To decide, measure F'_ior {where}: {again('trials', advice.drive, *trials)}"
 
 
 def _samples_table(advice: Advice) -> Iterator[Table]:

@@ -84,6 +84,8 @@ def trials_warnings(advice: TrialAdvice, say: Texts) -> Iterator[str]:
     """Warnings beside the numbers."""
     yield from warnings_of(advice.drive, say)
     outcome, rig, (best, good) = advice.outcome, advice.prior.rig, advice.losses.chosen
+    if M_g := advice.likelier_torque:
+        yield f"the values fit {M_g:g} N·m far better than {rig.M_g:g} N·m: measured at it? (--trial-torque {M_g:g})"
     if advice.suspected:
         share = f"{100 * advice.draws.misread.max():.0f} %"
         yield f"{_measured(advice, advice.suspected)} is probably misread ({share}): measure it again"

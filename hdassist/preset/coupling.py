@@ -1,7 +1,5 @@
 """The stiffness of the cam's support from the way the wave generator sits on its shaft, where it is not given."""
 
-from __future__ import annotations
-
 from math import pi
 
 from hdassist.preset.fields import Drive, Source

@@ -3,8 +3,6 @@
 A size or direction that a preset does not give is unknown, not zero.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,42 +14,13 @@ Part = Literal["g", "b", "h"]
 class Tolerances(Section):
     """Deviations of the parts: first harmonics, as peak-to-peak for teeth and as offset for the cam."""
 
-    F_i1: float | None
-    F_i2: float | None
-    e_hb: float | None
-    e_hh: float | None
-    e_hg: float | None
-    e_b: float | None
-
 
 class Phases(Section):
     """Directions of the deviations at phi_h = phi_g = 0, counter-clockwise seen from the cam side."""
 
-    xi_g: float | None
-    xi_b: float | None
-    phi_hb: float | None
-    phi_hh: float | None
-    phi_hg: float | None
-    phi_eb: float | None
-
 
 class Harmonics(Section):
     """Deviations of the teeth of higher order, along the pitch circle."""
-
-    a_g2: float | None
-    a_g3: float | None
-    a_g4: float | None
-    a_b2: float | None
-    a_b3: float | None
-    a_b4: float | None
-    a_s2: float | None
-    xi_g2: float | None
-    xi_g3: float | None
-    xi_g4: float | None
-    xi_b2: float | None
-    xi_b3: float | None
-    xi_b4: float | None
-    xi_s2: float | None
 
 
 @dataclass(frozen=True)

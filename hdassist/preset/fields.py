@@ -5,18 +5,18 @@ Numbers are in the unit of their field; the model converts them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, ValidationInfo, field_validator
+from pydantic import Field, PrivateAttr
 from pydantic.fields import FieldInfo
 
 from hdassist.numerals import number_of
 from hdassist.preset.deviations import Harmonics, Phases, Tolerances
 from hdassist.preset.kinds import (
-    DeclaredModel,
+    MAX_NAME,
     OneLine,
     PerOrder,
     PerPosition,
@@ -24,12 +24,7 @@ from hdassist.preset.kinds import (
     Section,
     in_range,
     kind_of,
-    range_of,
-    read_measure,
-    unit_of,
 )
-from hdassist.preset.units import read_number
-from hdassist.preset.yamltext import MAX_FINDINGS, InvalidValue, near_miss
 
 PRESET_SCHEMA = "hdassist.preset/1"
 
@@ -157,11 +152,6 @@ class Catalogue(Section):
 class Measured(Section):
     """Values measured on this drive; +- is its expanded uncertainty (k = 2). It weighs uncertain inputs."""
 
-    K_1: float | None
-    K_2: float | None
-    K_3: float | None
-    lost_motion: float | None
-    play: float | None
     F_ior: PerPosition
 
 
@@ -172,17 +162,6 @@ class Acceptance(Section):
     turn_range: PerTorque
     self_error: PerTorque
     order_amplitude: PerOrder
-    lost_motion: float | None
-    positioning: float | None
-    repeatability: float | None
-    bidirectional: float | None
-    hysteresis_loss: float | None
-    starting_torque: float | None
-    backdrive_torque: float | None
-    ratchet_torque: float | None
-    K_1: float | None
-    K_2: float | None
-    K_3: float | None
     rule: Literal["guard", "simple"]
 
 
@@ -230,10 +209,10 @@ class Origin:
     asked: tuple[tuple[str, str], ...] = ()
 
 
-class Drive(DeclaredModel):
+class Drive(Section):
     """A strain wave drive as a preset describes it."""
 
-    name: Annotated[OneLine, Field(min_length=1, max_length=200)]
+    name: Annotated[OneLine, Field(min_length=1, max_length=MAX_NAME)]
     description: str
     gears: Gears
     material: Material = Material.of_defaults()
@@ -256,13 +235,6 @@ class Drive(DeclaredModel):
     source: dict[str, Source]
 
     _origin: Origin = PrivateAttr(default=Origin())
-
-    @field_validator("uncertainty", "cost", "source", mode="before")
-    @classmethod
-    def _read_by_path(cls, table: Any, info: ValidationInfo) -> Any:
-        if not isinstance(table, dict):
-            return table
-        return {path: _read_entry(str(info.field_name), path, entry, table) for path, entry in table.items()}
 
     @property
     def origin(self) -> Origin:
@@ -324,49 +296,3 @@ def measures() -> dict[str, FieldInfo]:
 def deviation_sizes() -> tuple[str, ...]:
     """Paths of the sizes of deviations, which are tolerances where drives are drawn."""
     return tuple(path for path in field_table() if path.startswith(("tolerances.", "harmonics.a_")))
-
-
-def _read_entry(name: str, path: str, entry: Any, table: Mapping[str, Any]) -> Any:
-    """An entry of the table "uncertainty", "cost" or "source"."""
-    known, words = {
-        "uncertainty": (tuple(measures()), "names no field of a single number"),
-        "cost": (deviation_sizes(), "names no size of a deviation"),
-        "source": (tuple(field_table()), "names no field"),
-    }[name]
-    if path not in known:
-        hint = f"like {known[0]}" if path in field_table() else _near_path(path, known, table)
-        return InvalidValue(words, hint, at_key=True)
-    if name == "uncertainty":
-        return read_measure(Drive.model_fields[name], entry, unit_of(measures()[path]))
-    if name == "source" and isinstance(entry, dict) and "range" in entry:
-        return entry | {"range": read_range(path, entry["range"])}
-    return entry
-
-
-def read_range(path: str, bounds: Any) -> Any:
-    """A plausible range of a field, by path, in its unit; InvalidValue for an invalid one."""
-    info = field_table()[path]
-    unit = unit_of(info)
-    if bounds is None or isinstance(bounds, InvalidValue):
-        return bounds
-    if path not in measures():
-        return InvalidValue("only single measures have a range")
-    if not isinstance(bounds, list | tuple) or len(bounds) != 2:
-        return InvalidValue("must be two numbers, the lower one first", "like [0, 20]")
-    read: list[float] = []
-    for bound in bounds:
-        if isinstance(number := read_number(bound, unit), InvalidValue):
-            return number
-        if not in_range(info, number):
-            return InvalidValue(f"reaches beyond what the field takes: {range_of(info, unit)}")
-        read.append(number)
-    return tuple(read) if read[0] < read[1] else InvalidValue("the lower one must stand first")
-
-
-def _near_path(word: str, paths: Iterable[str], table: Mapping[str, Any]) -> str:
-    """A hint at the field that a key of a table may mean; empty in a table with more keys than findings are shown."""
-    if len(table) > MAX_FINDINGS:
-        return ""
-    name = word.split(".")[-1]
-    whole = next((path for path in paths if path.split(".")[1] == name), word)
-    return near_miss(whole, paths) or "write section.key, like gears.z_g"

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import re
 import tomllib
 from importlib.resources import files
 from math import inf, isfinite
 from typing import Annotated, Any, Literal, NamedTuple, Self, cast, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic.fields import FieldInfo
-from pydantic_core import InitErrorDetails
 
 from hdassist.numerals import NUMBER, UNSIGNED, number_of
-from hdassist.preset.units import UnitError, read_count, read_number, read_spread
-from hdassist.preset.yamltext import InvalidValue, near_miss
+from hdassist.preset.units import read_count, read_number, read_spread
+from hdassist.preset.yamltext import InvalidValueError, near_miss
 
 FieldKind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders", "readings"]
 KINDS: dict[Any, FieldKind] = {
@@ -31,6 +29,7 @@ def _one_line(text: str) -> str:
     return text
 
 
+MAX_NAME = 200  # characters of a drive's name
 OneLine = Annotated[str, AfterValidator(_one_line)]  # of a name: with a line break it could forge a line of a report
 
 
@@ -44,26 +43,19 @@ def _declared(meaning: str, unit: str = "", default: Any = ..., *, unknown: bool
     return Field(default, description=meaning, json_schema_extra=extra)
 
 
-class DeclaredModel(BaseModel):
+class Section(BaseModel):
     """A part of a preset: immutable, closed, its fields as fields.toml declares them."""
 
     model_config = CLOSED
 
     def __init_subclass__(cls) -> None:
-        """Join each field with its declaration; one that may be None is so by default."""
-        declared = DECLARED_FIELDS[cls.__name__] if cls.__annotations__ else {}
+        """Join each field, without a type a number or None, with its declaration; what may be None is so by default."""
+        declared = DECLARED_FIELDS[cls.__name__]
+        if declared.keys() > cls.__annotations__.keys():
+            cls.__annotations__ = {name: cls.__annotations__.get(name, "float | None") for name in declared}
         for name in declared:
             none = {"default": None} if "None" in cls.__annotations__[name] else {}
             setattr(cls, name, _declared(**none | declared[name]))
-
-
-class Section(DeclaredModel):
-    """A group of preset fields, read as each is declared."""
-
-    @field_validator("*", mode="before")
-    @classmethod
-    def _read(cls, value: Any, info: ValidationInfo) -> Any:
-        return read_value(cls.model_fields[str(info.field_name)], value)
 
     @classmethod
     def of_defaults(cls) -> Self:
@@ -109,84 +101,65 @@ KEYED_TABLES = {
 
 
 def read_value(info: FieldInfo, value: Any) -> Any:
-    """The value of a field in a preset, in the form that the field holds; where it cannot be read `InvalidValue`."""
+    """The value of a field in a preset as the field holds it; of several values the list or table of their texts.
+
+    Raises InvalidValueError: it cannot be read.
+    """
     kind, unit = kind_of(info), unit_of(info)
-    if isinstance(value, InvalidValue) or kind in ("text", "choice") or (value is None and is_optional(info)):
-        return value
-    if kind == "holes" and value == "all":
-        return value
-    if isinstance(value, str) and may_be_unknown(info):
-        if value == UNKNOWN:
-            return None
-        if meant := near_miss(value, [UNKNOWN]):
-            return InvalidValue("must be a number", meant)
-    if value is None:
-        required = f"in {unit}" if unit else ""
-        hint = required if info.is_required() else f"leave the key out for its default, {info.default}"
-        return InvalidValue("needs a value", hint)
-    if kind in ("number", "count"):
-        return read_measure(info, value, unit, spread=True)
-    if kind in KEYED_TABLES:
-        return _read_table(info, value)
-    if isinstance(value, dict) or (kind == "holes" and isinstance(value, str)):
-        return InvalidValue(WANTED_LISTS[kind])
-    items = value if isinstance(value, list | tuple) else [value]
-    if kind == "numbers":
-        return tuple(read_measure(info, item, unit) for item in items)
-    holes = tuple(map(read_count, items))
-    unread = [
-        InitErrorDetails(type="int_type", loc=(index,), input=hole)
-        for index, hole in enumerate(holes)
-        if isinstance(hole, InvalidValue)
-    ]
-    if unread:  # raised here, as pydantic would put the names of the types of a union into the place
-        raise ValidationError.from_exception_data("holes", unread)
-    return holes
+    if isinstance(value, InvalidValueError):
+        raise value
+    if kind == "choice":
+        if value not in (choices := choices_of(info)):
+            raise InvalidValueError(f"must be one of {', '.join(choices)}", near_miss(str(value), choices))
+    elif kind == "text":
+        if not isinstance(value, str):
+            raise InvalidValueError("must be text", "put it in quotes" if isinstance(value, int | float) else "")
+        if info.metadata and not ("\n" not in value and 1 <= len(value) <= MAX_NAME):
+            words = f"must be one line of 1 to {MAX_NAME} characters"
+            raise InvalidValueError(words, "what is longer stands in description" * bool(value))
+    elif value is None:
+        if not is_optional(info):
+            required = f"in {unit}" if unit else ""
+            hint = required if info.is_required() else f"leave the key out for its default, {info.default}"
+            raise InvalidValueError("needs a value", hint)
+    elif isinstance(value, str) and may_be_unknown(info) and (meant := near_miss(value, [UNKNOWN])):
+        if value != UNKNOWN:
+            raise InvalidValueError("must be a number", meant)
+        return None
+    elif kind in ("number", "count"):
+        return read_measure(info, value, unit)
+    elif kind in KEYED_TABLES:
+        if not isinstance(value, dict) and (like_table := KEYED_TABLES[kind][3]):
+            raise InvalidValueError("must be a table of keys", like_table)
+        return value if isinstance(value, dict) else {"all": value}
+    elif kind == "numbers" or value != "all":
+        if isinstance(value, dict) or (kind == "holes" and isinstance(value, str)):
+            raise InvalidValueError(WANTED_LISTS[kind])
+        return value if isinstance(value, list) else [value]
+    return value
 
 
-def read_measure(info: FieldInfo, value: Any, unit: str, *, spread: bool = False) -> float | InvalidValue:
-    """A number in a unit and in the range of a field; spread: a text of it may have an uncertainty."""
-    number = read_count(value) if kind_of(info) == "count" else read_number(value, unit, spread=spread)
-    if isinstance(number, InvalidValue) or in_range(info, number):
-        return number
-    hint = f"that is {number:g} {unit}" if isinstance(value, str) else ""
-    return InvalidValue(f"out of range: {range_of(info, unit)}", hint)
+def read_measure(info: FieldInfo, value: Any, unit: str) -> float:
+    """A number in a unit and in the range of a field; its text may have an uncertainty where the field is a single one.
 
-
-def _read_table(info: FieldInfo, value: Any) -> Any:
-    """A table of values by torque, order or position; a single limit is that of all torques."""
+    Raises InvalidValueError for any other.
+    """
     kind = kind_of(info)
-    pattern, expected, like_key, like_table = KEYED_TABLES[kind]
-    read, unit = _read_reading if kind == "readings" else read_measure, unit_of(info)
-    if not isinstance(value, dict):
-        limit = InvalidValue("must be a table of keys", like_table) if like_table else read(info, value, unit)
-        return limit if isinstance(limit, InvalidValue) else {"all": limit}
-    table: dict[str, float | UncertainReading | InvalidValue] = {}
-    known: set[tuple[float | str, ...]] = set()
-    for key, item in value.items():
-        numbers = [number_of(part.removeprefix("h")) for part in key.split("@")]
-        meant = (key[:1] if kind == "readings" and key[:1] == "h" else "", *numbers)
-        fits = re.fullmatch(pattern, key) and all(map(isfinite, numbers))
-        if not (fits and all(numbers[kind == "readings" :])) and (kind, key) != ("limits", "all"):
-            table[key] = InvalidValue(f"must be {expected}", like_key, at_key=True)
-        elif meant in known:
-            table[key] = InvalidValue("given twice", at_key=True)
-        else:
-            table[key] = read(info, item, unit)
-        known.add(meant)
-    return table
+    number = read_count(value) if kind in ("count", "holes") else read_number(value, unit, spread=kind == "number")
+    if not in_range(info, number):
+        hint = f"that is {number:g} {unit}" if isinstance(value, str) else ""
+        raise InvalidValueError(f"out of range: {range_of(info, unit)}", hint)
+    return number
 
 
-def _read_reading(info: FieldInfo, value: Any, unit: str) -> UncertainReading | InvalidValue:
-    if isinstance(value, InvalidValue | UncertainReading):
-        return value
-    try:
-        reading = UncertainReading(*read_spread(str(value), unit))
-    except UnitError as error:
-        return error
-    if all(in_range(info, number) for number in reading):
-        return reading
-    return InvalidValue(f"out of range: value and uncertainty {range_of(info, unit)}")
+def read_reading(info: FieldInfo, value: Any, unit: str) -> UncertainReading:
+    """A measured value with its uncertainty, in a unit and the range of a field; InvalidValueError for any other."""
+    if isinstance(value, InvalidValueError):
+        raise value
+    reading = UncertainReading(*read_spread(str(value), unit))
+    if not all(in_range(info, number) for number in reading):
+        raise InvalidValueError(f"out of range: value and uncertainty {range_of(info, unit)}")
+    return reading
 
 
 def unit_of(info: FieldInfo) -> str:

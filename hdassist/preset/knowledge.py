@@ -5,8 +5,6 @@ their size in modules, stiffnesses grow with d and compliances with 1/d (one mod
 Tolerances do not scale like that: they follow ISO 1328-1.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The preset library: presets by name, from a file, or from standard input."""
 
-from __future__ import annotations
-
 import difflib
 from contextlib import suppress
 from functools import cache

@@ -1,7 +1,5 @@
 """Positions at which F'_ior was measured: holes of the seat, or turns of the fixed wheel."""
 
-from __future__ import annotations
-
 from math import nan
 
 from hdassist.numerals import number_of

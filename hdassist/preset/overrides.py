@@ -1,10 +1,8 @@
 """Overrides "section.key=VALUE" on top of a preset, read by the same YAML reader."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from hdassist.errors import Finding, UsageError
 from hdassist.preset.fields import BY_PATH, field_table
@@ -15,34 +13,40 @@ OVERRIDE_PLACE = re.compile(rf"^{OVERRIDE}:\d+:\d+: ", re.MULTILINE)  # in a mes
 PER_TORQUE = [tuple(path.split(".")) for path, info in field_table().items() if kind_of(info) == "limits"]
 
 
-@dataclass(frozen=True)
-class Override:
-    """One override: the path it sets, and its value as a document whose places are those in the override."""
-
-    path: Path
-    value: Document
-
-
-def parse(text: str, index: int) -> Override:
-    """Read "section.key=VALUE".
+def set_override(document: Document, text: str, index: int) -> None:
+    """Put an override "section.key=VALUE" on top of a document.
 
     Arguments: text; index, its number from 1, which findings bear as their line.
     Raises UsageError: no "=", a key that is empty or has hidden characters, or a value that is no YAML.
     """
     key, equals, value = text.partition("=")
-    path = path_of(key)
-    if not equals or not all(path) or not key.strip().isprintable():  # YAML has no such keys either
+    whole = path_of(key)
+    if not equals or not all(whole) or not key.strip().isprintable():  # YAML has no such keys either
         raise UsageError(
             f"{OVERRIDE}:{index}:1: not of the form section.key=VALUE (got {shown(text) or 'nothing'})",
             f"like {OVERRIDE} gears.j_n=6",
         )
-    own, start = Mark(index, 1), len(key) + 1
-    document = read_yaml(value, OVERRIDE, path, lambda line, column: Mark(index, (column if line == 1 else 1) + start))
-    if document.findings:
-        raise UsageError("\n".join(map(str, document.findings)))
-    place = document.places.get(path, SourceSpan(OVERRIDE, own, Mark(index, start + 1)))
-    document.places[path] = replace(place, key=own)
-    return Override(path, document)
+    at_key, start = Mark(index, 1), len(key) + 1
+    read = read_yaml(value, OVERRIDE, whole, lambda line, column: Mark(index, (column if line == 1 else 1) + start))
+    if read.findings:
+        raise UsageError("\n".join(map(str, read.findings)))
+    own = replace(read.places.get(whole, SourceSpan(OVERRIDE, at_key, Mark(index, start + 1))), key=at_key)
+    table, path = document.data, tuple[str | int, ...]()
+    for part in whole[:-1] if isinstance(table, dict) else ():
+        path, inner = (*path, part), table.get(part)
+        if inner is not None and not isinstance(inner, dict):
+            if path not in PER_TORQUE:
+                message = f"{path_text(path)} is no table of keys"
+                document.findings.append(Finding(OVERRIDE, *at_key, path_text(whole), message))
+                return
+            inner = {"all": inner}  # one entry on top of a bare number, which is the limit for all torques
+            document.places[(*path, "all")] = document.places[path]
+        document.places.setdefault(path, own)
+        table[part] = table = {} if inner is None else inner
+    if isinstance(table, dict):
+        table[whole[-1]] = read.data
+        kept = {path: place for path, place in document.places.items() if path[: len(whole)] != whole}
+        document.places = kept | read.places | {whole: own}
 
 
 def path_of(key: str) -> Path:
@@ -51,33 +55,6 @@ def path_of(key: str) -> Path:
     if parts[0] in ("uncertainty", *BY_PATH):
         return tuple(filter(None, (parts[0], ".".join(parts[1:3]), *parts[3:])))
     return (*parts[:2], ".".join(parts[2:])) if len(parts) > 2 else tuple(parts)
-
-
-def apply(document: Document, overrides: Sequence[Override]) -> None:
-    """Put overrides on top of a document; the first one is applied first."""
-    for override in overrides:
-        if isinstance(document.data, dict):
-            _set(document, override)
-
-
-def _set(document: Document, override: Override) -> None:
-    table, own = document.data, override.value.places[override.path]
-    path: Path = ()
-    for part in override.path[:-1]:
-        path, inner = (*path, part), table.get(part)
-        if inner is not None and not isinstance(inner, dict):
-            if path not in PER_TORQUE:
-                message = f"{path_text(path)} is no table of keys"
-                document.findings.append(Finding(OVERRIDE, *own.key, path_text(override.path), message))
-                return
-            inner = {"all": inner}  # one entry on top of a bare number, which is the limit for all torques
-            document.places[(*path, "all")] = document.places[path]
-        document.places.setdefault(path, own)
-        table[part] = table = {} if inner is None else inner
-    table[override.path[-1]] = override.value.data
-    size = len(override.path)
-    document.places = {p: place for p, place in document.places.items() if p[:size] != override.path}
-    document.places.update(override.value.places)
 
 
 def is_overridden(path: str, overrides: Sequence[str]) -> bool:

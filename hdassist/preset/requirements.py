@@ -1,7 +1,5 @@
 """Requirements on a new drive from the options of a command line."""
 
-from __future__ import annotations
-
 import re
 from math import isfinite
 
@@ -10,7 +8,7 @@ from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import choices_of, plain, range_of
 from hdassist.preset.similarity import PITCH_DIAMETER, STIFFNESS, Requirements, SimilarValue
 from hdassist.preset.units import read_number
-from hdassist.preset.yamltext import InvalidValue, near_miss, scalar_value, shown
+from hdassist.preset.yamltext import InvalidValueError, near_miss, scalar_value, shown
 
 # options of a measure: their fields and units
 MEASURES = {
@@ -103,10 +101,10 @@ def _teeth(text: str) -> int:
 
 def option_value(option: str, text: str, unit: str) -> float:
     """Value of an option in a unit, from a text like "26" or "26 N·m". Raises UsageError: no such text."""
-    value = read_number(scalar_value(text.strip()), unit)
-    if isinstance(value, InvalidValue):
-        raise UsageError(f"invalid {option} {shown(text)!r}: {value.message}", value.hint)
-    return float(value)
+    try:
+        return float(read_number(scalar_value(text.strip()), unit))
+    except InvalidValueError as fault:
+        raise UsageError(f"invalid {option} {shown(text)!r}: {fault.message}", fault.hint) from None
 
 
 def _measure(option: str, text: str, unit: str) -> float:

@@ -3,8 +3,6 @@
 Lengths in mm as the fields are, angles in deg, torques in N*m.
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

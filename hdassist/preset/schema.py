@@ -1,7 +1,5 @@
 """The fields of one drive with their origins."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

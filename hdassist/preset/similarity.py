@@ -3,8 +3,6 @@
 Each field follows its law (`knowledge`); profile shifts keep the bore in proportion to the pitch diameter.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import log10

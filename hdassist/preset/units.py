@@ -3,8 +3,6 @@
 Conversion is decimal and rounds once, so "75 um" and 0.075 are the same number.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from dataclasses import replace
@@ -14,7 +12,7 @@ from math import isfinite, isinf
 from typing import Any
 
 from hdassist.numerals import NUMBER
-from hdassist.preset.yamltext import InvalidValue, near_miss, shown
+from hdassist.preset.yamltext import InvalidValueError, near_miss, shown
 
 _TABLE = tomllib.loads(files("hdassist.preset").joinpath("units.toml").read_text("utf-8"), parse_float=Decimal)
 # by dimension: words about units that could be taken for another one, and the size of the others
@@ -36,7 +34,7 @@ LONGEST_NUMBER = (
 )
 
 
-class UnitError(InvalidValue, ValueError):
+class UnitError(InvalidValueError):
     """A text that is no number in a fitting unit."""
 
 
@@ -96,29 +94,32 @@ def read_spread(text: str, unit: str) -> tuple[float, float]:
     return value, spread
 
 
-def read_number(value: Any, unit: str, *, spread: bool = False) -> float | InvalidValue:
-    """A number in a unit from a value of a preset, a number or a text with a unit; InvalidValue for any other.
+def read_number(value: Any, unit: str, *, spread: bool = False) -> float:
+    """A number in a unit from a value of a preset, a number or a text with a unit.
 
-    spread: the text may have an uncertainty, which read_spread reads.
+    Raises InvalidValueError for any other. spread: the text may have an uncertainty, which read_spread reads.
     """
-    if isinstance(value, InvalidValue):
-        return value
+    if isinstance(value, InvalidValueError):
+        raise value
     if isinstance(value, str):
-        try:
-            return read_spread(value, unit)[0] if spread and is_spread(value) else convert(value, unit)
-        except UnitError as error:
-            return error
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return value if isfinite(value) else InvalidValue("must be a finite number")
-    return InvalidValue("must be a number", f"in {unit}" if unit else "")
+        return read_spread(value, unit)[0] if spread and is_spread(value) else convert(value, unit)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InvalidValueError("must be a number", f"in {unit}" if unit else "")
+    if not isfinite(value):
+        raise InvalidValueError("must be a finite number")
+    return value
 
 
-def read_count(value: Any) -> int | InvalidValue:
-    """A whole number from a value of a preset; InvalidValue for any other."""
-    number = read_number(value, "")
-    if isinstance(number, InvalidValue):
-        return replace(number, message=number.message.replace("a number", "a whole number").replace("pure", "whole"))
-    return int(number) if number % 1 == 0 else InvalidValue("must be a whole number")
+def read_count(value: Any) -> int:
+    """A whole number from a value of a preset. Raises InvalidValueError for any other."""
+    try:
+        number = read_number(value, "")
+    except InvalidValueError as fault:
+        words = fault.message.replace("a number", "a whole number").replace("pure", "whole")
+        raise replace(fault, message=words) from None
+    if number % 1:
+        raise InvalidValueError("must be a whole number")
+    return int(number)
 
 
 def units_for(unit: str) -> tuple[str, ...]:

@@ -4,14 +4,12 @@ A preset needs little of YAML, and a slip in a number must not pass unseen. So t
 and tags, a key stands once, and a plain scalar is read by the rules below and no others.
 """
 
-from __future__ import annotations
-
 import difflib
 import re
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import yaml
 
@@ -26,10 +24,11 @@ MAX_FINDINGS = 100
 OVERRIDE = "--set"  # stands for the file in findings on overrides
 
 Path = tuple[str | int, ...]
+ReadT = TypeVar("ReadT")
 
 
 @dataclass(frozen=True)
-class InvalidValue:
+class InvalidValueError(ValueError):
     """A value that cannot be read: message (empty where there is a finding), hint, and whether the key is at fault."""
 
     message: str = ""
@@ -37,7 +36,7 @@ class InvalidValue:
     at_key: bool = False
 
 
-BROKEN_VALUE = InvalidValue()
+BROKEN_VALUE = InvalidValueError()
 
 
 class Mark(NamedTuple):
@@ -85,12 +84,18 @@ class Document:
         file, mark = self.where(path, key)
         return Finding(file, *mark, path_text(path), message, got, hint)
 
-    def refuse(self, path: Path, unread: InvalidValue) -> None:
-        """Add the finding of a value that cannot be read, unless it has one."""
-        self.bad.add(path)
-        if unread.message:
-            got = (shown(str(path[-1])) or "nothing") if unread.at_key else None
-            self.add(path, unread.message, unread.hint, got, key=unread.at_key)
+    def read(self, path: Path, reader: Callable[..., ReadT], *arguments: Any) -> ReadT | None:
+        """What a reader makes of a value; None where it raises InvalidValueError, which is a finding."""
+        try:
+            return reader(*arguments)
+        except InvalidValueError as fault:
+            if path not in self.places:
+                path = path[:2]  # the only item of a list, or the limit for all torques, written as one value
+            self.bad.add(path)
+            if fault.message:
+                got = (shown(str(path[-1])) or "nothing") if fault.at_key else None
+                self.add(path, fault.message, fault.hint, got, key=fault.at_key)
+        return None
 
     def where(self, path: Path, key: bool = False) -> tuple[str, Mark]:
         """File and place of a value or key; of the nearest table around it where it is not given."""

@@ -135,6 +135,6 @@ def fault_of(text: str, decimal: str) -> tuple[str, str]:
         return "must be a number", "nothing between thousands, and one decimal mark"
     if "−" in text:
         return "must be a number", "write an ASCII minus sign"
-    if re.match(rf"{_LIKE}\s*[^\W\d]", text):
+    if re.match(rf"{_LIKE}\s*([^\W\d]|[°′″])", text):
         return "must be a number", "a unit stands in the line of names, like deviation [um]"
     return "must be a number", "put # in front of a line that is a remark"

@@ -312,6 +312,8 @@ class _Rows:
             return None
         if len(row) != self.width:
             hint = "a decimal comma? separate the columns by ;" if self.separator == "," else "one cell for each column"
+            if len(row) < self.width:
+                hint = "a cell is missing, or the file breaks off here"
             wrong = f"a row of {len(row)}, most rows have {self.width} columns"
             self.table.add(line, row[0].column, "", wrong, row_text(row), hint)
             return None

@@ -183,12 +183,16 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     cam = _angle(table, first, angle, form.wrap, None if output is None else output * per_turn)
     if first.shaft == "output":
         cam *= per_turn
-    if form.robust and (leaps := leaping(cam)).any():
-        named = shortened(table.lines[leaps].tolist())
-        table.notes.append(f'left out, "{table.name(first.index)}" leaps there and back: lines {named}')
-        table.lines = table.lines[~leaps]
-        cam, readings = cam[~leaps], readings[~leaps]
-        output, time_s, torque = (None if each is None else each[~leaps] for each in (output, time_s, torque))
+    far = leaping(readings * (other.size / ARCSEC_PER_DEG) if output is None else output)
+    if form.robust:
+        leaps = leaping(cam)
+        for column, rows in ((first, leaps), (other, far)):
+            if rows.any():
+                named = shortened(table.lines[rows].tolist())
+                table.notes.append(f'left out, "{table.name(column.index)}" leaps there and back: lines {named}')
+        kept = ~(leaps | far)
+        table.lines, cam, readings = table.lines[kept], cam[kept], readings[kept]
+        output, time_s, torque = (None if each is None else each[kept] for each in (output, time_s, torque))
     if not np.ptp(readings):
         raise _fault(table, 0, other.index, "a constant column", "check the column of the error")
     error, sense, in_time = readings * other.size, 0, False
@@ -209,7 +213,10 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     if reach > LARGEST_ERROR:
         row = int(np.abs(error - np.median(error)).argmax())
         message = f"an error that spans {reach / ARCSEC_PER_DEG:.3g} deg"
-        raise _fault(table, row, other.index, message, "check the column of the error, its unit and the ratio")
+        hint = "check the column of the error, its unit and the ratio" + "; --robust leaves single ones out" * bool(
+            far.any()
+        )
+        raise _fault(table, row, other.index, message, hint)
     left = len(cam) - sum(s.stop - s.start for s in moves)
     if left:
         table.notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")

@@ -81,7 +81,7 @@ class WheelFiles:
 
 def _other_deviations(drive: Drive, name: str) -> Iterator[str]:
     """Notes on the preset's deviations that are added to a measured wheel, or have no effect beside it."""
-    if name == "b" and drive.tolerances.e_b:
+    if name == "b" and drive.value("tolerances.e_b"):
         yield "tolerances.e_b is added to the measured teeth: right only where their own centre was the datum"
     composite, *harmonics = IN_TEETH[name]
     replaced = [composite] if is_overridden(composite, drive.origin.overrides) else []

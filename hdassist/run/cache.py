@@ -4,8 +4,6 @@ A file is named by its kind and key; its first line has the key and the checksum
 is as if it were not there. The folder may be emptied at any time, and where it cannot be written no data are kept.
 """
 
-from __future__ import annotations
-
 import os
 import platform
 from contextlib import suppress

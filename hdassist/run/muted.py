@@ -1,7 +1,5 @@
 """Libraries that write to standard output by themselves, which is for answers alone."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Processes that share the work of one command."""
 
-from __future__ import annotations
-
 import ctypes
 import gc
 import multiprocessing

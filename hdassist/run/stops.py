@@ -4,8 +4,6 @@ No exception is raised: one in the middle of an import, a fork or a library may 
 put away is registered by who made it. This module is imported before all others, and imports none of them.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -4,8 +4,6 @@ Items go out in chunks that take a few seconds each, by the time of those before
 that is waited for: memory does not grow with the number of items.
 """
 
-from __future__ import annotations
-
 import pickle
 import time
 from collections import deque

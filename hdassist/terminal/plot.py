@@ -130,11 +130,12 @@ def dots_to_braille(dots: Dots) -> list[list[str]]:
 def least_and_greatest(x: PlotValues, y: PlotValues, columns: int, over: float) -> list[tuple[PlotValues, PlotValues]]:
     """Two lines with a point a column: the least and the greatest of y within so much of x, a column at least.
 
-    NaN at a gap.
+    At both edges those of the first and the last such stretch. NaN at a gap.
     """
     reach = max(over, float(x[-1] - x[0]) / columns) / 2
     places = np.linspace(x[0], x[-1], columns)
-    ends = zip(np.searchsorted(x, places - reach), np.searchsorted(x, places + reach, "right"), strict=True)
+    middles = np.clip(places, x[0] + reach, x[-1] - reach)
+    ends = zip(np.searchsorted(x, middles - reach), np.searchsorted(x, middles + reach, "right"), strict=True)
     parts = [y[first:last] for first, last in ends]
     return [(places, np.array([end(part) if len(part) else np.nan for part in parts])) for end in (np.min, np.max)]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import combinations
 
@@ -22,6 +22,7 @@ from hdassist.trials.posterior import (
     Prediction,
     drawn,
     learnt,
+    likelier_torque,
     next_trial,
     prediction,
     require_effective,
@@ -48,7 +49,8 @@ class TrialAdvice:
     next: its position [deg], and the probability of a good choice that is expected after it; verifies: whether the last
     prediction is of the outcome of an advice, and the wheel stands there; explained: whether anything explains that,
     which then is the last trial too; needed: probability from which on it is settled; without: probability that the
-    choice is good without each of the trials, empty of fewer than FEW.
+    choice is good without each of the trials, empty of fewer than FEW; likelier_torque [N*m], at which values of which
+    one is suspected are far more probable than at that of the rig.
     """
 
     prior: Prior
@@ -61,6 +63,7 @@ class TrialAdvice:
     explained: bool = True
     needed: float = NEEDED
     without: tuple[float, ...] = ()
+    likelier_torque: float | None = None
 
     @property
     def drive(self) -> Drive:
@@ -201,12 +204,15 @@ def advise_from_trials(
     outcome: Trial | None = None,
     needed: float = NEEDED,
     effort: TrialEffort = TRIAL_EFFORT,
+    other_torques: Sequence[float] = (),
     run: Run = Run(),
 ) -> TrialAdvice:
     """Infer the cam offset from trials and choose the position of the fixed wheel, at the torques of the drive.
 
     Arguments: trials, measured on the rig, beside those that the preset has at its torque; outcome, a last one, that of
-    an advice by the others; needed, probability that settles; effort and run as in trial_prior. Raises what those do.
+    an advice by the others; needed, probability that settles; effort and run as in trial_prior; other_torques beside
+    those of the drive [N*m], at which trials that it does not show may have been measured. Raises what trial_prior
+    does; UntrustedError: trials that the drive does not show, with the torque at which it would.
     """
     torques, positions = drive.operation.M_g, usable_positions(drive.mounting.holes, drive.mounting.allowed)
     trials = (*_of_preset(drive, rig, (*trials, outcome)), *trials)
@@ -220,23 +226,34 @@ def advise_from_trials(
         require_reachable(prior, trials)
         return drawn(weeded(prior, trials), trials, [0.0]).effective >= effort.effective
 
-    prior = trial_prior(drive, torques, rig, effort=effort, enough=enough, run=run)
-    prior = weeded(prior, every)
-    teach = partial(learnt, prior, rotations_deg=positions, torques=torques)
-    predictions = tuple(prediction(prior, every[:k], every[k]) for k in range(1, len(every)))
+    at_torques = partial(trial_prior, drive, rig=rig, effort=effort, run=run)
     try:
-        draws, losses = teach(every)
-        require_effective(prior, every, draws, effort.effective)
-        explained = not outcome or draws.misread[-1] <= SUSPECTED  # one taken for misread does not count for the hole
-    except UntrustedError:
-        if not outcome:
+        whole = at_torques(torques, enough=enough)
+        prior = weeded(whole, every)
+        teach = partial(learnt, prior, rotations_deg=positions, torques=torques)
+        predictions = tuple(prediction(prior, every[:k], every[k]) for k in range(1, len(every)))
+        try:
+            draws, losses = teach(every)
+            require_effective(prior, every, draws, effort.effective)
+            # an outcome that is taken for misread does not count for its hole
+            explained = not outcome or draws.misread[-1] <= SUSPECTED
+        except UntrustedError:
+            if not outcome:
+                raise
+            explained = False
+        if not explained:
+            draws, losses = teach(every := trials)
+    except UntrustedError as fault:
+        others = {*torques, *other_torques} - {rig.M_g}
+        if not others or not (M_g := likelier_torque(at_torques(sorted(others)), trials)):
             raise
-        explained = False
-    if not explained:
-        draws, losses = teach(every := trials)
+        words = f"measured at another torque? The trials fit {M_g:g} N·m far better than {rig.M_g:g} N·m"
+        hint = f"--trial-torque {M_g:g}; if not, {fault.hint}"
+        raise UntrustedError(f"{words}: {fault.message}", hint) from None
     without = () if outcome or len(every) < FITTING_TRIALS else _without_each(every, losses.best, teach)
     best = next_trial(draws, losses, rig.noise_arcsec, run.seed)
-    return TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, without)
+    found = TrialAdvice(prior, every, draws, losses, best, predictions, bool(outcome), explained, needed, without)
+    return replace(found, likelier_torque=likelier_torque(whole, every)) if found.suspected else found
 
 
 def _of_preset(drive: Drive, rig: Rig, given: Sequence[Trial | None]) -> list[Trial]:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtr, ndtri, softmax
+from scipy.special import logsumexp, ndtr, ndtri, softmax
 
 from hdassist.belief.evidence import FREEDOM
 from hdassist.belief.misfit import (
@@ -23,6 +23,7 @@ from hdassist.belief.misfit import (
     error_kinds,
     errors_of_drive,
     kernel,
+    log_likelihood_of_errors,
     log_likelihoods,
     require_shown,
     smooth_misfits,
@@ -39,6 +40,7 @@ LOG_NOISES = {noise: -0.5 * (np.log(noise) / NOISE_SPREAD) ** 2 for noise in 2.0
 AS_TOLD = (ErrorKind(),)  # neither misfit nor another noise
 POSTERIOR_DRAWS = 2048
 WEEDED = 4096  # samples that are looked at closer
+FAR_LIKELIER = 100.0  # times as probable: a torque is taken for that at which trials were measured
 OUTCOMES = 64  # of a next trial that are looked at
 
 
@@ -136,6 +138,19 @@ def require_effective(prior: Prior, trials: Sequence[Trial], draws: Draws, neede
         f"{needed:g} are needed; {doubted.F_ior_arcsec:g}″ at {where} agrees least",
         f"measure {where} again; a larger --noise, or more samples: --draws 128",
     )
+
+
+def likelier_torque(prior: Prior, trials: Sequence[Trial]) -> float | None:
+    """Torque of the prior [N*m] at which trials are far more probable than at that of the rig; None without one."""
+    tried, possible = [t.rotation_deg for t in trials], prior.possible
+    measured = np.array([t.F_ior_arcsec for t in trials]), prior.noise(trials), kernel(tried, tried)
+    weight = prior.weight.ravel()[possible]
+    log_probability = {
+        M_g: logsumexp(log_likelihood_of_errors(prior.at(tried, possible, M_g), *measured, read_error), b=weight)
+        for M_g, read_error in prior.read_error.items()
+    }
+    likeliest = max(log_probability, key=log_probability.__getitem__)
+    return likeliest if log_probability[likeliest] > log_probability[prior.M_g] + np.log(FAR_LIKELIER) else None
 
 
 def next_trial(draws: Draws, losses: PositionStatistics, noise_arcsec: float, seed: int = 0) -> tuple[float, float]:

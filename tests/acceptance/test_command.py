@@ -100,6 +100,20 @@ def test_what_cannot_be_decided_has_a_code_of_its_own(rig, args, code, words):
     assert words in done.stderr
 
 
+def test_a_part_of_the_cycle_has_the_lower_end_that_measure_shows(rig):
+    measured = run("measure", "part.csv", "--drive", SMALL, "-q", cwd=rig).stdout
+    low = measured.removeprefix(">= ").removesuffix("″\n")
+    for limit, verdict in (("900", "INCONCLUSIVE"), ("1", "FAIL")):
+        page = accepted(rig, "--measured", "4=part.csv", "--limit", f"F_ior@4={limit}").stdout
+        row = next(line for line in page.splitlines() if line.startswith("F'_ior at 4 N·m, arcsec"))
+        assert row.split()[5:] == [verdict, "≥", low, "≤", limit]
+        assert "margin" not in page
+    within = accepted(rig, "--measured", "4=part.csv", "--limit", f"F_ior@4={float(low) + 1}",
+                      "--set", "acceptance.rule=simple")  # fmt: skip
+    assert within.returncode == 3
+    assert "is beyond the limit by its rule" in within.stdout
+
+
 def test_silence_about_a_source_is_inconclusive_and_says_how_to_end_it(rig):
     args = ("--measured", "4=run.csv", "--limit", f"F_ior@4={TRUE + 3}")
     done = accepted(rig, *args, budget="encoder=0.1,reseating=0")

@@ -83,6 +83,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     page = [line for line in result.stdout.splitlines() if line.startswith("17-")]
     assert [line.split()[:2] for line in page] == [[f"17-{n}", v] for n, v in enumerate(verdicts, 1)]
     assert "F'_ior at 1 N·m: 55.00 ± 1.00 arcsec, limit ≤ 40, margin" in page[1]
+    assert "margin 0.20, stated; within the guard band" in " ".join(result.stdout.split())
     assert "lot.csv:5:10: measured@4: no such file: gone.csv" in page[3]
     for words in (
         "error: 17-4: lot.csv:5:10: measured@4: no such file: gone.csv",

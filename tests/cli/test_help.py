@@ -37,6 +37,13 @@ def test_help_of_a_command_has_examples_and_sections(name: str) -> None:
     assert max(map(len, told.splitlines())) <= 80
 
 
+@pytest.mark.parametrize("name", ["list", "show", "validate", "new"])
+def test_help_on_presets_fits_a_terminal_too(name: str) -> None:
+    told = run("presets", name, "--help").stdout
+    assert "Examples:" in told
+    assert max(map(len, told.splitlines())) <= 80
+
+
 def test_options_stand_in_sections() -> None:
     told = run("check", "--help").stdout
     sections = [line for line in told.splitlines() if line.endswith(":") and not line.startswith(" ")]

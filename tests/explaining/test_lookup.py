@@ -42,6 +42,9 @@ REPORTED = (
         ("жесткое колесо", {"quantity or word"}, "inner teeth"),
         ("gears", {"section"}, "two wheels"),
         ("N", {"symbol", "field"}, "balls"),
+        ("orders", {"check", "quantity or word"}, "so many times a turn"),
+        ("oldham", {"field"}, "how it sits on its shaft"),
+        ("pitch", {"quantity or word", "field"}, "equal pitches"),
     ],
 )
 def test_a_name_is_found_in_its_spellings(name, kinds, words):
@@ -70,6 +73,14 @@ def test_a_field_has_its_unit_range_and_default():
     assert found.facts == (("unit", "um"), ("range", "0 to 200"), ("left out", "0"))
     (found,) = explained("bearing.ball_motion")
     assert found.facts == (("values", "locked, rolling"), ("left out", "locked"))
+
+
+def test_an_option_is_found_where_nothing_else_has_its_name():
+    told = run("explain", "robust")
+    assert told.returncode == 0
+    assert told.stdout.startswith("robust: Leave out faulty rows")
+    assert run("explain", "draws", "--json").stdout.count('"option"') == 0  # a word of the trade
+    assert run("explain", "robustly").returncode == 2
 
 
 @pytest.mark.parametrize(("wrong", "meant"), [("F_iro", "F_IOR"), ("flexpline", "flexspline"), ("phi_q", "phi_g")])

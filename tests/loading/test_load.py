@@ -79,12 +79,11 @@ def test_units_and_single_items(old: str, new: str, section: str, name: str, val
     assert getattr(getattr(load((old, new)), section), name) == value
 
 
-def test_the_model_itself_reads_units_and_uncertainties() -> None:
-    data = load().model_dump() | {"uncertainty": {"phases.xi_b": "30 arcmin"}, "operation": {"M_g": "0.8 kN*m"}}
-    drive = Drive.model_validate(data)
-    assert drive.operation.M_g == (800,)
-    assert drive.uncertainty == {"phases.xi_b": 0.5}
+def test_the_model_takes_values_and_no_texts() -> None:
+    drive = Drive.model_validate(load(more="uncertainty: {phases.xi_b: 30 arcmin}\nphases: {xi_b: 1}\n").model_dump())
     assert Drive.model_validate(drive.model_dump()) == drive
+    with pytest.raises(ValueError, match=r"operation\.M_g"):
+        Drive.model_validate(drive.model_dump() | {"operation": {"M_g": "0.8 kN*m"}})
 
 
 def test_limits_are_read_per_torque_for_all_and_with_units() -> None:

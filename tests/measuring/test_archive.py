@@ -101,7 +101,7 @@ def test_entries_of_other_versions_are_read_and_those_of_another_schema_are_name
     later = json.loads(path.read_text().splitlines()[1])
     later = {key: value for key, value in later.items() if key not in ("item", "checksum")}
     with open_kept(str(path), OWNER, ANYTHING) as kept:
-        kept.append([{**later, "version": "9.0.0", "humidity": 0.4, "date": "2027-01-01"}])
+        kept.append([{**later, "version": "9.0.0", "humidity": 0.4, "date": "2027-01-01", "sha256": "cd" * 32}])
     assert [(each.version, each.date) for each in read_archive(folder, "17-1")] == [
         (known.version, "2026-01-01"), ("9.0.0", "2027-01-01"),
     ]  # fmt: skip
@@ -144,6 +144,18 @@ def test_a_line_that_was_changed_is_refused_and_half_a_line_is_not_there(tmp_pat
         add_to_archive(folder, read_conditions("17-3", []), measured)
     with pytest.raises(DataError, match="has no measurement"):
         read_archive(folder, "17-1")
+
+
+def test_a_condition_is_corrected_by_stating_it_with_the_record_again(tmp_path, measured):
+    folder = str(tmp_path)
+    assert add_to_archive(folder, read_conditions("17-1", ["torque=80,hole=h4,date=2026-01-01"]), measured)
+    for texts, is_new in ((["torque=800"], True), ([], False), (["torque=800,hole=h4"], False), (["hole=h5"], True)):
+        assert add_to_archive(folder, read_conditions("17-1", texts), measured) is is_new
+    (entry,) = read_archive(folder, "17-1")
+    assert (entry.M_g_Nm, entry.hole, entry.date) == (800.0, "h5", "2026-01-01")
+    assert len((tmp_path / ARCHIVE_FILE).read_text().splitlines()) == 1 + 3  # it only grows
+    assert entry.F_ior_arcsec == measured.F_ior_arcsec
+    assert add_to_archive(folder, read_conditions("17-2", ["hole=h5"]), measured)  # another drive's is its own
 
 
 def test_writers_at_once_lose_nothing(tmp_path, measured):

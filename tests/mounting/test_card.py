@@ -83,7 +83,7 @@ def test_a_measured_wheel_is_marked_at_its_tooth():
     assert dict(made.subject.rows)["mark"] == "tooth 17 of the measured rigid wheel"
     assert made.directions.lines[:2] == ("a: mark now, 33°", "b: mark afterwards, 273°")
     assert made.foot.lines[2] == "measured teeth: rigid wheel, wheel.csv, sha256 0123456789ab"
-    assert len(made.warnings.lines) == 1
+    assert len(made.warnings.lines) == 2
 
 
 def test_a_wheel_that_is_left_stays_on_its_hole():

@@ -141,6 +141,20 @@ def test_the_card_has_the_tooth(files):
     assert "measured teeth: rigid wheel, wheel.csv, sha256" in told.stdout
 
 
+@pytest.mark.parametrize(("language", "words"), [("en", "taken as numbered counter-clockwise"), ("ru", "считаются")])
+def test_the_card_says_where_the_sense_of_counting_is_assumed(files, tmp_path, language, words):
+    (tmp_path / "silent.csv").write_text(HEAD.replace("# sense: ccw\n", "") + rows())
+    for file, wanted in (("silent.csv", True), (str(files / "wheel.csv"), False)):
+        for kind in ("txt", "html"):
+            told = run("mount", SMALL, *QUICK, "--pitch-b", file, "--mark-b", "120", "--lang", language,
+                       "--card", f"card.{kind}", "--force", "-q", cwd=tmp_path)  # fmt: skip
+            assert told.returncode == 0
+            card = " ".join((tmp_path / f"card.{kind}").read_text("utf-8").split())
+            assert (words in card) is wanted
+    warned = run("mount", SMALL, *QUICK, "--pitch-b", "silent.csv", "--mark-b", "120", "--json", cwd=tmp_path)
+    assert any("silent.csv" in text for text in json.loads(warned.stdout)["warnings"])
+
+
 def test_what_was_left_out_is_said(files):
     free = pitch(
         "mount", SMALL, "--torque", "4", "--step", "120", "--set", "mounting.holes=0", "--pitch-b", "wheel.csv",

@@ -155,10 +155,13 @@ def test_a_remark_may_hold_the_names() -> None:
         ("1;2\n2;1e999\n", "w.csv:2:3: column 2: must be a finite number (got 1e999; check this cell)"),
         ("1;2;3\n2;;3\n", "w.csv:2:3: column 2: a number is missing "
          "(got nothing; a gap in the measurement cannot be filled here)"),
-        ("1;2\n2\n3;4\n", "w.csv:2:1: a row of 1, most rows have 2 columns (got 2; one cell for each column)"),
+        ("1;2\n2\n3;4\n", "w.csv:2:1: a row of 1, most rows have 2 columns "
+         "(got 2; a cell is missing, or the file breaks off here)"),
         ("1;2\n2;3;4\n3;4\n", "w.csv:2:1: a row of 3, most rows have 2 columns (got 2 3 4; one cell for each column)"),
         ("1,2.5\n2,2,5\n3,1.5\n", "w.csv:2:1: a row of 3, most rows have 2 columns "
          "(got 2 2 5; a decimal comma? separate the columns by ;)"),
+        ("1,2.5\n2,2.5\n3", "w.csv:3:1: a row of 1, most rows have 2 columns "
+         "(got 3; a cell is missing, or the file breaks off here)"),
         ("1;1.234,5\n2;2,5\n", "w.csv:1:3: column 2: must be a number "
          "(got 1.234,5; nothing between thousands, and one decimal mark)"),
         ("1;1,234,567.5\n2;2.5\n", "w.csv:1:3: column 2: must be a number "

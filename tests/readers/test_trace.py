@@ -244,6 +244,30 @@ def test_faulty_rows_are_left_out_and_named_when_asked():
     assert len(read(there, robust=True).line) == 1200  # a shaft that turns back does not leap
 
 
+@pytest.mark.parametrize("second", [False, True])
+def test_a_reading_of_an_error_far_off_all_others_is_left_out_when_asked(second):
+    error = np.round(np.concatenate([ERROR, ERROR]), 1)
+    error[100] = 9999.0
+    cam = np.concatenate([CAM, CAM[-1] + CAM[1] - CAM[0] + CAM])
+    head, columns = ("cam_deg,output_deg", [cam, cam / 10 + error / 3600]) if second else ("cam_deg,err", [cam, error])
+    data, ratio = text(columns, head), {"ratio": 10.0} if second else {}
+    assert "an error that spans 2.78 deg" in (words := fault(data, **ratio))
+    assert "--robust leaves single ones out" in words
+    trace = read(data, robust=True, **ratio)
+    assert trace.line.tolist() == np.delete(np.arange(2, 802), 100).tolist()
+    assert any("leaps there and back: lines 102" in note for note in trace.notes)
+    rows = data.splitlines()
+    without = read("\n".join([*rows[:101], *rows[102:]]), **ratio)
+    assert trace.step_arcsec == without.step_arcsec  # the spike has no part in the resolution
+    assert trace.error_arcsec == pytest.approx(without.error_arcsec, abs=1e-6)
+
+
+def test_many_readings_far_off_are_no_single_ones():
+    error = ERROR.copy()
+    error[:40] = 9999.0
+    assert "an error that spans" in fault(text([CAM, error], "cam_deg,err"), robust=True)
+
+
 OTHERS = {
     "a record of an oscilloscope": "Model,X\nRecord Length,400\nVertical Units,V,V\nLabel,,\nTIME,CH1,CH2\n"
     + "0,1.5,2\n" * 400,

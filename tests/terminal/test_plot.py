@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hdassist.report import Curve, Quantity, Table, as_object, csv_table
 from hdassist.terminal.answers import combine, csv_text, json_text
 from hdassist.terminal.console import Style
-from hdassist.terminal.plot import curve, dots_to_braille
+from hdassist.terminal.plot import curve, dots_to_braille, least_and_greatest
 
 BRAILLE, ASCII = Style(ascii=False, codes=False, width=80), Style(ascii=True, codes=False, width=80)
 
@@ -58,6 +58,15 @@ def test_an_envelope_has_two_lines_and_nothing_between():
     assert all(set(row) == {"*"} and len(row) >= 70 for row in marked)
     assert drawn[0] == marked[0]
     assert drawn[-1] == marked[-1]
+
+
+def test_an_envelope_has_a_whole_stretch_at_its_edges_too():
+    x = np.linspace(0, 20, 4000)
+    y = np.sin(2 * np.pi * x) + np.where(x % 1 > 0.6, 3.0, 0.0)  # greatest late in each stretch
+    least, greatest = least_and_greatest(x, y, 140, 1.0)
+    for _, values in (least, greatest):
+        assert np.ptp(values) < 0.05
+    assert least_and_greatest(x[:100], y[:100], 140, 1.0)[1][1][0] == y[:100].max()  # a stretch longer than the curve
 
 
 def test_a_gap_is_drawn_as_one():

@@ -178,6 +178,8 @@ def test_values_that_are_unlike_the_drive_or_each_other_are_remarked(advice: Tri
         return " ".join(trials_warnings(of, texts()))
 
     assert "unlike" not in said(advice)
+    first, *_ = trials_warnings(replace(advice, likelier_torque=1.0), texts())
+    assert first == "the values fit 1 N·m far better than 4 N·m: measured at it? (--trial-torque 1)"
     off = replace(advice, predictions=(*advice.predictions[:2], replace(advice.predictions[2], surprise=3.0)))
     assert "unlike those of a drive as the preset has it" in said(off)
     early = replace(advice, predictions=(replace(advice.predictions[0], surprise=3.0), *advice.predictions[1:]))

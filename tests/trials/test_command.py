@@ -185,6 +185,14 @@ def test_trials_that_nothing_explains_have_no_answer(tmp_path: Path):
     assert not figures.exists()
 
 
+def test_values_of_another_torque_are_refused_with_the_torque_that_they_fit():
+    done = run(*ONE, "h0=190", "h4=189", "h8=147")
+    words = " ".join(done.stderr.split())
+    assert done.returncode == 5
+    assert "error: measured at another torque? The trials fit 1 N·m far better than 4 N·m" in words
+    assert "hint: --trial-torque 1; if not, " in words
+
+
 def test_a_card_tells_the_trials_it_rests_on(answer, tmp_path: Path):
     card = tmp_path / "card.txt"
     best = answer[0]["best_bet"]["probability_good"]

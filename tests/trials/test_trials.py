@@ -8,7 +8,9 @@ from scipy.stats import multivariate_normal
 
 from hdassist import load_preset
 from hdassist.belief.misfit import MISFITS, MISREAD, MISREAD_SHARE, SCALE, ErrorKind, kernel
+from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UntrustedError
+from hdassist.mounting.positions import rotated
 from hdassist.mounting.trial import Trial
 from hdassist.trials.advice import advise_from_trials
 from hdassist.trials.posterior import (
@@ -16,6 +18,7 @@ from hdassist.trials.posterior import (
     LOG_NOISES,
     drawn,
     learnt,
+    likelier_torque,
     next_trial,
     prediction,
     require_effective,
@@ -204,6 +207,21 @@ def test_values_that_nothing_explains_are_refused_with_what_would_have_to_change
     with pytest.raises(UntrustedError):
         require_reachable(cloud, [Trial(r, v) for r, v in zip(POSITIONS, (low, high) * 6, strict=True)])
     require_reachable(cloud, trials(measured(50.0, 20.0)))
+
+
+def test_the_torque_at_which_values_are_far_more_probable_is_named(cloud: Prior) -> None:
+    drive = load_preset(SMALL).with_values({"tolerances.e_hb": 50.0, "phases.phi_hb": 20.0})
+    search = ErrorMap(drive, 1.0)
+    at_one = trials([search.extremes(rotated(drive, r)).first for r in POSITIONS])
+    assert likelier_torque(cloud, at_one) == 1.0
+    assert likelier_torque(cloud, trials(measured(50.0, 20.0))) is None
+    # by hand, of one sample in one direction, whose values at the other torque are those measured: 2 are 3 off
+    weight = np.eye(1, len(POSITIONS))
+    one = synthetic(np.full(weight.shape, 30.0), weight)
+    one = replace(one, F_ior_by_torque={M_G: np.full(weight.shape, 30.0), 1.0: np.full(weight.shape, 20.0)},
+                  read_error={M_G: 0.0, 1.0: 0.0})  # fmt: skip
+    assert likelier_torque(one, [Trial(0, 20.0), Trial(120, 20.0), Trial(240, 20.0)]) == 1.0
+    assert likelier_torque(one, [Trial(0, 28.0), Trial(120, 28.0), Trial(240, 28.0)]) is None
 
 
 def test_too_few_samples_are_no_cloud(cloud: Prior) -> None:
