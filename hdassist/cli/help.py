@@ -11,7 +11,7 @@ from typing import Any, TypeAlias, get_args, get_type_hints
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from hdassist.errors import HdassistError, UsageError
+from hdassist.errors import DataError, Fault, HdassistError, UsageError
 
 # of click, of which typer has a copy: only its subclasses are public
 Context: TypeAlias = Any
@@ -24,10 +24,30 @@ SECTIONS = (  # of options, in their order; sections of commands stand before th
 )  # fmt: skip
 _NOTE = re.compile(r"  \[(?:default: )?\(?([^;\]]*?)\)?(?:; [^\]]*)?\]$")  # default and range, as typer writes them
 WIDEST = 31  # columns of names of options: --limit [NAME@TORQUE=]VALUE ...
+ADDRESSES = 512_000_000  # bytes: with less OpenBLAS waits for ever while it is loaded, or ends the process
 LONGEST_SENTENCE = 1000  # characters: no first sentence of a help text is longer
 
 
-class Command(TyperCommand):
+class Sectioned:
+    """A command whose help has its options in sections, behind rows of its own."""
+
+    def rows(self) -> Iterable[Row]:
+        """Rows that stand before the options, with their sections."""
+        return ()
+
+    def format_options(self, ctx: Context, formatter: Formatter) -> None:
+        """Write the rows, then the options, each in its section."""
+        command: Any = self
+        panels: dict[str, list[tuple[str, str]]] = {}
+        for panel, record in (*self.rows(), *(_row(parameter, ctx) for parameter in command.get_params(ctx))):
+            if record:
+                panels.setdefault(panel, []).append(record)
+        for panel, records in sorted(panels.items(), key=lambda p: SECTIONS.index(p[0]) if p[0] in SECTIONS else -1):
+            with formatter.section(panel):
+                formatter.write_dl(records, col_max=WIDEST)
+
+
+class Command(Sectioned, TyperCommand):
     """A command that is a dataclass: its fields are the options, its docstring the help, `run` gives the exit code.
 
     Its help has a section for each group of options, and its numbers are written in ASCII digits.
@@ -44,8 +64,6 @@ class Command(TyperCommand):
 
     def invoke(self, ctx: Context) -> None:
         """Make the command of its options, run it, and leave with its exit code."""
-        from hdassist.terminal.limits import require_memory
-
         require_memory()
         command = super().invoke(ctx)
         try:
@@ -63,12 +81,8 @@ class Command(TyperCommand):
             raise
         ctx.exit(code)
 
-    def format_options(self, ctx: Context, formatter: Formatter) -> None:
-        """Write arguments and options in their sections."""
-        help_sections(self, ctx, formatter)
 
-
-class Commands(TyperGroup):
+class Commands(Sectioned, TyperGroup):
     """A command of commands."""
 
     def rows(self) -> Iterator[Row]:
@@ -76,9 +90,17 @@ class Commands(TyperGroup):
         for name, command in self.commands.items():
             yield "Commands", (name, command.get_short_help_str(LONGEST_SENTENCE))
 
-    def format_options(self, ctx: Context, formatter: Formatter) -> None:
-        """Write the commands, then the options."""
-        help_sections(self, ctx, formatter, self.rows())
+
+def require_memory() -> None:
+    """Raise DataError where the addresses that a process may have (ulimit -v) do not hold numpy and its solvers."""
+    try:
+        import resource
+    except ImportError:  # Windows has no such limit
+        return
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if 0 <= limit < ADDRESSES:
+        words = f"the memory that a process may have is {limit / 1e6:.0f} MB: too little to compute with"
+        raise DataError(words, f"ulimit -v {ADDRESSES // 1000} or more, in kB", Fault.SYSTEM_LIMITS)
 
 
 def _process(parameter: Any, process: Callable[[Context, Any], Any], ctx: Context, value: Any) -> Any:
@@ -107,14 +129,3 @@ def _row(parameter: Any, ctx: Context) -> Row:
 
 def _default(note: re.Match[str]) -> str:
     return "" if note[1] == "-" or "<=" in note[1] else note[0] if note[1] == "required" else f" [{note[1]}]"
-
-
-def help_sections(command: Any, ctx: Context, formatter: Formatter, rows: Iterable[Row] = ()) -> None:
-    """Write a help text: rows, then the parameters of a command, each in its section."""
-    panels: dict[str, list[tuple[str, str]]] = {}
-    for panel, record in (*rows, *(_row(parameter, ctx) for parameter in command.get_params(ctx))):
-        if record:
-            panels.setdefault(panel, []).append(record)
-    for panel, records in sorted(panels.items(), key=lambda one: SECTIONS.index(one[0]) if one[0] in SECTIONS else -1):
-        with formatter.section(panel):
-            formatter.write_dl(records, col_max=WIDEST)

@@ -168,15 +168,6 @@ def _invalid(name: str, error: HdassistError) -> Json:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TextOptions(o.OptionGroup):
-    """Where a text goes."""
-
-    output: str = "-"
-    force: bool = False
-    debug: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
 class WishOptions(o.OptionGroup):
     """Known data of a new drive."""
 
@@ -194,7 +185,7 @@ class WishOptions(o.OptionGroup):
 
 @presets_app.command("new", cls=Command)
 @dataclass(frozen=True, kw_only=True)
-class PresetsNewCommand(TextOptions, WishOptions):
+class PresetsNewCommand(WishOptions):
     """A whole preset of a drive like another one; without options, that of vzp160 with every value to be replaced.
 
     \b
@@ -215,6 +206,9 @@ class PresetsNewCommand(TextOptions, WishOptions):
     check weighs assumed values.
     """
 
+    output: str = "-"
+    force: bool = False
+    debug: bool = False
     name: str
 
     def run(self) -> int:

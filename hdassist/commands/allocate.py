@@ -39,7 +39,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         """The cheapest tolerances."""
         from hdassist.error.self_error import self_error
         from hdassist.errors import UsageError
-        from hdassist.pages.allocate import Allocated, allocate_report
+        from hdassist.pages.allocate import allocate_report
         from hdassist.tolerance.allocation import Allocator
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.sensitivity import to_measure
@@ -65,7 +65,4 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         allocator = Allocator(production, tuple(room), self.wanted, self.sure, partial(self.records, out), self.count)
         ways = [allocator.cheapest(turned) for turned in ((False, True) if self.mounting else (False,))]
         gains = to_measure(law, samples, 0) if samples else ()
-        found = Allocated(
-            law, self.wanted, self.sure, limits, own, allocator.choices, ways, self.seed, gains, self.count
-        )
-        return allocate_report(found)
+        return allocate_report(allocator, ways, own, gains)

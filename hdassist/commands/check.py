@@ -8,7 +8,7 @@ from hdassist.terminal import options as o
 
 
 @dataclass(frozen=True, kw_only=True)
-class CheckCommand(o.FigureOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDriveOptions):
+class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDriveOptions):
     """Largest kinematic error F'_ior of drives over the full cycle, with verdict and proof.
 
     \b
@@ -29,8 +29,6 @@ class CheckCommand(o.FigureOptions, o.SamplingOptions, o.PitchOptions, o.Limited
 
     presets: list[str]
     sure: float = 0.95
-    plot: bool = True
-    details: bool = False
     solver: str | None = None
     cross_check: str = "highs"
 

@@ -56,9 +56,11 @@ class DrawOptions(o.LimitedDriveOptions):
 
 def require_limits(drive: "Drive") -> list[float]:
     """Limit of F'_ior [arcsec] at each torque. Raises UsageError where there is none at one of them."""
-    limits = [drive.limit(M_g) for M_g in drive.operation.M_g]
-    open_ = [M_g for M_g, limit in zip(drive.operation.M_g, limits, strict=True) if limit is None]
-    if open_:
-        hint = f"--limit 30, --limit F_ior@{open_[0]:g}=30, or --torque for those that have one"
-        raise UsageError(f"no limit of F'_ior at {open_[0]:g} N*m", hint)
-    return [limit for limit in limits if limit is not None]
+    limits = []
+    for M_g in drive.operation.M_g:
+        limit = drive.limit(M_g)
+        if limit is None:
+            hint = f"--limit 30, --limit F_ior@{M_g:g}=30, or --torque for those that have one"
+            raise UsageError(f"no limit of F'_ior at {M_g:g} N*m", hint)
+        limits.append(limit)
+    return limits

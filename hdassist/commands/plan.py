@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
+class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
     """How much of F'_ior a test sees, before it is made: which positions or which record are enough.
 
     \b
@@ -40,8 +40,6 @@ class PlanCommand(o.FigureOptions, o.SamplingOptions, o.LimitedDriveOptions):
     noise: float = 0.0
     corrected: bool = False
     wrong: float = 0.05
-    plot: bool = True
-    details: bool = False
 
     def plan(self) -> ReadingPlan | None:
         """The test to judge, None where none was asked about. Raises UsageError for options without one."""

@@ -8,7 +8,7 @@ from hdassist.terminal import options as o
 
 
 @dataclass(frozen=True, kw_only=True)
-class StiffnessCommand(o.FigureOptions, o.DriveOptions):
+class StiffnessCommand(o.PlotOptions, o.DriveOptions):
     """Torsional stiffness: twist against torque in both directions, lost motion, K1, K2, K3.
 
     \b
@@ -27,8 +27,6 @@ class StiffnessCommand(o.FigureOptions, o.DriveOptions):
     t1: float | None = None
     t2: float | None = None
     to: float | None = None
-    plot: bool = True
-    details: bool = False
     cross_check: str = "highs"
 
     def report(self, out: o.Output, preset: str) -> o.Report:

@@ -10,14 +10,13 @@ from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
     from hdassist.design.sweep import Sweep, SweepRow
-    from hdassist.preset.fields import Drive
-    from hdassist.run.kept import Kept, KeptOwner
+    from hdassist.run.kept import Kept
 
 JSON_ROWS = 100_000  # that --json holds in memory, at most
 
 
 @dataclass(frozen=True, kw_only=True)
-class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
+class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
     """F'_ior over a grid of values of any numeric fields of a preset, row by row.
 
     \b
@@ -36,8 +35,6 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
 
     preset: str
     vary: list[str]
-    plot: bool = True
-    details: bool = False
     output: str = "-"
     jobs: int = 0
 
@@ -48,9 +45,13 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
 
     def report(self, out: o.Output, preset: str) -> o.Report:
         """The rows, computed and written."""
-        from hdassist.design.sweep import collect
+        from hdassist.design.sweep import Sweep, collect
+        from hdassist.design.vary import read_axes
+        from hdassist.errors import UsageError
+        from hdassist.loading.load import load_text
         from hdassist.pages import sweep as page
-        from hdassist.run.kept import open_kept
+        from hdassist.preset.library import read_preset
+        from hdassist.run.kept import KeptOwner, open_kept
         from hdassist.run.stops import at_stop
         from hdassist.runfiles import claim_output
         from hdassist.terminal.answers import csv_text
@@ -58,7 +59,13 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
 
         file = None if self.output == "-" else self.output
         streamed = self._takes_stdout()
-        sweep, drive, owner = self._sweep(preset)
+        text, path = read_preset(preset)
+        drive = load_text(text, path, self.changes)
+        sweep = Sweep.of(text, path, drive, read_axes(self.vary, drive.origin.overrides))
+        if self.json and sweep.rows > JSON_ROWS:
+            raise UsageError(f"--json of {sweep.rows} rows: more than {JSON_ROWS}", "-o FILE.jsonl takes any number")
+        options = {"vary": self.vary, "set": list(drive.origin.overrides)}
+        owner = KeptOwner(command="sweep", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=options)
         if file is not None:
             claim_output(file, is_kept=True)
         with open_kept(file, owner, sweep.kind, force=self.force) as results:
@@ -86,24 +93,6 @@ class SweepCommand(o.FigureOptions, o.LoadedDriveOptions):
             raise UsageError("--json and --csv - both take standard output", "--csv FILE")
         no_page = not (self.json or self.quiet or sys.stdout.isatty())
         return self.csv == "-" or (no_page and self.csv is None and self.output == "-")
-
-    def _sweep(self, preset: str) -> tuple[Sweep, Drive, KeptOwner]:
-        """The sweep, its drive, and the owner of its rows. Raises DataError and UsageError."""
-        from hdassist.design.sweep import Sweep
-        from hdassist.design.vary import read_axes
-        from hdassist.errors import UsageError
-        from hdassist.loading.load import load_text
-        from hdassist.preset.library import read_preset
-        from hdassist.run.kept import KeptOwner
-
-        text, file = read_preset(preset)
-        drive = load_text(text, file, self.changes)
-        sweep = Sweep.of(text, file, drive, read_axes(self.vary, drive.origin.overrides))
-        if self.json and sweep.rows > JSON_ROWS:
-            raise UsageError(f"--json of {sweep.rows} rows: more than {JSON_ROWS}", "-o FILE.jsonl takes any number")
-        options = {"vary": self.vary, "set": list(drive.origin.overrides)}
-        owner = KeptOwner(command="sweep", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=options)
-        return sweep, drive, owner
 
 
 def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], jobs: int, out: o.Output) -> Iterator[SweepRow]:

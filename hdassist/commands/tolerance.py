@@ -11,7 +11,7 @@ from hdassist.terminal import options as o
 
 
 @dataclass(frozen=True, kw_only=True)
-class ToleranceCommand(o.FigureOptions, DrawOptions):
+class ToleranceCommand(o.PlotOptions, DrawOptions):
     """Yield of random drives inside their tolerances, as built and with each fixed wheel in its best hole.
 
     \b
@@ -36,8 +36,6 @@ class ToleranceCommand(o.FigureOptions, DrawOptions):
     sure: float = 0.95
     mounting: bool = True
     results: str | None = None
-    plot: bool = True
-    details: bool = False
     per_design: int = 10
 
     def report(self, out: o.Output, preset: str) -> o.Report:

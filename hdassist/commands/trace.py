@@ -8,7 +8,7 @@ from hdassist.terminal import options as o
 
 
 @dataclass(frozen=True, kw_only=True)
-class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
+class TraceCommand(o.PlotOptions, o.PitchOptions, o.DriveOptions):
     """Kinematic error F_kpp against the cam angle, with its orders and their causes.
 
     \b
@@ -25,8 +25,6 @@ class TraceCommand(o.FigureOptions, o.PitchOptions, o.DriveOptions):
     torque: str | None = None
     start: float = 0.0
     revolutions: int = 1
-    plot: bool = True
-    details: bool = False
     solver: str | None = None
     cross_check: str = "highs"
     seed: int = 0

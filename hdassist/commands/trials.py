@@ -8,7 +8,7 @@ from hdassist.terminal import options as o
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialsCommand(o.FigureOptions, o.CardOptions, o.TraceOptions, o.LoadedDriveOptions, o.TrialOptions):
+class TrialsCommand(o.PlotOptions, o.CardOptions, o.TraceOptions, o.LoadedDriveOptions, o.TrialOptions):
     """Where to mount the fixed wheel when the direction of the cam offset is not known: trials tell.
 
     \b
@@ -35,8 +35,6 @@ class TrialsCommand(o.FigureOptions, o.CardOptions, o.TraceOptions, o.LoadedDriv
     preset: str
     trials: list[str] | None = None
     verify: str | None = None
-    plot: bool = True
-    details: bool = False
     draws: int = 32
     seed: int = 0
     jobs: int = 0

@@ -33,10 +33,11 @@ class Entry:
 @cache
 def entries() -> tuple[Entry, ...]:
     """All entries."""
-    return (*_codes(), *_terms(), *_symbols(), *_fields(), *_faults())
+    return tuple(_entries())
 
 
-def _codes() -> Iterator[Entry]:
+def _entries() -> Iterator[Entry]:
+    """Checks and remarks, words, symbols, sections, fields and errors."""
     for code, item in CODES.items():
         limit: tuple[tuple[str, str], ...] = ()
         names: tuple[str, ...] = (code,)
@@ -46,29 +47,22 @@ def _codes() -> Iterator[Entry]:
             names = (code, item.words)
         meaning = (("tests", item.tests), ("goes wrong", item.wrong), ("change", item.change))
         yield Entry("check" if isinstance(item, Check) else "remark", names, item.words, (*limit, *meaning))
-
-
-def _terms() -> Iterator[Entry]:
     for term in TERMS:
         russian = tuple(term.russian.split(", ")) if term.russian else ()
         facts = (("Russian", term.russian), ("unit", term.unit), ("also", ", ".join(term.others)))
         yield Entry("quantity or word", (term.word, *russian, *term.others), term.meaning, _given(facts))
-
-
-def _symbols() -> Iterator[Entry]:
     for each in SYMBOLS:
-        facts = (("in the code", each.code.replace("`", "")), ("unit", each.unit))
+        of_symbol = (("in the code", each.code.replace("`", "")), ("unit", each.unit))
         for name in each.paper:
             shared = f"{', '.join(each.paper)}: {each.words}" if len(each.paper) > 1 else each.words
-            yield Entry("symbol", (name,), shared, _given(facts))
-
-
-def _fields() -> Iterator[Entry]:
+            yield Entry("symbol", (name,), shared, _given(of_symbol))
     for section, model in sections():
         keys = ", ".join(model.model_fields)
         yield Entry("section", (section,), str(model.__doc__).rstrip("."), (("fields", keys),))
     for path, info in field_table().items():
         yield Entry("field", (path, path.split(".")[1]), str(info.description), _given(_of_field(info)))
+    for fault, words in FAULTS.items():
+        yield Entry("error", (str(fault),), words.meaning, (("change", words.change),))
 
 
 def _of_field(info: FieldInfo) -> tuple[tuple[str, str], ...]:
@@ -79,11 +73,6 @@ def _of_field(info: FieldInfo) -> tuple[tuple[str, str], ...]:
         default = "none" if info.default in (None, {}, ()) else number
     span = ", ".join(choices_of(info)) if choice else range_of(info)
     return (("unit", unit_of(info)), ("values" if choice else "range", span), ("left out", default))
-
-
-def _faults() -> Iterator[Entry]:
-    for code, words in FAULTS.items():
-        yield Entry("error", (str(code),), words.meaning, (("change", words.change),))
 
 
 def _given(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:

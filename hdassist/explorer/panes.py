@@ -24,8 +24,7 @@ from hdassist.preset.schema import ResolvedField, resolved_fields
 from hdassist.report import Block, Seat, SeatMark
 from hdassist.terminal.console import Style
 from hdassist.terminal.page import block_on_page
-from hdassist.terminal.plot import ticks
-from hdassist.terminal.seat import seat_in_characters
+from hdassist.terminal.plot import seat_in_characters, ticks
 from hdassist.visible import visible
 
 MARKS = {SURE_REFINED: "○", SURE_PROVEN: "●", SURE_RANGE: "◌"}  # else ○

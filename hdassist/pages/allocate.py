@@ -1,69 +1,52 @@
 """The cheapest tolerances that reach a yield as a report."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 from hdassist.belief.measure import MeasurementGain
 from hdassist.json_parts import attributes, measure_objects
 from hdassist.pages.tolerance import MORE_DRIVES, law_warnings, yield_range
-from hdassist.preset.fields import Drive
-from hdassist.report import Fact, Facts, Report, Table
+from hdassist.report import Facts, Report, Table
 from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words, probability_words
-from hdassist.tolerance.allocation import Allocation, Tolerance
-from hdassist.tolerance.law import ProductionLaw
+from hdassist.tolerance.allocation import Allocation, Allocator
 from hdassist.verdict import Verdict
 
 
-@dataclass(frozen=True)
-class Allocated:
-    """The cheapest tolerances of a drive, ways to build it one after the other.
+def allocate_report(
+    found: Allocator, ways: Sequence[Allocation], self_errors: Sequence[float], to_measure: Sequence[MeasurementGain]
+) -> Report:
+    """The cheapest tolerances of a drive.
 
-    wanted, the yield as a share, and sure, with which probability; limits and self errors [arcsec]; to_measure: what of
-    the design; count, of drives drawn for each decision.
+    Arguments: the search, ways to build the drive that it found tolerances for, self errors [arcsec] at each torque,
+    and what of the design to measure.
     """
-
-    law: ProductionLaw
-    wanted: float
-    sure: float
-    limits: Sequence[float]
-    self_errors: Sequence[float]
-    choices: Sequence[Tolerance]
-    ways: Sequence[Allocation]
-    seed: int = 0
-    to_measure: Sequence[MeasurementGain] = ()
-    count: int = 0
-
-    @property
-    def drive(self) -> Drive:
-        """The drive of the preset."""
-        return self.law.drive
-
-    @property
-    def verdict(self) -> Verdict:
-        """Whether any way reaches the yield: the best of their verdicts."""
-        verdicts = {way.verdict for way in self.ways}
-        return next(each for each in (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.FAIL) if each in verdicts)
-
-
-def allocate_report(found: Allocated) -> Report:
-    """The cheapest tolerances of a drive."""
-    drive, choices, ways = found.drive, found.choices, found.ways
-    held = list(zip(drive.operation.M_g, found.limits, found.self_errors, strict=True))
+    law, choices = found.production.law, found.choices
+    drive, verdicts = law.drive, {way.verdict for way in ways}
+    verdict = next(each for each in (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.FAIL) if each in verdicts)
+    held = [(M_g, drive.limit(M_g), own) for M_g, own in zip(found.production.torques, self_errors, strict=True)]
     limits = ", ".join(f"{limit:g}″ at {M_g:g} N·m" for M_g, limit, _ in held)
     assumed = [choice.path for choice in choices if choice.assumed_law]
     costs = f"costs are assumed, 1 now and growing as 1/tolerance: {', '.join(assumed)} (preset: cost)"
     reasons = [_words(way, found) for way in ways]
+    facts = []
+    if verdict is not Verdict.PASS:
+        taken = ", ".join(f"{own:.1f} of {limit:g}″ at {M_g:g} N·m" for M_g, limit, own in held)
+        facts.append(("self error", f"takes {taken}; no tolerance changes that"))
+    if verdict is Verdict.INCONCLUSIVE:
+        facts.append(("measure", measure_words(to_measure, False) or MORE_DRIVES))
+    facts.append(("next", _next(found, ways, verdict, is_to_measure=bool(to_measure))))
     return Report(
         command="allocate",
         drive=drive,
         head=f"{drive.name}, tolerances for {100 * found.wanted:g} % of drives within {limits}",
-        verdict=str(found.verdict),
+        verdict=str(verdict),
         why=tuple(reasons),
-        blocks=(_table(found), Facts.of(_facts(found))),
+        blocks=(_table(found, ways), Facts.of(facts)),
         values={
-            **attributes(found, "sure", "seed", "verdict"),
+            "sure": found.sure,
+            "seed": found.production.seed,
+            "verdict": verdict,
             "yield_wanted": found.wanted,
-            "to_measure": measure_objects(found.to_measure),
+            "to_measure": measure_objects(to_measure),
             "limits": [
                 {"M_g_Nm": M_g, "limit_arcsec": limit, "self_error_arcsec": own} for M_g, limit, own in held
             ],
@@ -96,12 +79,12 @@ def allocate_report(found: Allocated) -> Report:
             ],
         ),
         line="\n".join(reasons),
-        warnings=(*law_warnings(found.law), *[costs] * bool(assumed)),
-        exit_code=found.verdict.exit_code,
+        warnings=(*law_warnings(law), *[costs] * bool(assumed)),
+        exit_code=verdict.exit_code,
     )  # fmt: skip
 
 
-def _words(way: Allocation, found: Allocated) -> str:
+def _words(way: Allocation, found: Allocator) -> str:
     """Whether a way to build reaches the yield, at which cost, and how sure that is."""
     how = "with the wheel in its best hole" if way.turned else "as built"
     none = "no tolerances reach it" if way.verdict is Verdict.FAIL else "none recommended: not sure enough"
@@ -112,40 +95,31 @@ def _words(way: Allocation, found: Allocated) -> str:
     )
 
 
-def _facts(found: Allocated) -> Iterator[Fact]:
-    """Where no way is sure enough, the share of the self error and the next measurement; the next command."""
-    passed = found.verdict is Verdict.PASS
-    if not passed:
-        taken = (
-            f"{own:.1f} of {limit:g}″ at {M_g:g} N·m"
-            for M_g, own, limit in zip(found.drive.operation.M_g, found.self_errors, found.limits, strict=True)
-        )
-        yield "self error", f"takes {', '.join(taken)}; no tolerance changes that"
-    if found.verdict is Verdict.INCONCLUSIVE:
-        yield "measure", measure_words(found.to_measure, False) or MORE_DRIVES
-    if passed:
-        cheapest = min((way for way in found.ways if way.fits), key=lambda way: way.cost)
+def _next(found: Allocator, ways: Sequence[Allocation], verdict: Verdict, *, is_to_measure: bool) -> str:
+    """The command to type next; is_to_measure: whether a measurement is worth more than drives."""
+    drive = found.production.drive
+    if verdict is Verdict.PASS:
+        cheapest = min((way for way in ways if way.fits), key=lambda way: way.cost)
         values = [f"{path}={value:.3g}" for path, value in cheapest.values.items()]
-        yield "next", again("tolerance", found.drive, *(word for value in values for word in ("--set", value)))
-    elif found.verdict is Verdict.INCONCLUSIVE and not found.to_measure:
-        asked = ("--yield", f"{found.wanted:g}", "--sure", f"{found.sure:g}", "-n", str(MORE_DRAWS * found.count))
-        yield "next", again("allocate", found.drive, *asked)
-    else:
-        yield "next", again("sensitivity", found.drive)
+        return again("tolerance", drive, *(word for value in values for word in ("--set", value)))
+    if verdict is Verdict.INCONCLUSIVE and not is_to_measure:
+        asked = ("--yield", f"{found.wanted:g}", "--sure", f"{found.sure:g}", "-n", str(MORE_DRAWS * found.drives))
+        return again("allocate", drive, *asked)
+    return again("sensitivity", drive)
 
 
-def _table(found: Allocated) -> Table:
+def _table(found: Allocator, ways: Sequence[Allocation]) -> Table:
     rows = [
         (
             f"{choice.path}, {field_unit(choice.path)}",
             f"{choice.now:g} ({choice.law.share:.2f})",
-            *(f"{way.values[choice.path]:.3g} ({choice.cost(way.values[choice.path]):.2f})" for way in found.ways),
+            *(f"{way.values[choice.path]:.3g} ({choice.cost(way.values[choice.path]):.2f})" for way in ways),
         )
         for choice in found.choices
     ]
     now = sum(choice.law.share for choice in found.choices)
-    rows.append(("cost", f"{now:.2f}", *(f"{way.cost:.2f}" for way in found.ways)))
-    return Table("tolerances (cost of each)", ("field", "preset", *map(_column, found.ways)), tuple(rows))
+    rows.append(("cost", f"{now:.2f}", *(f"{way.cost:.2f}" for way in ways)))
+    return Table("tolerances (cost of each)", ("field", "preset", *map(_column, ways)), tuple(rows))
 
 
 def _column(way: Allocation) -> str:

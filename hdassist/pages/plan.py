@@ -54,8 +54,10 @@ def plan_report(choice: PlanChoice) -> Report:
     answer = f"{first.name if choice.asked else names or 'any of these tests'} {how}"
     origin = drive.origin
     is_open = any(each.verdict is Verdict.INCONCLUSIVE for each in choice.judged)
+    lines = [line for line in choice.lines if not line.seen_as and line.variance_share >= _LARGE_LINE]
+    often = ", ".join(f"{line.per_output_turn:g} ({_percent(line.variance_share)} %)" for line in lines)
     facts = (
-        ("blind", _blind(choice)),
+        ("blind", f"to lines that come so many times an output turn: {often} of the variance" if lines else ""),
         ("enough", names if choice.asked else ""),
         ("open", more_draws(choice.samples) if choice.samples and is_open else ""),
         ("next", shlex.join(["hdassist", "measure", "record.csv", "--drive", preset_argument(drive)])),
@@ -108,13 +110,6 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
         yield f"{_percent(beyond.value)} % of drives are beyond the limit; {sure} are and pass, {100 * wrong:g} % may"
     else:
         yield f"{_percent(beyond.value)} % of drives are beyond the limit: any test is enough to know that"
-
-
-def _blind(choice: PlanChoice) -> str:
-    """Large lines that the first plan is blind to; empty where there is none."""
-    lines = [line for line in choice.lines if not line.seen_as and line.variance_share >= _LARGE_LINE]
-    often = ", ".join(f"{line.per_output_turn:g} ({_percent(line.variance_share)} %)" for line in lines)
-    return f"to lines that come so many times an output turn: {often} of the variance" if lines else ""
 
 
 def seen_curve(choice: PlanChoice) -> Curve:

@@ -30,11 +30,13 @@ def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
     """A sweep; records of its rows, where they are wanted."""
     sweep, drive, ends, figures = swept.sweep, swept.drive, swept.ends, list(_figures(swept))
     line = " to ".join(f"{F_ior:.2f}" for _, F_ior in ends.values()) + " arcsec" if ends else "no answer"
+    values = ((axis, min(axis.values), max(axis.values)) for axis in sweep.varied)
+    spans = (_of(axis, f"{low:g}" if low == high else f"{low:g} to {high:g}", " (") + ")" for axis, low, high in values)
     found = {end: {"row": row, "F_ior_arcsec": F_ior} for end, (row, F_ior) in ends.items()}
     return Report(
         command="sweep",
         drive=drive,
-        head=f"{drive.name}, F'_ior over {' and '.join(map(_span, sweep.varied))}, {sweep.rows} rows",
+        head=f"{drive.name}, F'_ior over {' and '.join(spans)}, {sweep.rows} rows",
         verdict=line,
         blocks=(Facts.of(_facts(swept)), *figures[:1]),
         details=tuple(figures[1:]),
@@ -69,11 +71,6 @@ def _facts(swept: Swept) -> Iterator[Fact]:
 def _of(axis: Axis, values: str, sign: str) -> str:
     """Values along an axis, in its unit."""
     return f"{axis.path}{sign}{values} {axis.unit.replace('*', '·')}".rstrip()
-
-
-def _span(axis: Axis) -> str:
-    low, high = min(axis.values), max(axis.values)
-    return _of(axis, f"{low:g}" if low == high else f"{low:g} to {high:g}", " (") + ")"
 
 
 def _figures(swept: Swept) -> Iterator[Curve]:

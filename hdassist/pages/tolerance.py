@@ -71,7 +71,6 @@ YIELD_COLUMNS: Quantities[MountedDrives] = (
     Quantity("limit", "limit", "", "g", "point.limit"),
     Quantity("yield", "yield", "", yield_words, "yield_belief"),
 )
-YIELD_SHARE: Quantity[MountedDrives] = Quantity("yield", "yield", "", ".3f", "yield_belief.share")
 
 
 def tolerance_report(
@@ -97,6 +96,8 @@ def tolerance_report(
         words=(1,),
     )
     plots = [_share_below(drives[k : k + len(ways)]) for k in range(0, len(drives), len(ways))]
+    laws = sorted({f.law for f in law.own if isinstance(f, TolerancedSize)})
+    drawn = [f"given sizes {', '.join(laws)}"] * bool(laws) + ["others even"] * bool(law.not_given) + [f"seed {seed}"]
     return Report(
         command="tolerance",
         drive=drive,
@@ -108,10 +109,12 @@ def tolerance_report(
             Facts.of([("measure", measure or ""), ("next", again("sensitivity", drive))]),
             plots.pop(worst),
         ),
-        details=(Facts((("drawn", _law_words(law, seed)),)), *plots),
+        details=(Facts((("drawn", ", ".join(drawn)),)), *plots),
         certificate=summary,
         values=_values(law, seed, summary, gains),
-        csv=csv_table(drive.name, (*MOUNTING_COLUMNS, *F_IOR_COLUMNS, YIELD_SHARE), drives),
+        csv=csv_table(
+            drive.name, (*MOUNTING_COLUMNS, *F_IOR_COLUMNS, Quantity("yield", value="yield_belief.share")), drives
+        ),
         line=_yields(summary) + f": {summary.verdict}" * (summary.wanted is not None)
         if summary.has_limit
         else "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]}″" for row in F_ior_table.rows),
@@ -144,12 +147,6 @@ def _reasons(summary: Summary) -> Iterator[str]:
             low, median, high = 100 * np.quantile(point.gains(), GAIN_SHARES)
             off.append(f"{median:.0f} % ({low:.0f} to {high:.0f}) at {point.M_g:g} N·m")
         yield f"turning the wheel takes off F'_ior {', '.join(off)}"
-
-
-def _law_words(law: ProductionLaw, seed: int) -> str:
-    laws = sorted({f.law for f in law.own if isinstance(f, TolerancedSize)})
-    words = [f"given sizes {', '.join(laws)}"] if laws else []
-    return ", ".join([*words, *["others even"] * bool(law.not_given), f"seed {seed}"])
 
 
 def _share_below(drives: Sequence[MountedDrives]) -> Curve:

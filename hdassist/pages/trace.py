@@ -1,7 +1,5 @@
 """A trace of the error as a report."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from hdassist.error.orders import Order, order_legend
@@ -9,7 +7,7 @@ from hdassist.error.trace import Trace
 from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.preset.fields import Drive, Measured
-from hdassist.report import Curve, Fact, Facts, Paragraph, Quantities, Quantity, Report, Series, Table, csv_columns
+from hdassist.report import Curve, Facts, Paragraph, Quantities, Quantity, Report, Series, Table, csv_columns
 from hdassist.terminal.wheels import heading
 from hdassist.terminal.words import again, not_known, on_what
 
@@ -30,6 +28,8 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
     error = trace.error
     cycle = error.kinematics.cycle_cam_revolutions
     is_part, nominal = trace.revolutions < cycle, drive.measured != Measured.of_defaults()
+    whole = ("-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
+    next_ = again("trace", drive, *whole) if is_part else again("mount", drive)
     turns = f"{error.M_g:g} N·m, {trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     start = f"{turns} from {moving} = {trace.start_deg:g}°"
@@ -51,7 +51,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
         ),
         blocks=(
             Table.by_row("", [order, _ON_PAGE, cause], orders[:_NAMED_ORDERS], words=(2,)),
-            Facts.of(_facts(drive, trace)),
+            Facts.of([("assumed", on_what(drive)), ("unknown", not_known(drive)), ("next", next_)]),
             curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, words),
         ),
         details=(
@@ -82,13 +82,3 @@ def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
     over = float(np.ptp(turns) > MANY_TURNS)
     around = ": least and greatest around each cam turn" if over else ""
     return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over)
-
-
-def _facts(drive: Drive, trace: Trace) -> Iterator[Fact]:
-    """Assumptions, and the next command, a label and a text each."""
-    yield "assumed", on_what(drive)
-    yield "unknown", not_known(drive)
-    cycle = trace.error.kinematics.cycle_cam_revolutions
-    whole = ("trace", "-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
-    command, *more = whole if trace.revolutions < cycle else ("mount",)
-    yield "next", again(command, drive, *more)

@@ -18,23 +18,8 @@ from hdassist.visible import visible
 PIPE_WIDTH = 80
 STRICT = "HDASSIST_STRICT"
 Made = TypeVar("Made")
-PLAIN_CHARACTERS = str.maketrans(
-    {
-        "·": "*",
-        "µ": "u",
-        "°": " deg",
-        "×": "x",
-        "−": "-",
-        "±": "+-",
-        "–": "-",
-        "…": "...",
-        "’": "'",
-        "≤": "<=",
-        "≥": ">=",
-        "█": "#",
-        "─": "-",
-        "″": " arcsec",
-    }
+PLAIN_CHARACTERS = str.maketrans("·µ×−–’█─", "*ux--'#-") | str.maketrans(
+    {"°": " deg", "±": "+-", "…": "...", "≤": "<=", "≥": ">=", "″": " arcsec"}
 )
 
 

@@ -73,12 +73,8 @@ def put_text(path: str, text: str) -> None:
                 with open(descriptor, "wb") as stream:  # noqa: PTH123 (a descriptor has no path)
                     stream.write(data)
     except OSError as error:
-        raise _unwritable(path, _reason(error)) from None
-
-
-def _reason(error: OSError) -> str:
-    """Why a file cannot be written, in the words of the system but for a pipe without a reader."""
-    return "nobody reads the pipe" if error.errno == errno.ENXIO else error.strerror or str(error)
+        reason = "nobody reads the pipe" if error.errno == errno.ENXIO else error.strerror or str(error)
+        raise _unwritable(path, reason) from None
 
 
 def _at_once(path: str, flags: int) -> int:

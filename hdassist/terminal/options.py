@@ -1,7 +1,8 @@
 """Groups of options that commands are made of.
 
 A command is a frozen dataclass: it inherits the groups that it takes, has its own options as fields, its docstring is
-its help, and `run` carries it out. A field has type and default; options.toml has its words, by class and field.
+its help. `report` gives the report on a preset, for `run` to write; a command of another kind has a `run` of its own.
+A field has type and default; options.toml has its words, by class and field.
 """
 
 from __future__ import annotations
@@ -142,6 +143,14 @@ class FigureOptions(AnswerOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlotOptions(FigureOptions):
+    """How an answer with figures, plots and details is given."""
+
+    plot: bool = True
+    details: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class SamplingOptions(OptionGroup):
     """Samples of the inputs that are not known exactly: how many, from which seed, by how many processes."""
 
@@ -197,11 +206,6 @@ class LimitedDriveOptions(LoadedDriveOptions):
         """Limits of F'_ior, those of all torques first. Raises UsageError for any other limit."""
         return limits_of_options(self.limit, only="F_ior")
 
-    @property
-    def changes(self) -> list[str]:
-        """All that the options change of a preset, its limits too."""
-        return [*super().changes, *(limit.override for limit in self.limits)]
-
     def load(self, preset: str) -> Drive:
         """The drive of a preset with the changes.
 
@@ -209,7 +213,7 @@ class LimitedDriveOptions(LoadedDriveOptions):
         """
         from hdassist.acceptance.limits import load_limited
 
-        drive = load_limited(preset, super().changes, self.limits, self.taken_over())
+        drive = load_limited(preset, self.changes, self.limits, self.taken_over())
         torques = drive.operation.M_g
         for limit in self.limits:
             if limit.torque is not None and limit.torque not in torques:

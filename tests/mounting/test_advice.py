@@ -13,7 +13,7 @@ from hdassist.mounting.positions import MountingCurve, seat_positions
 from hdassist.pages.mount import mount_report
 from hdassist.pages.seat import instruction, seat_of, turn
 from hdassist.solve.answers import EMPTY
-from hdassist.terminal.seat import seat_in_characters
+from hdassist.terminal.plot import seat_in_characters
 from hdassist.terminal.texts import texts
 from tests.process import SMALL
 

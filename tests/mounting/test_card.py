@@ -17,7 +17,7 @@ from hdassist.pages.documents import card_html, card_text
 from hdassist.pages.drawings import CENTRE, HOLE_CIRCLE
 from hdassist.pages.mount import mount_warnings
 from hdassist.pages.seat import instruction, seat_of
-from hdassist.terminal.seat import seat_in_characters
+from hdassist.terminal.plot import seat_in_characters
 from hdassist.terminal.texts import Texts, languages, texts
 from hdassist.version import __version__
 from tests.advices import MADE, TRIALS, advice_of, card, cards, crowded
