@@ -118,10 +118,6 @@ class Document:
         text = shown(place.text)
         return f'"{text}"' if place.quoted else text or "nothing"
 
-    def is_bad(self, path: Path) -> bool:
-        """Whether a path, or a table around it, has a finding."""
-        return any(path[:n] in self.bad for n in range(1, len(path) + 1))
-
 
 _FLOAT = re.compile(NUMBER)
 _INT = re.compile(r"[-+]?[0-9]+")
