@@ -4,13 +4,14 @@ Targets are few and unknowns many, so there is seldom one answer: every set that
 from the others is kept, and each value has an interval that says whether the targets have determined it.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
+from hdassist.belief.prior import FieldPrior
 from hdassist.belief.sobol import sobol_points
 from hdassist.calibration.quantities import predictions
 from hdassist.calibration.targets import INSIDE, Targets
@@ -95,7 +96,7 @@ def calibrate(
     """
     unknowns, search = targets.unknowns, _Search(drive, targets, run)
     sobol = sobol_points(points, len(unknowns), run.seed)
-    sobol[0] = [np.interp(drive.number(u.path), u.value(RANGE_SHARES), RANGE_SHARES) for u in unknowns]
+    sobol[0] = places_of(unknowns, {u.path: drive.number(u.path) for u in unknowns})
     costs = (search.residuals(sobol) ** 2).sum(axis=1)
     order = [k for k in np.argsort(costs, kind="stable") if costs[k] < IMPOSSIBLE**2]
     if not order:
@@ -135,10 +136,7 @@ class _Search:
 
     def fits(self, points: Iterable[Array]) -> list[Fit]:
         """Sets of values at points, and their predictions."""
-        sets = [
-            tuple(float(f"{u.value(x):.{VALUE_DIGITS}g}") for u, x in zip(self.targets.unknowns, point, strict=True))
-            for point in points
-        ]  # as they are printed and written
+        sets = [rounded_values(self.targets.unknowns, point) for point in points]
         fresh = [values for values in dict.fromkeys(sets) if values not in self.known]
         self.known |= zip(fresh, self.run.map(partial(_fit, self.drive, self.targets), fresh), strict=True)
         self.run.solved(len(fresh))  # drives here
@@ -167,6 +165,16 @@ class _Search:
         steps = np.where(point < 0.5, DIFFERENCE_STEP, -DIFFERENCE_STEP)
         center, *ends = self.residuals([point, *(point + np.diag(steps))])
         return np.stack([(end - center) / step for end, step in zip(ends, steps, strict=True)], axis=1)
+
+
+def places_of(unknowns: Sequence[FieldPrior], values: Mapping[str, float]) -> Array:
+    """Place of the value of each field, by path, between its bounds, 0..1, shape (unknowns,)."""
+    return np.array([np.interp(values[u.path], u.value(RANGE_SHARES), RANGE_SHARES) for u in unknowns])
+
+
+def rounded_values(unknowns: Sequence[FieldPrior], point: Array) -> tuple[float, ...]:
+    """Values of fields at their places between the bounds, shape (unknowns,), as they are printed and written."""
+    return tuple(float(f"{u.value(x):.{VALUE_DIGITS}g}") for u, x in zip(unknowns, point, strict=True))
 
 
 def _distant(points: Iterable[Array]) -> list[int]:

@@ -100,7 +100,8 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     """
     size, stiffer = size_of(like, required)
     d, s = size.value, size.value / like.gears.pitch_diameter
-    given, as_like = _given(like), {}
+    given = {path for path in field_table() if (p := path.split("."))[1] in getattr(like, p[0]).model_fields_set}
+    as_like = dict[str, SimilarValue]()
     for path in given:  # teeth, and settings in which the drive differs from their defaults
         value = like.value(path)
         if path.startswith(("gears.z_g", "mounting.fixed", "numerics.")) and value != field_table()[path].default:
@@ -130,11 +131,6 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
                 f"a preset takes {range_of(info, unit)}; other teeth, or another size",
             )
     return written
-
-
-def _given(drive: Drive) -> set[str]:
-    """Paths of the fields that a preset gives."""
-    return {path for path in field_table() if (p := path.split("."))[1] in getattr(drive, p[0]).model_fields_set}
 
 
 def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> SimilarValue:
