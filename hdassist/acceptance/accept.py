@@ -8,8 +8,7 @@ from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import Inputs, Request
 from hdassist.errors import DataError
-from hdassist.json_parts import Json
-from hdassist.measuring.measure import Measurement
+from hdassist.json_parts import attributes
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.unknown import unknown_names
 from hdassist.verdict import SEVERITY, worst
@@ -70,24 +69,21 @@ def accept(
         checks=tuple(decisions),
         left_out=tuple(limit.label for limit in left_out),
         remarks=tuple(remarks),
-        measured=tuple(_trace_object(M_g, found) for M_g, found in measured.items()),
+        measured=tuple(
+            {
+                **attributes(found.trace, "file", "sha256"),
+                "M_g_Nm": M_g,
+                "rows": len(found.trace.line),
+                "F_ior_arcsec": found.F_ior_arcsec,
+                "F_ior_is_lower_bound": found.directions[0].is_bound,
+                "standard_uncertainty_arcsec": found.directions[0].uncertainty_arcsec,
+            }
+            for M_g, found in measured.items()
+        ),
         rule={"measured": rule, "guard_standard_uncertainties": GUARD * (rule == "guard"), "sure": request.sure},
         place=place,
         **of_predictions(predictions, inputs.wheels),
     )
-
-
-def _trace_object(M_g: float, found: Measurement) -> Json:
-    trace, first = found.trace, found.directions[0]
-    return {
-        "file": trace.file,
-        "sha256": trace.sha256,
-        "M_g_Nm": M_g,
-        "rows": len(trace.line),
-        "F_ior_arcsec": found.F_ior_arcsec,
-        "F_ior_is_lower_bound": first.is_bound,
-        "standard_uncertainty_arcsec": first.uncertainty_arcsec,
-    }
 
 
 def _decisive(found: Sequence[Decision]) -> Decision:

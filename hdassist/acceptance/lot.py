@@ -14,12 +14,12 @@ from typing import Any
 
 from hdassist.acceptance.limits import LIMIT_NAME, named_overrides
 from hdassist.acceptance.request import Request, torque_and_file
-from hdassist.errors import Finding, HdassistError, PresetError, UsageError
+from hdassist.errors import Finding, HdassistError, PresetError
 from hdassist.preset.fields import REMOVED, field_table
 from hdassist.preset.kinds import is_number
 from hdassist.preset.library import preset_names
 from hdassist.preset.overrides import path_of
-from hdassist.preset.yamltext import near_miss, shown
+from hdassist.preset.yamltext import InvalidValueError, near_miss, shown
 from hdassist.readers.table import CellTable, read_texts
 from hdassist.readers.wheels import WheelFiles
 from hdassist.textfile import STDIN
@@ -103,15 +103,14 @@ def _columns(table: CellTable) -> list[Column | None]:
     findings: list[Finding] = []
     columns: list[Column | None] = []
     for name in table.names:
-        column, message, hint = None, "", ""
-        if name.text and not _UNUSED.match(name.text):
-            try:
-                column = _column(name.text)
-                message = f"column {columns.index(column) + 1} is the same" if column in columns else ""
-            except UsageError as error:
-                message, hint = "no such column", error.hint
-        if message:
-            findings.append(Finding(table.file, table.names_line, name.column, name.text, message, hint=hint))
+        try:
+            column = _column(name.text) if name.text and not _UNUSED.match(name.text) else None
+            if column and column in columns:
+                raise InvalidValueError(f"column {columns.index(column) + 1} is the same")
+        except InvalidValueError as fault:
+            column = None
+            place = table.file, table.names_line, name.column, name.text
+            findings.append(Finding(*place, fault.message, hint=fault.hint))
         columns.append(column)
     if findings:
         raise PresetError(findings)
@@ -119,12 +118,12 @@ def _columns(table: CellTable) -> list[Column | None]:
 
 
 def _column(name: str) -> Column:
-    """The field that a column gives. Raises UsageError with a hint: none."""
+    """The field that a column gives. Raises InvalidValueError: none."""
     if name.lower() in PLAIN_COLUMNS:
         return name.lower(), ""
     if at := _MEASURED.fullmatch(name):
         if at[1] and not is_number(at[1]):
-            raise UsageError(name, "like measured@80")
+            raise InvalidValueError("no such column", "like measured@80")
         return "measured", f"{float(at[1]):g}=" if at[1] else ""
     limit = _LIMIT.fullmatch(name)
     for gives, text in (("limits", limit[1] if limit else ""), ("values", name)):
@@ -134,7 +133,7 @@ def _column(name: str) -> Column:
         return "overrides", f"{name}="
     known = [*PLAIN_COLUMNS, "measured", *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
     hint = REMOVED.get(name) or near_miss(name, known) or "section.key, limit NAME@TORQUE, or note for what is not used"
-    raise UsageError(name, hint)
+    raise InvalidValueError("no such column", hint)
 
 
 def _row(

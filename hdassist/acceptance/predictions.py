@@ -9,9 +9,9 @@ from functools import cached_property, partial
 from itertools import chain
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.acceptance.checks import F_IOR
-from hdassist.acceptance.estimate import EstimatedCycle, estimated_cycle, turn_range_arcsec
 from hdassist.acceptance.limits import Limit, torques_of
 from hdassist.belief.evidence import STIFFNESS_FIGURES, evidence_of
 from hdassist.belief.influence import Influence, influences
@@ -21,13 +21,14 @@ from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, 
 from hdassist.belief.statistics import weighted_quantile
 from hdassist.design.check import beside_measured_teeth
 from hdassist.error.cycle import KinematicError, kinematic_error
-from hdassist.error.error_map import searchable
+from hdassist.error.error_map import SHORT_CYCLE, searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.table import TABLE_SECTIONS
+from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.model.unknown import Unknown, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
@@ -36,6 +37,54 @@ from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.verdict import SURE, is_settled
+
+
+@dataclass(frozen=True)
+class EstimatedCycle:
+    """Error F_kpp [arcsec] of a drive in each state of its full cycle, up to a constant, shape (states,).
+
+    turn_range_arcsec: the greatest range within one cam turn, from every state of the turn in which the estimate ranges
+    most; certificate: of all states that were solved.
+    """
+
+    error_arcsec: Array
+    turn_range_arcsec: float
+    certificate: Certificate
+
+
+def estimated_cycle(drive: Drive, M_g: float, *, short_cycle: int = SHORT_CYCLE) -> KinematicError | EstimatedCycle:
+    """Error of a drive at a torque M_g [N*m] over its full cycle, read off its waves; of a short cycle every state.
+
+    Argument: short_cycle, states of a cycle below which all are solved. Raises UsageError for rolling balls,
+    UntrustedError where a state cannot be trusted.
+    """
+    kinematics = Kinematics.of(drive)
+    states = kinematics.cycle_states
+    if states < short_cycle:
+        return kinematic_error(drive, M_g, run=UNCHECKED)
+    torus = ErrorWaves(drive, M_g, UNCHECKED)
+    periods = torus.k_g * (states // kinematics.z_g) + torus.k_b * (states // kinematics.z_b)  # of each wave in a cycle
+    spectrum = np.zeros(states, dtype=complex)
+    np.add.at(spectrum, periods % states, torus.waves([drive])[0])
+    error = np.fft.fft(spectrum).real  # both wheels turn backwards in the cam's frame
+    first = _turn_ranges(error, kinematics).argmax() - kinematics.teeth_fixed // 2
+    turn = pitch_locked_states(kinematics, (first + np.arange(kinematics.teeth_fixed)) % states)
+    worst = kinematic_error(drive, M_g, states=turn, run=UNCHECKED)
+    return EstimatedCycle(error, worst.range_arcsec, torus.certificate + worst.certificate)
+
+
+def turn_range_arcsec(error: KinematicError | EstimatedCycle) -> float:
+    """Greatest range [arcsec] of an error over the full cycle within one cam turn."""
+    if isinstance(error, EstimatedCycle):
+        return error.turn_range_arcsec
+    return float(_turn_ranges(error.error_arcsec, error.kinematics).max())
+
+
+def _turn_ranges(error_arcsec: Array, kinematics: Kinematics) -> Array:
+    """Range [arcsec] of an error over the full cycle within the cam turn around each state, shape (states,) each."""
+    turn = kinematics.teeth_fixed
+    extent = maximum_filter1d(error_arcsec, turn, mode="wrap") - minimum_filter1d(error_arcsec, turn, mode="wrap")
+    return np.asarray(extent)
 
 
 @dataclass(frozen=True)

@@ -103,22 +103,21 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
 
 def _drive(document: Document) -> Drive | None:
     """The drive of a document, None where there is none; faults are added to its findings."""
-    if isinstance(document.data, InvalidValueError):
+    if () in document.bad:
         return None
     if not isinstance(document.data, dict):
         message = "the preset is empty" if document.data is None else "a preset must be a table of keys"
         got = "" if document.data is None else None
         document.add((), message, "hdassist presets new NAME prints one to start from", got)
         return None
-    data = {key: value for key, value in document.data.items() if value is not None}
+    data = {key: value for key, value in document.data.items() if value is not None or (key,) in document.bad}
     if "schema" not in data:
         document.add(("schema",), "missing key", f"write schema: {PRESET_SCHEMA}")
-    elif not isinstance(given := data.pop("schema"), InvalidValueError) and given != PRESET_SCHEMA:
+    elif data.pop("schema") != PRESET_SCHEMA and ("schema",) not in document.bad:
         document.add(("schema",), f"must be {PRESET_SCHEMA}")
     _settle_spreads(document, data)
-    faults = len(document.bad)
     tables = _read_table(document, (), data, Drive)
-    drive = Drive.model_validate(tables) if len(document.bad) == faults else None
+    drive = Drive.model_validate(tables) if document.bad <= {("schema",)} else None
     if drive:  # the cam's support is that of its coupling: not given, or the coupling alone is on the command line
         fields = [tuple(path.split(".")) for path in (coupling.SUPPORT_FIELD, *coupling.COUPLING_FIELDS)]
         own, *tried = (path in document.places and document.is_override(path) for path in fields)
@@ -178,7 +177,7 @@ def _read_table(document: Document, path: Path, table: Any, model: type[Section]
     if not _is_table(document, path, table, model):
         return {}
     for key, value in table.items():
-        if key not in model.model_fields and not isinstance(value, InvalidValueError):
+        if key not in model.model_fields and (*path, key) not in document.bad:
             hint = "" if len(document.findings) > MAX_FINDINGS else _unknown_hint((*path, key), value, model)
             document.add((*path, key), "unknown key", hint, "", key=True)
     read: dict[str, Any] = {}
@@ -204,9 +203,9 @@ def _read_table(document: Document, path: Path, table: Any, model: type[Section]
 
 def _is_table(document: Document, path: Path, table: Any, model: type[Section] | None) -> bool:
     """Whether a value is a table of keys, those of a model if any; a finding where it is not."""
-    if isinstance(table, InvalidValueError):
-        document.bad.add(path)
-    elif not isinstance(table, dict):
+    if path in document.bad:
+        return False
+    if not isinstance(table, dict):
         document.add(path, "must be a table of keys", f"its keys: {', '.join(model.model_fields)}" if model else "")
     return isinstance(table, dict)
 
@@ -239,8 +238,6 @@ def _read_range(path: str, bounds: Any) -> tuple[float, float] | None:
     """A plausible range of a field, by path, in its unit. Raises InvalidValueError: it is none."""
     info = field_table()[path]
     unit = unit_of(info)
-    if isinstance(bounds, InvalidValueError):
-        raise bounds
     if bounds is None:
         return None
     if path not in measures():

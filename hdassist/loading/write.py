@@ -10,8 +10,6 @@ from contextlib import suppress
 from io import StringIO
 from typing import TYPE_CHECKING, Any
 
-from pydantic.fields import FieldInfo
-
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.preset import coupling
@@ -26,12 +24,6 @@ if TYPE_CHECKING:
     from ruamel.yaml import YAML
 
 WIDTH = 110  # of a description
-
-
-def _about(info: FieldInfo) -> str:
-    """Unit and meaning of a field, for the comment beside it."""
-    unit = unit_of(info)
-    return f"{unit}, {info.description}" if unit else str(info.description)
 
 
 def _name(text: str) -> str:
@@ -91,10 +83,10 @@ def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], 
 def _similar_section(section: str, model: type[Section], written: Mapping[str, SimilarValue]) -> Iterator[str]:
     yield f"{section}:"
     for field, info in model.model_fields.items():
-        if field in written:
-            yield f"{f'  {field}: {text_of(written[field].value)}':<23} # {_about(info)}"
-        elif may_be_unknown(info) and (section, field[:3]) != ("harmonics", "xi_"):  # needless without an amplitude
-            yield f"{f'  {field}: {UNKNOWN}':<23} # {_about(info)}"
+        value, unit = text_of(written[field].value) if field in written else UNKNOWN, unit_of(info)
+        is_needless = (section, field[:3]) == ("harmonics", "xi_")  # without an amplitude
+        if field in written or (may_be_unknown(info) and not is_needless):
+            yield f"{f'  {field}: {value}':<23} # {unit and f'{unit}, '}{info.description}"
 
 
 def _quoted(text: str) -> str:

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr
+from pydantic import PrivateAttr
 from pydantic.fields import FieldInfo
 
 from hdassist.numerals import number_of
 from hdassist.preset.deviations import Harmonics, Phases, Tolerances
 from hdassist.preset.kinds import (
-    MAX_NAME,
     OneLine,
     PerOrder,
     PerPosition,
@@ -212,7 +211,7 @@ class Origin:
 class Drive(Section):
     """A strain wave drive as a preset describes it."""
 
-    name: Annotated[OneLine, Field(min_length=1, max_length=MAX_NAME)]
+    name: OneLine
     description: str
     gears: Gears
     material: Material = Material.of_defaults()

@@ -106,8 +106,6 @@ def read_value(info: FieldInfo, value: Any) -> Any:
     Raises InvalidValueError: it cannot be read.
     """
     kind, unit = kind_of(info), unit_of(info)
-    if isinstance(value, InvalidValueError):
-        raise value
     if kind == "choice":
         if value not in (choices := choices_of(info)):
             raise InvalidValueError(f"must be one of {', '.join(choices)}", near_miss(str(value), choices))
@@ -154,8 +152,6 @@ def read_measure(info: FieldInfo, value: Any, unit: str) -> float:
 
 def read_reading(info: FieldInfo, value: Any, unit: str) -> UncertainReading:
     """A measured value with its uncertainty, in a unit and the range of a field; InvalidValueError for any other."""
-    if isinstance(value, InvalidValueError):
-        raise value
     reading = UncertainReading(*read_spread(str(value), unit))
     if not all(in_range(info, number) for number in reading):
         raise InvalidValueError(f"out of range: value and uncertainty {range_of(info, unit)}")

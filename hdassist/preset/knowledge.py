@@ -101,11 +101,6 @@ def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
         if share is not None and not each.low * (1 - BOUND_ROUNDING) <= share <= each.high * (1 + BOUND_ROUNDING):
             words = each.words.format(value=value, base=base, share=share)
             yield each.path, words, f"usual: {each.usual.format(low=each.low, high=each.high)}"
-    yield from _implausible_torques(drive)
-
-
-def _implausible_torques(drive: Drive) -> Iterator[tuple[str, str, str]]:
-    """Torques beyond those of a drive of this size."""
     most, rated, d = max(map(abs, drive.operation.M_g)), drive.operation.rated, drive.gears.pitch_diameter
     limit = TORQUE_DENSITY[1] * d**3
     usual = f"{limit:.3g} N*m, the highest of catalogues at {d:.4g} mm: 52 N*m for size 20, ratio 100, by d^3"

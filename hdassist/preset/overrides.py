@@ -47,6 +47,7 @@ def set_override(document: Document, text: str, index: int) -> None:
         table[whole[-1]] = read.data
         kept = {path: place for path, place in document.places.items() if path[: len(whole)] != whole}
         document.places = kept | read.places | {whole: own}
+        document.bad = {path for path in document.bad if path[: len(whole)] != whole}
 
 
 def path_of(key: str) -> Path:

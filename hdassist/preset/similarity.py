@@ -100,7 +100,12 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     """
     size, stiffer = size_of(like, required)
     d, s = size.value, size.value / like.gears.pitch_diameter
-    as_like = {path: SimilarValue(like.value(path), "assumed", f"as {like.name}") for path in _choices(like)}
+    given = {path for path in field_table() if (p := path.split("."))[1] in getattr(like, p[0]).model_fields_set}
+    as_like = dict[str, SimilarValue]()
+    for path in given:  # teeth, and settings in which the drive differs from their defaults
+        value = like.value(path)
+        if path.startswith(("gears.z_g", "mounting.fixed", "numerics.")) and value != field_table()[path].default:
+            as_like[path] = SimilarValue(value, "assumed", f"as {like.name}")
     teeth = required.get("gears.z_g", as_like["gears.z_g"])
     m = rounded(d / teeth.value, 12)
     entries = as_like | {
@@ -108,7 +113,7 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
         "gears.m": SimilarValue(m, size.kind, f"{d:.6g} mm / {teeth.value} teeth; {size.ref}"),
     }
     for path, law in LAWS.items():
-        optional = path in WHERE_GIVEN and path not in _given(like)
+        optional = path in WHERE_GIVEN and path not in given
         if like.value(path) is not None and path != like.unused_tooth_field and not optional:
             entries[path] = _scaled(like, path, law, s, m, stiffer)
     entries |= _shifts(like, entries, d) | _tolerances(d, m)
@@ -126,17 +131,6 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
                 f"a preset takes {range_of(info, unit)}; other teeth, or another size",
             )
     return written
-
-
-def _given(drive: Drive) -> set[str]:
-    """Paths of the fields that a preset gives."""
-    return {path for path in field_table() if (p := path.split("."))[1] in getattr(drive, p[0]).model_fields_set}
-
-
-def _choices(like: Drive) -> list[str]:
-    """Teeth, and fields of the mounting and of the numerical model in which a drive differs from their defaults."""
-    settings = (path for path in _given(like) if path.startswith(("gears.z_g", "mounting.fixed", "numerics.")))
-    return [path for path in settings if like.value(path) != field_table()[path].default]
 
 
 def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> SimilarValue:

@@ -99,8 +99,6 @@ def read_number(value: Any, unit: str, *, spread: bool = False) -> float:
 
     Raises InvalidValueError for any other. spread: the text may have an uncertainty, which read_spread reads.
     """
-    if isinstance(value, InvalidValueError):
-        raise value
     if isinstance(value, str):
         return read_spread(value, unit)[0] if spread and is_spread(value) else convert(value, unit)
     if isinstance(value, bool) or not isinstance(value, int | float):

@@ -29,14 +29,11 @@ ReadT = TypeVar("ReadT")
 
 @dataclass(frozen=True)
 class InvalidValueError(ValueError):
-    """A value that cannot be read: message (empty where there is a finding), hint, and whether the key is at fault."""
+    """A value that cannot be read: message, hint, and whether the key is at fault."""
 
-    message: str = ""
+    message: str
     hint: str = ""
     at_key: bool = False
-
-
-BROKEN_VALUE = InvalidValueError()
 
 
 class Mark(NamedTuple):
@@ -59,7 +56,7 @@ class SourceSpan:
 
 @dataclass
 class Document:
-    """A text as it was read: data, BROKEN_VALUE where it breaks off; place of each path, findings, warnings.
+    """A text as it was read: data, None where it breaks off; place of each path, findings, warnings.
 
     file: its name in findings; bad: paths whose values are not to be used.
     """
@@ -85,17 +82,17 @@ class Document:
         return Finding(file, *mark, path_text(path), message, got, hint)
 
     def read(self, path: Path, reader: Callable[..., ReadT], *arguments: Any) -> ReadT | None:
-        """What a reader makes of a value; None where it raises InvalidValueError, which is a finding."""
+        """What a reader makes of a value; None of one with a finding, such as the InvalidValueError that it raises."""
+        if path in self.bad:
+            return None
         try:
             return reader(*arguments)
         except InvalidValueError as fault:
             if path not in self.places:
                 path = path[:2]  # the only item of a list, or the limit for all torques, written as one value
-            self.bad.add(path)
-            if fault.message:
-                got = (shown(str(path[-1])) or "nothing") if fault.at_key else None
-                self.add(path, fault.message, fault.hint, got, key=fault.at_key)
-        return None
+            got = (shown(str(path[-1])) or "nothing") if fault.at_key else None
+            self.add(path, fault.message, fault.hint, got, key=fault.at_key)
+            return None
 
     def where(self, path: Path, key: bool = False) -> tuple[str, Mark]:
         """File and place of a value or key; of the nearest table around it where it is not given."""
@@ -117,10 +114,6 @@ class Document:
             return ""
         text = shown(place.text)
         return f'"{text}"' if place.quoted else text or "nothing"
-
-    def is_bad(self, path: Path) -> bool:
-        """Whether a path, or a table around it, has a finding."""
-        return any(path[:n] in self.bad for n in range(1, len(path) + 1))
 
 
 _FLOAT = re.compile(NUMBER)
@@ -156,7 +149,7 @@ def read_yaml(text: bytes | str, file: str, path: Path = (), at: Callable[[int, 
         _Reader(document, at, at(1, 1)).read(text, path)
     except PresetError as end:
         document.findings += end.findings
-        document.data = BROKEN_VALUE
+        document.bad.add(())
     return document
 
 
@@ -224,10 +217,11 @@ class _Reader:
         if len(path) >= MAX_DEPTH:
             raise self._end(mark, f"nested deeper than {MAX_DEPTH} levels")
         text, quoted = "", False
-        value: Any = BROKEN_VALUE
+        value: Any = None
         if isinstance(event, yaml.AliasEvent):
             text = f"*{event.anchor}"
             self._find(mark, path, "aliases are not allowed", shown(text), "write the value out")
+            self.document.bad.add(path)
         elif event.anchor is not None:
             self._find(mark, path, "anchors are not allowed", shown(f"&{event.anchor}"), "leave the anchor out")
         if tag := getattr(event, "tag", None):
@@ -242,6 +236,7 @@ class _Reader:
             text, quoted = str(event.value), event.style is not None
             if _SURROGATE.search(text):
                 self._find(mark, path, "half of a surrogate pair is no character", shown(text))
+                self.document.bad.add(path)
             else:
                 value = text if quoted else scalar_value(text)
         self.document.places[path] = SourceSpan(self.document.file, key or mark, mark, text, quoted)
@@ -261,7 +256,7 @@ class _Reader:
             value = self._value(next(self.events), at, mark)
             if isinstance(key, list | dict):
                 self._find(mark, path, "a key must be a single word", hint="a text or a number")
-            elif key is not BROKEN_VALUE:
+            else:
                 table[name] = value  # of a key given twice the last one, whose place is known
         return table
 

@@ -65,7 +65,12 @@ def keep(kind: str, key: str, data: bytes) -> None:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with in_place_of(path) as beside:
             beside.write_bytes(line + b"\n" + data)
-        _bound()
+        files = cached_files()
+        total = sum(size for _, size, _ in files)
+        for _, size, oldest in files if total > MOST else ():
+            if total > _OLDEST_LEFT * MOST:
+                oldest.unlink(missing_ok=True)
+                total -= size
 
 
 def cached_files() -> list[tuple[float, int, Path]]:
@@ -77,18 +82,6 @@ def cached_files() -> list[tuple[float, int, Path]]:
                 if is_file(path):
                     found.append((path.stat().st_mtime, path.stat().st_size, path))
     return sorted(found)
-
-
-def _bound() -> None:
-    """Remove the oldest files where all together are too large."""
-    files = cached_files()
-    total = sum(size for _, size, _ in files)
-    if total > MOST:
-        for _, size, path in files:
-            if total <= _OLDEST_LEFT * MOST:
-                break
-            path.unlink(missing_ok=True)
-            total -= size
 
 
 def _path(kind: str, key: str) -> Path:

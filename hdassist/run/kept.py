@@ -18,6 +18,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from io import BytesIO
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, TypeVar
 
@@ -74,7 +75,9 @@ class KeptOwner(ClosedRecord):
 
     def require_same(self, now: KeptOwner, path: str) -> None:
         """Raise UsageError, with the differences, where the records of a file are not those of the owner now."""
-        before, after = (_flat(json.loads(json.dumps(asdict(owner)))) for owner in (self, now))
+        before, after = (json.loads(json.dumps(asdict(owner))) for owner in (self, now))
+        for each, name in product((before, after), ("inputs", "options")):
+            each |= {f"{name}.{key}": value for key, value in each.pop(name).items()}
         differences = [
             f"{key}: {_short(before.get(key))} there, {_short(after.get(key))} here"
             for key in sorted(before.keys() | after.keys())
@@ -115,7 +118,9 @@ class RecordKind(Generic[RecordT]):
                 if fault := self.fault(item, record):
                     raise ValueError(fault)
             except (ValueError, RecursionError) as error:
-                if _is_unfinished(line, b'{"item":%d,' % item):
+                begin = b'{"item":%d,' % item
+                start = line.rstrip(b"\0")[: len(begin)]  # zeros stand where power was lost before data came to disk
+                if not line.endswith(b"\n") and len(line) < LONGEST_LINE and begin.startswith(start):
                     return
                 raise DataError(f"{name}:{item + 2}: invalid record: {why_invalid(error)}", self.hint) from None
             yield record, line
@@ -320,12 +325,6 @@ def _lines(descriptor: int) -> Iterator[bytes]:
         yield from iter(partial(file.readline, LONGEST_LINE), b"")
 
 
-def _is_unfinished(line: bytes, begin: bytes) -> bool:
-    """Whether a line is the start of one that begins so: zeros stand where power was lost before data came to disk."""
-    start = line.rstrip(b"\0")[: len(begin)]
-    return not line.endswith(b"\n") and len(line) < LONGEST_LINE and begin.startswith(start)
-
-
 def _sealed(fields: Mapping[str, Any], above: bytes) -> bytes:
     """A JSON object as a line with its checksum; above, that of the line above. Never NaN or Infinity."""
     text = printable(json.dumps(fields, ensure_ascii=True, allow_nan=False, separators=(",", ":"))).encode()
@@ -368,12 +367,6 @@ def why_invalid(error: Exception) -> str:
     first = error.errors(include_url=False)[0]
     where, words = ".".join(str(key) or "''" for key in first["loc"]), first["msg"].removeprefix("Value error, ")
     return f"{where}: {words}" if where else words
-
-
-def _flat(fields: dict[str, Any]) -> dict[str, Any]:
-    """Fields of an owner with those of its tables among them, by their path."""
-    tables = {f"{name}.{key}": value for name in ("inputs", "options") for key, value in fields.pop(name).items()}
-    return fields | tables
 
 
 def _short(value: Any) -> str:

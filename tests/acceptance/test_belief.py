@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from hdassist.acceptance.answer import answer_json
-from hdassist.acceptance.estimate import estimated_cycle
 from hdassist.acceptance.limits import limits_of
-from hdassist.acceptance.predictions import predict, quantities
+from hdassist.acceptance.predictions import estimated_cycle, predict, quantities
 from hdassist.design.check import check
 from hdassist.error.cycle import kinematic_error
 from hdassist.loading.load import load_preset

@@ -244,6 +244,8 @@ def test_optional_fields_may_be_empty() -> None:
          ["my.yaml:9:22: acceptance.F_ior.foo: must be a torque in N*m, or all (got foo)"]),
         ([], "acceptance: {F_ior: {80: 3, 80.0: 4}}\n",
          ["my.yaml:9:29: acceptance.F_ior.80.0: given twice (got 80.0)"]),
+        ([], "acceptance: {F_ior: {x: 30, all: 20}}\n",
+         ["my.yaml:9:22: acceptance.F_ior.x: must be a torque in N*m, or all (got x)"]),
         ([], "measured: {K_2: 0}\n",
          ["my.yaml:9:17: measured.K_2: out of range: 0.001 to 1e+12 N*m/rad (got 0)"]),
         ([], "measured: {F_ior: 28}\n", ["my.yaml:9:19: measured.F_ior: must be a table of keys "

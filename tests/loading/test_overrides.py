@@ -23,6 +23,13 @@ def test_overrides_replace_and_are_remembered() -> None:
     assert drive.origin.sha256 == load().origin.sha256
 
 
+def test_an_override_of_a_value_that_the_yaml_leaves_unread_is_read() -> None:
+    assert errors(("W_0: 0.96", "W_0: *a"), overrides=("cam.W_0={}",)) == [
+        "my.yaml:6:12: cam.W_0: aliases are not allowed (got *a; write the value out)",
+        "--set:1:9: cam.W_0: must be a number (got a table of keys; in mm)",
+    ]
+
+
 @pytest.mark.parametrize(
     ("overrides", "limits"),
     [

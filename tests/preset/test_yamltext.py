@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from hdassist.preset.yamltext import BROKEN_VALUE, MAX_DEPTH, MOST_PRESET_BYTES, Mark, read_yaml, scalar_value, shown
+from hdassist.preset.yamltext import MAX_DEPTH, MOST_PRESET_BYTES, Mark, read_yaml, scalar_value, shown
 
 
 def findings(text: bytes | str) -> list[str]:
@@ -107,13 +107,15 @@ def test_an_alias_bomb_is_refused_and_not_expanded() -> None:
     bomb = "a: &a [x, x]\n" + "".join(f"{b}: &{b} [*{a}, *{a}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True))
     document = read_yaml(bomb, "f")
     assert [f.message for f in document.findings].count("aliases are not allowed") == 16
-    assert document.data["i"] == [BROKEN_VALUE, BROKEN_VALUE]
+    assert document.data["i"] == [None, None]
+    assert {("i", 0), ("i", 1)} <= document.bad
 
 
 @pytest.mark.parametrize("opening", ["[", "{a: ", "- ", "? "])
 def test_deep_nesting_is_refused(opening: str) -> None:
     document = read_yaml(opening * 60_000, "f")
-    assert document.data is BROKEN_VALUE
+    assert document.data is None
+    assert document.bad == {()}
     assert [f.message for f in document.findings] == [f"nested deeper than {MAX_DEPTH} levels"]
 
 
@@ -132,7 +134,8 @@ def test_a_large_file_is_refused_and_one_of_just_that_size_is_not() -> None:
 def test_all_findings_are_collected_and_the_rest_is_still_read() -> None:
     document = read_yaml("a: &x 1\nb: *x\na: 2\n? [d]\n: 4\nc: 3\n", "f")
     assert [(f.line, f.path) for f in document.findings] == [(1, "a"), (2, "b"), (3, "a"), (4, "")]
-    assert document.data == {"a": 2, "b": BROKEN_VALUE, "c": 3}
+    assert document.data == {"a": 2, "b": None, "c": 3}
+    assert document.bad == {("b",)}
 
 
 @pytest.mark.parametrize("text", ['a: "\\U99999999"', 'a: "\\UFFFFFFFF"'])
