@@ -22,6 +22,7 @@ from hdassist.terminal.answers import report_object
 from hdassist.terminal.words import again, measure_words
 
 NAMED_PATHS = 6  # in a line
+LARGEST_SHARE = 100.0  # of F'_ior of A: a greater one says that A has hardly any error
 DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "most by")
 
 
@@ -93,9 +94,10 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
 def _change(changes: DriveChanges, k: int) -> tuple[str, str]:
     """How F'_ior changes from A at a torque by its place, and the field that alone does most."""
     most = max(changes.single, key=lambda change: abs(change.change_arcsec[k]), default=None)
-    sense = changes.F_ior_is[k]
-    words = "open" if sense == NOT_KNOWN else f"{100 * changes.together.share[k]:.0f} % {sense}"
-    return sense if sense == "the same" else words, most.field if most else NO_VALUE
+    sense, share = changes.F_ior_is[k], changes.together.share[k]
+    plain = sense == "the same" or share > LARGEST_SHARE
+    words = "open" if sense == NOT_KNOWN else sense if plain else f"{100 * share:.0f} % {sense}"
+    return words, most.field if most else NO_VALUE
 
 
 def _verdict(rows: Sequence[tuple[str, ...]], several: bool) -> str:

@@ -256,11 +256,12 @@ def test_no_change_contradicts_the_medians_of_check(sets):
     assert back.F_ior_is[0] in (opposite.get(there.F_ior_is[0], "unknown"), "unknown")
 
 
-def test_a_share_of_no_error_is_a_number():
+def test_a_share_of_no_error_is_not_said():
     none = tiny(*(f"tolerances.{size}=0" for size in ("F_i1", "F_i2", "e_hb", "e_hh")))
-    found, _ = drive_changes(*checks(none, tiny()))
-    assert found.F_ior_is == ("more",)
-    assert np.isfinite(found.together.share).all()
+    found = compare_drives([none, tiny()])
+    assert found.sheets[0].check.points[0].F_ior_arcsec == 0
+    assert np.isfinite(found.changes[0].together.share).all()
+    assert drives_report(found, 0).line == "B more"
 
 
 def test_three_presets_are_held_against_the_first(better):
