@@ -35,7 +35,8 @@ class Entry:
 @cache
 def entries() -> tuple[Entry, ...]:
     """All entries."""
-    return (*_codes(), *_terms(), *_symbols(), *_fields(), *_faults())
+    faults = (Entry("error", (str(code),), of.meaning, (("change", of.change),)) for code, of in FAULTS.items())
+    return (*_codes(), *_terms(), *_symbols(), *_fields(), *faults)
 
 
 def _codes() -> Iterator[Entry]:
@@ -81,11 +82,6 @@ def _of_field(info: FieldInfo) -> tuple[tuple[str, str], ...]:
         default = "none" if info.default in (None, {}, ()) else number
     span = ", ".join(choices_of(info)) if choice else range_of(info)
     return (("unit", unit_of(info)), ("values" if choice else "range", span), ("left out", default))
-
-
-def _faults() -> Iterator[Entry]:
-    for code, words in FAULTS.items():
-        yield Entry("error", (str(code),), words.meaning, (("change", words.change),))
 
 
 def _given(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
