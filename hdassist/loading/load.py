@@ -180,9 +180,9 @@ def _read_table(document: Document, path: Path, table: Any, model: type[Section]
         if key not in model.model_fields and (*path, key) not in document.bad:
             hint = "" if len(document.findings) > MAX_FINDINGS else _unknown_hint((*path, key), value, model)
             document.add((*path, key), "unknown key", hint, "", key=True)
-    read: dict[str, Any] = {}
+    read, classes = dict[str, Any](), dict(sections())
     for name, info in model.model_fields.items():
-        place, section = (*path, name), dict(sections()).get(name)
+        place, section = (*path, name), classes.get(name)
         if name not in table:
             if info.is_required() and section:
                 needed = [name for name, each in section.model_fields.items() if each.is_required()]
