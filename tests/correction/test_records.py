@@ -12,7 +12,7 @@ from hdassist import load_preset
 from hdassist.comparing.record import Alignment
 from hdassist.correction.correct import IN_PLACE, correct
 from hdassist.correction.forms import CorrectionForm
-from hdassist.correction.records import recorded_error
+from hdassist.correction.records import recorded_error, solved_error
 from hdassist.error.cycle import kinematic_error
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
@@ -29,10 +29,12 @@ PHASORS = CorrectionForm(None, each_load=True)
 
 def recording(M_g: float, turns: float = 10.5, begin: int = 0, hidden: tuple[str, ...] = HIDDEN):
     """Cam angles [turns] and errors [arcsec] of a record of the hidden drive, from some turn of its cycle on."""
-    curve = error_lines(load_preset(TINY, hidden), M_g, [{}]).curves[0]
-    rows = np.arange(round(turns * POINTS_A_TURN))
+    drive = load_preset(TINY, hidden)
+    lines, (solved, _) = error_lines(drive, M_g, [{}]), solved_error(drive, M_g, UNCHECKED)
+    rows = np.arange(round(turns * POINTS_A_TURN)) + begin * POINTS_A_TURN
+    beyond = np.interp(rows / POINTS_A_TURN, solved.cam_turns, solved.apart(lines), period=10)
     noise = NOISE * np.random.default_rng(1).standard_normal(len(rows))
-    return rows / POINTS_A_TURN, curve[(rows + begin * POINTS_A_TURN) % len(curve)] + noise
+    return (rows - rows[0]) / POINTS_A_TURN, np.resize(lines.curves[0], 1 + rows[-1])[rows] + beyond + noise
 
 
 def record(M_g: float, error_is: str = "cam-output", sign: float = 1.0, **how):
