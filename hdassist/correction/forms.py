@@ -12,7 +12,7 @@ from hdassist.model.geometry import Array
 from hdassist.planning.lines import ErrorLines
 
 TRIED_POINTS: Mapping[RepeatTurn | None, Sequence[int]] = {  # of tables, and numbers of phasors
-    None: (20, 40, 80, 160, 320, 640, 1280),
+    None: (20, 80, 320, 1280),
     "output": (32, 64, 100, 128, 180, 256, 360, 512, 720, 1024, 1500, 2048, 4096),
 }
 USUAL_POINTS = 1500  # of a table over an output turn

@@ -28,7 +28,7 @@ RECORDED_DRAWS = 64  # drives that agree with a record
 LEAST_LINE = 0.02  # of the mean square of lines: that of each one by a misfit
 ROUNDS = 3  # of least squares: readings that are not quite even mix lines
 FINER = 32  # times the points of curves, at which places are told apart
-WIDEST = 2  # steps between readings: in the middle of a wider gap the error counts as not read, and as 0
+WIDEST_GAP = 2  # steps between readings: in the middle of a wider gap the error counts as not read, and as 0
 LEAST_REPEATS = 20  # readings at points that have one already, from which noise is known
 LEAST_CHANCE = 0.05  # that noise is less than it counts as for what is lost
 MEDIAN_DEVIATION = 0.6745  # of a normal number
@@ -47,10 +47,10 @@ class RecordedError:
     error_arcsec: Array
     is_part: bool = False
 
-    def points(self, kinematics: Kinematics, finer: int = 1) -> NDArray[np.int64]:
+    def points(self, lines: ErrorLines, finer: int = 1) -> NDArray[np.int64]:
         """The nearest points of the curves of lines, or of so many times as many."""
-        count = finer * POINTS_A_TURN * kinematics.cycle_cam_revolutions
-        places = np.mod(self.cam_turns / kinematics.cycle_cam_revolutions, 1)
+        cycle = lines.kinematics.cycle_cam_revolutions
+        count, places = finer * POINTS_A_TURN * cycle, np.mod(self.cam_turns / cycle, 1)
         return np.asarray(np.rint(places * count).astype(np.int64) % count)
 
     def weights(self, kinematics: Kinematics) -> Array:
@@ -59,7 +59,7 @@ class RecordedError:
         places = np.mod(self.cam_turns / cycle, 1)
         order = np.argsort(places, kind="stable")
         gaps = np.diff(places[order], append=places[order[0]] + 1)
-        gaps = np.minimum(gaps, WIDEST * np.ptp(self.cam_turns) / cycle / len(places))
+        gaps = np.minimum(gaps, WIDEST_GAP * np.ptp(self.cam_turns) / cycle / len(places))
         found = np.empty(len(places))
         found[order] = (gaps + np.roll(gaps, 1)) / 2
         return found
@@ -70,7 +70,7 @@ class RecordedError:
         spectrum = np.zeros(points // 2 + 1, dtype=complex)
         spectrum[lines.per_cycle] = lines.amplitude.mean(axis=0)
         curve = np.fft.irfft(spectrum, points) * (points / 2)
-        return self.error_arcsec - curve[self.points(lines.kinematics, FINER)]
+        return self.error_arcsec - curve[self.points(lines, FINER)]
 
     def lines(self, kinematics: Kinematics) -> ErrorLines:
         """Its lines by least squares, as many as it tells apart and curves have: those of one drive."""
@@ -79,8 +79,8 @@ class RecordedError:
         count = round(steps / max(steps / (steps + 1), np.ptp(self.cam_turns) / cycle))
         often = np.arange(1, min(count // 2 + 1, POINTS_A_TURN * cycle // 2))
         whole = np.where(2 * often < count, 2.0, 1.0)  # the last one has no sine at even readings
-        points, weights = self.points(kinematics, FINER), self.weights(kinematics)
         found = ErrorLines(kinematics, often, np.zeros((1, len(often)), dtype=complex), EMPTY)
+        points, weights = self.points(found, FINER), self.weights(kinematics)
         for _ in range(ROUNDS):
             apart = self.apart(found)
             put = np.bincount(points, weights * (apart - apart.mean()), FINER * POINTS_A_TURN * cycle)
@@ -90,7 +90,7 @@ class RecordedError:
     def repeats(self, lines: ErrorLines) -> tuple[int, float]:
         """Number of readings at points of curves that have one already, and the variance of such [arcsec^2]."""
         apart = self.apart(lines)
-        _, group, read = np.unique(self.points(lines.kinematics), return_inverse=True, return_counts=True)
+        _, group, read = np.unique(self.points(lines), return_inverse=True, return_counts=True)
         again = len(group) - len(read)
         mean = np.bincount(group, apart) / read
         return again, float(((apart - mean[group]) ** 2).sum()) / max(again, 1)
@@ -127,10 +127,9 @@ def alike_lines(lines: ErrorLines, run: Run, misfit: float | None) -> ErrorLines
     Where misfit is None phases are any.
     """
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
-    scale = np.sqrt((power + LEAST_LINE * power.mean()) / 2)
-    if misfit is None:
-        return replace(lines, amplitude=scale * _drawn(RECORDED_DRAWS, len(power), run))
-    return replace(lines, amplitude=lines.amplitude + misfit * scale * _drawn(len(lines.amplitude), len(power), run))
+    scale = (misfit or 1.0) * np.sqrt((power + LEAST_LINE * power.mean()) / 2)
+    known = np.zeros((RECORDED_DRAWS, len(power))) if misfit is None else lines.amplitude
+    return replace(lines, amplitude=known + scale * _drawn(len(known), len(power), run))
 
 
 def _drawn(drives: int, lines: int, run: Run) -> Complex:

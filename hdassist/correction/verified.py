@@ -65,7 +65,7 @@ def likely_cause(before: Array, taken: Array, record: RecordedError, lines: Erro
     Arguments: error before and correction [arcsec] over the full cycle, shape (points,) each. The square of before less
     after less the correction is least where their correlation is greatest.
     """
-    count, points = len(taken), record.points(lines.kinematics)
+    count, points = len(taken), record.points(lines)
     applied = before[points] + record.error_arcsec  # F_kpp is the opposite of the actual error
     applied -= applied.mean()
 
