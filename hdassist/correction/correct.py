@@ -12,10 +12,16 @@ from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
 from hdassist.correction.agreeing import agreeing_drives
 from hdassist.correction.forms import TRIED_POINTS, USUAL_TABLES, CorrectionForm, line_orders
-from hdassist.correction.records import RECORDED_DRAWS, RecordedError, recorded_beyond, recorded_lines, strongest_lines
+from hdassist.correction.records import (
+    RECORDED_DRAWS,
+    RecordedError,
+    alike_lines,
+    recorded_lines,
+    solved_error,
+    with_more_lines,
+)
 from hdassist.correction.table import CorrectionTable, ExpectedResidual, Phasors, RepeatTurn, between_points
 from hdassist.design.check import drive_samples
-from hdassist.error.cycle import kinematic_error
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.planning.lines import POINTS_A_TURN, ErrorLines, error_lines
@@ -154,18 +160,20 @@ def correction_of(
     samples: Samples | None = None,
     misfit: float | None = None,
 ) -> Correction:
-    """Corrections of a drive from the values, by path, of drives as it may be; misfit as of recorded_lines."""
+    """Corrections of a drive from the values, by path, of drives as it may be; misfit as of alike_lines."""
     torques = drive.operation.M_g
     alike = misfit is not None or len(drives) == 1
     errors, certificate = {}, samples.certificate if samples else EMPTY
     for M_g in torques:
         errors[M_g], proof = loaded_error(drive, M_g, drives, run, alike=alike)
         certificate += proof
-        if records:
-            record, found = records.get(M_g), errors[M_g]
-            lines = recorded_lines(found.lines, record, run, misfit)
-            lines, more = recorded_beyond(lines, record, run) if record else (lines, np.zeros(1))
-            errors[M_g] = LoadedError(lines, -lines.curves - more, 0.0 if record else found.beyond)
+        record, found = records.get(M_g), errors[M_g]
+        if record and not record.is_part:
+            lines = recorded_lines(found.lines, record, run)
+            errors[M_g] = LoadedError(lines, -lines.curves, 0.0)
+        elif records:
+            lines = alike_lines(found.lines, run, misfit)
+            errors[M_g] = LoadedError(lines, -lines.curves, found.beyond)
     own = {M_g: each.lines for M_g, each in errors.items()}
     mean = {M_g: each.mean for M_g, each in own.items()}
     design = errors[torques[0]]
@@ -195,21 +203,21 @@ def loaded_error(
     """Error of drives at a torque M_g [N*m], from their values by path.
 
     The first of them is solved in each state of its cycle, for the part that lines leave out and for F'_ior. alike:
-    whether all are so near to it that the strongest lines of that are theirs too.
+    whether all are so near to it that the lines of that part are theirs too.
     """
     lines = error_lines(drive, M_g, drives, run)
-    solved = kinematic_error(drive.with_values(drives[0]), M_g, run=replace(run, cross_check=None))
-    places = solved.states.phi_h / (2 * np.pi * lines.kinematics.cycle_cam_revolutions)
+    solved, proof = solved_error(drive.with_values(drives[0]), M_g, run)
 
     def off(lines: ErrorLines) -> Array:
-        return np.asarray(solved.error_arcsec - between_points(lines.curves[0], places))
+        return solved.apart(replace(lines, amplitude=lines.amplitude[:1]))
 
-    lines = strongest_lines(lines, places, off(lines)) if alike else lines
-    scale = solved.F_ior_arcsec / np.maximum(np.ptp(lines.curves[0]), np.finfo(float).tiny)
+    if alike:
+        lines = with_more_lines(lines, replace(solved, error_arcsec=off(lines)).lines(lines.kinematics))
+    scale = np.ptp(solved.error_arcsec) / np.maximum(np.ptp(lines.curves[0]), np.finfo(float).tiny)
     lines = replace(lines, amplitude=lines.amplitude * scale)
     actual = -lines.curves
     beyond = float(np.ptp(off(lines))) / np.ptp(actual[0])
-    return LoadedError(lines, actual, beyond), lines.certificate + solved.certificate
+    return LoadedError(lines, actual, beyond), lines.certificate + proof
 
 
 def _exported(chosen: FormResiduals, mean: Mapping[float, ErrorLines], preset: str) -> CorrectionTable | Phasors:

@@ -12,7 +12,7 @@ from hdassist.model.geometry import Array
 from hdassist.planning.lines import ErrorLines
 
 TRIED_POINTS: Mapping[RepeatTurn | None, Sequence[int]] = {  # of tables, and numbers of phasors
-    None: (20, 40, 80, 160, 320),
+    None: (20, 80, 320, 1280),
     "output": (32, 64, 100, 128, 180, 256, 360, 512, 720, 1024, 1500, 2048, 4096),
 }
 USUAL_POINTS = 1500  # of a table over an output turn
@@ -64,8 +64,9 @@ def table_values(lines: ErrorLines, turn: RepeatTurn, points: int) -> Array:
     whole = np.abs(often - h) < 1e-6
     share = h[whole] / points
     weight = 3 * np.sinc(share) ** 2 / (2 + np.cos(2 * np.pi * share))
-    waves = np.exp(2j * np.pi * share[:, None] * np.arange(points))
-    return np.asarray(-((lines.amplitude[:, whole] * weight) @ waves).real)
+    spectrum = np.zeros((len(lines.amplitude), points), dtype=complex)
+    np.add.at(spectrum.T, h[whole].astype(np.int64) % points, (lines.amplitude[:, whole] * weight).T)
+    return np.asarray(-points * np.fft.ifft(spectrum).real)
 
 
 def line_orders(lines: ErrorLines) -> tuple[Array, Array, Array]:

@@ -1,8 +1,8 @@
 """Lines of a drive's error as a record of its full cycle has them: no deviation is fitted, so no model is believed.
 
-Before a record of the full cycle each line is as large as in drives as this one may be, and its phase is not known; the
-record then gives all lines by least squares (ridge regression, as its readings have noise). A record of part of it does
-not tell lines apart that lie close together: before it they are those of drives that agree with it, but for a misfit.
+Each line of a record is shrunk by the share that noise of readings has in it, from what is expected of its size: as in
+drives as this one may be, and as the lines around it. Of part of the cycle they are those of drives that agree with it,
+but for a misfit.
 """
 
 from __future__ import annotations
@@ -11,25 +11,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from hdassist.comparing.record import Alignment
-from hdassist.correction.table import between_points
+from hdassist.error.cycle import kinematic_error
+from hdassist.error.waves import Complex
 from hdassist.measuring.measure import Measurement
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.planning.lines import POINTS_A_TURN, ErrorLines
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY, Certificate
 
 RECORDED_DRAWS = 64  # drives that agree with a record
-LEAST_LINE = 0.02  # of the mean square of lines in the belief: that of a line which the model does not have
-READINGS_AT_ONCE = 2048  # readings
-NOISE_ROUNDS = 3  # in which the noise of readings is estimated
-LEAST_VARIANCE = 1e-6  # arcsec^2
-MOST_LINES = 320  # of an error beyond the lines of a model
+LEAST_LINE = 0.02  # of the mean square of lines: that of each one by a misfit
+ROUNDS = 3  # of least squares: readings that are not quite even mix lines
 FINER = 32  # times the points of curves, at which places are told apart
+WIDEST_GAP = 2  # steps between readings: in the middle of a wider gap the error counts as not read, and as 0
 LEAST_REPEATS = 20  # readings at points that have one already, from which noise is known
-NO_DRAWS = np.zeros((1, 2 * MOST_LINES))
+LEAST_CHANCE = 0.05  # that noise is less than it counts as for what is lost
+MEDIAN_DEVIATION = 0.6745  # of a normal number
+SIZE_STEP, SIZE_ROUNDS = 4.0, 50  # of mean squares of lines
+LEAST_POWER = 1e-12  # arcsec^2
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,25 +47,53 @@ class RecordedError:
     error_arcsec: Array
     is_part: bool = False
 
-    def places(self, lines: ErrorLines) -> Array:
-        """Places of the readings in the full cycle, 0 to 1."""
-        return np.mod(self.cam_turns / lines.kinematics.cycle_cam_revolutions, 1)
+    def points(self, lines: ErrorLines, finer: int = 1) -> NDArray[np.int64]:
+        """The nearest points of the curves of lines, or of so many times as many."""
+        cycle = lines.kinematics.cycle_cam_revolutions
+        count, places = finer * POINTS_A_TURN * cycle, np.mod(self.cam_turns / cycle, 1)
+        return np.asarray(np.rint(places * count).astype(np.int64) % count)
 
-    def points(self, lines: ErrorLines) -> NDArray[np.int64]:
-        """The nearest points of the curves of lines."""
-        count = lines.curves.shape[1]
-        return np.asarray(np.rint(self.places(lines) * count).astype(np.int64) % count)
+    def weights(self, kinematics: Kinematics) -> Array:
+        """Shares of the full cycle that readings stand for: to the middle between each and the next."""
+        cycle = kinematics.cycle_cam_revolutions
+        places = np.mod(self.cam_turns / cycle, 1)
+        order = np.argsort(places, kind="stable")
+        gaps = np.diff(places[order], append=places[order[0]] + 1)
+        gaps = np.minimum(gaps, WIDEST_GAP * np.ptp(self.cam_turns) / cycle / len(places))
+        found = np.empty(len(places))
+        found[order] = (gaps + np.roll(gaps, 1)) / 2
+        return found
 
     def apart(self, lines: ErrorLines) -> Array:
         """What the mean of lines leaves of the readings [arcsec]."""
-        return self.error_arcsec - between_points(lines.mean.curves[0], self.places(lines))
+        points = FINER * POINTS_A_TURN * lines.kinematics.cycle_cam_revolutions
+        spectrum = np.zeros(points // 2 + 1, dtype=complex)
+        spectrum[lines.per_cycle] = lines.amplitude.mean(axis=0)
+        curve = np.fft.irfft(spectrum, points) * (points / 2)
+        return self.error_arcsec - curve[self.points(lines, FINER)]
 
-    def noise(self, apart: Array, lines: ErrorLines) -> float | None:
-        """Variance of readings at the same point of curves [arcsec^2], None where too few points have two or more."""
+    def lines(self, kinematics: Kinematics) -> ErrorLines:
+        """Its lines by least squares, as many as it tells apart and curves have: those of one drive."""
+        cycle = kinematics.cycle_cam_revolutions
+        steps = len(self.cam_turns) - 1
+        count = round(steps / max(steps / (steps + 1), np.ptp(self.cam_turns) / cycle))
+        often = np.arange(1, min(count // 2 + 1, POINTS_A_TURN * cycle // 2))
+        whole = np.where(2 * often < count, 2.0, 1.0)  # the last one has no sine at even readings
+        found = ErrorLines(kinematics, often, np.zeros((1, len(often)), dtype=complex), EMPTY)
+        points, weights = self.points(found, FINER), self.weights(kinematics)
+        for _ in range(ROUNDS):
+            apart = self.apart(found)
+            put = np.bincount(points, weights * (apart - apart.mean()), FINER * POINTS_A_TURN * cycle)
+            found = replace(found, amplitude=found.amplitude + whole * np.fft.rfft(put)[often])
+        return found
+
+    def repeats(self, lines: ErrorLines) -> tuple[int, float]:
+        """Number of readings at points of curves that have one already, and the variance of such [arcsec^2]."""
+        apart = self.apart(lines)
         _, group, read = np.unique(self.points(lines), return_inverse=True, return_counts=True)
         again = len(group) - len(read)
         mean = np.bincount(group, apart) / read
-        return float(((apart - mean[group]) ** 2).sum()) / again if again >= LEAST_REPEATS else None
+        return again, float(((apart - mean[group]) ** 2).sum()) / max(again, 1)
 
 
 def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> RecordedError:
@@ -74,102 +106,92 @@ def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> 
     return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
 
 
-def with_more_lines(lines: ErrorLines, per_cycle: NDArray[np.int64]) -> ErrorLines:
-    """Lines, rising, with those that come so often in the full cycle too: where there were none, of amplitude 0."""
-    every = np.union1d(lines.per_cycle, per_cycle)
+def solved_error(drive: Drive, M_g: float, run: Run) -> tuple[RecordedError, Certificate]:
+    """Solved error of a drive at a torque M_g [N*m], as a record of each state of its cycle."""
+    solved = kinematic_error(drive, M_g, run=replace(run, cross_check=None))
+    return RecordedError(solved.states.phi_h / (2 * np.pi), solved.error_arcsec), solved.certificate
+
+
+def with_more_lines(lines: ErrorLines, more: ErrorLines) -> ErrorLines:
+    """Lines, rising, of drives with those of one drive more in each."""
+    every = np.union1d(lines.per_cycle, more.per_cycle)
     amplitude = np.zeros((len(lines.amplitude), len(every)), dtype=complex)
     amplitude[:, np.searchsorted(every, lines.per_cycle)] = lines.amplitude
+    amplitude[:, np.searchsorted(every, more.per_cycle)] += more.amplitude
     return replace(lines, per_cycle=every, amplitude=amplitude)
 
 
-def waves_of_teeth(kinematics: Kinematics) -> NDArray[np.int64]:
-    """How often waves of the single teeth of either wheel come in the full cycle, as far as curves have them."""
-    wheels = (kinematics.z_g, kinematics.z_b)
-    often = np.concatenate([np.arange(1, z // 2 + 1) * (kinematics.cycle_states // z) for z in wheels])
-    return often[2 * often < POINTS_A_TURN * kinematics.cycle_cam_revolutions]
+def alike_lines(lines: ErrorLines, run: Run, misfit: float | None) -> ErrorLines:
+    """Lines of drives that may differ by a misfit from these: standard deviation of a line, over its size.
 
-
-def recorded_lines(
-    lines: ErrorLines, record: RecordedError | None, run: Run, misfit: float | None = None
-) -> ErrorLines:
-    """Lines of drives that agree with a record, from those of drives as this one may be.
-
-    Their mean is that of the record. Without a record at this torque phases are any. misfit: standard deviation of a
-    line from that of a drive, over its size, where drives agree with the records; None where phases are any.
+    Where misfit is None phases are any.
     """
-    lines = with_more_lines(lines, waves_of_teeth(lines.kinematics)) if record else lines
-    half = len(lines.per_cycle)
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
-    scale = np.tile(np.sqrt((power + LEAST_LINE * power.mean()) / 2), 2)  # of cosines and sines, (2 lines,)
-    parts = np.concatenate([lines.amplitude.real, lines.amplitude.imag], axis=1)
-    parts = np.zeros((RECORDED_DRAWS, 2 * half)) if misfit is None else parts
-    drawn = np.random.default_rng([run.seed, 1]).standard_normal((len(parts) // 2, 2 * half))
-    drawn = np.concatenate([np.zeros((len(parts) % 2, 2 * half)), drawn, -drawn])  # their mean is 0
-    if record is None:
-        parts = parts + (misfit or 1.0) * scale * drawn
-    else:
-        per_turn = lines.per_cycle / lines.kinematics.cycle_cam_revolutions
-        read = record.error_arcsec - record.error_arcsec.mean()
-        gram, moment, level = np.zeros((2 * half, 2 * half)), np.zeros(2 * half), np.zeros(2 * half)
-        for some in np.split(np.arange(len(read)), range(READINGS_AT_ONCE, len(read), READINGS_AT_ONCE)):
-            waves = np.exp(2j * np.pi * record.cam_turns[some, None] * per_turn)
-            columns = np.concatenate([waves.real, -waves.imag], axis=1)
-            gram += columns.T @ columns
-            moment += columns.T @ read[some]
-            level += columns.sum(axis=0)
-        gram -= np.outer(level, level) / len(read)  # its level is not known
-        scale *= misfit or np.std(read) / np.sqrt(scale @ scale / 2)
-        noise = float(np.var(read))
-        for _ in range(NOISE_ROUNDS):
-            precision = gram / noise + np.diag(scale**-2)
-            found = parts + np.linalg.solve(precision, (moment - parts @ gram).T / noise).T
-            mean = found.mean(axis=0)
-            fitted = replace(lines, amplitude=(mean[:half] + 1j * mean[half:])[None])
-            off = record.apart(fitted)
-            noise = max(record.noise(off, lines) or float(np.var(off)), LEAST_VARIANCE)
-        free = len(read) - float(np.trace(np.linalg.solve(precision, gram))) / noise
-        beyond = 1.0 if misfit else max(1.0, float(off @ off) / max(free, 1.0) / noise)  # error that is no sum of lines
-        parts = found + np.sqrt(beyond) * np.linalg.solve(np.linalg.cholesky(precision).T, drawn.T).T
-    return replace(lines, amplitude=parts[:, :half] + 1j * parts[:, half:])
+    scale = (misfit or 1.0) * np.sqrt((power + LEAST_LINE * power.mean()) / 2)
+    known = np.zeros((RECORDED_DRAWS, len(power))) if misfit is None else lines.amplitude
+    return replace(lines, amplitude=known + scale * _drawn(len(known), len(power), run))
 
 
-def strongest_lines(
-    lines: ErrorLines, places: Array, apart: Array, noise: float = 0.0, drawn: Array = NO_DRAWS
-) -> ErrorLines:
-    """Lines with the strongest of the error apart [arcsec] that they leave, at places all over the full cycle, 0 to 1.
+def _drawn(drives: int, lines: int, run: Run) -> Complex:
+    """Normal numbers of standard deviation 1 in both parts, whose mean is 0, shape (drives, lines)."""
+    real, imaginary = np.random.default_rng([run.seed, 1]).standard_normal((2, drives // 2, lines))
+    drawn = real + 1j * imaginary
+    return np.concatenate([np.zeros((drives % 2, lines)), drawn, -drawn])
 
-    noise: variance of apart by readings [arcsec^2], by whose share each of them is shrunk; drawn: independent normal
-    numbers of what that leaves open, shape (drives, 2 MOST_LINES).
+
+def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorLines:
+    """Lines of drives that agree with a record of the full cycle, from those of drives as this one may be.
+
+    Each line is shrunk by what its kind shows of its size: lines of the model, of single teeth, of neither. Noise of
+    readings is known from repeats. Else what most lines have counts as noise, and stays open, as it may be the error.
     """
-    count, most = len(places), POINTS_A_TURN * lines.kinematics.cycle_cam_revolutions
-    fine, near = FINER * most, np.rint(places * most).astype(np.int64)
-    weight = 1 / np.bincount(near)[near]  # of readings at the same point
-    put = np.bincount(np.rint(places * fine).astype(np.int64) % fine, weight * (apart - apart.mean()), fine)
-    spectrum = np.fft.rfft(put) * (2 / weight.sum())
-    found = 1 + np.argsort(-np.abs(spectrum[1 : min(count, most) // 2]))[:MOST_LINES]
-    of_noise = 4 * noise / count
-    share = np.maximum(0, 1 - of_noise / np.maximum(np.abs(spectrum[found]) ** 2, LEAST_VARIANCE * 1e-6))
-    lines = with_more_lines(lines, found)
-    open_ = np.sqrt(share * of_noise / 2) * (drawn[:, : len(found)] + 1j * drawn[:, -len(found) :])
-    lines.amplitude[:, np.searchsorted(lines.per_cycle, found)] += share * spectrum[found] + open_
-    return lines
+    found, weights = record.lines(lines.kinematics), record.weights(lines.kinematics)
+    often, power = found.per_cycle, np.abs(found.amplitude[0]) ** 2
+    again, variance = record.repeats(found)
+    is_known = again >= LEAST_REPEATS
+    noise = 4 * variance * float(weights @ weights) if is_known else float(np.median(power)) / np.log(2)
+    noise = max(noise, LEAST_POWER)
+    least = noise * again / chdtri(again, LEAST_CHANCE) if is_known else LEAST_POWER
+    kinds = np.isin(often, lines.per_cycle) + 2 * is_of_teeth(often, lines.kinematics)
+    share, size = np.empty(len(often)), np.empty(len(often))
+    for kind in np.unique(kinds):
+        each = kinds == kind
+        share[each], _ = shrunk(power[each], noise)
+        _, size[each] = shrunk(power[each], least)
+    phase = np.angle(found.amplitude)
+    found = replace(found, amplitude=share * found.amplitude)
+    apart = record.apart(found)
+    peaks = np.abs(apart) > np.median(np.abs(apart)) / MEDIAN_DEVIATION * np.sqrt(2 * np.log(len(apart)))
+    found = with_more_lines(found, replace(record, error_arcsec=apart * peaks).lines(lines.kinematics))
+    lost = (1 - share) * np.sqrt(size) * np.exp(1j * phase)  # as noise may be least; peaks stay peaks
+    drawn = share * np.sqrt(noise / 2) * _drawn(RECORDED_DRAWS, len(often), run)
+    if is_known:
+        chance = np.random.default_rng([run.seed, 2]).chisquare(again, (RECORDED_DRAWS, 1))
+        drawn *= np.sqrt(again / chance)
+    drawn += np.outer(np.sign(np.arange(0.5, RECORDED_DRAWS) - RECORDED_DRAWS / 2), lost)
+    return replace(found, amplitude=found.amplitude + drawn - drawn.mean(axis=0))
 
 
-def recorded_beyond(lines: ErrorLines, record: RecordedError, run: Run) -> tuple[ErrorLines, Array]:
-    """Lines of drives with those of a record that they leave, and then the error [arcsec] beyond, shape (points,).
+def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
+    """Shares of lines of one kind that are no noise, and their mean squares, from squares of their amplitudes.
 
-    The former of a record of the full cycle. The latter at the points of their curves, without the noise of readings
-    as far as that is known.
+    Each line is normal, of a size from none upwards by factors of SIZE_STEP; how many have which is what makes all of
+    them most likely (expectation and maximisation).
     """
-    off = record.apart(lines)
-    if not record.is_part:
-        drawn = np.random.default_rng([run.seed, 3]).standard_normal((len(lines.amplitude) // 2, 2 * MOST_LINES))
-        noise = record.noise(off, lines) or float(np.var(off))
-        lines = strongest_lines(lines, record.places(lines), off, noise, np.concatenate([drawn, -drawn]))
-        off = record.apart(lines)
-    points = record.points(lines)
-    read = np.bincount(points, minlength=POINTS_A_TURN * lines.kinematics.cycle_cam_revolutions)
-    mean = np.bincount(points, off, len(read)) / np.maximum(read, 1)
-    unfitted = max(0.0, 1 - 2 * len(lines.per_cycle) / len(off))  # lines have taken their part of the noise
-    by_noise = unfitted * (record.noise(off, lines) or 0.0) * float(np.mean(1 / read[read > 0]))
-    return lines, mean * np.sqrt(max(0.0, 1 - by_noise / float(np.var(mean[read > 0]))))
+    largest = np.log(max(power.max() / noise, 1.0)) / np.log(SIZE_STEP)
+    sizes = noise * np.append(0, SIZE_STEP ** np.arange(-1, largest + 1))
+    shares, frequency = sizes / (sizes + noise), np.full(len(sizes), 1 / len(sizes))
+    likelihood = np.exp(-power[:, None] / (sizes + noise)) / (sizes + noise)
+    for _ in range(SIZE_ROUNDS):
+        belief = likelihood * frequency
+        belief /= belief.sum(axis=1, keepdims=True)
+        frequency = belief.mean(axis=0)
+    share = belief @ shares
+    return share, noise * share + power * (belief @ shares**2)
+
+
+def is_of_teeth(often: NDArray[np.int64], kinematics: Kinematics) -> NDArray[np.bool_]:
+    """Whether lines that come so often in the full cycle are waves of the single teeth of either wheel."""
+    return np.asarray(
+        np.any([often % (kinematics.cycle_states // z) == 0 for z in (kinematics.z_g, kinematics.z_b)], axis=0)
+    )

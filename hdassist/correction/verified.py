@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdassist.correction.correct import Correction, ErrorPart, correction_curve, error_parts, percentiles
-from hdassist.correction.records import RecordedError, recorded_beyond, recorded_lines
+from hdassist.correction.records import RecordedError, recorded_lines
 from hdassist.correction.table import ExpectedResidual
 from hdassist.model.geometry import Array
 from hdassist.planning.lines import POINTS_A_TURN, ErrorLines
@@ -23,7 +23,7 @@ IN_ZERO_DEG = 3.0  # of the cam, as far as a zero counts as right
 class VerifiedCorrection:
     """A record with the correction on, at the torque that it is for.
 
-    F_ior_arcsec: of its lines and what they leave, and its interval, without an upper end of part of the cycle;
+    F_ior_arcsec: of its lines, and its interval, without an upper end of part of the cycle;
     promised; parts: of the error as promised and as it came, of the full cycle only; cause: words for why it does not
     do as was promised.
     """
@@ -40,16 +40,14 @@ class VerifiedCorrection:
 def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorrection:
     """What a record with the correction on shows, and what was promised.
 
-    Its interval begins with the lines that a drive has, at 5 %, and ends with all that the readings have beside their
-    known noise, at 95 %. PASS where that is within the promise at 95 %, FAIL where all of it is above.
+    Its interval is all that noise leaves open. PASS where that is within the promise at 95 %, FAIL where none of it is.
     """
     promised, error = result.chosen.residuals[0], result.errors[result.M_g]
     lines = recorded_lines(error.lines, record, run)
-    found, beyond = recorded_beyond(lines, record, run)
-    F_ior_arcsec = float(np.ptp(found.mean.curves + beyond))
-    low = min(F_ior_arcsec, percentiles(np.ptp(lines.curves, axis=1))[0])
-    _, middle, most = percentiles(np.ptp(found.curves + beyond, axis=1))  # each with what noise leaves open once more
-    high = None if record.is_part else F_ior_arcsec + most - middle
+    F_ior_arcsec = float(np.ptp(lines.mean.curves))
+    *_, most = percentiles(np.ptp(lines.curves, axis=1))  # what noise leaves open added, which may have added before
+    low = max(0.0, 2 * F_ior_arcsec - most)
+    high = None if record.is_part else most
     is_kept = high is not None and high <= promised.p95
     verdict = Verdict.PASS if is_kept else Verdict.FAIL if low > promised.p95 else Verdict.INCONCLUSIVE
     taken = correction_curve(result.correction, error.lines.kinematics).reshape(-1)

@@ -74,9 +74,9 @@ def test_few_points_and_a_cam_turn_take_little_off_the_paper_s_drive_and_phasors
     assert paper.strong_lines == pytest.approx([201, 200, 1])
     assert 0.6 < left(paper, "cam turn, 256 points") < 1.52
     assert left(paper, "output turn, 256 points") > 0.9
-    by_form = [left(paper, name) for name in ("320 phasors", "output turn, 1500 points", "output turn, 720 points")]
+    by_form = [left(paper, name) for name in ("1280 phasors", "output turn, 1500 points", "output turn, 720 points")]
     assert by_form == sorted(by_form)
-    assert by_form[0] < 0.015
+    assert by_form[0] < 0.006
     assert 256 < paper.fewest_points <= 720
 
 

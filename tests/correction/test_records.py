@@ -12,7 +12,7 @@ from hdassist import load_preset
 from hdassist.comparing.record import Alignment
 from hdassist.correction.correct import IN_PLACE, correct
 from hdassist.correction.forms import CorrectionForm
-from hdassist.correction.records import recorded_error
+from hdassist.correction.records import RecordedError, recorded_error, shrunk, solved_error
 from hdassist.error.cycle import kinematic_error
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
@@ -29,10 +29,12 @@ PHASORS = CorrectionForm(None, each_load=True)
 
 def recording(M_g: float, turns: float = 10.5, begin: int = 0, hidden: tuple[str, ...] = HIDDEN):
     """Cam angles [turns] and errors [arcsec] of a record of the hidden drive, from some turn of its cycle on."""
-    curve = error_lines(load_preset(TINY, hidden), M_g, [{}]).curves[0]
-    rows = np.arange(round(turns * POINTS_A_TURN))
+    drive = load_preset(TINY, hidden)
+    lines, (solved, _) = error_lines(drive, M_g, [{}]), solved_error(drive, M_g, UNCHECKED)
+    rows = np.arange(round(turns * POINTS_A_TURN)) + begin * POINTS_A_TURN
+    beyond = np.interp(rows / POINTS_A_TURN, solved.cam_turns, solved.apart(lines), period=10)
     noise = NOISE * np.random.default_rng(1).standard_normal(len(rows))
-    return rows / POINTS_A_TURN, curve[(rows + begin * POINTS_A_TURN) % len(curve)] + noise
+    return (rows - rows[0]) / POINTS_A_TURN, np.resize(lines.curves[0], 1 + rows[-1])[rows] + beyond + noise
 
 
 def record(M_g: float, error_is: str = "cam-output", sign: float = 1.0, **how):
@@ -146,3 +148,29 @@ def test_part_of_the_cycle_is_called_that_with_the_misfit_and_what_to_record(tmp
     assert " of 10 turns at 1 N·m; the correction has the preset's angles" in words
     assert "fitted phases.xi_b, values in doubt (docs/correct.md); misfit " in words
     assert "measure the full cycle: it needs no fit next hdassist compensate " in words
+
+
+@pytest.mark.parametrize("count", [1001, 1836])
+def test_lines_of_readings_that_are_not_quite_even_are_those_of_dense_least_squares(count: int):
+    lines = error_lines(load_preset(TINY), 1.0, [{}])
+    rng = np.random.default_rng(3)
+    turns = np.sort((np.arange(count) + 0.2 * rng.random(count)) / 1000 * 10)
+    waves = np.exp(2j * np.pi * turns[:, None] * np.arange(1, 120) / 10)
+    size = (rng.standard_normal(119) + 1j * rng.standard_normal(119)) / np.arange(1, 120)
+    read = RecordedError(turns, (waves @ size).real)
+    by_hand = np.linalg.lstsq(np.concatenate([waves.real, -waves.imag], axis=1), read.error_arcsec)[0]
+    found = read.lines(lines.kinematics).amplitude[0, :119]
+    assert found == pytest.approx(by_hand[:119] + 1j * by_hand[119:], abs=0.01)
+    assert np.ptp(read.apart(read.lines(lines.kinematics))) < 0.02 * np.ptp(read.error_arcsec)
+
+
+def test_lines_are_shrunk_so_that_less_is_wrong_and_as_much_as_is_told():
+    rng = np.random.default_rng(4)
+    size = np.concatenate([np.zeros(600), np.full(300, 2.0), np.full(60, 50.0)])  # root mean squares, of noise 1
+    true, noise = (rng.standard_normal((2, 960)) + 1j * rng.standard_normal((2, 960))) / np.sqrt(2)
+    true *= size
+    share, square = shrunk(np.abs(true + noise) ** 2, 1.0)
+    wrong = np.abs(share * (true + noise) - true) ** 2
+    assert wrong.sum() < 0.55 * (np.abs(noise) ** 2).sum()
+    assert wrong.sum() == pytest.approx((share**2 + (1 - share) ** 2 * square).sum(), rel=0.1)
+    assert square.sum() == pytest.approx((np.abs(true) ** 2).sum(), rel=0.05)

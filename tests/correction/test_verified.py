@@ -17,10 +17,10 @@ ON = ("--torque", "1", "--no-plot")
 TURN = POINTS_A_TURN
 
 
-def write(name: Path, error: np.ndarray, turns: float = 10.5) -> str:
+def write(name: Path, error: np.ndarray, turns: float = 10.5, size: float = 0.2) -> str:
     """A record of an error F_kpp [arcsec] over the cycle, with noise."""
     rows = np.arange(round(turns * TURN))
-    noise = 0.2 * np.random.default_rng(len(name.name)).standard_normal(len(rows))
+    noise = size * np.random.default_rng(len(name.name)).standard_normal(len(rows))
     lines = (f"{360 * k / TURN:.3f},{error[k % len(error)] + off:.4f}" for k, off in zip(rows, noise, strict=True))
     name.write_text("\n".join(["cam_deg,error_arcsec", *lines, ""]))
     return str(name)
@@ -39,14 +39,16 @@ def bench(tmp_path_factory):
     return folder, error, before, taken
 
 
-def verified(bench, after: np.ndarray, turns: float = 10.5, *options: str):
+def verified(bench, after: np.ndarray, turns: float = 10.5, *options: str, noise: float = 0.2):
     folder, _, before, _ = bench
-    return run("compensate", TINY, before, *ON, "--after", write(folder / "after.csv", after, turns), *options)
+    return run("compensate", TINY, before, *ON, "--after", write(folder / "after.csv", after, turns, noise), *options)
 
 
 def test_a_correction_that_does_as_promised_passes_part_by_part(bench):
     _, error, _, taken = bench
-    page = verified(bench, error + taken, 30)  # F_kpp is ideal less actual: the actual error is its opposite
+    page = verified(
+        bench, error + taken, 30, noise=0.05
+    )  # F_kpp is ideal less actual: the actual error is its opposite
     assert page.returncode == 0
     lines = page.stdout.splitlines()
     assert lines[0].endswith("phasors on at 1 N·m: PASS")
@@ -79,7 +81,7 @@ def test_the_likely_cause_of_a_broken_promise_is_named(bench, way, shift, cause)
 
 def test_a_correction_that_leaves_no_more_than_noise_in_one_cycle_is_open_until_the_noise_is_known(bench):
     _, error, _, taken = bench
-    once = verified(bench, error + taken)
+    once = verified(bench, error + taken, 10)
     assert once.returncode == 6
     assert "twice or more: that shows the noise" in " ".join(once.stdout.split())
 

@@ -215,7 +215,7 @@ def test_a_controllers_file_is_written_with_what_it_leaves(tmp_path):
     assert f"wrote {name}" in answer.stderr
     text = name.read_text()
     assert "# preset tiny, sha256 c29803ff" in text and "axis 3" in text and "reads 12.5 deg" in text
-    assert "# at 1 N*m: expected range 15.50 arcsec" in text and "expected range 15.50" in answer.stderr
+    assert "# at 1 N*m: expected range 15.51 arcsec" in text and "expected range 15.51" in answer.stderr
     assert len([line for line in text.splitlines() if line[0] != "#"]) == 92
 
 
