@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from hdassist.errors import DataError
+from hdassist.measuring.cycle import gearing_of
 from hdassist.measuring.measure import Measurement, measure, require_drift
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
-from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.readers.bench import bench_record
 from hdassist.readers.trace import TraceForm, read_record, trace_of
@@ -31,12 +31,16 @@ class Reading(ClosedRecord, TraceForm):
         parse_orders(self.orders or None)
         require_drift(self.drift)
 
-    def measured(self, file: str, drive: Drive, **how: Any) -> Measurement:
-        """Results of a record of a drive; how: more arguments of `measure`. Raises what it and read_trace do."""
+    def measured(self, file: str, drive: Drive | None, ratio: float | None = None, **how: Any) -> Measurement:
+        """Results of a record of a drive, or of one with a ratio; how: more arguments of `measure`.
+
+        Raises what it and read_trace do.
+        """
+        gearing = gearing_of(drive, ratio)
         table = read_record(file, self)
         if bench_record(table):
             words = f"{table.file}: approached positions or a torque loop, which is no trace"
             raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")
-        trace = trace_of(table, self, abs(Kinematics.of(drive).u))
+        trace = trace_of(table, self, gearing.ratio if gearing else None)
         orders, stated = parse_orders(self.orders or None), parse_stated(self.budget)
-        return measure(trace, drive=drive, orders=orders, drift=self.drift, stated=stated, **how)
+        return measure(trace, drive=drive, ratio=ratio, orders=orders, drift=self.drift, stated=stated, **how)
