@@ -41,8 +41,8 @@ class CompensateCommand(
 
     A FILE is a record at a torque of the preset, in their order; then the correction is that of the record: of the full
     cycle in the record's own angles, of part of it by the drives of the preset that agree, in the preset's angles.
-    With --ratio in place of a preset one FILE, of the full cycle at the one --torque, gives phasors with uncertainties; two
-    encoders then count the same way, both seen from the cam side.
+    With --ratio in place of a preset one FILE, of the full cycle at the one --torque, gives phasors with uncertainties.
+    Two encoders then count the same way, both seen from the cam side.
     --after has a record with the correction of the same options on: whether the promise is kept, or the likely cause.
     Exit codes: 0, 2 wrong options, 3 promise not kept, 4 bad file, 5 refused or no trustworthy answer, 6 open.
     """
