@@ -149,9 +149,7 @@ def correct(
     if not (prior.fields and draws):
         return correction_of(drive, [{}], records, form, run)
     samples = drive_samples(prior, [None] * len(drive.operation.M_g), draws=draws, run=run)
-    shares = np.cumsum(samples.weights) / samples.weights.sum()
-    rows = np.searchsorted(shares, (np.arange(draws) + 0.5) / draws)  # drives of the same weight
-    return correction_of(drive, prior.values(samples.shares[rows]), records, form, run, samples=samples)
+    return correction_of(drive, samples.equal_drives(draws), records, form, run, samples=samples)
 
 
 def correction_of(
