@@ -55,12 +55,12 @@ def correction_alone(found: Measurement, asked: Alignment, M_g: float, form: Cor
     cosine, sine = np.split(fit.coefficients + apart, 2, axis=1)  # (drives, lines) each
     per_cycle = np.rint(fit.orders * gearing.cycle).astype(np.int64)
     lines = ErrorLines(kinematics, per_cycle, sign * (cosine - 1j * asked.sense * sine), EMPTY)
-    record = RecordedError(asked.sense * fit.bins.turns, sign * fit.error, F_ior_arcsec=sweep.range.value)
+    record = RecordedError(asked.sense * fit.bins.turns, sign * fit.error)
     points = record.points(lines)
     read = np.bincount(points, minlength=lines.curves.shape[1])
     rest = np.bincount(points, sign * fit.residual, len(read)) / np.maximum(read, 1)
     is_error = np.arange(RECORDED_DRAWS) % 2  # the rest: noise in every other draw, error in the others
-    error = LoadedError(lines, -lines.curves - is_error[:, None] * rest, 0.0, record.F_ior_arcsec)
+    error = LoadedError(lines, -lines.curves - is_error[:, None] * rest, 0.0, float(np.ptp(lines.mean.curves)))
     if form.turn is None:
         form = replace(form, points=min(form.points or len(per_cycle), len(per_cycle)))
     result = fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)

@@ -37,8 +37,8 @@ HALVED = 0.5  # of the range: a correction that leaves more is called weak
 class LoadedError:
     """Error of drives as one may be, at a torque: lines, and the actual error [arcsec], shape (drives, points).
 
-    beyond: range of all that the lines do not have, over that of the error; F_ior_arcsec: as a record of the full cycle
-    has it without its noise, None without one.
+    beyond: range of all that the lines do not have, over that of the error; F_ior_arcsec: of the lines that a
+    record of the full cycle has, without its noise, None without one.
     """
 
     lines: ErrorLines
@@ -173,7 +173,7 @@ def correction_of(
             record, found = records.get(M_g), errors[M_g]
             lines = recorded_lines(found.lines, record, run, misfit)
             lines, more = recorded_beyond(lines, record, run) if record else (lines, np.zeros(1))
-            F_ior_arcsec = record.F_ior_arcsec if record else None
+            F_ior_arcsec = float(np.ptp(lines.mean.curves)) if record and not record.is_part else None
             errors[M_g] = LoadedError(lines, -lines.curves - more, 0.0 if record else found.beyond, F_ior_arcsec)
     return fitted_correction(
         drive, errors, form, records, drive.name, samples=samples, misfit=misfit, certificate=certificate

@@ -12,13 +12,12 @@ from hdassist.correction.forms import CAM_POINTS, TRIED_POINTS, USUAL_POINTS, Co
 from hdassist.error.waves import WAVE_POINTS
 from hdassist.errors import UsageError
 from hdassist.model.deviations import carried
-from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.corrected import corrected_positions
+from hdassist.mounting.corrected import CorrectedPositions
+from hdassist.mounting.losses import PositionStatistics
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
-from hdassist.solve.answers import EMPTY
 
 
 def form_of_text(text: str) -> CorrectionForm:
@@ -44,22 +43,22 @@ def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run)
     usable = tuple(sorted(each.rotation_deg for each in advice.choice.ranked))
     if advice.positions and advice.samples:
         drives, usable = advice.samples.of_ranges.equal_drives(draws), advice.positions.rotations_deg
-    proofs = [advice.curve.certificate]
-
-    def left(rotation_deg: float) -> tuple[Array, Array]:
-        """What is left [arcsec], with and without what lines do not have, shape (torques, drives) each."""
-        changes, most, least = [turned(drive, values, rotation_deg) for values in drives], [], []
+    every, proof, found = sorted({0.0, *usable}), advice.curve.certificate, []
+    for rotation_deg in every:
+        changes = [turned(drive, values, rotation_deg) for values in drives]
         for M_g in advice.curve.torques:
-            error, proof = loaded_error(drive, M_g, changes, run, alike=len(drives) == 1)
-            proofs.append(proof)
+            error, of_states = loaded_error(drive, M_g, changes, run, alike=len(drives) == 1)
+            proof += of_states
             fitted = form.fitted(error.lines, M_g)
-            most.append(ranges_left(fitted, error)[0])
-            least.append(ranges_left(fitted, replace(error, beyond=0.0))[0])
-        return np.array(most), np.array(least)
-
-    found = corrected_positions(form.name, tuple(sorted({0.0, *usable})), usable, left)
-    curve = replace(advice.curve, certificate=sum(proofs, EMPTY))
-    return replace(advice, curve=curve, corrected=found)
+            found.append([ranges_left(fitted, each)[0] for each in (error, replace(error, beyond=0.0))])
+    left = np.reshape(found, (len(every), -1, 2, len(drives))).transpose(2, 1, 3, 0)  # (2, torques, drives, positions)
+    columns = [every.index(each) for each in usable]
+    most, least = (
+        PositionStatistics(usable, each[..., columns], each[..., every.index(0.0)], np.ones(len(drives)), True)
+        for each in left
+    )
+    curve = replace(advice.curve, certificate=proof)
+    return replace(advice, curve=curve, corrected=CorrectedPositions(form.name, most, least))
 
 
 def corrected_states(drive: Drive, positions: int, draws: int) -> int:

@@ -36,14 +36,12 @@ NO_DRAWS = np.zeros((1, 2 * MOST_LINES))
 class RecordedError:
     """Error F_kpp [arcsec] that was read where the cam had turned so far from the record's zero, shape (readings,).
 
-    is_part: whether that is less than the full cycle; F_ior_arcsec: without noise, as `measure` has it, of the full
-    cycle only.
+    is_part: whether that is less than the full cycle.
     """
 
     cam_turns: Array
     error_arcsec: Array
     is_part: bool = False
-    F_ior_arcsec: float | None = None
 
     def places(self, lines: ErrorLines) -> Array:
         """Places of the readings in the full cycle, 0 to 1."""
@@ -73,8 +71,7 @@ def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> 
     """
     trace, sweep = measurement.trace, measurement.directions[0]
     alignment = asked.of_file(trace, drive)
-    turns, error = alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error
-    return RecordedError(turns, error, sweep.is_bound, None if sweep.is_bound else sweep.range.value)
+    return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
 
 
 def with_more_lines(lines: ErrorLines, per_cycle: NDArray[np.int64]) -> ErrorLines:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.belief.statistics import Probability, probability_of
-from hdassist.model.geometry import Array
 from hdassist.mounting.losses import LEAST_TURNED_GAIN, PositionStatistics
 from hdassist.verdict import Verdict, verdict_by_probability
 
@@ -50,23 +48,3 @@ class CorrectedPositions:
     def _probability(self, outcome: NDArray[np.bool_]) -> Probability:
         weights = self.most.sample_weights
         return probability_of(outcome, weights) if len(weights) > 1 else Probability(*map(float, [outcome[0]] * 3))
-
-
-def corrected_positions(
-    form: str,
-    rotations_deg: tuple[float, ...],
-    usable_deg: tuple[float, ...],
-    left: Callable[[float], tuple[Array, Array]],
-) -> CorrectedPositions:
-    """What a correction leaves in the usable positions.
-
-    Arguments: form, words for it; rotations_deg, 0 among them; usable_deg, some of them; left, range [arcsec] left in a
-    position, with and without what lines do not have, shape (torques, drives) each.
-    """
-    every = np.moveaxis(np.array([left(each) for each in rotations_deg]), 0, -1)  # (2, torques, drives, positions)
-    columns, now = [rotations_deg.index(each) for each in usable_deg], rotations_deg.index(0.0)
-    weights = np.ones(every.shape[2])
-    most, least = (
-        PositionStatistics(usable_deg, each[..., columns], each[..., now], weights, against_now=True) for each in every
-    )
-    return CorrectedPositions(form, most, least)

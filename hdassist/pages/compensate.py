@@ -32,7 +32,10 @@ def compensate_report(result: Correction, *, is_written: bool = False, warnings:
 
     Arguments: is_written, whether a file has it; warnings, of a record alone.
     """
-    drive, chosen = result.drive, result.chosen
+    drive, chosen, notes = result.drive, result.chosen, tuple[str, ...]()
+    if drive:
+        is_open = not (result.samples or result.misfit)
+        notes = (*drive.origin.warnings, *(unknown_notes(drive) if is_open else ()))
     refused = (f"{chosen.form.name}: refused, {_percent(chosen)} % would be left",) if chosen.is_refused else ()
     names = {_SHORT_FORM, chosen.form.name, result.forms[0].form.name}
     forms = [each for each in result.forms if each.form.name in names]
@@ -68,7 +71,7 @@ def compensate_report(result: Correction, *, is_written: bool = False, warnings:
         csv=None if refused else csv_columns(**_columns(result)),
         line=_verdict(result),
         about=result.correction.preset,
-        warnings=(*warnings, *_preset_warnings(result), *refused),
+        warnings=(*warnings, *notes, *refused),
         exit_code=5 if refused else 0,
     )
 
@@ -108,12 +111,6 @@ def _columns(result: Correction) -> dict[str, Array]:
     tables = [correction_columns(each) for each in result.corrections.values()]
     joined = {name: np.concatenate([each[name] for each in tables]) for name in tables[0] if name != OTHER_DIRECTION}
     return {"M_g_Nm": np.repeat([*result.corrections], len(next(iter(tables[0].values())))), **joined}
-
-
-def _preset_warnings(result: Correction) -> Iterator[str]:
-    if drive := result.drive:
-        yield from drive.origin.warnings
-        yield from () if result.samples or result.misfit else unknown_notes(drive)
 
 
 def _verdict(result: Correction) -> str:
@@ -176,13 +173,11 @@ def _enough(result: Correction) -> str:
 
 
 def _percent(each: FormResiduals) -> str:
-    low, high = (f"{100 * left:.0f}" for left in (each.left[0], each.left[-1]))
-    return low if low == high else f"{low} to {high}"
+    return " to ".join(dict.fromkeys(f"{100 * left:.0f}" for left in each.left[::2]))
 
 
 def _range(each: ErrorPart | ExpectedResidual) -> str:
-    low, high = f"{each.p5:.1f}", f"{each.p95:.1f}"
-    return low if low == high else f"{low}-{high}"
+    return "-".join(dict.fromkeys(f"{end:.1f}" for end in (each.p5, each.p95)))
 
 
 def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> Table:

@@ -69,6 +69,11 @@ def mount_report(
     if not advice.any_hole:
         figures.append(seat_of(advice.choice, ENGLISH, advice.choice.chosen))
     table = () if advice.any_hole else (positions_table(advice),)
+    more = (
+        [("unknown", unknown_names(advice.unknown)), ("samples", samples_words(advice.samples))]
+        if advice.samples
+        else []
+    )
     return Report(
         command="mount",
         drive=drive,
@@ -76,7 +81,7 @@ def mount_report(
         verdict=ORDER_WORDS[advice.order],
         why=(what_to_do(advice),),
         blocks=(*table, *corrected_table(advice), Facts.of(_facts(advice, carded=carded)), *figures[:1]),
-        details=(*figures[1:], *_samples_table(advice), Facts.of(_more_facts(advice))),
+        details=(*figures[1:], *_samples_table(advice), Facts.of(more)),
         certificate=advice.curve.certificate + (advice.samples.certificate if advice.samples else EMPTY),
         cross_checks=tuple(advice.curve.cross_checks),
         values=_values(advice, seed),
@@ -164,13 +169,6 @@ def _kept(
     return samples.probability(within, sure)
 
 
-def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
-    """More to be known beside the positions, a label and a text each."""
-    if samples := advice.samples:
-        yield "unknown", unknown_names(advice.unknown)
-        yield "samples", samples_words(samples)
-
-
 def _measure(advice: Advice) -> str:
     """Measurements where no order is given, or more samples; empty where any hole may be the best one."""
     if advice.order != "none" or advice.any_hole or not advice.gain_probability:
@@ -218,18 +216,22 @@ def positions_table(advice: Advice) -> Table:
     spread = ": median (5 to 95 %)" if found else ""
     rows = []
     for words, position in (("now", choice.current), ("best", choice.chosen), ("worst", choice.ranked[-1])):
-        cells = [f"{F_ior:.2f}" for F_ior in position.F_ior_arcsec]
+        cells, change = [f"{F_ior:.2f}" for F_ior in position.F_ior_arcsec], position.change_from(choice.current)
         if found:
             place = found.place(position.rotation_deg)
-            change = 0.0 if place is None else -found.range_of(found.gains(place))[1]
-            ends = zip(*(found.quantile(LEVELS[end], place) for end in ("low", "high")), strict=True)
-            cells = [f"{cell} ({low:.1f}-{high:.1f})" for cell, (low, high) in zip(cells, ends, strict=True)]
-        change = position.change_from(choice.current)
+            change = 0.0 if place is None else 0.0 - found.range_of(found.gains(place))[1]
+            cells = _ranges(found, place)
         rows.append((words, bare(position.rotation_deg, advice.curve.holes), *cells, f"{100 * change:+.0f} %"))
     heads = (f"at {M_g:g} N·m" for M_g in advice.curve.torques)
     title = f"F'_ior, ″{spread}; turns counter-clockwise from the cam side"
     where = "hole" if advice.curve.holes else "turn, °"
     return Table(title, ("position", where, *heads, "against now"), tuple(rows))
+
+
+def _ranges(found: PositionStatistics, place: int | None) -> list[str]:
+    """Median of a position at each torque, and its range."""
+    ends = zip(*(found.quantile(level, place) for level in LEVELS.values()), strict=True)
+    return [f"{middle:.2f} ({low:.1f}-{high:.1f})" for middle, low, high in ends]
 
 
 def corrected_words(advice: Advice) -> str:
@@ -253,9 +255,7 @@ def corrected_table(advice: Advice) -> Iterator[Table]:
     most, holes = found.most, advice.curve.holes
     rows = []
     for words, place in (("now", most.place(0.0)), ("least", most.best), ("most", most.ranked[-1])):
-        ends = zip(*(most.quantile(LEVELS[level], place) for level in ("expected", "low", "high")), strict=True)
-        where = bare(0.0 if place is None else most.rotations_deg[place], holes)
-        rows.append((words, where, *(f"{middle:.2f} ({low:.1f}-{high:.1f})" for middle, low, high in ends)))
+        rows.append((words, bare(0.0 if place is None else most.rotations_deg[place], holes), *_ranges(most, place)))
     heads = (f"at {M_g:g} N·m" for M_g in advice.curve.torques)
     title = f"left by {found.form}, made in each hole, ″: median (5 to 95 %)"
     yield Table(title, ("left", "hole" if holes else "turn, °", *heads), tuple(rows))

@@ -29,10 +29,11 @@ PER_TURN = 60  # readings
 
 
 def hidden_lines(seed: int):
-    """How often lines come in the cycle, with the beats of orders and one that is none, and their vectors [arcsec]."""
+    """How often lines come in the cycle, beats of orders and one (130) that is none, and their vectors [arcsec]."""
     rng = np.random.default_rng(seed)
-    often = np.array([1, 2, 19, 20, 21, 38, 40, 41, 60, 80, 81, 137])
-    return often, 10 ** rng.uniform(-0.7, 0.7, len(often)) * np.exp(2j * np.pi * rng.random(len(often)))
+    often = np.array([1, 2, 19, 20, 21, 38, 40, 41, 60, 80, 81, 130])
+    sizes = np.append(10 ** rng.uniform(-0.7, 0.7, len(often) - 1), 0.6)  # a large one is noise to measure: --orders
+    return often, sizes * np.exp(2j * np.pi * rng.random(len(often)))
 
 
 def curve(often, vectors, turns):

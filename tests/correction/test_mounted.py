@@ -13,7 +13,8 @@ from hdassist.correction.forms import CorrectionForm
 from hdassist.correction.mounted import advice_corrected, form_of_text
 from hdassist.errors import UsageError
 from hdassist.mounting.advice import advise
-from hdassist.mounting.corrected import CorrectedPositions, corrected_positions
+from hdassist.mounting.corrected import CorrectedPositions
+from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.run.run import UNCHECKED
 from tests.process import TINY, run
@@ -62,12 +63,12 @@ def test_a_sample_is_turned_as_a_preset_is():
 def positions_left(most: list[float], least: list[float], drives: int = 64) -> CorrectedPositions:
     """Three positions in which so much is left of every drive, at one torque."""
 
-    def left(rotation_deg: float):
-        place = round(rotation_deg / 120)
-        return np.full((1, drives), most[place]), np.full((1, drives), least[place])
-
     turns = (0.0, 120.0, 240.0)
-    return corrected_positions("a form", turns, turns, left)
+    found = [
+        PositionStatistics(turns, np.tile(each, (1, drives, 1)), np.full((1, drives), each[0]), np.ones(drives), True)
+        for each in (np.array(most, dtype=float), np.array(least, dtype=float))
+    ]
+    return CorrectedPositions("a form", *found)
 
 
 @pytest.mark.parametrize(
