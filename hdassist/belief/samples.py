@@ -111,6 +111,11 @@ class Samples:
         """Effective number of samples."""
         return effective_number(self.weights)
 
+    def equal_drives(self, count: int) -> list[dict[str, float]]:
+        """Values by path of so many drives of the same weight."""
+        shares = np.cumsum(self.weights) / self.weights.sum()
+        return self.prior.values(self.shares[np.searchsorted(shares, (np.arange(count) + 0.5) / count)])
+
     def percentile(self, share: float, torque: int) -> float:
         """Percentile [arcsec] of F'_ior, by its share (0.95), at a torque by its place."""
         return weighted_quantile(self.F_ior_arcsec[:, torque], self.weights, share)

@@ -29,6 +29,7 @@ class CompensateCommand(
       hdassist compensate own.yaml --form output --points 720 --csv table.csv
       hdassist compensate own.yaml run80.csv run800.csv --each-load --json
       hdassist compensate own.yaml run80.csv --after corrected80.csv
+      hdassist compensate run80.csv --ratio 100 --torque 80 --csv phasors.csv
       hdassist compensate vzp160 --torque 80 --torque -80 --details --json
 
     The error is taken apart: parts that repeat with the cam, that beat, that other loads change. Then each form that
@@ -40,12 +41,15 @@ class CompensateCommand(
 
     A FILE is a record at a torque of the preset, in their order; then the correction is that of the record: of the full
     cycle in the record's own angles, of part of it by the drives of the preset that agree, in the preset's angles.
+    With --ratio in place of a preset one FILE, of the full cycle at the one --torque, gives phasors with uncertainties.
+    Two encoders then count the same way, both seen from the cam side.
     --after has a record with the correction of the same options on: whether the promise is kept, or the likely cause.
     Exit codes: 0, 2 wrong options, 3 promise not kept, 4 bad file, 5 refused or no trustworthy answer, 6 open.
     """
 
     preset: str
     files: list[str] | None = None
+    ratio: float | None = None
     form: Literal["phasors", "output", "cam", "half-cam"] = "phasors"
     points: int | None = None
     each_load: bool = False
@@ -76,6 +80,20 @@ class CompensateCommand(
             raise UsageError(f"{len(files)} records, but {drive.name} has {len(torques)} torques", "--torque for each")
         return {M_g: self.recorded(name, drive) for M_g, name in zip(torques, files, strict=False)}
 
+    def of_record(self, file: str) -> Report:
+        """Correction of a record without a preset. Raises UsageError for options that need one."""
+        from hdassist.correction.alone import correction_alone
+        from hdassist.pages.compensate import compensate_report
+        from hdassist.preset.requirements import option_value
+
+        if len(self.torque) != 1 or self.files or self.after or self.overrides or self.write or self.each_load:
+            remedy = "more needs a preset: hdassist compensate PRESET FILE..."
+            raise UsageError("invalid options beside --ratio: expected one FILE and its --torque", remedy)
+        M_g = option_value("--torque", self.torque[0], "N*m")
+        found = self.reading().measured(file, None, self.ratio, seed=self.seed, together=True)
+        result = correction_alone(found, self.alignment(), M_g, self.correction_form())
+        return compensate_report(result, is_written=bool(self.csv), warnings=found.warnings)
+
     def run(self) -> int:
         """Compute corrections of the drive; returns the exit code."""
         from hdassist.correction.correct import correct
@@ -88,6 +106,8 @@ class CompensateCommand(
 
         o.stdin_once(*(self.files or []), self.preset, self.after)
         out, form = self.open(), self.correction_form()
+        if self.ratio is not None:
+            return give("compensate", run_each("compensate", [self.preset], self.of_record, self), self, out)
         target = self.controller_target(form, force=self.force)
 
         def one(name: str) -> Report:

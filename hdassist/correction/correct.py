@@ -43,17 +43,20 @@ HALVED = 0.5  # of the range: a correction that leaves more is called weak
 class LoadedError:
     """Error of drives as one may be, at a torque: lines, and the actual error [arcsec], shape (drives, points).
 
-    beyond: range of all that the lines do not have, over that of the error.
+    beyond: range of all that the lines do not have, over that of the error; F_ior_arcsec: of the lines that a
+    record of the full cycle has, without its noise, None without one.
     """
 
     lines: ErrorLines
     actual: Array
     beyond: float
+    F_ior_arcsec: float | None = None
 
     @property
     def ranges(self) -> Array:
         """Ranges of the error without a correction [arcsec], shape (drives,)."""
-        return np.asarray(np.ptp(self.actual, axis=1))
+        ranges = np.ptp(self.actual, axis=1)
+        return np.asarray(ranges if self.F_ior_arcsec is None else np.full_like(ranges, self.F_ior_arcsec))
 
 
 ErrorsByTorque = Mapping[float, LoadedError]
@@ -90,20 +93,22 @@ class FormResiduals:
 class Correction:
     """Corrections of a drive for the first of its torques.
 
-    errors: of drives as this one may be, by torque; parts of that; chosen: residuals of the form asked for, fitted to
-    all these drives together, and correction, that itself; forms: residuals of each form, fitted to each drive by
-    itself where the chosen is refused: as if its error were recorded over the full cycle; fewest_points: of a table
-    over the output turn that halves the error, None where none of those tried does; phasors: median of the range
-    [arcsec] that numbers of them leave; records, by torque [N*m]; misfit: of the drives that agree with records of part
-    of the cycle, over the error, else None; samples: None where all is known.
+    drive: None where there is a record alone; errors: of drives as this one may be, by torque; parts of that; chosen:
+    residuals of the form asked for, fitted to all these drives together, and corrections, those themselves, by torque:
+    of other loads than the first where each has its own, and may make at most one drive in twenty worse there; forms:
+    residuals of each form, fitted to each drive by itself where the chosen is refused: as if its error were recorded
+    over the full cycle; fewest_points: of a table over the output turn that halves the error, None where none of those
+    tried does; phasors: median of the range [arcsec] that numbers of them leave; records, by torque [N*m]; misfit: of
+    the drives that agree with records of part of the cycle, over the error, else None; samples: None where
+    all is known.
     """
 
-    drive: Drive
+    drive: Drive | None
     errors: ErrorsByTorque
     parts: tuple[ErrorPart, ...]
     forms: tuple[FormResiduals, ...]
     chosen: FormResiduals
-    correction: CorrectionTable | Phasors
+    corrections: Mapping[float, CorrectionTable | Phasors]
     fewest_points: int | None
     phasors: Mapping[int, float]
     records: Mapping[float, RecordedError]
@@ -115,6 +120,11 @@ class Correction:
     def M_g(self) -> float:
         """Torque [N*m] that it is for."""
         return next(iter(self.errors))
+
+    @property
+    def correction(self) -> CorrectionTable | Phasors:
+        """The one for that torque."""
+        return self.corrections[self.M_g]
 
     @property
     def strong_lines(self) -> tuple[float, ...]:
@@ -145,9 +155,7 @@ def correct(
     if not (prior.fields and draws):
         return correction_of(drive, [{}], records, form, run)
     samples = drive_samples(prior, [None] * len(drive.operation.M_g), draws=draws, run=run)
-    shares = np.cumsum(samples.weights) / samples.weights.sum()
-    rows = np.searchsorted(shares, (np.arange(draws) + 0.5) / draws)  # drives of the same weight
-    return correction_of(drive, prior.values(samples.shares[rows]), records, form, run, samples=samples)
+    return correction_of(drive, samples.equal_drives(draws), records, form, run, samples=samples)
 
 
 def correction_of(
@@ -170,10 +178,28 @@ def correction_of(
         record, found = records.get(M_g), errors[M_g]
         if record and not record.is_part:
             lines = recorded_lines(found.lines, record, run)
-            errors[M_g] = LoadedError(lines, -lines.curves, 0.0)
+            errors[M_g] = LoadedError(lines, -lines.curves, 0.0, float(np.ptp(lines.mean.curves)))
         elif records:
             lines = alike_lines(found.lines, run, misfit)
             errors[M_g] = LoadedError(lines, -lines.curves, found.beyond)
+    return fitted_correction(
+        drive, errors, form, records, drive.name, samples=samples, misfit=misfit, certificate=certificate
+    )
+
+
+def fitted_correction(
+    drive: Drive | None,
+    errors: ErrorsByTorque,
+    form: CorrectionForm,
+    records: Mapping[float, RecordedError],
+    name: str,
+    *,
+    samples: Samples | None = None,
+    misfit: float | None = None,
+    certificate: Certificate = EMPTY,
+) -> Correction:
+    """Corrections fitted to errors by torque, the first of which counts most; name: of the drive, or of its record."""
+    torques = tuple(errors)
     own = {M_g: each.lines for M_g, each in errors.items()}
     mean = {M_g: each.mean for M_g, each in own.items()}
     design = errors[torques[0]]
@@ -191,8 +217,11 @@ def correction_of(
     residuals = tuple(residuals_of(each, own if chosen.is_refused else mean, errors) for each in forms)
     tables = ranges_by_points("output", design.lines, design)
     halving = next((points for points, left in tables.items() if left <= HALVED * uncorrected), None)
+    in_place = zip(torques, chosen.residuals[: len(torques)] if form.each_load else chosen.residuals[:1], strict=False)
+    kept = [M_g for M_g, left in in_place if M_g == torques[0] or left.p95 < left.uncorrected_p50]
+    corrections = {M_g: _exported(chosen, mean, M_g, name) for M_g in kept}
     return Correction(
-        drive, errors, error_parts(errors), residuals, chosen, _exported(chosen, mean, drive.name), halving,
+        drive, errors, error_parts(errors), residuals, chosen, corrections, halving,
         phasors, records, misfit, samples, certificate,
     )  # fmt: skip
 
@@ -220,9 +249,11 @@ def loaded_error(
     return LoadedError(lines, actual, beyond), lines.certificate + proof
 
 
-def _exported(chosen: FormResiduals, mean: Mapping[float, ErrorLines], preset: str) -> CorrectionTable | Phasors:
-    """The correction of a form for the first torque; the other direction's, where there is the opposite torque."""
-    form, M_g = chosen.form, next(iter(mean))
+def _exported(
+    chosen: FormResiduals, mean: Mapping[float, ErrorLines], M_g: float, preset: str
+) -> CorrectionTable | Phasors:
+    """The correction of a form for a torque; the other direction's, where there is the opposite torque."""
+    form = chosen.form
     found = replace(form.fitted(mean[M_g], M_g), preset=preset, expected=chosen.residuals)
     if isinstance(found, Phasors):
         flat = {name: getattr(found, name)[0] for name in ("amplitude_arcsec", "phase_deg")}

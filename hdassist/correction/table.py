@@ -95,7 +95,8 @@ class Phasors:
     """Error as lines: the sum of amplitude cos(2 pi per_cam_turn x + phase), x the turns of the cam from zero.
 
     per_output_turn, per_cam_turn: how often each line comes, shape (lines,); amplitude_arcsec; phase_deg, shape
-    (..., lines) each; M_g, preset and expected as of a table.
+    (..., lines) each; M_g, preset and expected as of a table; standard uncertainties of amplitude and phase, shape
+    (lines,), of a record alone: two of them hold 95 %.
     """
 
     per_output_turn: Array
@@ -105,6 +106,8 @@ class Phasors:
     M_g: float
     preset: str = ""
     expected: tuple[ExpectedResidual, ...] = ()
+    amplitude_uncertainty_arcsec: Array | None = None
+    phase_uncertainty_deg: Array | None = None
 
     @property
     def vectors(self) -> Complex:
@@ -125,4 +128,6 @@ def correction_columns(correction: CorrectionTable | Phasors) -> dict[str, Array
         other = correction.other_direction_arcsec
         return columns if other is None else {**columns, "other_direction_arcsec": other}
     names = ("per_output_turn", "per_cam_turn", "amplitude_arcsec", "phase_deg")
-    return {name: getattr(correction, name) for name in names}
+    unsure = ("amplitude_uncertainty_arcsec", "phase_uncertainty_deg")
+    every = {name: getattr(correction, name) for name in (*names, *unsure)}
+    return {name: column for name, column in every.items() if column is not None}

@@ -149,7 +149,7 @@ def correction_file(result: Correction, controller: ControllerFormat, axis: Cont
         left = percentiles(ranges_left(correction, error)[0])
         expected.append(ExpectedResidual(M_g, percentiles(error.ranges)[1], *left))
     about = replace(table, expected=tuple(expected))
-    return controller_file(about, controller, axis, result.drive.origin.sha256)
+    return controller_file(about, controller, axis, result.drive.origin.sha256 if result.drive else "")
 
 
 def controller_file(

@@ -32,13 +32,16 @@ class Reading(ClosedRecord, TraceForm):
         parse_orders(self.orders or None)
         require_drift(self.drift)
 
-    def measured(self, file: str, drive: Drive, **how: Any) -> Measurement:
-        """Results of a record of a drive; how: more arguments of `measure`. Raises what it and read_trace do."""
+    def measured(self, file: str, drive: Drive | None, ratio: float | None = None, **how: Any) -> Measurement:
+        """Results of a record of a drive, or of one of a ratio; how: more arguments of `measure`.
+
+        Raises what it and read_trace do.
+        """
         table = read_record(file, self)
         if bench_record(table):
             words = f"{table.file}: approached positions or a torque loop, which is no trace"
             raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")
-        return self.of_table(table, drive, **how)
+        return self.of_table(table, drive, ratio, **how)
 
     def of_table(self, table: NumberTable, drive: Drive | None, ratio: float | None = None, **how: Any) -> Measurement:
         """Results of the trace in a table, of a drive or of one of a ratio; how: more arguments of `measure`."""

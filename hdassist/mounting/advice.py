@@ -27,6 +27,7 @@ from hdassist.model.deviations import standing_offset
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
 from hdassist.model.wheels import MeasuredTeeth
+from hdassist.mounting.corrected import CorrectedPositions
 from hdassist.mounting.curve import is_searched, mounting_curve
 from hdassist.mounting.losses import LEAST_TURNED_GAIN, PositionStatistics
 from hdassist.mounting.positions import Choice, MountingCurve, Position, usable_positions
@@ -47,7 +48,8 @@ class Advice:
     position to be better than the present one; stay_probability, that the present one is nearly as good as the best;
     measured: wheels in place of first harmonics, for which there is the curve alone; unknown: deviations that are not
     known; open_: fields, by path, that are not known exactly; as_given: whether to order by the values as given
-    without samples; needed: probability of a gain for which a turn is ordered.
+    without samples; needed: probability of a gain for which a turn is ordered; corrected: what a stored
+    correction leaves in the positions, where the order goes by that.
     """
 
     drive: Drive
@@ -61,6 +63,7 @@ class Advice:
     open_: tuple[str, ...] = ()
     as_given: bool = True
     needed: float = SURE
+    corrected: CorrectedPositions | None = None
 
     @property
     def chosen(self) -> Position:
@@ -118,6 +121,8 @@ class Advice:
             return "none"
         if forbidden:
             return "turn"
+        if self.order_corrected != "none":
+            return self.order_corrected
         if self.gain_probability is None:
             return "turn" if self.gain > LEAST_TURNED_GAIN else "leave"
         verdict = verdict_by_probability(self.gain_probability.low, self.gain_probability.high, self.needed)
@@ -125,6 +130,11 @@ class Advice:
             return "turn"
         stays = self.stay_probability is not None and self.stay_probability.low >= self.needed
         return "leave" if verdict is Verdict.FAIL or stays else "none"
+
+    @cached_property
+    def order_corrected(self) -> str:
+        """Order by what a stored correction leaves; none where that tells no position from another."""
+        return self.corrected.order(self.needed) if self.corrected else "none"
 
     @property
     def to_try(self) -> tuple[Position, ...]:
@@ -140,10 +150,14 @@ class Advice:
     def choice(self) -> Choice:
         """The chosen position beside the others; where there are samples, with the median F'_ior over them."""
         curve, turn = self.curve, self.order == "turn"
-        if not self.positions:
-            return Choice(self.drive, curve.torques, curve.current, curve.recommended, turn, tuple(curve.ranked))
-        found = self.positions.choice(self.drive, self.drive.number(standing_offset(self.drive)[1]))
-        return replace(found, torques=curve.torques, turn=turn)
+        found = Choice(self.drive, curve.torques, curve.current, curve.recommended, turn, tuple(curve.ranked))
+        if self.positions:
+            found = self.positions.choice(self.drive, self.drive.number(standing_offset(self.drive)[1]))
+            found = replace(found, torques=curve.torques, turn=turn)
+        if self.corrected and self.order_corrected == "turn":
+            best = self.corrected.most.rotations_deg[self.corrected.most.challenger or 0]
+            return replace(found, chosen=next(p for p in found.ranked if p.rotation_deg == best))
+        return found
 
     @cached_property
     def _log_ratios(self) -> np.ndarray | None:

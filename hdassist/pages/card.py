@@ -30,7 +30,8 @@ class CardFacts:
     choice; cam_deg, direction of the cam offset, None where it has none that is known; measured wheels; gain_range: 5th
     percentile, median and 95th percentile of the gain, and gain_probability, that the best other position is better
     than the present one, None without samples; good: probability that the position is good after trials; open_:
-    number of values that were drawn; warnings, in the reader's language; tried, where the advice comes of trials: then
+    number of values that were drawn; warnings, in the reader's language; correction, words for
+    the stored one that the drive is to have; tried, where the advice comes of trials: then
     the wheel lies in the last of them, and turns count from before the first.
     """
 
@@ -42,6 +43,7 @@ class CardFacts:
     good: float | None = None
     open_: int = 0
     warnings: tuple[str, ...] = ()
+    correction: str = ""
     tried: Tried | None = None
 
 
@@ -169,7 +171,10 @@ def _checks(facts: CardFacts, say: Texts) -> list[str]:
     if facts.choice.turn:
         place = ["place_angle" if chosen.hole is None else "place_hole"]
     names = ("clean", "pilot", *place, "free", "screws", "mesh")
-    return [say(f"checks.{name}", turn=turn(chosen, say), hole=chosen.hole) for name in names]
+    found = [say(f"checks.{name}", turn=turn(chosen, say), hole=chosen.hole) for name in names]
+    target = facts.choice.target
+    where = place_at(target.rotation_deg, target.hole, say)
+    return found + [say("checks.correction", where=where)] * bool(facts.correction)
 
 
 def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:

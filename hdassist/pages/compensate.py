@@ -12,7 +12,7 @@ from hdassist.correction.forms import line_orders
 from hdassist.correction.table import ExpectedResidual, correction_columns
 from hdassist.correction.verified import VerifiedCorrection
 from hdassist.json_parts import samples_object
-from hdassist.model.kinematics import Kinematics
+from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.planning.lines import POINTS_A_TURN
 from hdassist.report import Curve, Facts, Report, Table, csv_columns
@@ -20,19 +20,27 @@ from hdassist.terminal.words import again
 from hdassist.verdict import Verdict
 
 UNPROVEN = "no real drive has been corrected with this yet: record the first one corrected"
+TOLD_NOISE_CYCLES = 1.5  # full cycles in a record that tells its noise
+OTHER_DIRECTION = "other_direction_arcsec"  # whose torque has rows of its own
 _SHORT_FORM = "output turn, 256 points"  # that many controllers keep
 
 
-def compensate_report(result: Correction, *, is_written: bool = False) -> Report:
-    """How much of the error a stored correction takes off, in which form; is_written: whether a file has it."""
-    drive, chosen = result.drive, result.chosen
+def compensate_report(result: Correction, *, is_written: bool = False, warnings: Sequence[str] = ()) -> Report:
+    """How much of the error a stored correction takes off, in which form.
+
+    Arguments: is_written, whether a file has it; warnings, of a record alone.
+    """
+    drive, chosen, notes = result.drive, result.chosen, tuple[str, ...]()
+    if drive:
+        is_open = not (result.samples or result.misfit)
+        notes = (*drive.origin.warnings, *(unknown_notes(drive) if is_open else ()))
     refused = (f"{chosen.form.name}: refused, {_percent(chosen)} % would be left",) if chosen.is_refused else ()
     names = {_SHORT_FORM, chosen.form.name, result.forms[0].form.name}
     forms = [each for each in result.forms if each.form.name in names]
     return Report(
         command="compensate",
         drive=drive,
-        head=f"{drive.name}, correction at {result.M_g:g} N·m",
+        head=f"{result.correction.preset}, correction at {result.M_g:g} N·m",
         verdict=_verdict(result),
         why=tuple(_why(result)),
         blocks=(
@@ -55,11 +63,13 @@ def compensate_report(result: Correction, *, is_written: bool = False) -> Report
             "fewest_points": result.fewest_points,
             "phasors": result.phasors,
             "correction": None if refused else result.correction,
+            "corrections": [] if refused else list(result.corrections.values()),
             "samples": samples_object(result.samples),
         },
-        csv=None if refused else csv_columns(**correction_columns(result.correction)),
+        csv=None if refused else csv_columns(**_columns(result)),
         line=_verdict(result),
-        warnings=(*drive.origin.warnings, *(() if result.samples or result.misfit else unknown_notes(drive)), *refused),
+        about=result.correction.preset,
+        warnings=(*warnings, *notes, *refused),
         exit_code=5 if refused else 0,
     )
 
@@ -80,23 +90,32 @@ def verified_report(result: Correction, found: VerifiedCorrection) -> Report:
     return Report(
         command="compensate",
         drive=result.drive,
-        head=f"{result.drive.name}, {result.chosen.form.name} on at {result.M_g:g} N·m",
+        head=f"{result.correction.preset}, {result.chosen.form.name} on at {result.M_g:g} N·m",
         verdict=str(found.verdict),
         why=tuple(why),
         blocks=(Table("", ("arcsec", "before", "promised", "came"), tuple(rows)), Facts.of(measure)),
         certificate=result.certificate,
         values={"M_g_Nm": result.M_g, "form": result.chosen.form.name, "verified": found},
         line=str(found.verdict),
-        warnings=result.drive.origin.warnings,
+        warnings=result.drive.origin.warnings if result.drive else (),
         exit_code=found.verdict.exit_code,
     )
+
+
+def _columns(result: Correction) -> dict[str, Array]:
+    """Columns of the correction; where each load has one, their rows one torque after the other."""
+    if not result.chosen.form.each_load:
+        return correction_columns(result.correction)
+    tables = [correction_columns(each) for each in result.corrections.values()]
+    joined = {name: np.concatenate([each[name] for each in tables]) for name in tables[0] if name != OTHER_DIRECTION}
+    return {"M_g_Nm": np.repeat([*result.corrections], len(next(iter(tables[0].values())))), **joined}
 
 
 def _verdict(result: Correction) -> str:
     form, residual = result.chosen.form, result.chosen.residuals[0]
     if not result.chosen.is_refused:
         noise = ", with noise of the record" if result.M_g in result.records else ""
-        left = f"{residual.p50:.1f} of {residual.uncorrected_p50:.1f}″ ({_percent(result.chosen)} %)"
+        left = f"{_range(residual)} of {residual.uncorrected_p50:.1f}″ ({_percent(result.chosen)} %)"
         return f"{form.name} leave {left}{noise}"
     if any(each.is_refused for each in result.forms if each.form == form):
         return f"no: {form.name} may make it worse; {_enough(result)}"
@@ -119,24 +138,31 @@ def _facts(result: Correction, is_written: bool) -> Iterator[tuple[str, str]]:
     refused = ", ".join(each.form.name for each in result.forms if each.is_refused)
     yield "points", _enough(result) + (f"; refused, as they may make it worse: {refused}" if refused else "")
     yield "phasors", "left by their number: " + ", ".join(f"{n}: {left:.2g}″" for n, left in result.phasors.items())
+    yield from _record_facts(result)
+    missing = [f"{M_g:g}" for M_g in result.errors if M_g not in result.corrections]
+    if result.chosen.form.each_load and missing:
+        yield "stored", f"none at {', '.join(missing)} N·m, where it may make it worse"
+    if result.chosen.is_refused or result.misfit:
+        yield "next", again("compensate", result.drive, "record.csv")
+    elif not (is_written or result.records):
+        yield "next", again("compensate", result.drive, "--csv", "correction.csv")
+
+
+def _record_facts(result: Correction) -> Iterator[tuple[str, str]]:
     recorded = ", ".join(f"{M_g:g}" for M_g in result.records)
-    if result.misfit:
-        turns = ", ".join(f"{np.ptp(each.cam_turns):.3g}" for each in result.records.values())
-        cycle_turns = f"{turns} of {Kinematics.of(result.drive).cycle_cam_revolutions} turns"
+    turns = [float(np.ptp(each.cam_turns)) for each in result.records.values()]
+    cycle = result.errors[result.M_g].lines.kinematics.cycle_cam_revolutions
+    if result.misfit and result.drive:
+        cycle_turns = f"{', '.join(f'{each:.3g}' for each in turns)} of {cycle} turns"
         yield "record", f"{cycle_turns} at {recorded} N·m; the correction has the preset's angles"
         fitted = ", ".join([*(each.path for each in unknowns(result.drive)), "values in doubt (docs/correct.md)"])
         yield "fitted", f"{fitted}; misfit {100 * result.misfit:.0f} % of the error"
         yield "measure", "the full cycle: it needs no fit"
     elif recorded:
         yield "record", f"at {recorded} N·m, whose angles the correction has"
-    stored = result.M_g, getattr(result.correction, "other_M_g", None)
-    others = [f"--torque {M_g:g}" for M_g in result.drive.operation.M_g if M_g not in stored]
-    if result.chosen.form.each_load and others:
-        yield "stored", f"the correction at {result.M_g:g} N·m; those of other loads by {', '.join(others)}"
-    if result.chosen.is_refused or result.misfit:
-        yield "next", again("compensate", result.drive, "record.csv")
-    elif not (is_written or recorded):
-        yield "next", again("compensate", result.drive, "--csv", "correction.csv")
+    if not result.drive and turns[0] < TOLD_NOISE_CYCLES * cycle:
+        yield "noise", "one cycle does not tell it from error: the upper end of what is left has all of it"
+        yield "measure", "the cycle twice or more: noise averages out, error does not"
 
 
 def _enough(result: Correction) -> str:
@@ -145,13 +171,11 @@ def _enough(result: Correction) -> str:
 
 
 def _percent(each: FormResiduals) -> str:
-    low, high = (f"{100 * left:.0f}" for left in (each.left[0], each.left[-1]))
-    return low if low == high else f"{low} to {high}"
+    return " to ".join(dict.fromkeys(f"{100 * left:.0f}" for left in each.left[::2]))
 
 
 def _range(each: ErrorPart | ExpectedResidual) -> str:
-    low, high = f"{each.p5:.1f}", f"{each.p95:.1f}"
-    return low if low == high else f"{low}-{high}"
+    return "-".join(dict.fromkeys(f"{end:.1f}" for end in (each.p5, each.p95)))
 
 
 def _residual_table(forms: Sequence[FormResiduals], *, short: bool = False) -> Table:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -43,6 +44,7 @@ from hdassist.terminal.words import (
 )
 from hdassist.verdict import Verdict
 
+EVEN = 0.5  # probability of a gain, up to which no position is told to be better
 OPEN_NAMED = 4  # fields that are not known exactly, which are named
 ORDER_WORDS = {"turn": "TURN", "leave": "LEAVE", "none": "MEASURE FIRST"}
 NO_HOLE_BETTER = {
@@ -77,14 +79,19 @@ def mount_report(
     if not advice.any_hole:
         figures.append(seat_of(advice.choice, ENGLISH, advice.choice.chosen))
     table = () if advice.any_hole else (positions_table(advice),)
+    more = (
+        [("unknown", unknown_names(advice.unknown)), ("samples", samples_words(advice.samples))]
+        if advice.samples
+        else []
+    )
     return Report(
         command="mount",
         drive=drive,
         head=f"{drive.name}, {TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}",
         verdict=ORDER_WORDS[advice.order],
         why=(what_to_do(advice),),
-        blocks=(*table, Facts.of(_facts(advice, carded=carded)), *figures[:1]),
-        details=(*figures[1:], *_samples_table(advice), Facts.of(_more_facts(advice))),
+        blocks=(*table, *corrected_table(advice), Facts.of(_facts(advice, carded=carded)), *figures[:1]),
+        details=(*figures[1:], *_samples_table(advice), Facts.of(more)),
         certificate=advice.curve.certificate + (advice.samples.certificate if advice.samples else EMPTY),
         cross_checks=tuple(advice.curve.cross_checks),
         values=_values(advice, seed),
@@ -97,6 +104,8 @@ def mount_report(
 
 def what_to_do(advice: Advice) -> str:
     """The order; where none can be given, why, and the measurement to make."""
+    if words := corrected_words(advice):
+        return words
     if advice.order != "none":
         why = NO_HOLE_BETTER.get(advice.no_hole_better)
         return (f"No hole is better than another: {why}. " if why else "") + instruction(advice.choice)
@@ -108,7 +117,7 @@ def what_to_do(advice: Advice) -> str:
     elif found := advice.gain_probability:
         why = (
             f"a turn of the {fixed} gains with {probability_words(found, advice.needed)}; "
-            f"the best bet is {hole_place(advice.chosen)}, {-100 * advice.gain:+.0f} %"
+            f"the best bet is {hole_place(advice.chosen)}"
         )
         if advice.samples and _measure(advice) == (by_chance := more_draws(advice.samples)):
             return f"No order: {why}; {by_chance}"
@@ -133,12 +142,12 @@ def _samples_table(advice: Advice) -> Iterator[Table]:
 def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
     """Gain, limits, largest influences, the next measurement and the next command, a label and a text each."""
     found, torques = advice.positions, advice.curve.torques
-    if found and not advice.no_hole_better:
-        low, middle, high = (100 * each for each in (advice.best_gain_range if advice.any_hole else advice.gain_range))
+    if found and not advice.no_hole_better and advice.order_corrected == "none":
+        low, _, high = (100 * each for each in (advice.best_gain_range if advice.any_hole else advice.gain_range))
         where = "the best hole, whichever it is," if advice.any_hole else hole_place(advice.chosen)
         if advice.any_hole or advice.chosen.rotation_deg:
             served = " at the torque served worst" if len(torques) > 1 else ""
-            yield "gain", f"{middle:.0f} % less error in {where} than now{served} (5 to 95 %: {low:.0f} to {high:.0f})"
+            yield "gain", f"{low:.0f} to {high:.0f} % less error in {where} than now{served} (5 to 95 %)"
         if (gain := advice.gain_probability) and advice.order != "none":
             at = hole_place(found.position(advice.drive, 0.0, found.challenger))
             sure = probability_words(gain, advice.needed)
@@ -146,9 +155,11 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
     if not advice.curve.usable[0]:
         yield "forbidden", "the wheel may not stay where it stands (mounting.allowed)"
     if found and advice.samples and advice.order == "turn":
-        kept = partial(_kept, advice.samples, found, advice.needed)
+        place = found.place(advice.chosen.rotation_deg)
+        kept = partial(_kept, advice.samples, found, advice.needed, place)
         yield "limit", kept_line(advice.chosen.rotation_deg, advice.drive, torques, kept, advice.needed)
-    yield "influence", influence_words(advice.influences, "the gain") if advice.influences else ""
+    if advice.influences and advice.order_corrected == "none":
+        yield "influence", influence_words(advice.influences, "the gain")
     yield "measure", _measure(advice)
     if advice.unknown and not advice.samples:
         yield "unknown", f"taken as 0: {unknown_names(advice.unknown)}"
@@ -156,21 +167,16 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
         yield "next", again("mount", advice.drive, "--card", "card.html")
 
 
-def _kept(samples: Samples, found: PositionStatistics, sure: float, torque: int, room_arcsec: float) -> Probability:
-    """Probability that F'_ior in the best position, at a torque by its place, is at most a room [arcsec]."""
+def _kept(
+    samples: Samples, found: PositionStatistics, sure: float, place: int | None, torque: int, room_arcsec: float
+) -> Probability:
+    """Probability that F'_ior in a position, at a torque by its place, is at most a room [arcsec]."""
 
     def within(stage: Samples) -> Array:
-        there = PositionStatistics.of(stage, found.rotations_deg).at(found.best)[torque]
+        there = PositionStatistics.of(stage, found.rotations_deg).at(place)[torque]
         return np.asarray(there <= room_arcsec)
 
     return samples.probability(within, sure)
-
-
-def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
-    """More to be known beside the positions, a label and a text each."""
-    if samples := advice.samples:
-        yield "unknown", unknown_names(advice.unknown)
-        yield "samples", samples_words(samples)
 
 
 def _measure(advice: Advice) -> str:
@@ -220,17 +226,64 @@ def positions_table(advice: Advice) -> Table:
     spread = ": median (5 to 95 %)" if found else ""
     rows = []
     for words, position in (("now", choice.current), ("best", choice.chosen), ("worst", choice.ranked[-1])):
-        cells = [f"{F_ior:.2f}" for F_ior in position.F_ior_arcsec]
+        cells, change = [f"{F_ior:.2f}" for F_ior in position.F_ior_arcsec], position.change_from(choice.current)
         if found:
             place = found.place(position.rotation_deg)
-            ends = zip(*(found.quantile(LEVELS[end], place) for end in ("low", "high")), strict=True)
-            cells = [f"{cell} ({low:.1f}-{high:.1f})" for cell, (low, high) in zip(cells, ends, strict=True)]
-        change = f"{100 * position.change_from(choice.current):+.0f} %"
-        rows.append((words, bare(position.rotation_deg, advice.curve.holes), *cells, change))
+            change = 0.0 if place is None else 0.0 - found.range_of(found.gains(place))[1]
+            cells = _ranges(found, place)
+        rows.append((words, bare(position.rotation_deg, advice.curve.holes), *cells, f"{100 * change:+.0f} %"))
     heads = (f"at {M_g:g} N·m" for M_g in advice.curve.torques)
     title = f"F'_ior, ″{spread}; turns counter-clockwise from the cam side"
     where = "hole" if advice.curve.holes else "turn, °"
     return Table(title, ("position", where, *heads, "against now"), tuple(rows))
+
+
+def _ranges(found: PositionStatistics, place: int | None) -> list[str]:
+    """Median of a position at each torque, and its range."""
+    ends = zip(*(found.quantile(level, place) for level in LEVELS.values()), strict=True)
+    return [f"{middle:.2f} ({low:.1f}-{high:.1f})" for middle, low, high in ends]
+
+
+def corrected_words(advice: Advice) -> str:
+    """What to do where a stored correction takes off the rest; empty without one."""
+    if not (found := advice.corrected):
+        return ""
+    if advice.order_corrected != "none":
+        words = instruction(advice.choice, gains=False)
+        return f"{words} The correction ({found.form}) is made there, and for no other hole."
+    words = f"With {found.form} no hole is told from another by what is left"
+    if (gain := found.gain_probability) and gain.value > EVEN:
+        best = hole_place(found.most.position(advice.drive, 0.0, found.most.challenger))
+        words = f"With {found.form} less is left in {best} with {probability_words(gain, advice.needed)}"
+    return f"{words}. By F'_ior: {what_to_do(replace(advice, corrected=None))}"
+
+
+def corrected_table(advice: Advice) -> Iterator[Table]:
+    """What a stored correction leaves now, in the position where that is least, and where it is most."""
+    if not (found := advice.corrected):
+        return
+    most, holes = found.most, advice.curve.holes
+    rows = []
+    for words, place in (("now", most.place(0.0)), ("least", most.best), ("most", most.ranked[-1])):
+        rows.append((words, bare(0.0 if place is None else most.rotations_deg[place], holes), *_ranges(most, place)))
+    heads = (f"at {M_g:g} N·m" for M_g in advice.curve.torques)
+    title = f"left by {found.form}, made in each hole, ″: median (5 to 95 %)"
+    yield Table(title, ("left", "hole" if holes else "turn, °", *heads), tuple(rows))
+
+
+def _corrected_object(advice: Advice) -> Json | None:
+    """What a stored correction leaves in each position; None without one."""
+    if not (found := advice.corrected):
+        return None
+    most = found.most
+    places = range(len(most.rotations_deg))
+    left = {name: [most.quantile(level, place) for place in places] for name, level in LEVELS.items()}
+    return {
+        "form": found.form,
+        "order": advice.order_corrected,
+        "rotation_deg": most.rotations_deg,
+        "left_arcsec": left,
+    }
 
 
 def _values(advice: Advice, seed: int) -> Json:
@@ -262,6 +315,7 @@ def _values(advice: Advice, seed: int) -> Json:
         "recommended": choice.chosen if advice.order != "none" else None,
         **{name: value if known else None for name, value in named.items()},
         "belief": _belief(advice),
+        "compensated": _corrected_object(advice),
         "unknown": unknown_objects(advice.unknown),
         "best_gain_range": _percentiles(advice.best_gain_range),
         "probability_needed": advice.needed,
@@ -307,7 +361,8 @@ def mount_card_facts(advice: Advice, say: Texts) -> CardFacts:
         cam_deg=drive.number(cam) if drive.number(offset) else None,
         measured=advice.measured,
         gain_range=advice.gain_range if drawn else None,
-        gain_probability=advice.gain_probability,
+        gain_probability=advice.gain_probability if advice.order_corrected == "none" else None,
+        correction=advice.corrected.form if advice.corrected else "",
         open_=len(advice.open_) if drawn else 0,
         warnings=mount_warnings(advice, say),
     )

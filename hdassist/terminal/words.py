@@ -33,6 +33,7 @@ TAKEN_OVER = {  # options that the next command has too, by their name: the comm
     "form": ("compensate",),
     "points": ("compensate",),
     "each_load": ("compensate",),
+    "compensated": ("mount",),
     "distribution": DRAWN,
     "known": DRAWN,
     **dict.fromkeys(("pitch_b", "pitch_g", "mark_b", "mark_g"), TOOTHED),

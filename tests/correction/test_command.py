@@ -50,8 +50,28 @@ def test_phasors_and_tables_are_written_as_figures():
     assert [*rows[0]] == ["per_output_turn", "per_cam_turn", "amplitude_arcsec", "phase_deg"]
     options = ("--torque", "1", "--torque", "-1", "--form", "output", "--points", "36", "--each-load", "--csv", "-")
     rows = list(csv.DictReader(io.StringIO(run("compensate", TINY, *options).stdout)))
-    assert [*rows[0]] == ["output_deg", "error_arcsec", "other_direction_arcsec"]
-    assert [float(row["output_deg"]) for row in rows] == pytest.approx([10 * k for k in range(36)])
+    assert [*rows[0]] == ["M_g_Nm", "output_deg", "error_arcsec"]
+    assert [float(row["output_deg"]) for row in rows] == pytest.approx([10 * k for k in range(36)] * 2)
+    assert [float(row["M_g_Nm"]) for row in rows] == [1.0] * 36 + [-1.0] * 36
+    single = run("compensate", TINY, *options[2:4], *options[4:8], "--csv", "-").stdout
+    alone = [float(row["error_arcsec"]) for row in csv.DictReader(io.StringIO(single))]
+    assert [float(row["error_arcsec"]) for row in rows[36:]] == pytest.approx(alone)
+
+
+def test_each_load_has_a_correction_in_json_but_where_it_may_make_it_worse():
+    found = json.loads(run("compensate", TINY, "--torque", "1", "--torque", "4", "--each-load", "--json").stdout)
+    assert [each["M_g"] for each in found["corrections"]] == [1.0, 4.0]
+    assert found["corrections"][0] == found["correction"]
+    (other,) = json.loads(run("compensate", TINY, "--torque", "4", "--json").stdout)["corrections"]
+    here = found["corrections"][1]
+    strong = [k for k, size in enumerate(other["amplitude_arcsec"]) if size > 0.1]
+    for k in strong:
+        place = here["per_cam_turn"].index(other["per_cam_turn"][k])
+        assert here["amplitude_arcsec"][place] == pytest.approx(other["amplitude_arcsec"][k])
+    weak = ("--form", "output", "--points", "12", "--each-load")
+    page = " ".join(run("compensate", TINY, *weak, "--no-plot").stdout.split())
+    worse = json.loads(run("compensate", TINY, *weak, "--json").stdout)["corrections"]
+    assert ("stored none at 4 N·m, where it may make it worse" in page) == (len(worse) == 1)
 
 
 def test_the_next_command_keeps_the_form_and_is_left_out_once_written(tmp_path: Path):

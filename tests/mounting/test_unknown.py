@@ -9,7 +9,7 @@ from hdassist import load_preset
 from hdassist.model.deviations import deviation_scalars
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import rotated, seat_positions
-from hdassist.pages.mount import mount_card_facts, mount_report, position_curves, what_to_do
+from hdassist.pages.mount import mount_card_facts, mount_report, position_curves, positions_table, what_to_do
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.texts import texts
@@ -123,3 +123,11 @@ def test_a_seats_ovality_stands_still_while_the_wheel_turns(reference):
         drive = changed(reference, **{f"harmonics__a_{name}2": 3.0, f"harmonics__xi_{name}2": 20.0})
         here, there = (deviation_scalars(each, alpha, -alpha)[:, 6:8] for each in (drive, rotated(drive, 30.0)))
         assert np.allclose(here, there) != moves
+
+
+def test_the_page_has_one_gain_the_median_over_the_samples():
+    advice = advice_on("phases.xi_b=90±20", "mounting.holes=6", "operation.M_g=[1,4]", draws=16)
+    assert advice.positions
+    row = next(row for row in positions_table(advice).rows if row[0] == "best")
+    assert row[-1] == f"{-100 * advice.gain:+.0f} %"
+    assert "%" not in what_to_do(advice).partition("the best bet is ")[2].partition(".")[0]

@@ -1,0 +1,73 @@
+"""What a stored correction leaves in each position of the fixed wheel, over the samples that its choice rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from hdassist.correction.correct import loaded_error, ranges_left
+from hdassist.correction.forms import CAM_POINTS, TRIED_POINTS, USUAL_POINTS, CorrectionForm
+from hdassist.error.waves import WAVE_POINTS
+from hdassist.errors import UsageError
+from hdassist.model.deviations import carried
+from hdassist.model.kinematics import Kinematics
+from hdassist.mounting.advice import Advice
+from hdassist.mounting.corrected import CorrectedPositions
+from hdassist.mounting.losses import PositionStatistics
+from hdassist.preset.fields import Drive
+from hdassist.run.run import Run
+
+
+def form_of_text(text: str) -> CorrectionForm:
+    """A form like phasors, phasors:80, output:720, cam or half-cam. Raises UsageError for any other text."""
+    name, _, points = text.partition(":")
+    usual = {"phasors": TRIED_POINTS[None][-1], "output": USUAL_POINTS, "cam": CAM_POINTS, "half-cam": CAM_POINTS}
+    number = int(points) if points.isdecimal() else usual.get(name, 0) if not points else 0
+    if name not in usual or not 2 <= number <= 100000:
+        expected = "expected a form and its points, such as output:720"
+        raise UsageError(f"invalid --compensated {text}: {expected}", f"forms: {', '.join(usual)}")
+    return CorrectionForm(None if name == "phasors" else name, number)  # type: ignore[arg-type]
+
+
+def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run) -> Advice:
+    """An advice ordered by what a correction leaves that is made in each position and for each torque.
+
+    Arguments: draws, drives of the same weight, from the samples of the advice. The error of each drive is that of its
+    own lines there, as if it were recorded in that position.
+    """
+    if advice.any_hole or advice.no_hole_better or (advice.unknown and not advice.positions):
+        return advice
+    drive, drives = advice.drive, [dict[str, float]()]
+    usable = tuple(sorted(each.rotation_deg for each in advice.choice.ranked))
+    if advice.positions and advice.samples:
+        drives, usable = advice.samples.of_ranges.equal_drives(draws), advice.positions.rotations_deg
+    every, proof, found = sorted({0.0, *usable}), advice.curve.certificate, []
+    for rotation_deg in every:
+        changes = [turned(drive, values, rotation_deg) for values in drives]
+        for M_g in advice.curve.torques:
+            error, of_states = loaded_error(drive, M_g, changes, run, alike=len(drives) == 1)
+            proof += of_states
+            fitted = form.fitted(error.lines, M_g)
+            found.append([ranges_left(fitted, each)[0] for each in (error, replace(error, beyond=0.0))])
+    left = np.reshape(found, (len(every), -1, 2, len(drives))).transpose(2, 1, 3, 0)  # (2, torques, drives, positions)
+    columns = [every.index(each) for each in usable]
+    most, least = (
+        PositionStatistics(usable, each[..., columns], each[..., every.index(0.0)], np.ones(len(drives)), True)
+        for each in left
+    )
+    curve = replace(advice.curve, certificate=proof)
+    return replace(advice, curve=curve, corrected=CorrectedPositions(form.name, most, least))
+
+
+def corrected_states(drive: Drive, positions: int, draws: int) -> int:
+    """Number of states that this solves, about, for a progress bar."""
+    cycle = Kinematics.of(drive).cycle_states
+    return len(drive.operation.M_g) * positions * (cycle + max(1, draws) * WAVE_POINTS**2)
+
+
+def turned(drive: Drive, values: Mapping[str, float], rotation_deg: float) -> dict[str, float]:
+    """Values by path of a drive with its fixed wheel turned on its seat [deg]."""
+    directions = {path: values.get(path, drive.number(path)) + rotation_deg for path in carried(drive)}
+    return {**values, **directions}

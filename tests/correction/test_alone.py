@@ -1,0 +1,139 @@
+"""Corrections from a record without a preset: hidden sums of lines with noise, and a hidden drive's solved cycle."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.comparing.record import Alignment
+from hdassist.correction.alone import correction_alone
+from hdassist.correction.forms import CorrectionForm
+from hdassist.correction.table import Phasors
+from hdassist.error.cycle import kinematic_error
+from hdassist.measuring.measure import measure
+from hdassist.planning.lines import POINTS_A_TURN, error_lines
+from hdassist.run.run import UNCHECKED
+from tests.process import TINY, run
+from tests.rigs import recorded
+
+NOISE = 0.3  # arcsec
+PHASORS = CorrectionForm(None)
+CYCLE = 20  # cam turns, at the ratio 20
+PER_TURN = 60  # readings
+
+
+def hidden_lines(seed: int):
+    """How often lines come in the cycle, beats of orders and one (130) that is none, and their vectors [arcsec]."""
+    rng = np.random.default_rng(seed)
+    often = np.array([1, 2, 19, 20, 21, 38, 40, 41, 60, 80, 81, 130])
+    sizes = np.append(10 ** rng.uniform(-0.7, 0.7, len(often) - 1), 0.6)  # a large one is noise to measure: --orders
+    return often, sizes * np.exp(2j * np.pi * rng.random(len(often)))
+
+
+def curve(often, vectors, turns):
+    return (vectors @ np.exp(2j * np.pi * often[:, None] * turns / CYCLE)).real
+
+
+def alone(seed: int, cycles: float, form: CorrectionForm = PHASORS):
+    """The correction from a record of hidden lines."""
+    often, vectors = hidden_lines(seed)
+    turns = np.arange(round(cycles * CYCLE * PER_TURN)) / PER_TURN
+    noise = NOISE * np.random.default_rng(seed + 1000).standard_normal(len(turns))
+    trace = recorded(turns, curve(often, vectors, turns) + noise)
+    return correction_alone(measure(trace, ratio=CYCLE, together=True), Alignment(), 67.0, form)
+
+
+@pytest.mark.parametrize("cycles", [1.02, 2.0])
+def test_intervals_of_hidden_lines_hold_and_no_more_is_left_than_promised(cycles: float):
+    held, turns = [], np.arange(CYCLE * POINTS_A_TURN) / POINTS_A_TURN
+    for seed in range(8):
+        often, vectors = hidden_lines(seed)
+        result = alone(seed, cycles)
+        found, promised = result.correction, result.chosen.residuals[0]
+        assert isinstance(found, Phasors)
+        per_cycle = np.rint(found.per_cam_turn * CYCLE).astype(int)
+        off = found.amplitude_arcsec - np.abs(-vectors[np.searchsorted(often, per_cycle).clip(max=len(often) - 1)])
+        turned = found.phase_deg - np.degrees(np.angle(-vectors[np.searchsorted(often, per_cycle).clip(max=11)]))
+        true = np.isin(per_cycle, often)
+        assert (~true).sum() <= 1
+        assert set(often[np.abs(vectors) > 0.5]) <= {*per_cycle.tolist()}
+        held += (np.abs(off) <= 2 * found.amplitude_uncertainty_arcsec)[true].tolist()
+        held += (np.abs((turned + 180) % 360 - 180) <= 2 * found.phase_uncertainty_deg)[true].tolist()
+        left = float(np.ptp(-curve(often, vectors, turns) - found.error_at(turns)))
+        assert 0.5 * promised.p5 <= left <= promised.p95 < 0.35 * promised.uncorrected_p50
+        assert promised.uncorrected_p50 == pytest.approx(np.ptp(curve(often, vectors, turns)), rel=0.15)
+    assert len(held) > 150
+    assert np.mean(held) >= 0.92
+
+
+def test_uncertainties_are_those_of_independent_noise_and_shrink_with_its_repeats():
+    once, twice = (alone(3, cycles).correction for cycles in (1.02, 2.0))
+    usual = NOISE * np.sqrt(2 / (2 * CYCLE * PER_TURN))
+    assert np.median(twice.amplitude_uncertainty_arcsec) == pytest.approx(usual, rel=0.3)
+    assert np.median(once.amplitude_uncertainty_arcsec) > np.median(twice.amplitude_uncertainty_arcsec)
+    radians = np.radians(twice.phase_uncertainty_deg)
+    assert radians * twice.amplitude_arcsec == pytest.approx(twice.amplitude_uncertainty_arcsec, rel=0.1)
+
+
+def test_a_table_over_the_cam_is_of_the_lines_that_repeat_with_it():
+    often, vectors = hidden_lines(2)
+    found = alone(2, 2.0, CorrectionForm("cam", 256)).correction
+    with_cam = often % CYCLE == 0
+    turns = np.linspace(0, 1, 50)
+    assert found.error_at(turns) == pytest.approx(-curve(often[with_cam], vectors[with_cam], turns), abs=0.1)
+
+
+HIDDEN = ("phases.xi_b=130", "harmonics.a_b2=0.5")
+
+
+def rows_of_drive(turns: int) -> str:
+    """Record of a hidden drive with noise, over so many turns of its cam, as a file."""
+    error = error_lines(load_preset(TINY, HIDDEN), 1.0, [{}]).curves[0]
+    rows = np.arange(turns * POINTS_A_TURN)
+    values = error[rows % len(error)] + NOISE * np.random.default_rng(5).standard_normal(len(rows))
+    lines = (f"{360 * k / POINTS_A_TURN:g},{y:.4f}" for k, y in zip(rows, values, strict=True))
+    return "cam_deg,error_arcsec\n" + "\n".join(lines) + "\n"
+
+
+def test_the_command_takes_a_record_with_its_ratio_and_keeps_its_promise_on_the_solved_cycle(tmp_path: Path):
+    (tmp_path / "run.csv").write_text(rows_of_drive(20))
+    options = ("compensate", "run.csv", "--ratio", "10", "--torque", "1 N·m", "--csv", "out.csv", "--json")
+    answer = run(*options, cwd=tmp_path)
+    assert answer.returncode == 0
+    found = json.loads(answer.stdout)
+    assert found["recorded_Nm"] == [1.0]
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "out.csv").read_text())))
+    names = ["per_output_turn", "per_cam_turn", "amplitude_arcsec", "phase_deg"]
+    assert [*rows[0]] == [*names, "amplitude_uncertainty_arcsec", "phase_uncertainty_deg"]
+    columns = np.array([[float(row[name]) for name in names[1:]] for row in rows])
+    error = kinematic_error(load_preset(TINY, HIDDEN), 1.0, run=UNCHECKED)
+    turns = error.states.phi_h / (2 * np.pi)
+    taken = sum(a * np.cos(2 * np.pi * often * turns + np.radians(p)) for often, a, p in columns)
+    promised = found["forms"][0]["residuals"][0]
+    assert np.ptp(-error.error_arcsec - taken) <= promised["p95"] < 0.15 * error.F_ior_arcsec
+    assert np.ptp(-error.error_arcsec + taken) > 1.8 * error.F_ior_arcsec
+    page = run("compensate", "run.csv", "--ratio", "10", "--torque", "1", "--no-plot", cwd=tmp_path).stdout
+    assert page.startswith("run.csv, correction at 1 N·m: ")
+    assert "does not tell it from error" not in page
+
+
+def test_one_cycle_is_said_not_to_tell_noise_and_part_of_it_is_refused_with_the_remedy(tmp_path: Path):
+    (tmp_path / "one.csv").write_text(rows_of_drive(10))
+    (tmp_path / "part.csv").write_text(rows_of_drive(6))
+    options = ("--ratio", "10", "--torque", "1", "--no-plot")
+    page = " ".join(run("compensate", "one.csv", *options, cwd=tmp_path).stdout.split())
+    assert "noise one cycle does not tell it from error" in page
+    refused = run("compensate", "part.csv", *options, cwd=tmp_path)
+    assert refused.returncode == 5
+    assert "% of the full cycle" in refused.stderr
+    assert "hdassist compensate PRESET FILE" in refused.stderr
+    for more in (("--each-load",), ("--torque", "2"), ("--form", "output"), ("--set", "gears.j_n=1"), ("more.csv",)):
+        wrong = run("compensate", "one.csv", *options, *more, cwd=tmp_path)
+        assert wrong.returncode == 2
+        assert "preset" in wrong.stderr

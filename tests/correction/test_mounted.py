@@ -1,0 +1,120 @@
+"""The hole of the fixed wheel where a stored correction takes off the rest: held against solved cycles."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdassist import kinematic_error, load_preset
+from hdassist.correction.forms import CorrectionForm
+from hdassist.correction.mounted import advice_corrected, form_of_text
+from hdassist.errors import UsageError
+from hdassist.mounting.advice import advise
+from hdassist.mounting.corrected import CorrectedPositions
+from hdassist.mounting.losses import PositionStatistics
+from hdassist.mounting.positions import rotated, seat_positions
+from hdassist.run.run import UNCHECKED
+from tests.process import TINY, run
+
+SIX = ("mount", TINY, "--set", "mounting.holes=6")
+TABLE = CorrectionForm("output", 20)
+
+
+def advice_of(form: CorrectionForm, *overrides: str, draws: int = 0):
+    drive = load_preset(TINY, ["mounting.holes=6", *overrides])
+    advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=draws, run=UNCHECKED)
+    return advice_corrected(advice, form, draws, UNCHECKED)
+
+
+@pytest.fixture(scope="module")
+def of_one_drive() -> CorrectedPositions:
+    found = advice_of(TABLE).corrected
+    assert found
+    return found
+
+
+@pytest.mark.parametrize("place", [0, 2, 5])
+def test_what_is_left_in_a_hole_is_that_of_a_table_fitted_to_its_solved_cycle(of_one_drive, place: int):
+    rotation = of_one_drive.most.rotations_deg[place]
+    drive = rotated(load_preset(TINY, ["mounting.holes=6"]), rotation)
+    for torque, M_g in enumerate(drive.operation.M_g):
+        error = kinematic_error(drive, M_g, run=UNCHECKED)
+        at = np.mod(error.states.phi_h / (2 * np.pi * 10), 1) * TABLE.points  # the output turns once in ten
+        nodes = np.arange(TABLE.points)
+        apart = np.abs(at[:, None] - nodes)
+        triangles = np.maximum(0, 1 - np.minimum(apart, TABLE.points - apart))
+        values = np.linalg.lstsq(triangles, error.error_arcsec, rcond=None)[0]
+        left = np.ptp(error.error_arcsec - triangles @ values)
+        assert of_one_drive.least.at(place)[torque, 0] == pytest.approx(left, rel=0.025)  # of states, not of all angles
+        assert of_one_drive.most.at(place)[torque, 0] == pytest.approx(left, rel=0.025)
+
+
+def test_a_sample_is_turned_as_a_preset_is():
+    drawn = advice_of(TABLE, "phases.xi_b=90±5", draws=8).corrected
+    assert drawn and drawn.most.F_ior_arcsec.shape == (2, 8, 6)
+    same = advice_of(TABLE, "phases.xi_b=150").corrected
+    middle = [drawn.most.quantile(0.5, place)[0] for place in range(6)]
+    assert same and same.most.now_arcsec[0, 0] == pytest.approx(middle[1], rel=0.15)
+
+
+def positions_left(most: list[float], least: list[float], drives: int = 64) -> CorrectedPositions:
+    """Three positions in which so much is left of every drive, at one torque."""
+
+    turns = (0.0, 120.0, 240.0)
+    found = [
+        PositionStatistics(turns, np.tile(each, (1, drives, 1)), np.full((1, drives), each[0]), np.ones(drives), True)
+        for each in (np.array(most, dtype=float), np.array(least, dtype=float))
+    ]
+    return CorrectedPositions("a form", *found)
+
+
+@pytest.mark.parametrize(
+    ("most", "least", "order"),
+    [
+        ([10, 5, 9], [10, 5, 9], "turn"),
+        ([5, 10, 9], [5, 10, 9], "leave"),
+        ([10, 9.95, 12], [10, 9.95, 12], "leave"),
+        ([2, 1, 1.5], [0.1, 0.1, 0.1], "none"),
+        ([1, 2, 2], [0.9, 0.5, 0.5], "none"),
+    ],
+)
+def test_an_order_stands_only_where_what_lines_do_not_have_could_not_change_it(most, least, order: str):
+    assert positions_left(most, least).order(0.95) == order
+
+
+def test_few_drives_are_not_sure():
+    assert positions_left([10, 5, 9], [10, 5, 9], drives=8).order(0.95) == "none"
+
+
+def test_the_order_goes_by_what_a_table_leaves_and_by_F_ior_where_phasors_tell_no_hole_from_another():
+    answer = json.loads(run(*SIX, "--compensated", "output:36", "--json").stdout)
+    found = answer["compensated"]
+    worst_served = np.max(np.array(found["left_arcsec"]["expected"]) / found["left_arcsec"]["expected"][0], axis=1)
+    best = found["rotation_deg"][int(np.argmin(worst_served))]
+    assert (found["form"], found["order"]) == ("output turn, 36 points", "turn")
+    assert answer["recommended"]["rotation_deg"] == best
+    assert run(*SIX, "--compensated", "output:36", "-q").stdout == f"{round(best / 60)}\n"
+    page = " ".join(run(*SIX, "--compensated", "phasors", "--no-plot").stdout.split())
+    plain = json.loads(run(*SIX, "--json").stdout)
+    assert plain["compensated"] is None
+    assert f"With 320 phasors no hole is told from another by what is left. By F'_ior: {plain['instruction']}" in page
+
+
+def test_the_card_says_which_hole_the_correction_belongs_to(tmp_path: Path):
+    (tmp_path / "wheel.csv").write_text("tooth,error\n")
+    card = run(*SIX, "--compensated", "output:36", "--card", "-", "--serial", "17-042").stdout
+    words = " ".join(card.split())
+    assert "the controller's correction is made for hole 1 of this serial number, zero mark: ______;" in words
+    assert "17-042" in words
+    assert "correction" not in run(*SIX, "--card", "-").stdout
+    russian = run(*SIX, "--compensated", "output:36", "--card", "-", "--lang", "ru").stdout
+    assert "поправка контроллера" in russian
+
+
+@pytest.mark.parametrize("text", ["table", "output:1", "output:many", "cam:-5"])
+def test_a_form_that_is_none_is_refused(text: str):
+    with pytest.raises(UsageError, match="invalid --compensated"):
+        form_of_text(text)
