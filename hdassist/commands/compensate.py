@@ -94,34 +94,29 @@ class CompensateCommand(
         result = correction_alone(found, self.alignment(), M_g, self.correction_form())
         return compensate_report(result, is_written=bool(self.csv), warnings=found.warnings)
 
-    def run(self) -> int:
-        """Compute corrections of the drive; returns the exit code."""
+    def report(self, out: o.Output, preset: str) -> Report:
+        """Corrections of the drive, or of a record alone."""
         from hdassist.correction.correct import correct
         from hdassist.correction.verified import verify
         from hdassist.design.check import check_states
         from hdassist.pages.compensate import compensate_report, verified_report
         from hdassist.terminal.files import write_text
         from hdassist.terminal.output import note
-        from hdassist.terminal.runs import give, run_each
 
-        o.stdin_once(*(self.files or []), self.preset, self.after)
-        out, form = self.open(), self.correction_form()
+        o.stdin_once(*(self.files or []), preset, self.after)
         if self.ratio is not None:
-            return give("compensate", run_each("compensate", [self.preset], self.of_record, self), self, out)
+            return self.of_record(preset)
+        form = self.correction_form()
         target = self.controller_target(form, force=self.force)
-
-        def one(name: str) -> Report:
-            drive = self.load(name)
-            records = self.records(drive)
-            after = self.recorded(self.after, drive, may_be_noise=True) if self.after else None
-            with out.run(drive.name, 2 * check_states(drive, draws=self.draws), self) as run:
-                result = correct(drive, form=form, records=records, draws=self.draws, run=run)
-                if after and not result.chosen.is_refused:
-                    return verified_report(result, verify(result, after, run))
-            if target and not result.chosen.is_refused:
-                text, about = self.controller_texts(result, target[0])
-                note(about.rstrip())
-                write_text(target[1], text, self.force)
-            return compensate_report(result, is_written=bool(target or self.csv))
-
-        return give("compensate", run_each("compensate", [self.preset], one, self), self, out)
+        drive = self.load(preset)
+        records = self.records(drive)
+        after = self.recorded(self.after, drive, may_be_noise=True) if self.after else None
+        with out.run(drive.name, 2 * check_states(drive, draws=self.draws), self) as run:
+            result = correct(drive, form=form, records=records, draws=self.draws, run=run)
+            if after and not result.chosen.is_refused:
+                return verified_report(result, verify(result, after, run))
+        if target and not result.chosen.is_refused:
+            text, about = self.controller_texts(result, target[0])
+            note(about.rstrip())
+            write_text(target[1], text, self.force)
+        return compensate_report(result, is_written=bool(target or self.csv))
