@@ -29,13 +29,13 @@ def test_a_screen_says_first_how_much_can_be_taken_off():
 
 
 def test_fewer_phasors_are_taken_where_asked_for_and_the_page_has_what_each_number_leaves():
-    found = json.loads(run("compensate", TINY, "--points", "40", "--json").stdout)
-    assert len(found["correction"]["amplitude_arcsec"]) == 40
+    found = json.loads(run("compensate", TINY, "--points", "80", "--json").stdout)
+    assert len(found["correction"]["amplitude_arcsec"]) == 80
     left = found["phasors"]
-    assert found["forms"][0]["residuals"][0]["p50"] == pytest.approx(left["40"])
+    assert found["forms"][0]["residuals"][0]["p50"] == pytest.approx(left["80"])
     assert sorted(left.values(), reverse=True) == [*left.values()]
     words = " ".join(run("compensate", TINY, "--no-plot").stdout.split())
-    assert "left by their number: 20: 9″, 40: 5.2″, " in words
+    assert "left by their number: 20: 9″, 80: 2.7″, " in words
 
 
 def test_the_table_of_many_torques_is_no_wider_than_a_screen():
