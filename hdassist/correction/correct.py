@@ -36,6 +36,7 @@ IN_PLACE, TURN_LOST = "in place", "turn lost"
 ZERO_OFF_DEG = (1.0, 10.0)  # of the cam
 LOST_TURNS = 9  # counts of lost turns that are looked at, at most
 STRONG_LINES = 3  # that are named
+ANY_PHASE_DEG = 180 / 3**0.5  # standard deviation of a phase that is not known
 HALVED = 0.5  # of the range: a correction that leaves more is called weak
 
 
@@ -177,14 +178,19 @@ def correction_of(
         certificate += proof
         record, found = records.get(M_g), errors[M_g]
         if record and not record.is_part:
-            lines = recorded_lines(found.lines, record, run)
-            errors[M_g] = LoadedError(lines, -lines.curves, 0.0, float(np.ptp(lines.mean.curves)))
+            errors[M_g] = recorded_belief(found.lines, record, run)
         elif records:
             lines = alike_lines(found.lines, run, misfit)
             errors[M_g] = LoadedError(lines, -lines.curves, found.beyond)
     return fitted_correction(
         drive, errors, form, records, drive.name, samples=samples, misfit=misfit, certificate=certificate
     )
+
+
+def recorded_belief(lines: ErrorLines, record: RecordedError, run: Run) -> LoadedError:
+    """Error of drives that agree with a record of the full cycle; lines, of drives as this one may be."""
+    found = recorded_lines(lines, record, run)
+    return LoadedError(found, -found.curves, 0.0, float(np.ptp(found.mean.curves)))
 
 
 def fitted_correction(
@@ -219,7 +225,7 @@ def fitted_correction(
     halving = next((points for points, left in tables.items() if left <= HALVED * uncorrected), None)
     in_place = zip(torques, chosen.residuals[: len(torques)] if form.each_load else chosen.residuals[:1], strict=False)
     kept = [M_g for M_g, left in in_place if M_g == torques[0] or left.p95 < left.uncorrected_p50]
-    corrections = {M_g: _exported(chosen, mean, M_g, name) for M_g in kept}
+    corrections = {M_g: _exported(chosen, own, M_g, name) for M_g in kept}
     return Correction(
         drive, errors, error_parts(errors), residuals, chosen, corrections, halving,
         phasors, records, misfit, samples, certificate,
@@ -250,15 +256,22 @@ def loaded_error(
 
 
 def _exported(
-    chosen: FormResiduals, mean: Mapping[float, ErrorLines], M_g: float, preset: str
+    chosen: FormResiduals, lines: Mapping[float, ErrorLines], M_g: float, preset: str
 ) -> CorrectionTable | Phasors:
-    """The correction of a form for a torque; the other direction's, where there is the opposite torque."""
+    """The correction of a form for a torque, with what drives differ by; tables have the opposite torque's too."""
     form = chosen.form
-    found = replace(form.fitted(mean[M_g], M_g), preset=preset, expected=chosen.residuals)
+    found = replace(form.fitted(lines[M_g].mean, M_g), preset=preset, expected=chosen.residuals)
     if isinstance(found, Phasors):
-        flat = {name: getattr(found, name)[0] for name in ("amplitude_arcsec", "phase_deg")}
-        return replace(found, **flat)
-    other = form.fitted(mean[-M_g], -M_g) if form.each_load and -M_g in mean else None
+        found = replace(found, amplitude_arcsec=found.amplitude_arcsec[0], phase_deg=found.phase_deg[0])
+        if len(lines[M_g].amplitude) == 1:
+            return found
+        often = np.rint(found.per_cam_turn * lines[M_g].kinematics.cycle_cam_revolutions)
+        vectors = lines[M_g].amplitude[:, np.isin(lines[M_g].per_cycle, often)]
+        along = vectors / np.exp(1j * np.radians(found.phase_deg))  # real of lines with the phase of the mean
+        across_deg = np.degrees(along.imag.std(axis=0) / found.amplitude_arcsec)
+        unsure = along.real.std(axis=0), np.minimum(across_deg, ANY_PHASE_DEG)
+        return replace(found, amplitude_uncertainty_arcsec=unsure[0], phase_uncertainty_deg=unsure[1])
+    other = form.fitted(lines[-M_g].mean, -M_g) if form.each_load and -M_g in lines else None
     if isinstance(other, CorrectionTable):
         found = replace(found, other_direction_arcsec=other.error_arcsec[0], other_M_g=-M_g)
     return replace(found, error_arcsec=found.error_arcsec[0])

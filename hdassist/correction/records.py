@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
+from scipy.special import chdtri, ndtri
 
 from hdassist.comparing.record import Alignment
 from hdassist.error.cycle import kinematic_error
@@ -31,6 +31,8 @@ FINER = 32  # times the points of curves, at which places are told apart
 WIDEST_GAP = 2  # steps between readings: in the middle of a wider gap the error counts as not read, and as 0
 LEAST_REPEATS = 20  # readings at points that have one already, from which noise is known
 LEAST_CHANCE = 0.05  # that noise is less than it counts as for what is lost
+PEAK_CHANCE = 0.01  # that noise alone has a reading which counts as a peak of the error
+ALL_LOST = 0.8  # share of drives that lose less than all that noise may hide, from none of it upwards
 MEDIAN_DEVIATION = 0.6745  # of a normal number
 SIZE_STEP, SIZE_ROUNDS = 4.0, 50  # of mean squares of lines
 LEAST_POWER = 1e-12  # arcsec^2
@@ -161,14 +163,14 @@ def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorL
     phase = np.angle(found.amplitude)
     found = replace(found, amplitude=share * found.amplitude)
     apart = record.apart(found)
-    peaks = np.abs(apart) > np.median(np.abs(apart)) / MEDIAN_DEVIATION * np.sqrt(2 * np.log(len(apart)))
+    peaks = np.abs(apart) > np.median(np.abs(apart)) / MEDIAN_DEVIATION * float(ndtri(1 - PEAK_CHANCE / len(apart)))
     found = with_more_lines(found, replace(record, error_arcsec=apart * peaks).lines(lines.kinematics))
     lost = (1 - share) * np.sqrt(size) * np.exp(1j * phase)  # as noise may be least; peaks stay peaks
     drawn = share * np.sqrt(noise / 2) * _drawn(RECORDED_DRAWS, len(often), run)
     if is_known:
         chance = np.random.default_rng([run.seed, 2]).chisquare(again, (RECORDED_DRAWS, 1))
         drawn *= np.sqrt(again / chance)
-    drawn += np.outer(np.sign(np.arange(0.5, RECORDED_DRAWS) - RECORDED_DRAWS / 2), lost)
+    drawn += np.outer(np.clip(np.linspace(-1, 1, RECORDED_DRAWS) / ALL_LOST, -1, 1), lost)
     return replace(found, amplitude=found.amplitude + drawn - drawn.mean(axis=0))
 
 

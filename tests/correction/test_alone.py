@@ -51,23 +51,26 @@ def alone(seed: int, cycles: float, form: CorrectionForm = PHASORS):
 
 @pytest.mark.parametrize("cycles", [1.02, 2.0])
 def test_intervals_of_hidden_lines_hold_and_no_more_is_left_than_promised(cycles: float):
-    held, turns = [], np.arange(CYCLE * POINTS_A_TURN) / POINTS_A_TURN
+    held, low, turns = [], [], np.arange(CYCLE * POINTS_A_TURN) / POINTS_A_TURN
     for seed in range(8):
         often, vectors = hidden_lines(seed)
         result = alone(seed, cycles)
         found, promised = result.correction, result.chosen.residuals[0]
         assert isinstance(found, Phasors)
         per_cycle = np.rint(found.per_cam_turn * CYCLE).astype(int)
-        off = found.amplitude_arcsec - np.abs(-vectors[np.searchsorted(often, per_cycle).clip(max=len(often) - 1)])
-        turned = found.phase_deg - np.degrees(np.angle(-vectors[np.searchsorted(often, per_cycle).clip(max=11)]))
+        place = np.searchsorted(often, per_cycle).clip(max=len(often) - 1)
+        off = found.amplitude_arcsec - np.abs(vectors[place])
+        turned = found.phase_deg - np.degrees(np.angle(-vectors[place]))
         true = np.isin(per_cycle, often)
-        assert (~true).sum() <= 1
+        assert (found.amplitude_arcsec[~true] < 0.2 * NOISE).all()
         assert set(often[np.abs(vectors) > 0.5]) <= {*per_cycle.tolist()}
         held += (np.abs(off) <= 2 * found.amplitude_uncertainty_arcsec)[true].tolist()
         held += (np.abs((turned + 180) % 360 - 180) <= 2 * found.phase_uncertainty_deg)[true].tolist()
         left = float(np.ptp(-curve(often, vectors, turns) - found.error_at(turns)))
-        assert 0.5 * promised.p5 <= left <= promised.p95 < 0.35 * promised.uncorrected_p50
+        assert left <= promised.p95 < 0.35 * promised.uncorrected_p50
+        low.append(left / promised.p5)
         assert promised.uncorrected_p50 == pytest.approx(np.ptp(curve(often, vectors, turns)), rel=0.15)
+    assert np.median(low) == pytest.approx(1, abs=0.3)  # of lines alone: nothing is lost in what counts as noise
     assert len(held) > 150
     assert np.mean(held) >= 0.92
 
@@ -77,8 +80,9 @@ def test_uncertainties_are_those_of_independent_noise_and_shrink_with_its_repeat
     usual = NOISE * np.sqrt(2 / (2 * CYCLE * PER_TURN))
     assert np.median(twice.amplitude_uncertainty_arcsec) == pytest.approx(usual, rel=0.3)
     assert np.median(once.amplitude_uncertainty_arcsec) > np.median(twice.amplitude_uncertainty_arcsec)
-    radians = np.radians(twice.phase_uncertainty_deg)
-    assert radians * twice.amplitude_arcsec == pytest.approx(twice.amplitude_uncertainty_arcsec, rel=0.1)
+    radians, clear = np.radians(twice.phase_uncertainty_deg), twice.amplitude_arcsec > NOISE
+    across, along = radians * twice.amplitude_arcsec, twice.amplitude_uncertainty_arcsec
+    assert np.median((across / along)[clear]) == pytest.approx(1, abs=0.15)
 
 
 def test_a_table_over_the_cam_is_of_the_lines_that_repeat_with_it():
