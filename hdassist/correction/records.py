@@ -32,7 +32,7 @@ WIDEST_GAP = 2  # steps between readings: in the middle of a wider gap the error
 LEAST_REPEATS = 20  # readings at points that have one already, from which noise is known
 LEAST_CHANCE = 0.05  # that noise is less than it counts as for what is lost
 PEAK_CHANCE = 0.01  # that noise alone has a reading which counts as a peak of the error
-ALL_LOST = 0.8  # share of drives that lose less than all that noise may hide, from none of it upwards
+ALL_HIDDEN = 0.5  # share of drives of whose error noise hides less than it may, from none of that upwards
 MEDIAN_DEVIATION = 0.6745  # of a normal number
 SIZE_STEP, SIZE_ROUNDS = 4.0, 50  # of mean squares of lines
 LEAST_POWER = 1e-12  # arcsec^2
@@ -166,11 +166,13 @@ def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorL
     peaks = np.abs(apart) > np.median(np.abs(apart)) / MEDIAN_DEVIATION * float(ndtri(1 - PEAK_CHANCE / len(apart)))
     found = with_more_lines(found, replace(record, error_arcsec=apart * peaks).lines(lines.kinematics))
     lost = (1 - share) * np.sqrt(size) * np.exp(1j * phase)  # as noise may be least; peaks stay peaks
-    drawn = share * np.sqrt(noise / 2) * _drawn(RECORDED_DRAWS, len(often), run)
+    hidden = np.clip(np.linspace(-1, 1, RECORDED_DRAWS) / ALL_HIDDEN, -1, 1)[:, None]  # of what noise may hide
+    spread = share + np.abs(hidden) * (np.sqrt(share) - share)
+    drawn = spread * np.sqrt(noise / 2) * _drawn(RECORDED_DRAWS, len(often), run)
     if is_known:
         chance = np.random.default_rng([run.seed, 2]).chisquare(again, (RECORDED_DRAWS, 1))
         drawn *= np.sqrt(again / chance)
-    drawn += np.outer(np.clip(np.linspace(-1, 1, RECORDED_DRAWS) / ALL_LOST, -1, 1), lost)
+    drawn += hidden * lost
     return replace(found, amplitude=found.amplitude + drawn - drawn.mean(axis=0))
 
 
