@@ -230,8 +230,8 @@ class Seat:
     """The seat of the fixed wheel, counter-clockwise from the right, seen from the cam side.
 
     holes: none where the angle is free; first_deg: direction of hole 0; turn_deg: the turn from now, the shorter
-    way, negative for clockwise; barred: the letter of holes that are not allowed; legend: meaning of letters and
-    numbers mean, for a drawing in characters.
+    way, negative for clockwise; barred: the letter of holes that are not allowed; legend: the meaning of letters
+    and numbers, for a drawing in characters.
     """
 
     title: str
