@@ -81,14 +81,13 @@ def differently_open(first: Drive, second: Drive) -> list[str]:
 
     The same way is with the same distribution, or unknown in both, however large they may be.
     """
-    open_ = [
-        {
-            each.path: drive.value(each.path) is not None and (each.distribution, each.low, each.high)
-            for each in prior_of(drive).fields
-        }
-        for drive in (first, second)
-    ]
-    return [path for path in {**open_[0], **open_[1]} if open_[0].get(path) != open_[1].get(path)]
+
+    def open_fields(drive: Drive) -> dict[str, object]:
+        fields = prior_of(drive).fields
+        return {f.path: drive.value(f.path) is not None and (f.distribution, f.low, f.high) for f in fields}
+
+    one, other = open_fields(first), open_fields(second)
+    return [path for path in one | other if one.get(path) != other.get(path)]
 
 
 class _Believed:
@@ -99,8 +98,7 @@ class _Believed:
         self.samples = check.samples.of_ranges if check.samples else None
         known = np.array([[point.error.F_ior_arcsec for point in check.points]])
         self.F_ior_arcsec = self.samples.F_ior_arcsec if self.samples else known  # (samples, torques)
-        weights = self.samples.weights if self.samples else np.ones(1)
-        self.weights: Array = weights / weights.sum()
+        self.weights: Array = self.samples.weights / self.samples.weights.sum() if self.samples else np.ones(1)
 
     def shares(self, rows: Indices) -> Array:
         """Shares of each field's probability of some samples, shape (rows, fields)."""
