@@ -29,7 +29,6 @@ DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "most by")
 def drives_report(result: DrivesComparison, seed: int) -> Report:
     """Drives beside each other, the first as the measure of the others; seed, of draws and samples."""
     names = ", ".join(f"{letter} {sheet.drive.origin.file}" for letter, sheet in _lettered(result).items())
-    rows = tuple(_drive_rows(result))
     verdict = _verdict(result)
     differing = ((f"{row[0].path}, {row[0].unit}".removesuffix(", "), *map(_cell, row)) for row in result.differing)
     return Report(
@@ -38,7 +37,9 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
         head=names,
         verdict=verdict,
         blocks=(
-            Table("F'_ior, ″; 5 to 95 % where inputs are unknown", DRIVE_HEADS, rows, words=(0, 5)),
+            Table(
+                "F'_ior, ″; 5 to 95 % where inputs are unknown", DRIVE_HEADS, tuple(_drive_rows(result)), words=(0, 5)
+            ),
             Facts.of(_facts(result)),
         ),
         details=(
