@@ -9,14 +9,7 @@ from functools import partial
 import numpy as np
 
 from hdassist.comparing.doubt import doubtful_waves
-from hdassist.comparing.explanations import (
-    BLIND_SHARE,
-    CLEAR_GAIN,
-    Conclusion,
-    Explanation,
-    conclude,
-    explanation,
-)
+from hdassist.comparing.explanations import BLIND_SHARE, CLEAR_GAIN, Conclusion, Explanation, conclude, explanation
 from hdassist.comparing.fit import VectorFit, VectorFitter
 from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, RecordedOrders, SolvedStates, rms
 from hdassist.comparing.vectors import VECTORS
@@ -120,31 +113,28 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
     torus = ErrorWaves(drive, M_g, run)
     sweep = measurement.directions[0]
     doubt = partial(doubtful_waves, M_g=M_g, torus=torus, run=run)
-
-    changes = doubt(drive)
-
-    orders = RecordedOrders(sweep, torus, Kinematics.of(drive), asked)
+    changes, orders = doubt(drive), RecordedOrders(sweep, torus, Kinematics.of(drive), asked)
 
     def fitted(asked: Alignment) -> tuple[VectorFitter, VectorFit]:
         record = orders.read_as(asked.of_file(measurement.trace, drive))
         return VectorFitter(drive, record, torus, doubt, asked.fitted).doubted(changes)
 
     fitter, base = fitted(asked)
-    unchanged = explanation(base, base, fitter.record, drive)
-    mirrored = [(other, *fitted(other)) for other in (() if unchanged.sufficient else asked.swapped)]
+    record, unchanged = fitter.record, explanation(base, base, fitter)
+    mirrored = [(other, *fitted(other)) for other in asked.swapped if not unchanged.sufficient]
     singles, joint, mirror = _explanations(fitter, base, unchanged, mirrored)
 
     # every range and every residual from solved states
-    solved, record, turns = SolvedStates(M_g), fitter.record, sweep.bins.turns
-    curve = solved.curve(drive, turns, unchanged.alignment)
+    solved = SolvedStates(M_g)
+    curve = solved.curve(drive, sweep.bins.turns, unchanged.alignment)
     # a drift of the prediction, too, is a beat
     fit = TraceFit(sweep.fit.design, sweep.bins.error - curve, sweep.fit.lines)
-    slope = 0.0 if len(fit.drift) else drift_of(fit, sweep.range.value)
+    slope = not len(fit.drift) and drift_of(fit, sweep.range.value)
     predicted = record.measured - fit.coefficients  # (2 orders,)
     unchanged = replace(unchanged, F_ior_arcsec=solved.F_ior(drive))
     least = min((single.chi_square for single in singles), default=np.inf)
-    singles = [_solved(single, drive, record, solved, curve=single.chi_square == least) for single in singles]
-    joint = joint and _solved(joint, drive, record, solved, curve=True)
+    singles = [_solved(single, fitter, solved, curve=single.chi_square == least) for single in singles]
+    joint = joint and _solved(joint, fitter, solved, curve=True)
     return Comparison(
         drive=drive,
         measurement=measurement,
@@ -173,7 +163,6 @@ def _explanations(
     mirrored: Sequence[tuple[Alignment, VectorFitter, VectorFit]],
 ) -> tuple[list[Explanation], Explanation | None, MirroredFile | None]:
     """Explanations of the difference: each vector alone, all together, or the file read the other way round."""
-    record, drive = fitter.record, fitter.drive
     usual = unchanged.chi_square <= unchanged.degrees_of_freedom + np.sqrt(2 * unchanged.degrees_of_freedom)
     if unchanged.sufficient and usual and fitter.linear_gains(base).max() < SCREEN * CLEAR_GAIN:
         return [], None, None
@@ -181,39 +170,37 @@ def _explanations(
     if mirrored:
         asked, reader, other = min(mirrored, key=lambda each: each[2].chi_square)
         mirror = MirroredFile(asked, reader.residual_rms_arcsec(other))
-        if record.within_noise(other.chi_square, len(base.free)):
+        if fitter.record.within_noise(other.chi_square, len(base.free)):
             return [], None, mirror
     fits = [fitter.single(k, base) for k in range(len(VECTORS))]
     good = POLISHED * min(fit.chi_square for fit in fits)
     fits = [fitter.refined(fit) if fit.chi_square <= good else fit for fit in fits]
     best = int(np.argmin([fit.chi_square for fit in fits]))
     fits[best] = fitter.with_shift(fitter.profiled(fits[best]))
-    singles = [explanation(fit, base, record, drive) for fit in fits]
-    if other.chi_square > min(MIRRORED * base.chi_square, *(single.chi_square for single in singles)):
+    singles, least = [explanation(fit, base, fitter) for fit in fits], min(fit.chi_square for fit in fits)
+    if other.chi_square > min(MIRRORED * base.chi_square, least):
         mirror = None
     if conclude(unchanged, singles, None, mirrored=mirror is not None).kind in ("agrees", "mirrored"):
         return singles, None, mirror
     joint = fitter.with_shift(fitter.refined(min(fits, key=lambda fit: fit.chi_square), range(len(VECTORS))))
-    return singles, explanation(joint, base, record, drive), mirror
+    return singles, explanation(joint, base, fitter), mirror
 
 
-def _solved(
-    explained: Explanation, drive: Drive, record: RecordedOrders, solved: SolvedStates, *, curve: bool
-) -> Explanation:
+def _solved(explained: Explanation, fitter: VectorFitter, solved: SolvedStates, *, curve: bool) -> Explanation:
     """An explanation with its F'_ior and, where curve, with its residual within the orders, from solved states."""
     if not explained.overrides:
         return explained
-    changed = drive.with_values(
-        {path: float(value) for path, value in (text.split("=") for text in explained.overrides)}
-    )
+    record, values = fitter.record, (text.split("=") for text in explained.overrides)
+    changed = fitter.drive.with_values({path: float(value) for path, value in values})
     explained = replace(explained, F_ior_arcsec=solved.F_ior(changed))
     if not curve:
         return explained
-    residual = record.measured - record.of_curve(solved.curve(changed, record.sweep.bins.turns, explained.alignment))
+    bins, fit = record.sweep.bins, record.sweep.fit
+    coefficients, _ = fit.design.fitted(solved.curve(changed, bins.turns, explained.alignment))
+    residual = record.measured - coefficients[: len(record.measured)]
     pairs = sorted(record.pairs(residual, residual), key=lambda pair: -pair.difference.amplitude_arcsec)
-    clear = [
-        p for p in pairs if p.difference.amplitude_arcsec > CHI_SQUARE_CLEAR * (p.difference.uncertainty_arcsec or 0.0)
-    ]
+    sizes = [(pair.difference.amplitude_arcsec, pair.difference.uncertainty_arcsec or 0.0) for pair in pairs]
+    clear = [pair for pair, (size, u) in zip(pairs, sizes, strict=True) if size > CHI_SQUARE_CLEAR * u]
     return replace(explained, difference_left_arcsec=rms(residual), orders_left=tuple(clear[:RESIDUAL_ORDERS]))
 
 

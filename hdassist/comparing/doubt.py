@@ -6,6 +6,8 @@ deviations, with far too small uncertainties. The changes widen the covariance o
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
 from hdassist.error.waves import Complex, ErrorWaves
@@ -42,12 +44,9 @@ def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()
 
     changes = []
     for path, deviation in doubts_of(drive).items():
-        low, high = (drive.number(path) + way * deviation for way in (-1, 1))
-        if not (drive.allows(path, low) and drive.allows(path, high)):
-            continue
-        try:
-            less, more = moved(path, low), moved(path, high)
-        except UntrustedError:
-            continue
-        changes += [(more - less) / 2, (more + less) / 2]
+        values = [drive.number(path) + way * deviation for way in (-1, 1)]
+        if all(drive.allows(path, value) for value in values):
+            with suppress(UntrustedError):
+                less, more = (moved(path, value) for value in values)
+                changes += [(more - less) / 2, (more + less) / 2]
     return np.reshape(changes, (len(changes), len(own)))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial, reduce
-from operator import add
+from functools import partial
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from hdassist.belief.tabled import COARSE_POINTS
 from hdassist.comparing.pairs import DRAWN_PAIRS, differently_open, drawn_pairs
 from hdassist.comparing.sheet import DriveSheet, sheet_of, sheet_states
 from hdassist.design.check import DesignCheck
-from hdassist.error.error_map import GRID, Batch, error_maps, every_state, searchable
+from hdassist.error.error_map import GRID, Batch, error_maps, extremes_of, searchable
 from hdassist.errors import HdassistError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
@@ -62,10 +61,8 @@ class ErrorChange:
             return tuple(weighted_quantile(column, weights, share) for column in values.T)
 
         low, median, high = (percentile(after - before, share) for share in (0.05, 0.5, 0.95))
-        shares = (
-            abs(change) / max(of, RESOLVED_ERROR) for change, of in zip(median, percentile(before, 0.5), strict=True)
-        )
-        return cls(field, median, low, high, tuple(shares))
+        shares = np.abs(median) / np.maximum(percentile(before, 0.5), RESOLVED_ERROR)
+        return cls(field, median, low, high, tuple(shares.tolist()))
 
 
 @dataclass(frozen=True)
@@ -110,20 +107,18 @@ def at_common_torques(drives: Sequence[Drive]) -> list[Drive]:
     if not torques:
         lists = "; ".join(f"{d.name}: {', '.join(f'{M_g:g}' for M_g in d.operation.M_g)} N*m" for d in drives)
         raise UsageError(f"no torque that all presets have ({lists})", "--torque says at which to compare them")
-    changed = (drive.operation.model_copy(update={"M_g": torques}) for drive in drives)
-    return [drive.model_copy(update={"operation": each}) for drive, each in zip(drives, changed, strict=True)]
+    changed = {"M_g": torques}
+    return [d.model_copy(update={"operation": d.operation.model_copy(update=changed)}) for d in drives]
 
 
 def differing_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
     """Fields in which drives differ, in the order of the declarations; uncertainties of fields behind them."""
     rows = list(zip(*map(resolved_fields, drives), strict=True))
     units = {row[0].path: row[0].unit for row in rows}
-    paths = dict.fromkeys(path for drive in drives for path in drive.uncertainty)
-    for path in paths:
+    for path in dict.fromkeys(path for drive in drives for path in drive.uncertainty):
+        field = partial(ResolvedField, f"uncertainty.{path}", unit=units[path], ref="", meaning="", range=None)
         values = (drive.uncertainty.get(path) for drive in drives)
-        kinds = ((value, "default" if value is None else "given") for value in values)
-        name, words = f"uncertainty.{path}", "expanded uncertainty (k = 2)"
-        rows.append(tuple(ResolvedField(name, value, units[path], kind, "", words, None) for value, kind in kinds))
+        rows.append(tuple(field(value=value, kind="default" if value is None else "given") for value in values))
     open_ = {path for drive in drives[1:] for path in differently_open(drives[0], drive)}
     return tuple(row for row in rows if row[0].path in open_ or any(cell.value != row[0].value for cell in row))
 
@@ -146,13 +141,11 @@ def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, r
     KeyboardInterrupt.
     """
     sheets = tuple(sheet_of(drive, draws=draws, run=run) for drive in drives)
-    compared = [
-        drive_changes(sheets[0].check, other.check, pairs=min(draws, DRAWN_PAIRS), run=run) for other in sheets[1:]
-    ]
-    proofs = [sheet.certificate for sheet in sheets] + [proof for _, proof in compared]
-    return DrivesComparison(
-        sheets, differing_rows(drives), tuple(change for change, _ in compared), reduce(add, proofs)
-    )
+    first, *others = (sheet.check for sheet in sheets)
+    found = [drive_changes(first, other, pairs=min(draws, DRAWN_PAIRS), run=run) for other in others]
+    changes, proofs = zip(*found, strict=True)
+    proof = sum(proofs, sum((sheet.certificate for sheet in sheets), EMPTY))
+    return DrivesComparison(sheets, differing_rows(drives), changes, proof)
 
 
 def drive_changes(
@@ -170,57 +163,61 @@ def drive_changes(
     # bounds of what is unknown hang on other fields
     open_ = [each.path for each in prior_of(second.drive).fields]
     moved = [path for path in open_ if any(one.value(path) != other.value(path) for one, other in drives)]
-    paths = list(dict.fromkeys((*differing, *moved)))
+    paths = dict.fromkeys((*differing, *moved))
     grid = COARSE_POINTS if first.samples or second.samples else GRID
+    errors_of = partial(_errors, torques=first.drive.operation.M_g, grid=grid)
 
     def F_ior(drives: Sequence[Drive]) -> Array:
         """F'_ior [arcsec] of drives, shape (drives, torques); NaN where there is none."""
         nonlocal proof
-        values = []
-        for errors, certificate in run.map(partial(_errors, torques=first.drive.operation.M_g, grid=grid), drives):
+        values = np.empty((len(drives), len(first.points)))
+        for row, (errors, certificate) in zip(values, run.map(errors_of, drives), strict=True):
             proof += certificate
             run.solved(certificate.states)
-            values.append(errors)
-        return np.reshape(values, (len(drives), len(first.points)))
+            row[:] = errors
+        return values
 
     def alone(path: str, count: int) -> ErrorChange | None:
         """The change by a field alone over the first pairs; None where most of them make no drive."""
-        changed = [one.with_values({path: other.value(path)}) for one, other in drives[:count]]
         # sound: without a conflict, nor more unknown fields than before (a direction, for example)
-        more = [len(unknowns(now)) > len(unknowns(one)) for now, (one, _) in zip(changed, drives, strict=False)]
-        sound = [k for k, drive in enumerate(changed) if not more[k] and first_conflict(drive) is None]
-        after = F_ior([changed[k] for k in sound])
+        sound = {}
+        for k, (one, other) in enumerate(drives[:count]):
+            changed = one.with_values({path: other.value(path)})
+            if len(unknowns(changed)) <= len(unknowns(one)) and first_conflict(changed) is None:
+                sound[k] = changed
+        after = F_ior([*sound.values()])
         solved = ~np.isnan(after).any(axis=1)
-        if 2 * solved.sum() < len(changed):
+        if 2 * solved.sum() < min(count, len(drives)):
             return None
-        return ErrorChange.of(path, before[sound][solved], after[solved], np.ones(solved.sum()))
+        return ErrorChange.of(path, before[[*sound]][solved], after[solved], np.ones(solved.sum()))
 
     before = F_ior([one for one, _ in drives]) if paths else np.zeros((0, 0))
-    screened = [change for path in paths if (change := alone(path, SCREENED_PAIRS))]
-    single = [alone(change.field, len(drives)) for change in _largest_first(screened)[:REPORTED_FIELDS]]
-    undrawn = [found.F_ior_arcsec is None for pair in zip(first.points, second.points, strict=True) for found in pair]
+
+    def largest_first(paths: Iterable[str], count: int) -> list[ErrorChange]:
+        return sorted(filter(None, (alone(path, count) for path in paths)), key=lambda change: -max(change.share))
+
+    screened = [change.field for change in largest_first(paths, SCREENED_PAIRS)]
+    single = largest_first(screened[:REPORTED_FIELDS], len(drives))
+    undrawn = any(point.F_ior_arcsec is None for point in (*first.points, *second.points))
     rows, columns = np.nonzero(found.weights)
     changes = DriveChanges(
         len(found.drives),
-        tuple(UNKNOWN for _ in first.points) if any(undrawn) and not same else found.senses(),
+        (UNKNOWN,) * len(first.points) if undrawn and not same else found.senses(),
         ErrorChange.of("", found.before_arcsec[rows], found.after_arcsec[columns], found.weights[rows, columns]),
-        tuple(_largest_first(change for change in single if change)),
-        tuple(path for path in paths if path not in [change.field for change in screened]),
+        tuple(single),
+        tuple(path for path in paths if path not in screened),
     )
     return changes, proof
-
-
-def _largest_first(changes: Iterable[ErrorChange]) -> list[ErrorChange]:
-    return sorted(changes, key=lambda change: -max(change.share))
 
 
 def _errors(drive: Drive, torques: Sequence[float], grid: int) -> tuple[Array, Certificate]:
     """F'_ior of a drive [arcsec], shape (torques,), with its proof; NaN where there is no answer."""
     try:
-        if searchable(drive):
-            found = [each.many_extremes(Batch.of(drive), grid=grid) for each in error_maps(drive, torques)]
-        else:
-            found = [every_state(drive, M_g) for M_g in torques]
+        found = (
+            [each.many_extremes(Batch.of(drive), grid=grid) for each in error_maps(drive, torques)]
+            if searchable(drive)
+            else extremes_of(drive, torques)
+        )
     except HdassistError:
         return np.full(len(torques), np.nan), EMPTY
     return np.array([each.first for each in found]), sum((each.certificate for each in found), EMPTY)

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from hdassist.comparing.fit import VectorFit
-from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, RecordedOrders
+from hdassist.comparing.fit import VectorFit, VectorFitter
+from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair
 from hdassist.comparing.vectors import VECTOR_UNITS, VECTORS, size_and_direction, with_vectors
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
@@ -79,16 +79,16 @@ class Conclusion:
     best: Explanation | None = None
 
 
-def explanation(fit: VectorFit, base: VectorFit, record: RecordedOrders, drive: Drive) -> Explanation:
+def explanation(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> Explanation:
     """A fit in terms of the preset; states are not solved beyond the fit itself."""
-    unknowns, more = len(fit.free), len(fit.free) - len(base.free)
+    record, drive, unknowns, more = fitter.record, fitter.drive, len(fit.free), len(fit.free) - len(base.free)
     freedom, before = record.freedom(unknowns), base.chi_square - record.freedom(len(base.free))
     excess = max(1.0, fit.chi_square / freedom)
     changes = [change for i in range(len(fit.fitted)) if (change := _change(fit, i, excess * fit.covariance, drive))]
-    names, vectors = _not_told_apart(fit), [VECTORS[k] for k in fit.fitted]
+    names = _not_told_apart(fit)
     by_chance = max(CLEAR_GAIN, more + CHI_SQUARE_CLEAR * float(np.sqrt(2 * more)))
     return Explanation(
-        deviations=tuple(vector.size for vector in vectors),
+        deviations=tuple(VECTORS[k].size for k in fit.fitted),
         changes=tuple(changes),
         not_told_apart=names,
         chi_square=fit.chi_square,
@@ -96,7 +96,7 @@ def explanation(fit: VectorFit, base: VectorFit, record: RecordedOrders, drive: 
         explained_share=1 - max(fit.chi_square - freedom, 0.0) / before if before > 0 else None,
         clear=(base.chi_square - fit.chi_square) / excess > by_chance,
         sufficient=record.within_noise(fit.chi_square, unknowns),
-        overrides=_overrides(fit, changes, drive) if len(changes) == len(vectors) and not names else (),
+        overrides=_overrides(fit, changes, drive) if len(changes) == len(fit.fitted) and not names else (),
         alignment=replace(record.alignment, start_deg=float(fit.unknowns[-2]), zero_deg=float(fit.unknowns[-1])),
     )
 
@@ -153,13 +153,11 @@ def conclude(
 ) -> Conclusion:
     """The simplest explanation whose residual is within noise."""
     best = min(singles, key=lambda single: single.chi_square, default=base)
-    if base.sufficient and not best.clear:
-        return Conclusion("agrees")
-    if mirrored:
-        return Conclusion("mirrored")
+    if mirrored or (base.sufficient and not best.clear):
+        return Conclusion("mirrored" if mirrored else "agrees")
     if best.clear and best.sufficient:
         return Conclusion("one", best)
-    if joint is not None and joint.sufficient and joint.clear:
+    if joint and joint.sufficient and joint.clear:
         return Conclusion("several", joint)
     return Conclusion("unexplained", best if best.clear else None)
 

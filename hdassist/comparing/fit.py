@@ -120,9 +120,9 @@ class VectorFitter:
             starts[0] = np.append(starts[best][:-2], scans[best][0])
         return self._descend(starts[0], (vector,), SLOPE_WAVE_POINTS)
 
-    def refined(self, fit: VectorFit, fitted: Sequence[int] | None = None) -> VectorFit:
+    def refined(self, fit: VectorFit, fitted: Sequence[int] = ()) -> VectorFit:
         """A fit continued on a fine torus, of the same vectors or of others."""
-        return self._descend(fit.unknowns, fit.fitted if fitted is None else tuple(fitted))
+        return self._descend(fit.unknowns, tuple(fitted) or fit.fitted)
 
     def linear_gains(self, base: VectorFit) -> Array:
         """Decrease of chi-square that each vector alone promises to first order, shape (vectors,)."""
@@ -142,25 +142,23 @@ class VectorFitter:
         step = float(np.sqrt(fit.covariance[start, start]))
         if step < PROFILE_LEAST:
             return fit
-        held = replace(self, angles=(False, False))
+        held, along = replace(self, angles=(False, False)), np.arange(2 * COUNT + 2) == 2 * COUNT
         profile = [held._descend(fit.unknowns, fit.fitted, SLOPE_WAVE_POINTS)]
         for way in (step, -step):
             last = profile[0]
             for _ in range(PROFILE_STEPS):
-                last = held._descend(
-                    last.unknowns + way * (np.arange(2 * COUNT + 2) == 2 * COUNT), fit.fitted, SLOPE_WAVE_POINTS
-                )
+                last = held._descend(last.unknowns + way * along, fit.fitted, SLOPE_WAVE_POINTS)
                 profile.append(last)
                 if last.chi_square > min(point.chi_square for point in profile) + PROFILE_RISE:
                     break
-        best = min(profile, key=lambda point: point.chi_square)
-        result = fit if best is profile[0] else min(fit, self.refined(best), key=lambda each: each.chi_square)
-        weights = np.exp(-(np.array([point.chi_square for point in profile]) - best.chi_square) / 2)
-        covariance = np.zeros_like(result.covariance)
-        for share, point in zip(weights / weights.sum(), profile, strict=True):
-            shift = (point.unknowns - result.unknowns)[result.free]
-            covariance += share * np.outer(shift, shift)
-            covariance[:start, :start] += share * point.covariance
+        chi_square = np.array([point.chi_square for point in profile])
+        best = int(chi_square.argmin())
+        result = min(fit, self.refined(profile[best]), key=lambda each: each.chi_square) if best else fit
+        weights = np.exp((chi_square[best] - chi_square) / 2)
+        weights /= weights.sum()
+        shifts = np.array([point.unknowns - result.unknowns for point in profile])[:, result.free]
+        covariance = (weights * shifts.T) @ shifts
+        covariance[:start, :start] += np.tensordot(weights, [point.covariance for point in profile], axes=1)
         return replace(result, covariance=covariance)
 
     def _doubted_at(self, fit: VectorFit, changes: Complex) -> VectorFitter:
@@ -176,15 +174,13 @@ class VectorFitter:
     def _starts(self, vector: int, base: VectorFit) -> Iterator[Array]:
         """The unknowns of the drive as it is, and with one vector scaled and, if its direction matters, turned."""
         yield base.unknowns
-        own = base.vectors[vector] or START_SIZE
-        values = [own * scale for scale in START_SCALES]
+        own = base.vectors[vector]
+        factors = [*START_SCALES]
         if not self._gauges(base.unknowns, (vector,)).shape[1]:
-            values += [own * np.exp(1j * np.radians(turn)) for turn in START_TURNS]
-        if not base.vectors[vector]:
-            values.append(own)
-        for value in values:
+            factors += np.exp(1j * np.radians(START_TURNS)).tolist()
+        for factor in factors if own else [*factors, 1.0]:
             unknowns = base.unknowns.copy()
-            unknowns[2 * vector : 2 * vector + 2] = value.real, value.imag
+            complex_of(unknowns)[vector] = (own or START_SIZE) * factor
             yield unknowns
 
     def _free(self, fitted: Sequence[int]) -> NDArray[np.int64]:
@@ -203,9 +199,9 @@ class VectorFitter:
             step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
             before = float(residual @ residual)
             for share in STEP_SHARES:
-                tried, tried_waves = self._residual(unknowns + share * step, fitted, points)
-                if tried @ tried < before:
-                    unknowns, residual, waves = unknowns + share * step, tried, tried_waves
+                tried = self._residual(unknowns + share * step, fitted, points)
+                if tried[0] @ tried[0] < before:
+                    unknowns, (residual, waves) = unknowns + share * step, tried
                     break
             if before - float(residual @ residual) < max(SMALLEST_GAIN, SMALLEST_GAIN_SHARE * before):
                 break

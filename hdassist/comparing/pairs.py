@@ -81,14 +81,13 @@ def differently_open(first: Drive, second: Drive) -> list[str]:
 
     The same way is with the same distribution, or unknown in both, however large they may be.
     """
-    open_ = [
-        {
-            each.path: drive.value(each.path) is not None and (each.distribution, each.low, each.high)
-            for each in prior_of(drive).fields
-        }
-        for drive in (first, second)
-    ]
-    return [path for path in {**open_[0], **open_[1]} if open_[0].get(path) != open_[1].get(path)]
+
+    def open_fields(drive: Drive) -> dict[str, object]:
+        fields = prior_of(drive).fields
+        return {f.path: drive.value(f.path) is not None and (f.distribution, f.low, f.high) for f in fields}
+
+    one, other = open_fields(first), open_fields(second)
+    return [path for path in one | other if one.get(path) != other.get(path)]
 
 
 class _Believed:
@@ -99,18 +98,12 @@ class _Believed:
         self.samples = check.samples.of_ranges if check.samples else None
         known = np.array([[point.error.F_ior_arcsec for point in check.points]])
         self.F_ior_arcsec = self.samples.F_ior_arcsec if self.samples else known  # (samples, torques)
-        weights = self.samples.weights if self.samples else np.ones(1)
-        self.weights: Array = weights / weights.sum()
+        self.weights: Array = self.samples.weights / self.samples.weights.sum() if self.samples else np.ones(1)
 
-    def shares(self, rows: Indices) -> Array:
-        """Shares of each field's probability of some samples, shape (rows, fields)."""
-        return self.samples.shares[rows] if self.samples else np.zeros((len(rows), 0))
-
-    def drives(self, shares: Array) -> list[Drive]:
-        """Drives with such shares of each field's probability; the drive itself where nothing was drawn."""
-        if not self.samples:
-            return [self.drive] * len(shares)
-        return [self.drive.with_values(values) for values in self.prior.values(shares)]
+    def drives(self, rows: Indices) -> list[Drive]:
+        """Drives of some samples; the drive itself where nothing was drawn."""
+        values = self.prior.values(self.samples.shares[rows]) if self.samples else [{}] * len(rows)
+        return list(map(self.drive.with_values, values))
 
 
 def drawn_pairs(
@@ -125,7 +118,7 @@ def drawn_pairs(
     """
     one, other = _Believed(first), _Believed(second)
     rows, others = (even_rows(each.weights, count if one.samples or other.samples else 1) for each in (one, other))
-    drives = tuple(zip(one.drives(one.shares(rows)), other.drives(other.shares(others)), strict=True))
+    drives = tuple(zip(one.drives(rows), other.drives(others), strict=True))
     if same:
         return DrivePairs(one.F_ior_arcsec, one.F_ior_arcsec, np.diag(one.weights), drives)
     measured = any(each.M_g for each in other.evidence)
@@ -144,7 +137,7 @@ def even_rows(weights: Array, count: int) -> Indices:
 def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DrivePairs:
     """Pairs of some samples of a first drive, each with a drive alike. Raises UntrustedError where too few agree."""
     assert one.samples and other.samples
-    shares, count = one.shares(rows), len(rows)
+    shares, count = one.samples.shares[rows], len(rows)
     paths, apart = [each.path for each in one.prior.fields], differently_open(one.drive, other.drive)
     paired = np.random.default_rng(run.seed).random((count, len(other.prior.fields) + 1))
     for k, field in enumerate(other.prior.fields):
@@ -174,8 +167,9 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
     joint, left = np.diag(alike), 1 - alike.sum()
     if left > 0:
         joint += np.outer(of_one - alike, of_other - alike) / left
-    chosen = even_rows(weights, count)
-    drives = zip(one.drives(shares[solved[chosen]]), other.drives(paired[solved[chosen]]), strict=True)
+    chosen = solved[even_rows(weights, count)]
+    others = map(other.drive.with_values, other.prior.values(paired[chosen]))
+    drives = zip(one.drives(rows[chosen]), others, strict=True)
     before = one.F_ior_arcsec[rows]
     return DrivePairs(before, found.F_ior_arcsec, joint[:, solved], tuple(drives), certificate=proof)
 

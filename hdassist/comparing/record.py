@@ -96,8 +96,7 @@ class RecordedOrders:
         self.measured: Array = sweep.fit.coefficients
         floor = (EXACT * sweep.range.value) ** 2
         self._noise: Array = sweep.fit.factor @ sweep.fit.factor.T + floor * np.eye(len(self.measured))
-        self.covariance = self._noise
-        self._root = np.linalg.cholesky(self.covariance)
+        self.covariance, self._root = self._noise, np.linalg.cholesky(self._noise)
         rates = np.array([kinematics.teeth_fixed / z for z in (kinematics.z_g, kinematics.z_b)])
         starts = [1.0, 0.0] if kinematics.fixed == "rigid" else [0.0, 1.0]
         self.turns = np.stack([starts, -rates], axis=1)
@@ -143,17 +142,12 @@ class RecordedOrders:
         """Coefficients, shape (..., 2 orders), in units of their standard deviation, independent: L^-1 of (13)."""
         return np.asarray(np.linalg.solve(self._root, coefficients.T).T)
 
-    def of_curve(self, values: Array) -> Array:
-        """Coefficients [arcsec] of a curve with values at the bins."""
-        return self.sweep.fit.design.project(lambda rows: values[rows])[: len(self.measured)]
-
     def pairs(self, predicted: Array, difference: Array) -> tuple[OrderPair, ...]:
         """Each order beside predicted coefficients and the difference of both [arcsec], shape (2 orders,) each."""
         pairs, exact = [], EXACT * self.sweep.range.value
         for k, order in enumerate(self.sweep.orders):
             own = [k, k + len(self.sweep.orders)]
-            along, block = difference[own], self.covariance[np.ix_(own, own)]
-            size = float(np.hypot(*along))
+            along, block, size = difference[own], self.covariance[np.ix_(own, own)], float(np.hypot(*difference[own]))
             # the phase of a difference that is none is rounding alone: then the greatest over all phases
             variance = along @ block @ along / size**2 if size > exact else np.linalg.eigvalsh(block)[-1]
             wave = complex(*predicted[own])  # amplitude, and less the phase

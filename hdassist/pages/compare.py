@@ -13,7 +13,7 @@ from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmpli
 from hdassist.json_parts import Json
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_notes
-from hdassist.report import NO_VALUE, CsvTable, Curve, Facts, Quantity, Report, Table, as_object
+from hdassist.report import NO_VALUE, Curve, Facts, Quantity, Report, Table, as_object, csv_columns
 from hdassist.terminal.words import again, named, not_known, on_what
 from hdassist.textfile import STDIN
 
@@ -30,49 +30,66 @@ _VERDICT_WORDS = {
 }
 
 COMPARED_NUMBERS: tuple[Quantity[Comparison], ...] = (
-    Quantity("measured.range_arcsec", "measured range", "″", ".2f", lambda r: r.sweep.range.value),
-    Quantity("measured.standard_uncertainty_arcsec", "  uncertainty u", "″", ".2f",
-             lambda r: r.sweep.uncertainty_arcsec),
+    Quantity("measured.range_arcsec", "measured range", "″", ".2f", "sweep.range.value"),
+    Quantity("measured.standard_uncertainty_arcsec", "  uncertainty u", "″", ".2f", "sweep.uncertainty_arcsec"),
     Quantity("predicted.range_arcsec", "predicted range", "″", ".2f", lambda r: float(np.ptp(r.predicted_curve))),
-    Quantity("difference.rms_arcsec", "difference, rms", "″", ".2f", lambda r: r.difference_rms_arcsec),
+    Quantity("difference.rms_arcsec", "difference, rms", "″", ".2f", "difference_rms_arcsec"),
     Quantity("difference.largest_arcsec", "  largest", "″", "z.2f", lambda r: r.largest[0]),
     Quantity("difference.largest_at_cam_deg", "  at cam angle", "deg", ".1f", lambda r: 360 * r.largest[1]),
     Quantity("residual.rms_arcsec", "beyond orders, rms", "″", ".2f", lambda r: float(np.std(r.residual_arcsec))),
     Quantity("residual.range_arcsec", "  range", "″", ".2f", lambda r: float(np.ptp(r.residual_arcsec))),
-    Quantity("predicted.F_ior_arcsec", "F'_ior, predicted", "″", ".2f", lambda r: r.unchanged.F_ior_arcsec),
-    Quantity("cam_revolutions", "record", "cam turns", ".2f", lambda r: r.sweep.bins.span),
-    Quantity("measured.is_full_cycle", "  is the full cycle", "", "", lambda r: not r.sweep.is_bound),
-    Quantity("chi_square", "chi-square", "", ".1f", lambda r: r.unchanged.chi_square),
-    Quantity("degrees_of_freedom", "  degrees of freedom", "", "", lambda r: r.unchanged.degrees_of_freedom),
+    Quantity("predicted.F_ior_arcsec", "F'_ior, predicted", "″", ".2f", "unchanged.F_ior_arcsec"),
+    Quantity("cam_revolutions", "record", "cam turns", ".2f", "sweep.bins.span"),
+    Quantity("measured.is_full_cycle", "  is the full cycle", value=lambda r: not r.sweep.is_bound),
+    Quantity("chi_square", "chi-square", "", ".1f", "unchanged.chi_square"),
+    Quantity("degrees_of_freedom", "  degrees of freedom", value="unchanged.degrees_of_freedom"),
 )  # fmt: skip
+
+
+def _plus_minus(value: float | None, uncertainty: float | None, digits: int = 1) -> str:
+    """A value with its standard uncertainty, as far as there are such."""
+    spread = "" if uncertainty is None else f" ± {uncertainty:.{digits}f}"
+    return NO_VALUE if value is None else f"{value:z.{digits}f}{spread}"
+
+
+def _amplitude(found: OrderAmplitude) -> str:
+    return _plus_minus(found.amplitude_arcsec, found.uncertainty_arcsec, 2)
+
+
 COMPARED_ORDERS: tuple[Quantity[OrderPair], ...] = (
-    Quantity("per_cam_rev", "order", "", ".2f", lambda p: p.per_cam_rev),
-    Quantity("measured", "measured", "", "", lambda p: _amplitude(p.measured)),
-    Quantity("measured.phase_deg", "phase", "", ".0f", lambda p: p.measured.phase_deg),
-    Quantity("predicted", "predicted", "", "", lambda p: _amplitude(p.predicted)),
-    Quantity("predicted.phase_deg", "phase", "", ".0f", lambda p: p.predicted.phase_deg),
-    Quantity("difference", "difference", "", "", lambda p: _amplitude(p.difference)),
-    Quantity("cause", "cause", "", "", lambda p: p.cause),
+    Quantity("per_cam_rev", "order", "", ".2f"),
+    Quantity("measured", "measured", "", _amplitude),
+    Quantity("measured.phase_deg", "phase", "", ".0f"),
+    Quantity("predicted", "predicted", "", _amplitude),
+    Quantity("predicted.phase_deg", "phase", "", ".0f"),
+    Quantity("difference", "difference", "", _amplitude),
+    Quantity("cause", "cause"),
 )
-FILE: Quantity[Comparison] = Quantity("file", "", "", "", lambda r: r.measurement.trace.file)
+FILE: Quantity[Comparison] = Quantity("file", value="measurement.trace.file")
 
 
 def comparison_report(result: Comparison) -> Report:
     """A measured trace over the predicted one."""
-    trace = result.measurement.trace
-    numbers = COMPARED_NUMBERS[:SHORT_PAGE]
-    shown = Table.by_row("", [replace(q, unit="") for q in numbers], [result], words=())
+    trace, bins = result.measurement.trace, result.sweep.bins
+    numbers = [replace(quantity, unit="") for quantity in COMPARED_NUMBERS[:SHORT_PAGE]]
     return Report(
         command="compare",
         drive=result.drive,
         head=f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m",
         verdict=_VERDICT_WORDS[result.conclusion.kind],
         why=(_why(result),),
-        blocks=(shown, Facts.of(_facts(result)), _curves(result)),
+        blocks=(Table.by_row("", numbers, [result], words=()), Facts.of(_facts(result)), _curves(result)),
         details=(Table.by_column("", (FILE, *COMPARED_NUMBERS), [result]), *_tables(result), Facts.of(_starts(result))),
         certificate=result.certificate,
         values=_values(result),
-        csv=_csv(result),
+        csv=csv_columns(
+            file=[trace.file] * len(bins),
+            sweep=bins.sweep,
+            cam_deg=360 * bins.turns,
+            measured_arcsec=result.predicted_arcsec + result.residual_arcsec,
+            predicted_arcsec=result.predicted_arcsec,
+            residual_arcsec=result.residual_arcsec,
+        ),
         line=" ".join([result.conclusion.kind, *_options(result)]),
         warnings=(
             *result.drive.origin.warnings,
@@ -89,11 +106,11 @@ def _conventions(alignment: Alignment) -> Json:
 
 def _options(result: Comparison) -> list[str]:
     """Options that follow from the conclusion: how else to read the file, or the new values of deviations."""
-    conclusion, mirror = result.conclusion, result.mirror
-    if conclusion.kind == "mirrored" and mirror:
-        changed = _conventions(mirror.asked).items() - _conventions(result.asked).items()
+    best = result.conclusion.best
+    if result.mirror:
+        changed = _conventions(result.mirror.asked).items() - _conventions(result.asked).items()
         return [word for key, value in sorted(changed) for word in (f"--{key.replace('_', '-')}", value)]
-    sets = conclusion.best.overrides if conclusion.best and conclusion.kind in ("one", "several") else ()
+    sets = best.overrides if best and result.conclusion.kind != "unexplained" else ()
     return [word for text in sets for word in ("--set", text)]
 
 
@@ -111,9 +128,9 @@ def _why(result: Comparison) -> str:
     best, kind = result.conclusion.best, result.conclusion.kind
     if kind == "agrees":
         return "noise and stiffnesses that are a little off explain the difference"
-    if kind == "mirrored" and result.mirror:
-        now, then = result.difference_rms_arcsec, result.mirror.rms_arcsec
-        return f"difference {now:.2f}″ rms, {then:.2f} with {' '.join(_options(result))}"
+    if mirror := result.mirror:
+        now = result.difference_rms_arcsec
+        return f"difference {now:.2f}″ rms, {mirror.rms_arcsec:.2f} with {' '.join(_options(result))}"
     if best is None:
         return "no deviation explains the difference"
     explained = best.explained_share
@@ -132,7 +149,7 @@ def _why(result: Comparison) -> str:
 def _facts(result: Comparison) -> Iterator[tuple[str, str]]:
     """Where the record begins, other explanations, the residual and the next command, a label and a text each."""
     best, joint = result.conclusion.best, result.joint
-    yield from (each for each in _starts(result) if not each[1].endswith("given"))
+    yield from (row for row in _starts(result) if not row[1].endswith("given"))
     if best and result.conclusion.kind == "one":
         others = [other.deviations[0] for other in equally_good(best, result.singles)]
         yield "or", f"{', '.join(others)} alone: the record does not decide between them" if others else ""
@@ -145,9 +162,9 @@ def _facts(result: Comparison) -> Iterator[tuple[str, str]]:
     yield "measure", f"the full cycle, {cycle} cam turns: the record has {turns:.2f}" if result.sweep.is_bound else ""
     yield "assumed", on_what(result.drive)
     yield "unknown", not_known(result.drive)
-    file, mirrored = result.measurement.trace.file, result.conclusion.kind == "mirrored"
-    words = ("compare", "-" if file == STDIN else file) if mirrored else ("mount",)
-    yield "next", again(words[0], result.drive, *words[1:], *_options(result))
+    file = result.measurement.trace.file
+    command, *files = ("compare", "-" if file == STDIN else file) if result.mirror else ("mount",)
+    yield "next", again(command, result.drive, *files, *_options(result))
 
 
 def _starts(result: Comparison) -> Iterator[tuple[str, str]]:
@@ -173,12 +190,9 @@ def _curves(result: Comparison) -> Curve:
 
 def _tables(result: Comparison) -> Iterator[Table]:
     """The greatest orders, and all fits."""
-
-    def greatest(pair: OrderPair) -> float:
-        return -max(pair.measured.amplitude_arcsec, pair.predicted.amplitude_arcsec)
-
+    by_size = sorted(result.orders, key=lambda p: -max(p.measured.amplitude_arcsec, p.predicted.amplitude_arcsec))
+    shown = sorted(by_size[:TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
     title = f"amplitude·cos(order·angle + phase), ″ and deg: the {TABLED_ORDERS} greatest of {len(result.orders)}"
-    shown = sorted(sorted(result.orders, key=greatest)[:TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
     yield Table.by_row(title, COMPARED_ORDERS, shown, words=(0, 6))
     if result.singles:
         title = (
@@ -187,16 +201,6 @@ def _tables(result: Comparison) -> Iterator[Table]:
         columns = ("deviation", "size, um", "direction, °", "explains", "left", "F'_ior, ″")
         fits = [result.unchanged, *sorted(result.singles, key=lambda single: single.chi_square)]
         yield Table(title, columns, tuple(row for found in (*fits, result.joint) if found for row in _rows(found)))
-
-
-def _amplitude(found: OrderAmplitude) -> str:
-    return _plus_minus(found.amplitude_arcsec, found.uncertainty_arcsec, 2)
-
-
-def _plus_minus(value: float | None, uncertainty: float | None, digits: int = 1) -> str:
-    """A value with its standard uncertainty, as far as there are such."""
-    spread = "" if uncertainty is None else f" ± {uncertainty:.{digits}f}"
-    return NO_VALUE if value is None else f"{value:z.{digits}f}{spread}"
 
 
 def _size_and_direction(change: VectorChange | None) -> tuple[str, str]:
@@ -221,12 +225,10 @@ def _rows(found: Explanation) -> Iterator[tuple[str, ...]]:
 
 
 def _values(result: Comparison) -> Json:
-    trace, conclusion, alignment = result.measurement.trace, result.conclusion, result.unchanged.alignment
-    best = conclusion.best
-    place = _conventions(alignment)
+    trace, best, mirror = result.measurement.trace, result.conclusion.best, result.mirror
+    place = _conventions(result.unchanged.alignment)
     for name, angle, u in _angles(result):
         place |= {f"{name}_deg": angle, f"{name}_uncertainty_deg": u, f"{name}_fitted": u is not None}
-    mirror = result.mirror
     return {
         "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
         "notes": list(result.measurement.notes),
@@ -235,7 +237,7 @@ def _values(result: Comparison) -> Json:
         **as_object(COMPARED_NUMBERS, result),
         "orders": [asdict(pair) for pair in result.orders],
         "finding": {
-            "kind": conclusion.kind,
+            "kind": result.conclusion.kind,
             "deviations": best.deviations if best else (),
             "overrides": best.overrides if best else (),
             "F_ior_arcsec": best and best.F_ior_arcsec,
@@ -245,12 +247,3 @@ def _values(result: Comparison) -> Json:
         "joint": result.joint and asdict(result.joint),
         "seed": result.measurement.seed,
     }
-
-
-def _csv(result: Comparison) -> CsvTable:
-    """One row per step of the angle: error less level and drift, prediction, residual."""
-    bins, predicted, residual = result.sweep.bins, result.predicted_arcsec, result.residual_arcsec
-    columns = (bins.sweep, 360 * bins.turns, predicted + residual, predicted, residual)
-    name = result.measurement.trace.file
-    rows = [[name, *values] for values in zip(*(column.tolist() for column in columns), strict=True)]
-    return ["file", "sweep", "cam_deg", "measured_arcsec", "predicted_arcsec", "residual_arcsec"], rows

@@ -29,8 +29,7 @@ DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "most by")
 def drives_report(result: DrivesComparison, seed: int) -> Report:
     """Drives beside each other, the first as the measure of the others; seed, of draws and samples."""
     names = ", ".join(f"{letter} {sheet.drive.origin.file}" for letter, sheet in _lettered(result).items())
-    rows = tuple(_drive_rows(result))
-    verdict = _verdict(rows, len(result.torques) > 1)
+    verdict = _verdict(result)
     differing = ((f"{row[0].path}, {row[0].unit}".removesuffix(", "), *map(_cell, row)) for row in result.differing)
     return Report(
         command="compare-presets",
@@ -38,7 +37,9 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
         head=names,
         verdict=verdict,
         blocks=(
-            Table("F'_ior, ″; 5 to 95 % where inputs are unknown", DRIVE_HEADS, rows, words=(0, 5)),
+            Table(
+                "F'_ior, ″; 5 to 95 % where inputs are unknown", DRIVE_HEADS, tuple(_drive_rows(result)), words=(0, 5)
+            ),
             Facts.of(_facts(result)),
         ),
         details=(
@@ -55,8 +56,7 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
 
 def comparison_warnings(result: DrivesComparison) -> tuple[str, ...]:
     """Warnings of all drives, each once."""
-    warnings = [f"{sheet.drive.name}: {text}" for sheet in result.sheets for text in sheet_warnings(sheet)]
-    return tuple(dict.fromkeys(warnings))
+    return tuple(dict.fromkeys(f"{each.drive.name}: {text}" for each in result.sheets for text in sheet_warnings(each)))
 
 
 def sheet_warnings(sheet: DriveSheet) -> tuple[str, ...]:
@@ -76,19 +76,14 @@ def _lettered(result: DrivesComparison) -> dict[str, DriveSheet]:
     return {ascii_uppercase[k] if k < 26 else f"#{k + 1}": sheet for k, sheet in enumerate(result.sheets)}
 
 
-def _mounted_best(sheet: DriveSheet, torque: int) -> str:
-    """F'_ior [arcsec] in the position that is ordered, at a torque by its place; open where none can be."""
-    best = sheet.advice.choice.target
-    return "open" if sheet.advice.order == "none" else f"{best.F_ior_arcsec[torque]:.2f}, {hole_place(best)}"
-
-
 def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
     """A cell for each of DRIVE_HEADS of each drive at each torque."""
     for k, M_g in enumerate(result.torques):
         for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
             change = _change(changes, k) if changes else (NO_VALUE, NO_VALUE)
-            built, best = F_ior_words(sheet.check.points[k]), _mounted_best(sheet, k)
-            yield letter, f"{M_g:g} N·m", built, best, *change
+            best = sheet.advice.choice.target
+            mounted = "open" if sheet.advice.order == "none" else f"{best.F_ior_arcsec[k]:.2f}, {hole_place(best)}"
+            yield letter, f"{M_g:g} N·m", F_ior_words(sheet.check.points[k]), mounted, *change
 
 
 def _change(changes: DriveChanges, k: int) -> tuple[str, str]:
@@ -100,12 +95,13 @@ def _change(changes: DriveChanges, k: int) -> tuple[str, str]:
     return words, most.field if most else NO_VALUE
 
 
-def _verdict(rows: Sequence[tuple[str, ...]], several: bool) -> str:
-    """The change of each drive but A; several, whether there are torques to be named."""
-    found: dict[str, list[str]] = {}
-    for letter, torque, *_, change, _ in rows:
-        found.setdefault(letter, []).append(f"{change} at {torque}" if several else change)
-    return "; ".join(f"{letter} {', '.join(changes)}" for letter, changes in found.items() if letter != "A")
+def _verdict(result: DrivesComparison) -> str:
+    """The change of each drive but A, at each torque where there are several."""
+    verdicts = []
+    for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
+        loads = [f" at {M_g:g} N·m" * (len(result.torques) > 1) for M_g in result.torques]
+        verdicts.append(f"{letter} " + ", ".join(_change(changes, k)[0] + load for k, load in enumerate(loads)))
+    return "; ".join(verdicts)
 
 
 def _changes(result: DrivesComparison) -> Iterator[Table]:
