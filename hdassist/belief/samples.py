@@ -38,7 +38,13 @@ from hdassist.belief.misfit import (
 )
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.proposal import PILOT_DRAWS, proposed_draws
-from hdassist.belief.statistics import Probability, effective_number, probability_of, weighted_quantile
+from hdassist.belief.statistics import (
+    Probability,
+    effective_number,
+    even_rows,
+    probability_of,
+    weighted_quantile,
+)
 from hdassist.belief.tabled import DeviationProposal, open_deviations
 from hdassist.belief.turned import errors_by_turn
 from hdassist.error.error_map import error_maps
@@ -113,8 +119,7 @@ class Samples:
 
     def equal_drives(self, count: int) -> list[dict[str, float]]:
         """Values by path of so many drives of the same weight."""
-        shares = np.cumsum(self.weights) / self.weights.sum()
-        return self.prior.values(self.shares[np.searchsorted(shares, (np.arange(count) + 0.5) / count)])
+        return self.prior.values(self.shares[even_rows(self.weights, count)])
 
     def percentile(self, share: float, torque: int) -> float:
         """Percentile [arcsec] of F'_ior, by its share (0.95), at a torque by its place."""

@@ -40,6 +40,11 @@ def shares_below(values: Array, weights: Array) -> tuple[Array, Array]:
     return np.asarray(100 * np.cumsum(weights[order]) / weights.sum()), values[order]
 
 
+def even_rows(weights: Array, count: int) -> NDArray[np.int64]:
+    """Places among weighted samples of so many that weigh alike, shape (count,)."""
+    return np.searchsorted(np.cumsum(weights) / weights.sum(), (np.arange(count) + 0.5) / count)
+
+
 def weighted_quantile(values: Array, weights: Array, share: float) -> float:
     """Quantile of weighted values, straight between the middles of their weights (Hazen where all weigh the same)."""
     order = np.argsort(values, kind="stable")

@@ -15,7 +15,7 @@ import numpy as np
 from hdassist.belief.evidence import evidence_of, log_likelihood
 from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
-from hdassist.belief.statistics import effective_number, probability_of
+from hdassist.belief.statistics import effective_number, even_rows, probability_of
 from hdassist.design.check import DesignCheck
 from hdassist.error.hills import Indices
 from hdassist.errors import UntrustedError
@@ -127,11 +127,6 @@ def drawn_pairs(
             return _paired(one, other, rows, run)
     sampled = tuple(k for k, each in enumerate((one, other)) if each.samples)
     return DrivePairs(one.F_ior_arcsec, other.F_ior_arcsec, np.outer(one.weights, other.weights), drives, sampled)
-
-
-def even_rows(weights: Array, count: int) -> Indices:
-    """Places among weighted samples of so many that weigh alike, shape (count,)."""
-    return np.searchsorted(np.cumsum(weights) / weights.sum(), (np.arange(count) + 0.5) / count)
 
 
 def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DrivePairs:
