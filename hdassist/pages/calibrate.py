@@ -29,7 +29,9 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
     """A calibration; written, the file of the preset with its values, None where none is written."""
     wanted = result.targets
     next_ = "the same command with --write FILE writes a preset with these values"
-    if written is not None:
+    if result.shortfall:
+        next_ = "check the measured values; if they are right, widen bounds or add unknowns"
+    elif written:
         next_ = shlex.join(["hdassist", "check", written])
     sets = [_set_object(wanted, fit) for fit in result.fits]
     met = sets[0]["targets_met"]
@@ -49,7 +51,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
         blocks=(
             Table.by_row("values, half width of their interval, bounds", FOUND_VALUES, result.values, words=(0, 1)),
             Table("targets", ("target", "unit", "wanted", "found", "off, tolerances", ""), tuple(rows)),
-            Facts((("note", NOTE), ("next", "" if result.shortfall else next_))),
+            Facts((("note", NOTE), ("next", next_))),
         ),
         details=(Table("sets of values that were kept", heads, tuple(kept)),),
         values={

@@ -25,7 +25,7 @@ ENTRY_COLUMNS: tuple[Quantity[ArchiveEntry], ...] = (
         lambda e: f"≥ {e.low_arcsec:.2f}" if e.F_ior_is_lower_bound else f"{e.F_ior_arcsec:.2f}",
     ),
     Quantity("interval", "95 %", "", "", lambda e: f"{e.low_arcsec:.2f} to {e.high_arcsec:.2f}"),
-    Quantity("temperature_C", "temperature", "", lambda value: f"{value:g}°C"),
+    Quantity("temperature_C", "at °C", "", "g"),
 )
 
 

@@ -136,7 +136,8 @@ def field_unit(path: str) -> str:
 def influence_words(found: Sequence[Influence], result: str = "ln F'_ior") -> str:
     """The largest shares of the variance of a result: the first field in words, the second by its path."""
     words = [f"{named(each.group)}: {100 * each.share:.0f} % of the variance of {result}" for each in found[:1]]
-    return "; ".join([*words, *(f"{each.group} {100 * each.share:.0f} %" for each in found[1:REPORTED])])
+    words += [f"{each.group} {100 * each.share:.0f} %" for each in found[1:REPORTED] if each.share >= 0.005]
+    return "; ".join(words)
 
 
 def measure_words(found: Sequence[MeasurementGain], held: bool, holes: int = 0) -> str:

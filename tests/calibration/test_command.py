@@ -65,6 +65,7 @@ def test_a_missed_target_is_in_the_first_line_the_exit_code_and_the_written_sour
     assert "targets missed" in load_preset(str(folder / "near.yaml")).source["gears.j_n"].ref
     page = run("calibrate", "small.yaml", "--targets", "torn.yaml", "--evaluations", "8", cwd=folder)
     assert page.returncode == 3
+    assert "\nnext  check the measured values" in page.stdout
     missed = told["best"]["targets_met"].count(False)
     assert page.stdout.splitlines()[0] == f"small, calibration (rig 3): {missed} of 2 targets MISSED"
 

@@ -9,6 +9,7 @@ from unittest import mock
 import pytest
 from typer.main import get_command
 
+from hdassist.belief.influence import Influence
 from hdassist.belief.statistics import Probability
 from hdassist.cli.commands import COMMANDS
 from hdassist.cli.main import app
@@ -20,9 +21,24 @@ from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.terminal.console import Style, console
 from hdassist.terminal.options import torque_overrides
 from hdassist.terminal.page import report_page
-from hdassist.terminal.words import LIMITED, TAKEN_OVER, again, more_draws, on_what, proof, settling_words
+from hdassist.terminal.words import (
+    LIMITED,
+    TAKEN_OVER,
+    again,
+    influence_words,
+    more_draws,
+    on_what,
+    proof,
+    settling_words,
+)
 from hdassist.verdict import Verdict
 from tests.process import SMALL, run
+
+
+@pytest.mark.parametrize(("share", "second"), [(0.006, "; gears.h_a 1 %"), (0.004, "")])
+def test_a_second_influence_is_named_where_it_is_more_than_0_percent(share, second):
+    found = [Influence("operation.dT", 0.99), Influence("gears.h_a", share)]
+    assert influence_words(found).partition("ln F'_ior")[2] == second
 
 
 def shown(style: Style, report: Report) -> str:
