@@ -30,8 +30,8 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
 
     Quantities: F_ior, F_ior_max and F_ior_min (over the mounting phase), self_error, K_1, K_2, K_3 and lost_motion (as
     hdassist stiffness has them). Drives spread evenly over the bounds, then least squares from the best ones that lie
-    apart; every set that meets the targets is kept, and where none does, targets and bounds in the way are named;
-    --write then has the nearest values, called so. Exit codes: 0 all targets are met, 3 one is missed, 5 the fit did
+    apart; every set that meets the targets is kept, and where none does, targets and bounds in the way are named
+    and --write writes no file. Exit codes: 0 all targets are met, 3 one is missed, 5 the fit did
     not come to rest.
     """
 
@@ -67,10 +67,9 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
             with_found_values(given, preset, {u.path: u.low for u in wanted.unknowns}, "")
         with out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run:
             result = calibrate(drive, wanted, points=self.evaluations, run=run)
-        if self.write is not None:
+        if self.write is not None and not result.shortfall:
             best = wanted.by_path(result.fits[0].values)
-            missed = ", targets missed" * bool(result.shortfall)
-            ref = f"hdassist calibrate, {wanted.name or self.targets.name}{missed}"
+            ref = f"hdassist calibrate, {wanted.name or self.targets.name}"
             model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
             write_text(self.write, with_found_values(given, preset, best, ref, model), self.force)
         return calibrate_report(result, self.write)

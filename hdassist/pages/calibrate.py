@@ -78,7 +78,7 @@ def _warnings(result: Calibration) -> Iterator[str]:
     if any(target.quantity.startswith("F_ior") for target in result.targets.targets):  # deviations move it
         yield from unknown_notes(result.drive)
     if result.shortfall:
-        yield f"targets are missed: {result.shortfall}; the values are the nearest that were found"
+        yield f"targets are missed: {result.shortfall}; the values are the nearest that were found, and no preset"
     if open_ := [each.path for each in result.values if each.determined < UNDETERMINED]:
         yield f"the targets do not determine {', '.join(open_)}"
     for a, b, correlation in result.indistinct:
