@@ -29,7 +29,7 @@ LEAST_LINE = 0.02  # of the mean square of lines: that of each one by a misfit
 ROUNDS = 3  # of least squares: readings that are not quite even mix lines
 FINER = 32  # times the points of curves, at which places are told apart
 WIDEST_GAP = 2  # steps between readings: in the middle of a wider gap the error counts as not read, and as 0
-LEAST_REPEATS = 20  # readings at points that have one already, from which noise is known
+LEAST_REPEATS = 20  # readings beyond those that lines can follow, from which noise is known
 LEAST_CHANCE = 0.05  # that noise is less than it counts as for what is lost
 PEAK_CHANCE = 0.01  # that noise alone has a reading which counts as a peak of the error
 ALL_HIDDEN = 0.5  # share of drives of whose error noise hides less than it may, from none of that upwards
@@ -89,13 +89,10 @@ class RecordedError:
             found = replace(found, amplitude=found.amplitude + whole * np.fft.rfft(put)[often])
         return found
 
-    def repeats(self, lines: ErrorLines) -> tuple[int, float]:
-        """Number of readings at points of curves that have one already, and the variance of such [arcsec^2]."""
-        apart = self.apart(lines)
-        _, group, read = np.unique(self.points(lines), return_inverse=True, return_counts=True)
-        again = len(group) - len(read)
-        mean = np.bincount(group, apart) / read
-        return again, float(((apart - mean[group]) ** 2).sum()) / max(again, 1)
+    def noise(self, lines: ErrorLines) -> tuple[int, float]:
+        """Number of readings beyond what lines by least squares can follow, and the variance of noise [arcsec^2]."""
+        again = len(self.cam_turns) - 2 * len(lines.per_cycle) - 1
+        return again, float((self.apart(lines) ** 2).sum()) / max(again, 1)
 
 
 def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> RecordedError:
@@ -145,11 +142,12 @@ def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorL
     """Lines of drives that agree with a record of the full cycle, from those of drives as this one may be.
 
     Each line is shrunk by what its kind shows of its size: lines of the model, of single teeth, of neither. Noise of
-    readings is known from repeats. Else what most lines have counts as noise, and stays open, as it may be the error.
+    readings is known from what no line can follow. Else what most lines have counts as noise, and stays open, as it may
+    be the error.
     """
     found, weights = record.lines(lines.kinematics), record.weights(lines.kinematics)
     often, power = found.per_cycle, np.abs(found.amplitude[0]) ** 2
-    again, variance = record.repeats(found)
+    again, variance = record.noise(found)
     is_known = again >= LEAST_REPEATS
     noise = 4 * variance * float(weights @ weights) if is_known else float(np.median(power)) / np.log(2)
     noise = max(noise, LEAST_POWER)

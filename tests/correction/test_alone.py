@@ -40,10 +40,10 @@ def curve(often, vectors, turns):
     return (vectors @ np.exp(2j * np.pi * often[:, None] * turns / CYCLE)).real
 
 
-def alone(seed: int, cycles: float, form: CorrectionForm = PHASORS):
+def alone(seed: int, cycles: float, form: CorrectionForm = PHASORS, per_turn: int = PER_TURN):
     """The correction from a record of hidden lines."""
     often, vectors = hidden_lines(seed)
-    turns = np.arange(round(cycles * CYCLE * PER_TURN)) / PER_TURN
+    turns = np.arange(round(cycles * CYCLE * per_turn)) / per_turn
     noise = NOISE * np.random.default_rng(seed + 1000).standard_normal(len(turns))
     trace = recorded(turns, curve(often, vectors, turns) + noise)
     return correction_alone(measure(trace, ratio=CYCLE, together=True), Alignment(), 67.0, form)
@@ -83,6 +83,14 @@ def test_uncertainties_are_those_of_independent_noise_and_shrink_with_its_repeat
     radians, clear = np.radians(twice.phase_uncertainty_deg), twice.amplitude_arcsec > NOISE
     across, along = radians * twice.amplitude_arcsec, twice.amplitude_uncertainty_arcsec
     assert np.median((across / along)[clear]) == pytest.approx(1, abs=0.15)
+
+
+@pytest.mark.parametrize("per_turn", [POINTS_A_TURN + 30, 2 * POINTS_A_TURN])
+def test_noise_that_lines_can_follow_is_not_taken_for_error(per_turn: int):
+    found = alone(3, 1.0, per_turn=per_turn)
+    unsure = found.correction.amplitude_uncertainty_arcsec
+    assert np.median(unsure) == pytest.approx(NOISE * np.sqrt(2 / (CYCLE * per_turn)), rel=0.2)
+    assert len(unsure) <= 20
 
 
 def test_a_table_over_the_cam_is_of_the_lines_that_repeat_with_it():
