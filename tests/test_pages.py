@@ -110,7 +110,7 @@ def test_measure(tmp_path: Path):
 
 def test_correct(tmp_path: Path):
     output = output_of("correct.md", tmp_path)
-    assert "vzp160, correction at 80 N·m: 320 phasors leave 0.4 of 28.7″ (1 %)" in output
+    assert "vzp160, correction at 80 N·m: 1280 phasors leave 0.1 of 28.7″ (0 %)" in output
     assert len((tmp_path / "table.csv").read_text().splitlines()) == 1501
     assert json.loads((tmp_path / "correction.json").read_text())["schema"] == "hdassist.compensate/1"
 

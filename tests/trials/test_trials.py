@@ -25,7 +25,7 @@ from hdassist.trials.posterior import (
     require_reachable,
     weeded,
 )
-from hdassist.trials.prior import Prior, Rig
+from hdassist.trials.prior import Prior, Rig, TrialEffort
 from tests.process import SMALL
 from tests.trials.drives import (
     HOLES,
@@ -132,10 +132,14 @@ def test_a_hidden_offset_is_recovered(cloud: Prior, size: float, direction: floa
 
 
 @pytest.mark.slow
-def test_the_shipped_effort_finds_the_offset_too() -> None:
+def test_as_many_draws_as_the_refusal_of_the_shipped_effort_asks_for_find_the_offset() -> None:
     values = measured(40.0, 140.0)
     drive = load_preset(SMALL, ["operation.M_g=4"])
-    found = advise_from_trials(drive, trials(values, (*THIRDS, 60.0, 300.0)), RIG)
+    tried = trials(values, (*THIRDS, 60.0, 300.0))
+    with pytest.raises(UntrustedError, match="of 3978 are effective, 64 are needed") as refused:
+        advise_from_trials(drive, tried, RIG)
+    assert "--draws 128" in refused.value.hint
+    found = advise_from_trials(drive, tried, RIG, effort=TrialEffort.of(128))
     assert values[found.losses.best] < 1.05 * min(values)
 
 
