@@ -86,9 +86,11 @@ class CompensateCommand(
         from hdassist.pages.compensate import compensate_report
         from hdassist.preset.requirements import option_value
 
-        if len(self.torque) != 1 or self.files or self.after or self.overrides or self.write or self.each_load:
-            remedy = "more needs a preset: hdassist compensate PRESET FILE..."
-            raise UsageError("invalid options beside --ratio: expected one FILE and its --torque", remedy)
+        remedy = "more needs a preset: hdassist compensate PRESET FILE..."
+        if len(self.torque) != 1 or self.files:
+            raise UsageError("--ratio takes one FILE and its --torque", remedy)
+        if self.after or self.overrides or self.write or self.each_load:
+            raise UsageError("--ratio goes without --after, --set, --write and --each-load", remedy)
         M_g = option_value("--torque", self.torque[0], "N*m")
         found = self.reading().measured(file, None, self.ratio, seed=self.seed, together=True)
         result = correction_alone(found, self.alignment(), M_g, self.correction_form())
@@ -106,6 +108,8 @@ class CompensateCommand(
         o.stdin_once(*(self.files or []), preset, self.after)
         if self.ratio is not None:
             return self.of_record(preset)
+        if preset.endswith(".csv"):
+            raise UsageError(f"{preset} is no preset", "a record alone needs the --ratio of its drive")
         form = self.correction_form()
         target = self.controller_target(form, force=self.force)
         drive = self.load(preset)

@@ -251,7 +251,7 @@ def corrected_words(advice: Advice) -> str:
     if advice.order_corrected != "none":
         words = instruction(advice.choice, gains=False)
         return f"{words} The correction ({found.form}) is made there, and for no other hole."
-    words = f"With {found.form} no hole is told from another by what is left"
+    words = f"With {found.form} no hole is surely better by what is left"
     if (gain := found.gain_probability) and gain.value > EVEN:
         best = hole_place(found.most.position(advice.drive, 0.0, found.most.challenger))
         words = f"With {found.form} less is left in {best} with {probability_words(gain, advice.needed)}"

@@ -145,6 +145,8 @@ def test_one_cycle_is_said_not_to_tell_noise_and_part_of_it_is_refused_with_the_
     assert refused.returncode == 5
     assert "% of the full cycle" in refused.stderr
     assert "hdassist compensate PRESET FILE" in refused.stderr
+    forgotten = run("compensate", "one.csv", "--torque", "1", cwd=tmp_path)
+    assert (forgotten.returncode, "--ratio" in forgotten.stderr) == (2, True)
     for more in (("--each-load",), ("--torque", "2"), ("--form", "output"), ("--set", "gears.j_n=1"), ("more.csv",)):
         wrong = run("compensate", "one.csv", *options, *more, cwd=tmp_path)
         assert wrong.returncode == 2

@@ -100,7 +100,7 @@ def test_the_order_goes_by_what_a_table_leaves_and_by_F_ior_where_phasors_tell_n
     page = " ".join(run(*SIX, "--compensated", "phasors", "--no-plot").stdout.split())
     plain = json.loads(run(*SIX, "--json").stdout)
     assert plain["compensated"] is None
-    assert f"With 1280 phasors no hole is told from another by what is left. By F'_ior: {plain['instruction']}" in page
+    assert f"With 1280 phasors no hole is surely better by what is left. By F'_ior: {plain['instruction']}" in page
 
 
 def test_the_card_says_which_hole_the_correction_belongs_to(tmp_path: Path):
