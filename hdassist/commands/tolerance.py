@@ -17,7 +17,7 @@ class ToleranceCommand(o.PlotOptions, DrawOptions):
     \b
     Examples:
       hdassist tolerance vzp160
-      hdassist tolerance vzp160 -n 10000 --torque 80 --limit 30 --yield 0.95 --json
+      hdassist tolerance vzp160 -n 9000 --torque 80 --limit 30 --yield 0.95 --json
       hdassist tolerance vzp160 --set tolerances.e_hb=40 --distribution uniform
       hdassist tolerance vzp160 --known phases.phi_hh
       hdassist tolerance vzp160 -n 100000 --results drives.jsonl
