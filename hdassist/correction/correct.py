@@ -37,6 +37,7 @@ ZERO_OFF_DEG = (1.0, 10.0)  # of the cam
 LOST_TURNS = 9  # counts of lost turns that are looked at, at most
 STRONG_LINES = 3  # that are named
 ANY_PHASE_DEG = 180 / 3**0.5  # standard deviation of a phase that is not known
+LEAST_AMPLITUDE = 1e-300  # arcsec: a line without any is not divided by
 HALVED = 0.5  # of the range: a correction that leaves more is called weak
 
 
@@ -268,7 +269,7 @@ def _exported(
         often = np.rint(found.per_cam_turn * lines[M_g].kinematics.cycle_cam_revolutions)
         vectors = lines[M_g].amplitude[:, np.isin(lines[M_g].per_cycle, often)]
         along = vectors / np.exp(1j * np.radians(found.phase_deg))  # real of lines with the phase of the mean
-        across_deg = np.degrees(along.imag.std(axis=0) / found.amplitude_arcsec)
+        across_deg = np.degrees(along.imag.std(axis=0) / np.maximum(found.amplitude_arcsec, LEAST_AMPLITUDE))
         unsure = along.real.std(axis=0), np.minimum(across_deg, ANY_PHASE_DEG)
         return replace(found, amplitude_uncertainty_arcsec=unsure[0], phase_uncertainty_deg=unsure[1])
     other = form.fitted(lines[-M_g].mean, -M_g) if form.each_load and -M_g in lines else None

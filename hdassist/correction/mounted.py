@@ -28,7 +28,8 @@ def form_of_text(text: str) -> CorrectionForm:
     if name not in usual or not 2 <= number <= 100000:
         expected = "expected a form and its points, such as output:720"
         raise UsageError(f"invalid --compensated {text}: {expected}", f"forms: {', '.join(usual)}")
-    return CorrectionForm(None if name == "phasors" else name, number)  # type: ignore[arg-type]
+    turn = None if name == "phasors" else name
+    return CorrectionForm(turn, number)  # type: ignore[arg-type]  # one of the names above, which a text cannot show
 
 
 def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run) -> Advice:

@@ -124,7 +124,7 @@ class PageOptions(OptionGroup):
 
     def report(self, out: Output, preset: str) -> Report:
         """The report on a preset; out shows how far its work is."""
-        raise NotImplementedError
+        raise NotImplementedError  # of a command whose `run` is its own, and never asks
 
 
 @dataclass(frozen=True, kw_only=True)
