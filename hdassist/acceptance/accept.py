@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from hdassist.acceptance.answer import AcceptAnswer, Note, PresetRecord, now, of_predictions
+from hdassist.acceptance.answer import ANSWER, AcceptAnswer, Note, PresetRecord, RuleRecord, now, of_predictions
 from hdassist.acceptance.decision import GUARD, AcceptedValue, Decision, decide
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.predictions import Predictions
@@ -56,34 +56,35 @@ def accept(
     left_out = [] if predictions else left
     remarks = [*_of_traces(inputs, decisions), *_of_decisions(inputs, decisions, left_out, predictions)]
     verdict = worst(decision.verdict for decision in decisions)
-    return AcceptAnswer(
-        version=__version__,
-        preset=PresetRecord(drive.name, drive.origin.sha256, drive.origin.overrides),
-        exit_code=verdict.exit_code,
-        warnings=drive.origin.warnings,
-        serial=request.serial,
-        seed=request.seed,
-        request=request,
-        time=now(),
-        verdict=verdict,
-        checks=tuple(decisions),
-        left_out=tuple(limit.label for limit in left_out),
-        remarks=tuple(remarks),
-        measured=tuple(
-            {
-                **attributes(found.trace, "file", "sha256"),
-                "M_g_Nm": M_g,
-                "rows": len(found.trace.line),
-                "F_ior_arcsec": found.F_ior_arcsec,
-                "F_ior_is_lower_bound": found.directions[0].is_bound,
-                "standard_uncertainty_arcsec": found.directions[0].uncertainty_arcsec,
-            }
-            for M_g, found in measured.items()
-        ),
-        rule={"measured": rule, "guard_standard_uncertainties": GUARD * (rule == "guard"), "sure": request.sure},
-        place=place,
+    traces = [
+        {
+            **attributes(found.trace, "file", "sha256"),
+            "M_g_Nm": M_g,
+            "rows": len(found.trace.line),
+            "F_ior_arcsec": found.F_ior_arcsec,
+            "F_ior_is_lower_bound": found.directions[0].is_bound,
+            "standard_uncertainty_arcsec": found.directions[0].uncertainty_arcsec,
+        }
+        for M_g, found in measured.items()
+    ]
+    return ANSWER.validate_python({
+        "version": __version__,
+        "preset": PresetRecord(drive.name, drive.origin.sha256, drive.origin.overrides),
+        "exit_code": verdict.exit_code,
+        "warnings": drive.origin.warnings,
+        "serial": request.serial,
+        "seed": request.seed,
+        "request": request,
+        "time": now(),
+        "verdict": verdict,
+        "checks": decisions,
+        "left_out": [limit.label for limit in left_out],
+        "remarks": remarks,
+        "measured": traces,
+        "rule": RuleRecord(rule, GUARD * (rule == "guard"), request.sure),
+        "place": place,
         **of_predictions(predictions, inputs.wheels),
-    )
+    })  # fmt: skip
 
 
 def _decisive(found: Sequence[Decision]) -> Decision:

@@ -4,15 +4,15 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from hdassist.acceptance.decision import Decision
+from hdassist.acceptance.decision import Decision, Rule
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import Request
 from hdassist.belief.statistics import CONFIDENCE, probability_by_share
-from hdassist.errors import DataError, Fault
+from hdassist.errors import DataError, Fault, HdassistError, UntrustedError
 from hdassist.json_parts import (
     Json,
     certificate_object,
@@ -25,13 +25,14 @@ from hdassist.json_parts import (
 )
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.kinds import OneLine
-from hdassist.run.kept import ClosedRecord, RecordKind, own_schema, read_kept, why_invalid
+from hdassist.run.kept import ClosedRecord, Count, Magnitude, RecordKind, own_schema, read_kept, why_invalid
 from hdassist.textfile import PART, STDIN, opened
 from hdassist.verdict import Verdict
 
 MOST_ANSWER_BYTES = 1_000_000_000
 ACCEPT_SCHEMA = schema_of("accept")
 BROKEN_VERDICT = "BROKEN"  # in place of a verdict, of a drive without an answer
+ERROR_CODES = tuple(kind.exit_code for kind in (HdassistError, DataError, UntrustedError))  # of a drive without one
 LOT_VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE", BROKEN_VERDICT)
 
 
@@ -61,14 +62,124 @@ class ErrorRecord(ClosedRecord):
     code: Fault
 
 
+@dataclass(frozen=True)
+class TraceRecord(ClosedRecord):
+    """A measured trace: its file, torque, and F'_ior with its standard uncertainty."""
+
+    file: str
+    sha256: str
+    M_g_Nm: float
+    rows: Count
+    F_ior_arcsec: float
+    F_ior_is_lower_bound: bool
+    standard_uncertainty_arcsec: Magnitude
+
+
+@dataclass(frozen=True)
+class RuleRecord(ClosedRecord):
+    """The rule of measured values with its guard band, and the probability that PASS of a prediction needs."""
+
+    measured: Rule
+    guard_standard_uncertainties: Magnitude
+    sure: float
+
+
+@dataclass(frozen=True)
+class ResidualsRecord(ClosedRecord):
+    """Worst residuals of solved states, each a share of its scale."""
+
+    negative_force: Magnitude
+    negative_gap: Magnitude
+    complementarity: Magnitude
+    equilibrium: Magnitude
+
+
+@dataclass(frozen=True)
+class CrossCheckRecord(ClosedRecord):
+    """States that another solver solved again, and the greatest difference."""
+
+    solver: str
+    states: Count
+    max_difference_arcsec: Magnitude
+
+
+@dataclass(frozen=True)
+class ProofRecord(ClosedRecord):
+    """The proof of solved states: the worst residuals, the engine, and the cross-check by another solver."""
+
+    states: Count
+    max_residual: Magnitude
+    engine: str
+    fallbacks: Count
+    residuals: ResidualsRecord
+    cross_check: CrossCheckRecord | None
+
+
+@dataclass(frozen=True)
+class UnknownRecord(ClosedRecord):
+    """A field that is not known: the range that its value may have, in its unit, and why."""
+
+    field: str
+    range: tuple[float, float]
+    reason: str
+
+
+@dataclass(frozen=True)
+class WheelRecord(ClosedRecord):
+    """A wheel with measured teeth, their file, and how it was read."""
+
+    wheel: Literal["b", "g"]
+    file: str
+    sha256: str
+    flank: str | None
+    mark_tooth: int
+    mark_deg: float
+    range_um: Magnitude
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class InfluenceRecord(ClosedRecord):
+    """The share of a field in the variance of F'_ior."""
+
+    field: str
+    share: float
+
+
+@dataclass(frozen=True)
+class GainRecord(ClosedRecord):
+    """A measurement to make next, and its gain."""
+
+    what: str
+    gain: float
+
+
+@dataclass(frozen=True)
+class RefusedRecord(ClosedRecord):
+    """Draws that are no drives, and why."""
+
+    reason: str
+    draws: Count
+
+
+@dataclass(frozen=True)
+class SamplesRecord(ClosedRecord):
+    """Numbers of samples: effective ones, draws, those of ranges, and refused ones."""
+
+    effective: Magnitude
+    draws: Count
+    seed: int
+    draws_of_ranges: Count
+    refused: tuple[RefusedRecord, ...]
+
+
 @dataclass(frozen=True, kw_only=True)
 class AcceptAnswer(ClosedRecord):
     """The answer about a drive: verdict, decisions, and all that it takes to do it again; or its error.
 
-    request: None for a row of a lot that is wrong in itself; place: of the row, None without one; measured: traces,
-    each with its torque, and the F'_ior that it shows, a lower bound of part of the cycle; rule: that of measured
-    values with its guard band, and the probability that PASS of a prediction needs; certificate, unknown, influence,
-    to_measure, samples and pitch (wheels with measured teeth): of its predictions, as `hdassist check` has them.
+    request: None for a row of a lot that is wrong in itself; place: of the row, None without one; certificate, unknown,
+    influence, to_measure, samples and pitch (wheels with measured teeth): of its predictions, as `hdassist check` has
+    them. Raises ValueError for an exit code that is not that of its verdict, or of its error.
     """
 
     schema: Annotated[str, own_schema(ACCEPT_SCHEMA)] = ACCEPT_SCHEMA
@@ -84,16 +195,23 @@ class AcceptAnswer(ClosedRecord):
     checks: tuple[Decision, ...] = ()
     left_out: tuple[str, ...] = ()
     remarks: tuple[Note, ...] = ()
-    measured: tuple[Json, ...] = ()
-    rule: Json | None = None
-    certificate: Json | None = None
-    unknown: tuple[Json, ...] = ()
-    pitch: tuple[Json, ...] = ()
-    influence: tuple[Json, ...] = ()
-    to_measure: tuple[Json, ...] = ()
-    samples: Json | None = None
+    measured: tuple[TraceRecord, ...] = ()
+    rule: RuleRecord | None = None
+    certificate: ProofRecord | None = None
+    unknown: tuple[UnknownRecord, ...] = ()
+    pitch: tuple[WheelRecord, ...] = ()
+    influence: tuple[InfluenceRecord, ...] = ()
+    to_measure: tuple[GainRecord, ...] = ()
+    samples: SamplesRecord | None = None
     place: OneLine | None = None
     error: ErrorRecord | None = None
+
+    def __post_init__(self) -> None:
+        if bool(self.verdict) == bool(self.error):
+            raise ValueError("expected either a verdict or an error")
+        codes = (self.verdict.exit_code,) if self.verdict else ERROR_CODES
+        if self.exit_code not in codes:
+            raise ValueError(f"exit_code: expected {' or '.join(map(str, codes))}, got {self.exit_code}")
 
     @property
     def status(self) -> str:
@@ -106,15 +224,15 @@ ANSWERS = RecordKind(ANSWER)
 
 
 def of_predictions(found: Predictions | None, wheels: MeasuredTeeth | None) -> Json:
-    """Fields of an answer that come from predictions, and the measured wheels that they are of."""
-    fields: Json = {"pitch": tuple({"wheel": name, **wheel} for name, wheel in pitch_object(wheels).items() if wheel)}
+    """Fields of an answer that come from predictions, and the measured wheels that they are of, as JSON has them."""
+    fields: Json = {"pitch": [{"wheel": name, **each} for name, each in pitch_object(wheels).items() if each]}
     if found is None:
         return fields
     return fields | {
         "certificate": certificate_object(found.certificate, found.quantities.cross_checks),
-        "unknown": tuple(unknown_objects(found.unknown)),
-        "influence": tuple(influence_objects(found.influences)),
-        "to_measure": tuple(measure_objects(found.to_measure)),
+        "unknown": unknown_objects(found.unknown),
+        "influence": influence_objects(found.influences),
+        "to_measure": measure_objects(found.to_measure),
         "samples": samples_object(found.samples),
     }
 
@@ -129,11 +247,11 @@ def provenance(answer: AcceptAnswer) -> Json:
     return {
         "version": answer.version,
         "preset_sha256": answer.preset.sha256,
-        "measured_sha256": " ".join(trace["sha256"] for trace in answer.measured) or None,
-        "pitch_sha256": " ".join(wheel["sha256"] for wheel in answer.pitch) or None,
+        "measured_sha256": " ".join(trace.sha256 for trace in answer.measured) or None,
+        "pitch_sha256": " ".join(wheel.sha256 for wheel in answer.pitch) or None,
         "seed": answer.seed,
-        "engine": answer.certificate and answer.certificate["engine"],
-        "max_residual": answer.certificate and answer.certificate["max_residual"],
+        "engine": answer.certificate and answer.certificate.engine,
+        "max_residual": answer.certificate and answer.certificate.max_residual,
         "time": answer.time,
     }
 
@@ -176,7 +294,7 @@ def read_answers(path: str) -> list[AcceptAnswer]:
     except (ValueError, RecursionError) as fault:
         raise DataError(f"{file}: no JSON: {fault}", hint) from None
     found = found.get("results", [found]) if isinstance(found, dict) else []
-    if not found:
+    if not (found and isinstance(found, list)):
         raise DataError(f"{file}: no answers in the file", hint)
     return [_read(one, f"{file}:{number}") for number, one in enumerate(found, 1)]
 

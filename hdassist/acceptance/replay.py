@@ -30,7 +30,8 @@ def changed_file(answer: AcceptAnswer) -> DataError | None:
     """
     if answer.request is None:
         return None
-    recorded = {each["file"]: each["sha256"] for each in (*answer.measured, *answer.pitch)}
+    recorded: dict[str, str | None] = {each.file: each.sha256 for each in answer.measured}
+    recorded |= {each.file: each.sha256 for each in answer.pitch}
     recorded[answer.request.preset] = answer.preset.sha256
     for file in answer.request.files():
         if file == "-":

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 
 from hdassist.design.vary import TORQUE, VARY, Axis
 from hdassist.error.error_map import extremes_of
-from hdassist.errors import DataError, HdassistError, UsageError
+from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
 from hdassist.json_parts import attributes
 from hdassist.loading.load import load_text
 from hdassist.model.geometry import Array
@@ -29,7 +29,7 @@ class SweepRow(ClosedRecord):
     """F'_ior [arcsec] of a row at its torque M_g [N*m], in the flank window [deg] that it was computed in.
 
     values: of the fields that are varied; states and max_residual: of the proof; reason: why the row has no answer, and
-    the exit code that this is elsewhere.
+    the exit code that this is elsewhere, 0 with an answer. Raises ValueError for another one.
     """
 
     values: Mapping[str, Number]
@@ -39,6 +39,12 @@ class SweepRow(ClosedRecord):
     max_residual: Residual | None = None
     reason: str | None = None
     exit_code: Count = 0
+
+    def __post_init__(self) -> None:
+        has_answer = self.F_ior_arcsec is not None
+        codes = (0,) if has_answer else (HdassistError.exit_code, DataError.exit_code, UntrustedError.exit_code)
+        if self.exit_code not in codes or has_answer != (self.reason is None):
+            raise ValueError("expected F'_ior and no exit code, or a reason with the exit code of its error")
 
 
 @dataclass(frozen=True)
@@ -88,8 +94,15 @@ class Sweep:
 
     @property
     def kind(self) -> RecordKind[SweepRow]:
-        """Type of the records in a file."""
-        return RecordKind(TypeAdapter(SweepRow))
+        """Type of the records in a file: that of a row has its values."""
+
+        def fault(item: int, record: SweepRow) -> str:
+            if item >= self.rows:
+                return f"expected {self.rows} rows"
+            is_own = {TORQUE: record.M_g_Nm, **record.values} == self.values(item)
+            return "" if is_own else f"expected the values of row {item + 1}"
+
+        return RecordKind(TypeAdapter(SweepRow), fault)
 
     def __call__(self, first: int, last: int) -> list[SweepRow]:
         """Records of the rows first ... last - 1; a row depends on its own number alone."""

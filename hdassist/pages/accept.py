@@ -97,7 +97,8 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
     reasons = [f"{check.label}: {check.reason}" if check.reason else sentence(check) for check in worst[:NAMED_CHECKS]]
     reasons[-1] += f"; {len(worst) - NAMED_CHECKS} more" if len(worst) > NAMED_CHECKS else ""
     remarks = [f"{note.code}: {note.text}" for note in answer.remarks]
-    files = [f"{each['file']}: sha256 {each['sha256'][:12]}" for each in (*answer.measured, *answer.pitch)]
+    hashes = {each.file: each.sha256 for each in answer.measured} | {each.file: each.sha256 for each in answer.pitch}
+    files = [f"{file}: sha256 {sha256[:12]}" for file, sha256 in hashes.items()]
     samples = predictions.samples if predictions else None
     rest = [
         ("samples", samples_words(samples) if samples else ""),
@@ -146,11 +147,11 @@ def by_severity(checks: Iterable[Decision]) -> list[Decision]:
 def _tables(answer: AcceptAnswer) -> Iterator[Table]:
     """A table of the checks that are known in one way, for each way."""
     assert answer.rule is not None
-    teeth = ", ".join(f"{WHEEL_WORDS[wheel['wheel']]} ({shown(wheel['file'])})" for wheel in answer.pitch)
+    teeth = ", ".join(f"{WHEEL_WORDS[wheel.wheel]} ({shown(wheel.file)})" for wheel in answer.pitch)
     titles = {
-        "measured": f"measured: {RULE_WORDS[answer.rule['measured']]}",
-        "stated": f"measured otherwise: {RULE_WORDS[answer.rule['measured']]}",
-        "predicted": f"predicted, F'_ior with the self error: PASS from {100 * answer.rule['sure']:g} % probability; "
+        "measured": f"measured: {RULE_WORDS[answer.rule.measured]}",
+        "stated": f"measured otherwise: {RULE_WORDS[answer.rule.measured]}",
+        "predicted": f"predicted, F'_ior with the self error: PASS from {100 * answer.rule.sure:g} % probability; "
         "no decision on conformity" + (f"; measured teeth: {teeth}" if teeth else ""),
     }
     for basis, title in titles.items():

@@ -156,7 +156,9 @@ class Production:
     def kind(self) -> RecordKind[RandomDrive]:
         """Type of the records in a file."""
 
-        def fault(_item: int, record: RandomDrive) -> str:
+        def fault(item: int, record: RandomDrive) -> str:
+            if record.design != self.design_of(item):
+                return f"expected design {self.design_of(item)}"
             wanted = 0 if record.refused else len(self.torques)
             lengths = {len(record.F_ior_arcsec), len(record.best_F_ior_arcsec)}
             return f"expected F'_ior at {wanted} torques" * (lengths != {wanted})

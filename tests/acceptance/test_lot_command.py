@@ -21,7 +21,7 @@ from hdassist.acceptance.answer import ANSWERS, read_answers
 from hdassist.acceptance.replay import answer_differences
 from hdassist.acceptance.request import Request
 from hdassist.commands.accept import AcceptOptions
-from hdassist.commands.accept_run import accept_lot
+from hdassist.commands.accept_run import ACCEPT_OWNER, accept_lot
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from tests.process import CLEAN, COMMAND, SMALL, TINY, run
 from tests.rigs import drive_error, text
@@ -221,6 +221,42 @@ def test_an_answer_with_a_field_without_a_name_is_refused(folder, here):
     assert "a.json:1: an answer is not whole: '': " in said
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda told: {"results": True}, "a.json: no answers in the file"),
+        (lambda told: told | {"measured": [{}]}, "a.json:1: an answer is not whole: measured.0.file"),
+        (lambda told: told | {"rule": {}}, "a.json:1: an answer is not whole: rule.measured"),
+        (lambda told: told | {"certificate": {"engine": 1}}, "a.json:1: an answer is not whole: certificate"),
+        (lambda told: told | {"exit_code": 7}, "a.json:1: an answer is not whole: exit_code: expected 3, got 7"),
+        (lambda told: told | {"verdict": None}, "a.json:1: an answer is not whole: expected either"),
+        (lambda told: told | {"pitch": [{"file": "x"}]}, "a.json:1: an answer is not whole: pitch.0."),
+    ],
+)
+def test_an_answer_that_is_none_is_refused_by_its_first_field(folder, here, change, words):
+    _, answer, _ = here("accept", TINY, "--limit", "F_ior@4=9", "--value", "F_ior@4=28±1", *STATED, "--json")
+    (folder / "a.json").write_text(json.dumps(change(json.loads(answer))))
+    code, out, said = here("accept", "--replay", "a.json")
+    assert (code, out) == (4, "")
+    assert words in said
+
+
+@pytest.mark.parametrize("change", [{"measured": [{}]}, {"exit_code": 7}, {"samples": {"draws": "x"}}])
+def test_a_kept_answer_that_is_none_is_refused_though_its_checksum_holds(folder, here, change):
+    (folder / "few.csv").write_text("".join(LOT.splitlines(keepends=True)[:2]))
+    args = ("accept", "few.csv", "--preset", SMALL, *STATED, "--jsonl", "a.jsonl")
+    assert here(*args)[0] == 0
+    path = str(folder / "a.jsonl")
+    with open_kept(path, ACCEPT_OWNER, ANSWERS) as kept:
+        (fields,) = (json.loads(ANSWERS.adapter.dump_json(each)) for each in kept.records())
+    with open_kept(path, ACCEPT_OWNER, RecordKind(TypeAdapter(dict)), force=True) as kept:
+        kept.append([fields | change])
+    for again in ((*args, "--resume"), ("accept", "--replay", "a.jsonl")):
+        code, out, said = here(*again)
+        assert (code, out) == (4, "")
+        assert f"a.jsonl:2: invalid record: {next(iter(change))}" in said
+
+
 FORGED = {
     "a limit and its margin": lambda told: told["checks"][0].update(limit=61.0, margin=told["checks"][0]["margin"] + 1),
     "a value": lambda told: told["checks"][0].update(value=told["checks"][0]["value"] * (1 + 1e-4)),
@@ -236,7 +272,6 @@ FORGED = {
         cross_check={"solver": "CLARABEL", "states": 9, "max_difference_arcsec": 0.0}
     ),
     "the seed": lambda told: told.update(seed=5),
-    "the exit code": lambda told: told.update(exit_code=0),
     "a remark": lambda told: told.update(remarks=told["remarks"][1:]),
     "how sure it is": lambda told: told["rule"].update(sure=0.9),
     "the serial": lambda told: told.update(serial="17-2"),
@@ -257,8 +292,8 @@ def test_replay_compares_the_whole_answer(folder, here):
         change(answers[-1])
     (folder / "all.json").write_text(json.dumps({"schema": "hdassist.accept/1", "results": answers}))
     now, *forged = read_answers(str(folder / "all.json"))
-    assert now.certificate == answers[0]["certificate"]
-    assert now.certificate["engine"]
+    assert now.certificate.max_residual == answers[0]["certificate"]["max_residual"]
+    assert now.certificate.engine
     by_another_engine = json.loads(out)
     by_another_engine["certificate"].update(engine="numpy", fallbacks=3, max_residual=9e-9)
     by_another_engine["certificate"]["residuals"].update(equilibrium=9e-9)

@@ -12,16 +12,19 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from hdassist import load_preset
 from hdassist.design.sweep import Sweep, collect
 from hdassist.design.vary import read_axes
+from hdassist.errors import DataError
 from hdassist.preset.library import read_preset
+from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from tests.process import CLEAN, COMMAND, SMALL, ends, run, run_cold
 
 needs_proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
@@ -248,6 +251,31 @@ def test_a_row_that_was_changed_is_refused(tmp_path, whole, edit):
     assert (done.returncode, done.stdout) == (4, "")
     assert re.search(r"rows\.jsonl:[23]: invalid record", done.stderr)
     assert (tmp_path / "rows.jsonl").read_text() == changed
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda rows: [*rows, rows[-1]], ":10: invalid record: expected 8 rows"),
+        (lambda rows: [*rows[:-1], rows[0]], ":9: invalid record: expected the values of row 8"),
+        (lambda rows: [*rows[:-1], replace(rows[-1], M_g_Nm=2.0)], ":9: invalid record: expected the values of row 8"),
+    ],
+)
+def test_a_row_that_is_none_of_the_grid_is_refused_though_its_checksum_holds(tmp_path, few, change, words):
+    sweep, records, _ = few
+    path, owner = str(tmp_path / "rows.jsonl"), KeptOwner(command="sweep", inputs={})
+    with open_kept(path, owner, RecordKind(sweep.kind.adapter)) as kept:
+        kept.append(change(records))
+    with pytest.raises(DataError, match=words), open_kept(path, owner, sweep.kind):
+        pass
+
+
+def test_a_row_with_an_exit_code_that_no_error_has_is_refused(few):
+    sweep, records, _ = few
+    failed = next(each for each in records if each.reason)
+    for change in ({"exit_code": 7}, {"exit_code": 0}, {"reason": None, "exit_code": 0}):
+        with pytest.raises(ValidationError, match="exit code"):
+            sweep.kind.adapter.validate_python(asdict(failed) | change)
 
 
 def test_a_residual_beyond_its_tolerance_is_no_proof(few):
