@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from hdassist.acceptance.answer import ANSWER, AcceptAnswer, Note, PresetRecord, RuleRecord, now, of_predictions
-from hdassist.acceptance.decision import GUARD, AcceptedValue, Decision, decide
+from hdassist.acceptance.decision import GUARD, AcceptedValue, DecidedCheck, decide
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import Inputs, Request
@@ -87,7 +87,7 @@ def accept(
     })  # fmt: skip
 
 
-def _decisive(found: Sequence[Decision]) -> Decision:
+def _decisive(found: Sequence[DecidedCheck]) -> DecidedCheck:
     """The worst decision, the first of those alike.
 
     Beside a direction that visited the whole cycle, one of a part counts only where it is not clear of the limit.
@@ -98,7 +98,7 @@ def _decisive(found: Sequence[Decision]) -> Decision:
     return min(found, key=lambda decision: SEVERITY.index(decision.verdict))
 
 
-def _of_traces(inputs: Inputs, decisions: Sequence[Decision]) -> Iterator[Note]:
+def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[Note]:
     """Remarks on traces."""
     for M_g, measurement in inputs.measurements.items():
         where, directions = f"{measurement.trace.file}, {M_g:g} N*m", measurement.directions
@@ -116,7 +116,7 @@ def _of_traces(inputs: Inputs, decisions: Sequence[Decision]) -> Iterator[Note]:
 
 
 def _of_decisions(
-    inputs: Inputs, decisions: Sequence[Decision], left_out: Sequence[Limit], predictions: Predictions | None
+    inputs: Inputs, decisions: Sequence[DecidedCheck], left_out: Sequence[Limit], predictions: Predictions | None
 ) -> Iterator[Note]:
     """Remarks on values, on unknown inputs, and on limits without a decision."""
     for each in decisions:

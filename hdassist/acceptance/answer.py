@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from hdassist.acceptance.decision import Decision, Rule
+from hdassist.acceptance.decision import DecidedCheck, Rule
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import Request
 from hdassist.belief.statistics import CONFIDENCE, probability_by_share
@@ -192,7 +192,7 @@ class AcceptAnswer(ClosedRecord):
     request: Request | None
     time: OneLine
     verdict: Verdict | None = None
-    checks: tuple[Decision, ...] = ()
+    checks: tuple[DecidedCheck, ...] = ()
     left_out: tuple[str, ...] = ()
     remarks: tuple[Note, ...] = ()
     measured: tuple[TraceRecord, ...] = ()

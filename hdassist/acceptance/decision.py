@@ -85,7 +85,7 @@ class AcceptedValue(ClosedRecord):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Decision(AcceptedValue, Limit):
+class DecidedCheck(AcceptedValue, Limit):
     """A value and the limit that it is held against, as the files of `hdassist accept` have them.
 
     guard: band on each side of the limit; limit_is: "greatest" or "least" value allowed; margin: room that the value
@@ -100,14 +100,14 @@ class Decision(AcceptedValue, Limit):
     reason: str | None = None
 
 
-def decide(limit: Limit, found: AcceptedValue, rule: Rule, sure: float) -> Decision:
+def decide(limit: Limit, found: AcceptedValue, rule: Rule, sure: float) -> DecidedCheck:
     """Decide on a value by a rule; sure: probability of keeping a limit that PASS of a prediction needs."""
     known = found.value is not None and found.basis != "predicted"
     found = replace(found, expanded_uncertainty=(found.expanded_uncertainty or 0.0) if known else None)
     guard = GUARD * (found.expanded_uncertainty or 0.0) / COVERAGE_FACTOR if rule == "guard" else 0.0
     margin = None if found.value is None else limit.room(found.value)
     verdict, reason = _verdict(found, margin, guard, rule, sure)
-    return Decision(
+    return DecidedCheck(
         **vars(limit),
         **vars(found),
         guard=guard,

@@ -12,10 +12,10 @@ from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import weighted_quantile
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
+from hdassist.mounting.decision import GOOD
 from hdassist.mounting.positions import NO_ERROR, Choice, Position, hole_of, phase_deg, rotated
 from hdassist.preset.fields import Drive
 
-GOOD = 0.05  # loss against the best position below which a position is as good
 LEAST_TURNED_GAIN = 0.01  # of the error: a smaller one is not worth a turn
 
 

@@ -6,7 +6,7 @@ from dataclasses import asdict, fields, replace
 from math import floor, log10
 
 from hdassist.acceptance.answer import AcceptAnswer, answer_json, lot_summary, provenance
-from hdassist.acceptance.decision import GUARD, Decision
+from hdassist.acceptance.decision import GUARD, DecidedCheck
 from hdassist.acceptance.limits import Limit, LimitText
 from hdassist.acceptance.lot import Lot
 from hdassist.acceptance.predictions import Belief, Predictions
@@ -37,10 +37,10 @@ RULE_WORDS = {
     "guard": f"guard bands of {GUARD:g} u on each side of a limit",
     "simple": "simple acceptance up to a limit",
 }
-CHECK_FIGURES: Quantities[Decision | None] = tuple(  # of CSV
+CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # of CSV
     Quantity(name)
     for name in (
-        *(each.name for each in fields(Decision) if each.name not in ("unstated", "belief")),
+        *(each.name for each in fields(DecidedCheck) if each.name not in ("unstated", "belief")),
         *(f"belief.{each.name}" for each in fields(Belief)),
     )
 )
@@ -55,7 +55,7 @@ def number(value: float, limit: Limit) -> str:
     return f"{value:.{max(2, 2 - floor(log10(limit.limit)))}f}"
 
 
-def _value(check: Decision) -> str | None:
+def _value(check: DecidedCheck) -> str | None:
     """The value; of a lower bound the lower end of its interval, as `hdassist measure` shows it."""
     if check.value is None:
         return None
@@ -64,12 +64,12 @@ def _value(check: Decision) -> str | None:
     return f"≥ {number(max(0.0, check.value - (check.expanded_uncertainty or 0.0)), check)}"
 
 
-def _beside(name: str) -> Callable[[Decision], str | None]:
+def _beside(name: str) -> Callable[[DecidedCheck], str | None]:
     """A number beside the value, which a lower bound does not have."""
     return lambda d: None if (value := getattr(d, name)) is None or d.extent == "at least" else number(value, d)
 
 
-def _range(check: Decision) -> str | None:
+def _range(check: DecidedCheck) -> str | None:
     return f"{number(check.belief.p5, check)} to {number(check.belief.p95, check)}" if check.belief else None
 
 
@@ -78,7 +78,7 @@ def bound(limit: Limit) -> str:
     return f"{'≤' if limit.check.upper else '≥'} {limit.limit:.6g}"
 
 
-DECISION_COLUMNS: Quantities[Decision] = (
+DECISION_COLUMNS: Quantities[DecidedCheck] = (
     Quantity("check", "check", value=lambda d: f"{d.label}, {d.unit.replace('*', '·')}"),
     Quantity("verdict", "verdict", value=lambda d: str(d.verdict)),
     Quantity("value", "value", value=_value),
@@ -125,21 +125,21 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
     )
 
 
-def shown_checks(answer: AcceptAnswer) -> list[Decision]:
+def shown_checks(answer: AcceptAnswer) -> list[DecidedCheck]:
     """Checks of an answer, stiffnesses and torques in the unit in which options give their limit."""
     given = [LimitText.parse(text, "--limit") for text in (answer.request.limits if answer.request else ())]
     units = {each.field: each.text.lstrip("+-.0123456789 eE") for each in given}
     return [_in_unit(check, units.get(check.check.field, "")) for check in answer.checks]
 
 
-def _in_unit(check: Decision, unit: str) -> Decision:
+def _in_unit(check: DecidedCheck, unit: str) -> DecidedCheck:
     if not unit or check.belief or check.unit == "arcsec":
         return check
     size, names = convert(f"1 {unit}", check.unit), ("limit", "value", "expanded_uncertainty", "margin")
     return replace(check, unit=unit, **{name: (found := getattr(check, name)) and found / size for name in names})
 
 
-def by_severity(checks: Iterable[Decision]) -> list[Decision]:
+def by_severity(checks: Iterable[DecidedCheck]) -> list[DecidedCheck]:
     """Checks by their verdict, the worst first, and those of a verdict by their room to the limit, the least first."""
     return sorted(checks, key=lambda each: (SEVERITY.index(each.verdict), (each.margin or 0.0) / each.limit))
 
@@ -180,7 +180,7 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
     yield "next", next_ or (f"{again('accept', drive)} {first.option}" if measured else to_explain(answer.checks))
 
 
-def sentence(check: Decision) -> str:
+def sentence(check: DecidedCheck) -> str:
     """A check in words: value, uncertainty or range, limit, margin, how it is known."""
     _, _, value, spread, span, limit, margin, kept = (quantity.of(check) for quantity in DECISION_COLUMNS)
     if not value:
@@ -192,12 +192,12 @@ def sentence(check: Decision) -> str:
     )
 
 
-def is_open(check: Decision) -> bool:
+def is_open(check: DecidedCheck) -> bool:
     """Whether a prediction leaves a check open, so that measuring decides it."""
     return check.verdict == "INCONCLUSIVE" and check.basis == "predicted"
 
 
-def to_explain(checks: Iterable[Decision]) -> str:
+def to_explain(checks: Iterable[DecidedCheck]) -> str:
     """The command that explains failed checks, or measured ones that are open; empty without any."""
     codes = [each.code for each in checks if each.verdict in ("FAIL", "INCONCLUSIVE") and not is_open(each)]
     return f"hdassist explain {' '.join(dict.fromkeys(codes))}" if codes else ""

@@ -9,7 +9,8 @@ from hdassist.belief.statistics import Probability, probability_by_share
 from hdassist.json_parts import Json, attributes, unknown_objects
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_names, unknowns
-from hdassist.mounting.losses import GOOD, PositionStatistics
+from hdassist.mounting.decision import GOOD
+from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import bare, hole_of
 from hdassist.mounting.trial import Trial, Tried
 from hdassist.pages.card import CardFacts, after_trials, warnings_of

@@ -38,7 +38,7 @@ OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 FITTING_TRIALS = 3  # trials, which fit any drive: predictions of later ones are held against the drive as stated
 ENOUGH_VALUES = 6  # in positions of their own: they tell the noise as a repeat does, if they agree with the model
 FALSE_ALARM = 0.05
-WORTH = 0.01  # of the error: going back for less is not worth it
+LEAST_RETURN = 0.01  # of the error: going back for less is not worth it
 SURE_DEVIATIONS = 2.0  # standard deviations by which a value has to be worse where no sample explains it
 
 
@@ -85,7 +85,7 @@ class TrialAdvice:
             return None
         others = [trial for trial in reversed(self.trials) if trial.rotation_deg != here.rotation_deg]
         least = min(others, key=self._lost, default=here)
-        worth = WORTH if self.explained else SURE_DEVIATIONS * 2**0.5 * self.prior.rig.noise_arcsec
+        worth = LEAST_RETURN if self.explained else SURE_DEVIATIONS * 2**0.5 * self.prior.rig.noise_arcsec
         return least if self._lost(least) + worth < self._lost(here) else None
 
     def _lost(self, trial: Trial) -> float:

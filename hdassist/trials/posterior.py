@@ -30,7 +30,8 @@ from hdassist.belief.misfit import (
 )
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
-from hdassist.mounting.losses import GOOD, PositionStatistics
+from hdassist.mounting.decision import GOOD
+from hdassist.mounting.losses import PositionStatistics
 from hdassist.mounting.positions import hole_words
 from hdassist.mounting.trial import Trial
 from hdassist.trials.prior import Places, Prior
@@ -41,7 +42,7 @@ AS_TOLD = (ErrorKind(),)  # neither misfit nor another noise
 POSTERIOR_DRAWS = 2048
 WEEDED = 4096  # samples that are looked at closer
 FAR_LIKELIER = 100.0  # times as probable: a torque is taken for that at which trials were measured
-OUTCOMES = 64  # of a next trial that are looked at
+NEXT_OUTCOMES = 64  # of a next trial that are looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +160,8 @@ def next_trial(draws: Draws, losses: PositionStatistics, noise_arcsec: float, se
     Arguments: noise_arcsec, stated standard deviation of a value; seed of the outcomes that are looked at.
     """
     rng, spread = np.random.default_rng(seed), draws.noise * noise_arcsec
-    truth = rng.permutation(len(spread))[:OUTCOMES]
-    off, good = ndtri((rng.permutation(OUTCOMES) + 0.5) / OUTCOMES), (losses.losses < GOOD).astype(float)
+    truth = rng.permutation(len(spread))[:NEXT_OUTCOMES]
+    off, good = ndtri((rng.permutation(NEXT_OUTCOMES) + 0.5) / NEXT_OUTCOMES), (losses.losses < GOOD).astype(float)
     after = []
     for rotation, F_ior in zip(losses.rotations_deg, draws.F_ior_arcsec.T, strict=False):
         value = (F_ior[truth] + off * spread[truth])[:, None]

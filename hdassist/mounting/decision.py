@@ -1,0 +1,341 @@
+"""A decision among holes of the fixed wheel: expected loss, how sure it is, and what one more measured value brings.
+
+All of it is read off weighted samples of F'_ior in each hole, before any measured value or after some. An action is
+always named: a wheel has to go into some hole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from hdassist.belief.misfit import LEAST_SHOWN, MISFITS, SCALE, SMOOTH_NUMBERS, smooth_misfits
+from hdassist.belief.samples import Samples
+from hdassist.belief.statistics import Probability, effective_number, even_rows, probability_of, weighted_quantile
+from hdassist.model.deviations import standing_offset
+from hdassist.model.geometry import Array
+from hdassist.mounting.positions import NO_ERROR, Choice, Position, hole_of, phase_deg, rotated
+from hdassist.preset.fields import Drive
+from hdassist.verdict import SURE
+
+GOOD = 0.05  # loss against the best hole below which a hole is as good
+LEAST_GAIN = 0.01  # of F'_ior: a smaller one is not worth a turn, nor makes a hole better than another
+WORTH = 0.02  # of F'_ior: gain of one more value below which measuring stops
+FEWEST_VALUES = 4  # measured values before which it never stops
+
+OUTCOMES = 9  # of a further value that are looked at in each hole
+LOOKED_AT = 512  # samples by which further values are judged
+FUTURES = 32  # drives that further values are played through with
+MOST_CANDIDATES = 24  # holes that a further value may be measured in
+
+Word = Literal["TURN", "LEAVE", "BEST_BET", "ANY_HOLE"]
+
+
+@dataclass(frozen=True)
+class Action:
+    """Mounting the wheel in one hole: F'_ior [arcsec] at each torque, and how good that is beside other holes.
+
+    expected_loss against the best hole, as a share of F'_ior there; probability_good, to lose less than GOOD;
+    probability_better, to be better than staying by more than a turn has to earn; probability_kept, to keep all limits,
+    None without one.
+    """
+
+    rotation_deg: float
+    F_ior_arcsec: dict[str, tuple[float, ...]]
+    expected_loss: float
+    probability_good: float
+    probability_better: float
+    probability_kept: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """The choice among holes of the fixed wheel, over weighted samples.
+
+    rotations_deg of the holes that may be chosen; F_ior_arcsec in them, shape (torques, samples, holes), and
+    now_arcsec, at rotation 0, shape (torques, samples); sample_weights, shape (samples,), a single one where values are
+    taken as given; room_arcsec that a limit leaves F'_ior at each torque, None without a limit; cost, share of F'_ior
+    that a turn has to earn; all_alike, whether no hole can be told from another by what is known.
+    """
+
+    rotations_deg: tuple[float, ...]
+    F_ior_arcsec: Array
+    now_arcsec: Array
+    sample_weights: Array
+    room_arcsec: Sequence[float | None] = ()
+    cost: float = LEAST_GAIN
+    all_alike: bool = field(default=False, kw_only=True)
+
+    @classmethod
+    def of(
+        cls, samples: Samples, rotations_deg: tuple[float, ...], room_arcsec: Sequence[float | None] = ()
+    ) -> Decision:
+        """The decision over samples of the belief that were drawn at these rotations."""
+        columns = [samples.rotations_deg.index(each) for each in rotations_deg]
+        F_ior = np.moveaxis(samples.turned_arcsec[..., columns], 0, 1)
+        return cls(rotations_deg, F_ior, samples.F_ior_arcsec.T, samples.weights, room_arcsec)
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether probabilities are known: not so of values that are taken as given."""
+        return len(self.sample_weights) > 1
+
+    @property
+    def effective(self) -> float:
+        """Effective number of samples."""
+        return effective_number(self.sample_weights)
+
+    # Holes and F'_ior in them
+
+    def place(self, rotation_deg: float) -> int | None:
+        """Which of the holes a rotation is, None where it is none."""
+        return next((place for place, at in enumerate(self.rotations_deg) if abs(at - rotation_deg) < 1e-6), None)
+
+    @property
+    def stay(self) -> int | None:
+        """The hole that the wheel stands in, None where it may not stay there."""
+        return self.place(0.0)
+
+    def at(self, place: int | None) -> Array:
+        """F'_ior [arcsec] in one of the holes, None: at rotation 0, shape (torques, samples)."""
+        return self.now_arcsec if place is None else self.F_ior_arcsec[:, :, place]
+
+    def quantile(self, share: float, place: int | None) -> tuple[float, ...]:
+        """Percentile of F'_ior [arcsec] in a hole at each torque, by its share (0.95)."""
+        return tuple(weighted_quantile(each, self.sample_weights, share) for each in self.at(place))
+
+    def range_of(self, values: Array) -> tuple[float, float, float]:
+        """5th percentile, median and 95th percentile of values, shape (samples,)."""
+        low, middle, high = (weighted_quantile(values, self.sample_weights, share) for share in (0.05, 0.5, 0.95))
+        return low, middle, high
+
+    # How good each hole is
+
+    @cached_property
+    def losses(self) -> Array:
+        """Loss of each hole against the best one at the torque served worst, shape (samples, holes).
+
+        A share of F'_ior: of several torques that at which a hole loses most against the hole that is best for it.
+        """
+        least = np.maximum(self.F_ior_arcsec.min(axis=2, keepdims=True), NO_ERROR)
+        worst = (self.F_ior_arcsec / least).max(axis=0)
+        return np.asarray(worst / worst.min(axis=1, keepdims=True) - 1)
+
+    @cached_property
+    def expected_loss(self) -> Array:
+        """Mean of the losses, shape (holes,)."""
+        return np.average(self.losses, axis=0, weights=self.sample_weights)
+
+    @cached_property
+    def probability_good(self) -> Array:
+        """Probability of each hole to lose less than GOOD, shape (holes,)."""
+        return np.average(self.losses < GOOD, axis=0, weights=self.sample_weights)
+
+    def gains(self, place: int) -> Array:
+        """Share of F'_ior at rotation 0 that a hole takes off at the torque served worst, shape (samples,)."""
+        return np.asarray(1 - (self.at(place) / np.maximum(self.now_arcsec, NO_ERROR)).max(axis=0))
+
+    def is_better(self, place: int) -> NDArray[np.bool_]:
+        """Whether a hole is better than staying by more than a turn has to earn, shape (samples,)."""
+        return self.gains(place) > self.cost
+
+    def probability_better(self, place: int) -> float:
+        """Probability of that."""
+        return float(np.average(self.is_better(place), weights=self.sample_weights))
+
+    @cached_property
+    def probability_kept(self) -> Array | None:
+        """Probability of each hole to keep the limits at all torques that have one, shape (holes,); None without."""
+        limits = [(k, room) for k, room in enumerate(self.room_arcsec) if room is not None]
+        if not limits:
+            return None
+        kept = np.all([self.F_ior_arcsec[k] <= room for k, room in limits], axis=0)
+        return np.average(kept, axis=0, weights=self.sample_weights)
+
+    # The choice
+
+    @cached_property
+    def ranked(self) -> list[int]:
+        """Places of the holes: with a limit the likeliest to keep it first (to a hundredth), then the least loss."""
+        kept = np.zeros(len(self.rotations_deg)) if self.probability_kept is None else -self.probability_kept
+        return [int(place) for place in np.lexsort((self.expected_loss, np.round(kept, 2)))]
+
+    @property
+    def best(self) -> int:
+        """The hole to mount the wheel in; that where it stands, unless a turn is expected to earn its cost."""
+        best, stay = self.ranked[0], self.stay
+        if stay is None:
+            return best
+        kept = self.probability_kept
+        as_sure = kept is None or round(kept[stay], 2) >= round(kept[best], 2)
+        earned = self.expected_loss[stay] - self.expected_loss[best] > self.cost
+        return best if not self.all_alike and (earned or not as_sure) else stay
+
+    @property
+    def challenger(self) -> int | None:
+        """The best hole but that where the wheel stands, None where there is no other."""
+        return next((place for place in self.ranked if self.rotations_deg[place]), None)
+
+    @property
+    def outcome(self) -> NDArray[np.bool_]:
+        """Of which samples the choice is right, shape (samples,).
+
+        A turn: it is better than staying by more than it costs, or good where staying is not allowed. Staying: the best
+        other hole is not better by so much.
+        """
+        if self.stay is None:
+            return np.asarray(self.losses[:, self.best] < GOOD)
+        if self.best != self.stay:
+            return self.is_better(self.best)
+        other = self.challenger
+        return np.ones(len(self.sample_weights), bool) if other is None else ~self.is_better(other)
+
+    @property
+    def probability(self) -> Probability:
+        """Probability that the choice is right, with its Monte Carlo interval."""
+        if not self.is_sampled:
+            return Probability(*[float(self.outcome[0])] * 3)
+        return probability_of(self.outcome, self.sample_weights)
+
+    def word(self, sure: float = SURE) -> Word:
+        """The choice in a word: TURN or LEAVE where it is at least so sure, else BEST_BET; ANY_HOLE of equal ones."""
+        if self.all_alike or np.ptp(self.expected_loss) < LEAST_GAIN:
+            return "ANY_HOLE"
+        if self.probability.value < sure:
+            return "BEST_BET"
+        return "LEAVE" if self.best == self.stay else "TURN"
+
+    def action(self, place: int) -> Action:
+        """One of the holes with all that is known of it."""
+        kept = self.probability_kept
+        return Action(
+            self.rotations_deg[place],
+            {name: self.quantile(share, place) for name, share in (("p5", 0.05), ("p50", 0.5), ("p95", 0.95))},
+            float(self.expected_loss[place]), float(self.probability_good[place]), self.probability_better(place),
+            None if kept is None else float(kept[place]),
+        )  # fmt: skip
+
+    def of_torque(self, torque: int) -> Decision:
+        """The decision for one of the torques alone, by its place."""
+        room = self.room_arcsec[torque : torque + 1]
+        one = slice(torque, torque + 1)
+        return replace(self, F_ior_arcsec=self.F_ior_arcsec[one], now_arcsec=self.now_arcsec[one], room_arcsec=room)
+
+    def position(self, drive: Drive, cam_deg: float, place: int | None) -> Position:
+        """One of the holes, with its median F'_ior, of a drive whose standing offset points to cam_deg."""
+        rotation = 0.0 if place is None else self.rotations_deg[place]
+        turned = rotated(drive.with_values({standing_offset(drive)[1]: cam_deg}), rotation)
+        hole = hole_of(rotation, drive.mounting.holes)
+        return Position(rotation, phase_deg(turned), hole, self.quantile(0.5, place))
+
+    def choice(self, drive: Drive, cam_deg: float) -> Choice:
+        """The hole to choose beside the others, at the torques of the drive; cam_deg as in position."""
+        ranked = tuple(self.position(drive, cam_deg, place) for place in self.ranked)
+        current = next((p for p in ranked if not p.rotation_deg), self.position(drive, cam_deg, None))
+        chosen = self.position(drive, cam_deg, self.best)
+        return Choice(drive, tuple(drive.operation.M_g), current, chosen, bool(chosen.rotation_deg), ranked)
+
+
+# What further values bring
+
+
+@dataclass(frozen=True)
+class MeasurementValue:
+    """What further measured values are worth: the hole to measure next, and F'_ior [arcsec] that is expected.
+
+    F_ior_arcsec in the hole that would be chosen: now, after one more value, after two, and so on, at the torque of the
+    values.
+    """
+
+    rotation_deg: float
+    F_ior_arcsec: tuple[float, ...]
+
+    @property
+    def gain_arcsec(self) -> float:
+        """Expected gain of one more value [arcsec]."""
+        return self.F_ior_arcsec[0] - self.F_ior_arcsec[1]
+
+    def is_worth(self, worth: float = WORTH) -> bool:
+        """Whether one more value is expected to gain at least such a share of F'_ior."""
+        return self.gain_arcsec >= worth * self.F_ior_arcsec[0]
+
+
+def value_of_measurement(
+    decision: Decision,
+    torque: int,
+    noise_arcsec: Array,
+    *,
+    steps: int = 3,
+    first: Sequence[float] = (),
+    seed: int = 0,
+) -> MeasurementValue:
+    """The hole whose value is expected to bring most, and what that and further values bring; no nested solving.
+
+    For each hole OUTCOMES values that may be measured there reweigh the samples, and the hole of least loss is chosen
+    anew. Further values are played through with FUTURES of the samples as the true drive, each taken where it is
+    expected to bring most. Arguments: torque of the values, by its place; noise_arcsec, standard deviation of a value,
+    shape (samples,); steps, further values; first, rotations [deg] that are measured in any case before others.
+    """
+    rng = np.random.default_rng(seed)
+    rows = even_rows(decision.sample_weights, LOOKED_AT)
+    losses, noise = decision.losses[rows], noise_arcsec[rows]
+    F_ior = decision.F_ior_arcsec[torque][rows]
+    some = np.linspace(0, F_ior.shape[1], min(F_ior.shape[1], MOST_CANDIDATES), endpoint=False).astype(int)
+    off = rng.permutation(ndtri((np.arange(LOOKED_AT) + 0.5) / LOOKED_AT))
+    everywhere = F_ior[:, some].T, (F_ior + noise[:, None] * off[:, None])[:, some].T  # (candidates, samples)
+
+    def gains(weights: Array) -> Array:
+        """Expected gain of a value in each candidate [share of F'_ior], shape (candidates,)."""
+        order = np.argsort(everywhere[1], axis=1)
+        by_value = weights[order].cumsum(axis=1)
+        picked = np.array([np.searchsorted(w, (np.arange(OUTCOMES) + 0.5) / OUTCOMES * w[-1]) for w in by_value])
+        values = np.take_along_axis(everywhere[1], np.take_along_axis(order, picked, axis=1), axis=1)
+        density = np.exp(-0.5 * ((values[..., None] - everywhere[0][:, None]) / noise) ** 2) / noise * weights
+        after = density @ losses / np.maximum(density.sum(axis=2, keepdims=True), 1e-300)
+        now = int(np.argmin(weights @ losses))
+        return np.asarray((after[..., now] - after.min(axis=2)).mean(axis=1))
+
+    even = np.full(LOOKED_AT, 1 / LOOKED_AT)
+    forced = [int(np.argmin(abs((np.array(decision.rotations_deg) - r + 180) % 360 - 180))) for r in first]
+    best = forced[0] if forced else int(some[np.argmax(gains(even))])
+    expected = np.zeros(steps + 1)
+    for truth in even_rows(even, FUTURES):
+        weights = even.copy()
+        weights[truth] = 0  # the drive is none of its samples
+        expected[0] += F_ior[truth, np.argmin(weights @ losses)] / FUTURES
+        for step in range(steps):
+            place = forced[step] if step < len(forced) else best if not step else int(some[np.argmax(gains(weights))])
+            value = F_ior[truth, place] + noise[truth] * rng.standard_normal()
+            log = -0.5 * ((value - F_ior[:, place]) / noise) ** 2 - np.log(noise)
+            weights *= np.exp(log - log[weights > 0].max())
+            weights /= weights.sum()
+            expected[step + 1] += F_ior[truth, np.argmin(weights @ losses)] / FUTURES
+    return MeasurementValue(decision.rotations_deg[best], tuple(expected.tolist()))
+
+
+def as_measured(decision: Decision, number: int = LOOKED_AT, seed: int = 0) -> Decision:
+    """The decision over drives like the samples, as belief/misfit.py has them: another scale, and a smooth misfit.
+
+    Samples of a belief are drives of the model; what is measured differs from those. Where no hole can be told from
+    another, the samples stand in all directions.
+    """
+    rng = np.random.default_rng(seed)
+    rows, count = even_rows(decision.sample_weights, number), len(decision.rotations_deg)
+    whole_turn = np.allclose(decision.rotations_deg, 360 / count * np.arange(count))
+    turns = rng.integers(count, size=number) if decision.all_alike and whole_turn else np.zeros(number, int)
+    columns = (np.arange(count) + turns[:, None]) % count
+    scale, misfit = 1 + SCALE * rng.standard_normal((number, 1)), rng.choice(MISFITS, (number, 1))
+    shown = []
+    for F_ior in decision.F_ior_arcsec:
+        f = F_ior[rows[:, None], columns]
+        smooth = smooth_misfits(decision.rotations_deg, rng.standard_normal((number, SMOOTH_NUMBERS)))
+        shown.append(np.maximum(f * scale + misfit * f.mean(axis=1, keepdims=True) * smooth, LEAST_SHOWN * f))
+    every, stay = np.array(shown), decision.stay
+    now = decision.now_arcsec[:, rows] if stay is None else every[..., stay]
+    return replace(decision, F_ior_arcsec=every, now_arcsec=now, sample_weights=np.ones(number))

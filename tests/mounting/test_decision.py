@@ -1,0 +1,115 @@
+"""The decision among holes: loss, word, probability, and what one more value brings."""
+
+import numpy as np
+import pytest
+
+from hdassist.mounting.decision import Decision, as_measured, value_of_measurement
+
+
+def decision_of(*rows: list[float], weights: list[float] | None = None, torques: int = 1, **more: object) -> Decision:
+    """A decision over samples, a row each with F'_ior of its holes, the first where the wheel stands."""
+    F_ior = np.repeat(np.array(rows, dtype=float)[None], torques, axis=0)
+    rotations = tuple(360.0 * k / F_ior.shape[2] for k in range(F_ior.shape[2]))
+    return Decision(rotations, F_ior, F_ior[..., 0], np.array(weights or [1.0] * len(rows)), **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("rows", "word", "place", "probability"),
+    [
+        ([[10.0, 5.0]] * 80, "TURN", 1, 1.0),
+        ([[10.0, 5.0]] * 70 + [[10.0, 12.0]] * 10, "BEST_BET", 1, 0.875),
+        ([[10.0, 12.0]] * 70 + [[10.0, 9.0]] * 10, "BEST_BET", 0, 0.875),
+        ([[10.0, 12.0]] * 80, "LEAVE", 0, 1.0),
+        ([[10.0, 9.95]] * 80, "ANY_HOLE", 0, 1.0),  # less than a hundredth
+        ([[10.0, 9.0]] * 40 + [[9.0, 10.0]] * 40, "ANY_HOLE", 0, 0.5),
+    ],
+)
+def test_the_word_goes_by_expected_loss_and_probability(rows, word, place, probability):
+    found = decision_of(*rows)
+    assert (found.word(), found.best) == (word, place)
+    assert found.probability.value == pytest.approx(probability)
+
+
+def test_statistics_are_those_of_the_weighted_samples():
+    rng = np.random.default_rng(0)
+    rows, weights = rng.uniform(5, 15, (40, 4)), rng.uniform(0.1, 1, 40)
+    found, share = decision_of(*rows.tolist(), weights=weights.tolist()), weights / weights.sum()
+    lost = rows / rows.min(axis=1, keepdims=True) - 1
+    action = found.action(2)
+    assert action.expected_loss == pytest.approx(share @ lost[:, 2])
+    assert action.probability_good == pytest.approx(share @ (lost[:, 2] < 0.05))
+    assert action.probability_better == pytest.approx(share @ (rows[:, 2] < 0.99 * rows[:, 0]))
+    assert found.best == np.argmin(share @ lost)
+
+
+def test_of_several_torques_the_one_served_worst_decides_and_each_alone_has_its_own():
+    F_ior = np.array([[[20.0, 10.0, 12.0]], [[10.0, 12.0, 7.0]]])
+    found = Decision((0.0, 120.0, 240.0), F_ior, F_ior[..., 0], np.ones(1))
+    assert [found.of_torque(k).best for k in range(2)] == [1, 2]
+    assert found.best == 2
+    assert found.losses[0] == pytest.approx([2 / 1.2 - 1, (12 / 7) / 1.2 - 1, 0])
+
+
+def test_a_limit_makes_the_likeliest_to_keep_it_the_choice():
+    rows = [[10.0, 8.0, 9.0]] * 8 + [[10.0, 12.0, 9.0]] * 2
+    free, held = decision_of(*rows), decision_of(*rows, room_arcsec=(9.5,))
+    assert (free.best, held.best) == (1, 2)
+    assert held.probability_kept == pytest.approx([0, 0.8, 1])
+    assert decision_of(*rows, room_arcsec=(20.0,)).best == free.best  # all keep it
+
+
+def test_a_bolted_wheel_turns_only_where_that_earns_its_cost():
+    rows = [[10.0, 9.2]] * 10
+    assert [decision_of(*rows, cost=cost).best for cost in (0.01, 0.2)] == [1, 0]
+
+
+def test_where_staying_is_not_allowed_another_hole_is_the_choice():
+    F_ior = np.array([[[8.0, 9.0]] * 5])
+    found = Decision((90.0, 180.0), F_ior, np.full((1, 5), 7.0), np.ones(5))
+    assert (found.stay, found.best, found.word()) == (None, 0, "TURN")
+
+
+def test_holes_that_are_known_to_be_alike_are_any_hole_whatever_chance_drew():
+    found = decision_of(*np.random.default_rng(1).uniform(5, 15, (16, 4)).tolist(), all_alike=True)
+    assert (found.word(), found.best) == ("ANY_HOLE", 0)
+
+
+def waves(number: int = 400, seed: int = 3) -> Decision:
+    """Holes over a sine of any direction."""
+    turn = np.random.default_rng(seed).uniform(0, 2 * np.pi, (number, 1))
+    return decision_of(*(20 + 8 * np.cos(2 * np.pi * np.arange(12) / 12 - turn)).tolist())
+
+
+def test_one_more_value_brings_what_bayes_by_hand_says():
+    """Two kinds of drives of the same probability: a value in the hole that differs tells which one it is."""
+    rows = [[10.0, 8.0, 20.0]] * 50 + [[10.0, 16.0, 4.0]] * 50
+    found = value_of_measurement(decision_of(*rows), 0, np.full(100, 0.1), steps=1)
+    now = min(np.mean(rows, axis=0))  # not of the least loss: 10 in hole 0
+    least = np.argmin(decision_of(*rows).expected_loss)
+    assert found.F_ior_arcsec[0] == pytest.approx(np.mean([row[least] for row in rows]), rel=0.02)
+    assert found.F_ior_arcsec[1] == pytest.approx(6.0, rel=0.02)
+    assert found.rotation_deg in (120.0, 240.0)
+    assert now >= found.F_ior_arcsec[1]
+    noisy = value_of_measurement(decision_of(*rows), 0, np.full(100, 1e3), steps=1)
+    assert noisy.gain_arcsec == pytest.approx(0, abs=0.7)
+    assert found.is_worth() and not noisy.is_worth(0.1)
+
+
+def test_more_values_bring_more_and_less_each_time():
+    found = value_of_measurement(waves(), 0, np.full(400, 0.5), steps=3)
+    now, one, _, three = found.F_ior_arcsec
+    assert now > one > three > 12
+    assert three < 12.6  # a sine is known from three values; 12 is its least
+    first = value_of_measurement(waves(), 0, np.full(400, 0.5), steps=3, first=(0.0, 120.0, 240.0))
+    assert first.rotation_deg == 0
+    assert first.F_ior_arcsec[3] < 12.6
+
+
+def test_drives_like_the_samples_have_their_misfit_and_stand_in_all_directions():
+    still = decision_of(*[[20.0, 12.0, 20.0, 28.0]] * 4, all_alike=True)
+    shown = as_measured(still, 4000)
+    assert shown.F_ior_arcsec.mean(axis=1)[0] == pytest.approx([20] * 4, rel=0.05)
+    assert set(shown.F_ior_arcsec[0].argmin(axis=1).tolist()) == {0, 1, 2, 3}
+    turned = as_measured(decision_of(*[[20.0, 20.0, 20.0, 20.0]] * 4), 4000).F_ior_arcsec[0]
+    level = turned.mean(axis=1)
+    assert level.std() / level.mean() == pytest.approx(0.1, rel=0.25)  # scale, and what the misfit adds
