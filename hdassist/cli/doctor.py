@@ -36,16 +36,22 @@ class DoctorCommand(o.PageOptions):
     Examples:
       hdassist doctor
       hdassist doctor --json
+      hdassist doctor --empty-cache
 
     The self-test solves every state of a drive of the library, its extremes again by another solver, and compares with
     stored digits. Exit codes: 0 fine, 5 answers of this installation cannot be trusted.
     """
 
+    empty_cache: bool = False
+
     def report(self, _out: o.Output, _preset: str) -> o.Report:
         """The installation, examined."""
         from hdassist.report import Report, Table
+        from hdassist.run.cache import empty_cache
         from hdassist.terminal.output import complain
 
+        if self.empty_cache:
+            empty_cache()
         found = [*packages(), surroundings(), engine(), cache(), self_test()]
         found.sort(key=lambda each: ("broken", "note", "ok").index(each.status))
         broken = ", ".join(each.what for each in found if each.status == "broken")
@@ -89,18 +95,16 @@ def cache() -> DoctorFinding:
     """Where answers are kept, how large they are, and how to be rid of them."""
     from hashlib import sha256
 
-    from hdassist.run.cache import FOLDER, NO_CACHE, cache_folder, cached, cached_files, keep, keeps_answers
+    from hdassist.run import cache as kept
 
-    folder, key = cache_folder(), sha256(b"doctor").hexdigest()
-    keep("doctor", key, b"")
-    if cached("doctor", key) is None:
-        return DoctorFinding("cache", "note", f"{folder} can't be used: nothing is kept; {FOLDER} names another folder")
-    files = cached_files()
-    size = f"{len(files)} files, {sum(each for _, each, _ in files) / 1e6:.1f} MB"
-    found = f"{folder}, {size}; remove the folder to empty it, {FOLDER} names another one"
-    return DoctorFinding(
-        "cache", "ok", found if keeps_answers() else f"{found}; {NO_CACHE} is set: no answers are kept"
-    )
+    sizes, key = kept.cached_files(), sha256(b"doctor").hexdigest()
+    kept.keep("doctor", key, b"")
+    if kept.cached("doctor", key) is None:
+        words = kept.why_unsafe() or f"{kept.cache_folder()} can't be used"
+        return DoctorFinding("cache", "note", f"{words}: no answers are kept; {kept.FOLDER} names another folder")
+    held = f"{kept.cache_folder() / kept.OWN_FOLDER}, {len(sizes)} files, {sum(sizes) / 1e6:.1f} MB"
+    way = "--empty-cache removes them" if kept.keeps_answers() else f"{kept.NO_CACHE} is set: no answers are kept"
+    return DoctorFinding("cache", "ok", f"{held}; {kept.FOLDER} names another folder, {way}")
 
 
 def surroundings() -> DoctorFinding:

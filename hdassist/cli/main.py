@@ -80,6 +80,17 @@ def run_command_line() -> None:
         known = _as_known(error)
         complain(known)
         sys.exit(known.exit_code)
+    finally:
+        _say_of_cache()
+
+
+def _say_of_cache() -> None:
+    """Warn where the cache of a command that computes is not used, as another user could have put answers there."""
+    if "hdassist.run.cache" in sys.modules:
+        from hdassist.run.cache import FOLDER, keeps_answers, why_unsafe
+
+        if keeps_answers() and (words := why_unsafe()):
+            _say(f"warning: {words}: no answers are kept or read there; {FOLDER} names another folder")
 
 
 def _as_known(error: Exception) -> HdassistError:

@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-import stat
 import subprocess
 import sys
 from dataclasses import replace
@@ -35,7 +34,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.delenv(cache.NO_CACHE)
     monkeypatch.setitem(process.CLEAN, cache.FOLDER, str(tmp_path / "cache"))
     monkeypatch.delitem(process.CLEAN, cache.NO_CACHE)
-    return tmp_path / "cache"
+    return tmp_path / "cache" / cache.OWN_FOLDER
 
 
 @pytest.fixture
@@ -219,24 +218,11 @@ def test_nothing_is_kept_where_it_is_not_wanted(folder, monkeypatch):
     assert not list(folder.glob("samples-*"))
 
 
-def test_the_cache_is_the_users_own_and_bounded_and_the_oldest_go(folder, monkeypatch):
-    monkeypatch.setattr(cache, "MOST", 1000)
-    keys = [sha256(bytes([k])).hexdigest() for k in range(4)]
-    for k, key in enumerate(keys[:3]):
-        cache.keep("answers", key, b"x" * 200)
-        os.utime(folder / f"answers-{key[:16]}", (k, k))
-    assert cache.cached("answers", keys[0]) == b"x" * 200  # used now: no longer the oldest
-    cache.keep("answers", keys[3], b"x" * 200)
-    assert [cache.cached("answers", key) is None for key in keys] == [False, True, True, False]
-    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
-    assert not [path for path in folder.iterdir() if path.suffix]  # nothing half written
-
-
 def test_doctor_says_where_the_cache_is_how_large_and_how_to_empty_it(folder, monkeypatch):
     drawn()
     found = {each["what"]: each["found"] for each in json.loads(run("doctor", "--json").stdout)["findings"]}
     assert found["cache"].startswith(f"{folder}, ")
-    assert "MB; remove the folder to empty it" in found["cache"]
+    assert "MB; HDASSIST_CACHE names another folder, --empty-cache removes them" in found["cache"]
     monkeypatch.setitem(process.CLEAN, cache.NO_CACHE, "1")
     assert "no answers are kept" in " ".join(run("doctor").stdout.split())
     monkeypatch.setitem(process.CLEAN, cache.FOLDER, "/proc/nowhere")

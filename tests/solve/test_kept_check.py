@@ -55,7 +55,7 @@ def test_the_same_states_are_solved_again_once(again, monkeypatch):
 )
 def test_a_forged_outcome_is_not_believed(again, change, tmp_path):
     first, _ = again()
-    (path,) = tmp_path.glob("again-*")
+    (path,) = tmp_path.rglob("again-*")
     key, _, data = path.read_bytes().partition(b" ")
     data = json.dumps(json.loads(data.partition(b"\n")[2]) | change).encode()
     path.write_bytes(key + b" " + sha256(data).hexdigest().encode() + b"\n" + data)

@@ -107,7 +107,7 @@ def test_that_the_data_are_as_stated_is_kept_and_nothing_else_is_believed(formul
     anew()
     anew()
     assert len(compilations) == 1
-    (kept,) = tmp_path.iterdir()
+    (kept,) = (tmp_path / cache.OWN_FOLDER).iterdir()
     kept.write_text("something else")
     anew()
     assert len(compilations) == 2
