@@ -22,28 +22,28 @@ class Verdict(StrEnum):
 SURE = 0.95  # probability of keeping a limit from which on a verdict is PASS; FAIL up to 1 less it
 
 
-def verdict_by_probability(low: float, high: float, sure: float = SURE) -> Verdict:
-    """Verdict where the probability of keeping a limit is between two bounds (its Monte Carlo interval).
-
-    PASS where all of the interval is at least sure, FAIL where all of it is at most 1 - sure, else INCONCLUSIVE.
-    """
-    if low >= sure:
+def verdict_by_probability(kept: float, sure: float = SURE) -> Verdict:
+    """Verdict on the probability of keeping a limit: PASS from sure on, FAIL up to 1 - sure, else INCONCLUSIVE."""
+    if kept >= sure:
         return Verdict.PASS
-    return Verdict.FAIL if high <= 1 - sure else Verdict.INCONCLUSIVE
+    return Verdict.FAIL if kept <= 1 - sure else Verdict.INCONCLUSIVE
 
 
 def percent_text(value: float, low: float, high: float, needed: float | None = None) -> str:
     """A probability in per cent with its Monte Carlo interval, the ends rounded outwards: 89 % (81 to 94).
 
-    So the text never shows an interval clear of a threshold (needed, named where it is given) that it reaches over.
+    needed: probability that a verdict needs, named where it is given; one that misses it is not rounded up to it, nor
+    is one above 1 - needed rounded down to that.
     """
+    percent = f"{100 * value:.0f}"
+    if needed and verdict_by_probability(value, needed) is not verdict_by_probability(round(value, 2), needed):
+        percent = f"{(floor if value > 0.5 else ceil)(1000 * value) / 10:.1f}"
     ends = f" ({floor(round(100 * low, 6))} to {ceil(round(100 * high, 6))})" if low < high else ""
-    more = "" if needed is None else f", {100 * needed:g} % needed" + " by all of it" * bool(ends)
-    return f"{100 * value:.0f} %{ends}{more}"
+    return f"{percent} %{ends}" + ("" if needed is None else f", {100 * needed:g} % needed")
 
 
 def is_settled(low: float, high: float, sure: float = SURE) -> bool:
-    """Whether no threshold of a verdict lies within the Monte Carlo interval of a probability."""
+    """Whether no threshold of a verdict lies within the Monte Carlo interval of a probability: else more are drawn."""
     return not any(low < threshold < high for threshold in (sure, 1 - sure))
 
 

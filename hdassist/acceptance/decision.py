@@ -124,7 +124,7 @@ def _verdict(found: AcceptedValue, room: float | None, guard: float, rule: Rule,
     if room is None:
         return Verdict.INCONCLUSIVE, "neither the record nor a given value (--value) tells it"
     if belief := found.belief:
-        verdict = verdict_by_probability(belief.probability_low, belief.probability_high, sure)
+        verdict = verdict_by_probability(belief.probability, sure)
         open_ = verdict is Verdict.INCONCLUSIVE
         kept = percent_text(belief.probability, belief.probability_low, belief.probability_high, sure)
         return verdict, f"kept with a probability of {kept}" * open_

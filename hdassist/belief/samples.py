@@ -71,14 +71,14 @@ class SamplingEffort:
     """Limits of sampling: effective samples at least and at most, draws at most, and draws at a time."""
 
     effective: int = EFFECTIVE_SAMPLES
-    most_effective: int = 512
+    most_effective: int = 1024
     most_draws: int = 2048
     batch: int = 16
 
     @classmethod
     def of(cls, effective: int) -> SamplingEffort:
-        """The effort for at least so many effective samples, at most eight times as many."""
-        return cls(effective, 8 * effective, 32 * effective, min(16, effective))
+        """The effort for at least so many effective samples, at most 16 times as many."""
+        return cls(effective, 16 * effective, 32 * effective, min(16, effective))
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,8 +23,8 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
     Every state of the cycle is solved and proven. The verdict holds F'_ior with the self error (what a drive without
     deviations does over tooth and ball phase) against --limit, or else the preset's acceptance limits. All inputs that
     are not known exactly are drawn jointly, weighted by the preset's catalogue (docs/unknown.md). PASS: the limit is
-    kept with a probability of at least --sure, the error of sampling counted; FAIL: with at most 1 less that; else
-    INCONCLUSIVE. Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy answer, 6 INCONCLUSIVE.
+    kept with a probability of at least --sure; FAIL: with at most 1 less that; else INCONCLUSIVE.
+    Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy answer, 6 INCONCLUSIVE.
     """
 
     presets: list[str]

@@ -24,7 +24,7 @@ from hdassist.preset.fields import Drive
 from hdassist.preset.kinds import UNKNOWN
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.verdict import Verdict, verdict_by_probability
+from hdassist.verdict import SURE
 
 DRAWN_PAIRS = 64
 LEAST_EFFECTIVE = 0.5  # of the pairs: where fewer agree with the evidence on the second drive, samples are independent
@@ -60,7 +60,7 @@ class DrivePairs:
             # once over the samples of each drive: of so many that chance alone could make it otherwise
             marginals = [(self.weights.sum(1 - k), (self.weights * inside).sum(1 - k)) for k in self.sampled]
             found = [probability_of(hits / np.maximum(of, LEAST_WEIGHT), of) for of, hits in marginals]
-            if all(verdict_by_probability(each.low, each.high) is Verdict.PASS for each in found) and inside.any():
+            if all(each.low >= SURE for each in found) and inside.any():
                 return sense
         return UNKNOWN
 

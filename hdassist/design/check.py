@@ -101,14 +101,11 @@ class OperatingPoint:
 
     @property
     def verdict(self) -> Verdict:
-        """PASS or FAIL where the probability of keeping the limit is clear of its threshold, else INCONCLUSIVE.
-
-        Where all is known by the value alone; NO_LIMIT without a limit.
-        """
+        """Verdict on the probability of keeping the limit; where all is known, on the value; NO_LIMIT without one."""
         if self.limit_arcsec is None:
             return Verdict.NO_LIMIT
         if found := self.probability:
-            return verdict_by_probability(found.low, found.high, self.sure)
+            return verdict_by_probability(found.value, self.sure)
         if self.F_ior_upper_arcsec is None:
             return Verdict.INCONCLUSIVE
         return Verdict.PASS if self.F_ior_upper_arcsec <= self.limit_arcsec else Verdict.FAIL

@@ -125,10 +125,10 @@ class Advice:
             return self.order_corrected
         if self.gain_probability is None:
             return "turn" if self.gain > LEAST_TURNED_GAIN else "leave"
-        verdict = verdict_by_probability(self.gain_probability.low, self.gain_probability.high, self.needed)
+        verdict = verdict_by_probability(self.gain_probability.value, self.needed)
         if verdict is Verdict.PASS and self.positions and self.positions.chosen[0]:
             return "turn"
-        stays = self.stay_probability is not None and self.stay_probability.low >= self.needed
+        stays = self.stay_probability is not None and self.stay_probability.value >= self.needed
         return "leave" if verdict is Verdict.FAIL or stays else "none"
 
     @cached_property

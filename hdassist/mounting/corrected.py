@@ -34,11 +34,11 @@ class CorrectedPositions:
         """Order by what is left: turn or leave, each with the probability that is needed, else none."""
         if not (gain := self.gain_probability):
             return "none"
-        if verdict_by_probability(gain.low, gain.high, needed) is Verdict.PASS:
+        if verdict_by_probability(gain.value, needed) is Verdict.PASS:
             return "turn"
         better = [self._is_better(at, self.least, self.most) for at, turn in enumerate(self.most.rotations_deg) if turn]
         found = self._probability(np.any(better, axis=0))
-        return "leave" if verdict_by_probability(found.low, found.high, needed) is Verdict.FAIL else "none"
+        return "leave" if verdict_by_probability(found.value, needed) is Verdict.FAIL else "none"
 
     @staticmethod
     def _is_better(place: int, there: PositionStatistics, now: PositionStatistics) -> NDArray[np.bool_]:

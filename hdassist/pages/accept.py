@@ -11,7 +11,6 @@ from hdassist.acceptance.limits import Limit, LimitText
 from hdassist.acceptance.lot import Lot
 from hdassist.acceptance.predictions import Belief, Predictions
 from hdassist.acceptance.replay import answer_differences
-from hdassist.belief.statistics import Probability
 from hdassist.errors import DataError
 from hdassist.json_parts import attributes
 from hdassist.pages.check import fitted_words
@@ -23,12 +22,9 @@ from hdassist.terminal.answers import csv_text, together
 from hdassist.terminal.wheels import WHEEL_WORDS
 from hdassist.terminal.words import (
     again,
-    draws_to_settle,
     influence_words,
     measure_words,
-    more_draws,
     samples_words,
-    settling_words,
 )
 from hdassist.verdict import SEVERITY, percent_text, worst_exit_code
 from hdassist.version import __version__
@@ -163,21 +159,15 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
 
 def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[Fact]:
     """Largest influences, the next measurement, remarks and the next command, a label and a text each."""
-    next_ = ""
-    if predictions and (samples := predictions.samples):
+    if predictions and predictions.samples:
         if (least := predictions.least_sure) and predictions.influences:
             yield "influence", f"{influence_words(predictions.influences)} at {least.M_g_Nm:g} N·m"
-        beliefs = [each.belief for each in answer.checks if each.belief]
-        odds = [Probability(b.probability, b.probability_low, b.probability_high) for b in beliefs]
-        words = settling_words(measure_words(predictions.to_measure, held=True), odds, predictions.sure, samples)
-        yield "measure", words
-        if words == more_draws(samples):
-            next_ = again("accept", drive, "--draws", str(draws_to_settle(samples)))
+        yield "measure", measure_words(predictions.to_measure, held=True)
     codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
     yield "remarks", f"hdassist explain {codes}" if codes else ""
     first = by_severity(answer.checks)[0]
     measured = first.basis == "predicted" and first.verdict != "FAIL"
-    yield "next", next_ or (f"{again('accept', drive)} {first.option}" if measured else to_explain(answer.checks))
+    yield "next", f"{again('accept', drive)} {first.option}" if measured else to_explain(answer.checks)
 
 
 def sentence(check: DecidedCheck) -> str:

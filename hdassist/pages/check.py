@@ -29,7 +29,6 @@ from hdassist.terminal.words import (
     measure_words,
     probability_words,
     samples_words,
-    settling_words,
     thousands,
 )
 from hdassist.verdict import Verdict
@@ -162,9 +161,7 @@ def _facts(check: DesignCheck) -> Iterator[Fact]:
     least_sure = check.points[check.least_sure]
     at = f" at {least_sure.M_g:g} N·m"
     yield "influence", influence_words(check.influences) + at if check.influences else ""
-    measured = measure_words(check.to_measure, least_sure.limit_arcsec is not None)
-    odds = [point.probability for point in check.points]
-    yield "measure", settling_words(measured, odds, least_sure.sure, check.samples)
+    yield "measure", measure_words(check.to_measure, least_sure.limit_arcsec is not None)
     if tuple(_undrawn(check)):
         yield "measure", again("accept", check.drive, "--measured", f"{least_sure.M_g:g}=FILE")
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"

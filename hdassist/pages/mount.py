@@ -37,10 +37,8 @@ from hdassist.terminal.words import (
     again,
     influence_words,
     measure_words,
-    more_draws,
     probability_words,
     samples_words,
-    settling_words,
 )
 from hdassist.verdict import Verdict
 
@@ -119,8 +117,6 @@ def what_to_do(advice: Advice) -> str:
             f"a turn of the {fixed} gains with {probability_words(found, advice.needed)}; "
             f"the best bet is {hole_place(advice.chosen)}"
         )
-        if advice.samples and _measure(advice) == (by_chance := more_draws(advice.samples)):
-            return f"No order: {why}; {by_chance}"
     else:
         why = f"what is not known ({fields}) could reverse it"
     where = f"at {min(advice.curve.torques, key=abs):g} N·m in {', '.join(map(hole_place, advice.to_try))}"
@@ -183,8 +179,7 @@ def _measure(advice: Advice) -> str:
     """Measurements where no order is given, or more samples; empty where any hole may be the best one."""
     if advice.order != "none" or advice.any_hole or not advice.gain_probability:
         return ""
-    words = measure_words(advice.to_measure, True, advice.curve.holes)
-    return settling_words(words, [advice.gain_probability], advice.needed, advice.samples)
+    return measure_words(advice.to_measure, True, advice.curve.holes)
 
 
 def position_curves(advice: Advice, limits: Sequence[float | None] | None = None) -> Iterator[Curve]:

@@ -12,7 +12,7 @@ from hdassist.model.unknown import unknown_names, unknowns
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import unit_of
 from hdassist.textfile import STDIN
-from hdassist.verdict import Verdict, is_settled, percent_text, verdict_by_probability
+from hdassist.verdict import Verdict, percent_text
 
 if TYPE_CHECKING:
     from hdassist.belief.influence import Influence
@@ -160,15 +160,6 @@ def more_draws(samples: Samples) -> str:
 def draws_to_settle(samples: Samples) -> int:
     """Effective samples that halve the interval of a probability."""
     return MORE_DRAWS * round(samples.effective)
-
-
-def settling_words(measured: str, found: Sequence[Probability | None], needed: float, samples: Samples | None) -> str:
-    """Measurements that settle verdicts on probabilities, in words; more samples where chance alone leaves all open."""
-    known = [each for each in found if each]
-    by_value = {verdict_by_probability(each.value, each.value, needed) for each in known}
-    if samples is None or Verdict.INCONCLUSIVE in by_value:
-        return measured
-    return measured if all(is_settled(each.low, each.high, needed) for each in known) else more_draws(samples)
 
 
 def samples_words(samples: Samples) -> str:

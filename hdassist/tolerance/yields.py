@@ -20,7 +20,7 @@ from scipy.stats import betabinom
 from hdassist.belief.statistics import Probability, effective_number, probability_by_share, weighted_quantile
 from hdassist.model.geometry import Array
 from hdassist.tolerance.production import RandomDrive
-from hdassist.verdict import SURE, Verdict, verdict_by_probability
+from hdassist.verdict import SURE, Verdict, is_settled, verdict_by_probability
 
 MEANS = np.sin(np.pi / 2 * (np.arange(48) + 0.5) / 48) ** 2  # of yields: middles of Jeffreys' prior
 CONCENTRATIONS = np.geomspace(0.1, 200, 12)  # from "all or none" to nearly one yield of all designs
@@ -195,13 +195,17 @@ class Summary:
 
     @property
     def verdict(self) -> Verdict:
-        """Verdict on the probability that the yield is the wanted one, with the wheel turned where it may be."""
+        """Verdict on the probability that the yield is the wanted one, with the wheel turned where it may be.
+
+        Designs are as many as were asked for, and are not drawn further: INCONCLUSIVE where they are too few for one.
+        """
         if self.wanted is None or not self.has_limit:
             return Verdict.NO_LIMIT
         if not self.count:
             return Verdict.INCONCLUSIVE
         found = [self.yield_of(True, refused_pass=good).probability(self.wanted) for good in (False, True)]
-        return verdict_by_probability(found[0].low, found[1].high, self.sure)
+        settled = is_settled(found[0].low, found[1].high, self.sure)
+        return verdict_by_probability(found[0].value, self.sure) if settled else Verdict.INCONCLUSIVE
 
     def percentile(self, F_ior: Sequence[float], share: float) -> Percentile:
         """Percentile of F'_ior [arcsec] of the drives; drives of a design are no independent ones in its interval."""

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import io
 import shlex
-from unittest import mock
 
 import pytest
 from typer.main import get_command
 
 from hdassist.belief.influence import Influence
-from hdassist.belief.statistics import Probability
 from hdassist.cli.commands import COMMANDS
 from hdassist.cli.main import app
 from hdassist.commands.check import CheckCommand
@@ -26,10 +24,8 @@ from hdassist.terminal.words import (
     TAKEN_OVER,
     again,
     influence_words,
-    more_draws,
     on_what,
     proof,
-    settling_words,
 )
 from hdassist.verdict import Verdict
 from tests.process import SMALL, run
@@ -113,13 +109,6 @@ def test_options_are_taken_over_by_the_commands_that_have_them():
 def test_an_option_that_is_given_takes_the_place_of_the_one_that_was_asked():
     drive = load_preset("vzp160", (), (("draws", "8"), ("seed", "3")))
     assert again("check", drive, "--draws", "32") == "hdassist check vzp160 --seed=3 --draws 32"
-
-
-@pytest.mark.parametrize(("second", "by_chance"), [((0.9, 0.7, 0.99), True), ((0.7, 0.58, 0.79), False)])
-def test_more_samples_are_asked_for_only_where_they_settle_every_verdict(second, by_chance):
-    samples = mock.Mock(effective=64.0)
-    found = settling_words("a measurement", [Probability(0.84, 0.75, 0.91), Probability(*second)], 0.8, samples)
-    assert found == (more_draws(samples) if by_chance else "a measurement")
 
 
 def test_the_proof_in_a_line():
