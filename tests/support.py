@@ -19,6 +19,10 @@ from hdassist.solve.certificate import TOLERANCE, displacements, residuals
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
 
+PROVEN = (
+    1e-6  # arcsec between two solutions of a state: residuals up to TOLERANCE = 1e-8 of a wind-up of some 100 arcsec
+)
+
 COMPILER = shutil.which(os.environ.get("CC", "cc"))
 HAS_COMPILER = COMPILER and subprocess.run([COMPILER, "--version"], capture_output=True, check=False).returncode == 0
 
@@ -41,6 +45,11 @@ def delta_p_of(drive: Drive, system: ContactSystem, states: States, teeth: Tooth
 def compliance(system: ContactSystem) -> Array:
     """Compliance [mm/N] between candidates, shape (M, M)."""
     return system.compliance[np.ix_(system.place, system.place)] + np.diag(system.local)
+
+
+def rounding(terms: int, size: float = 1.0) -> float:
+    """Most by which two orders of adding terms differ whose sizes add up to size: n - 1 additions each way."""
+    return 2 * terms * float(np.finfo(float).eps) * size
 
 
 def load_case(formulation: Formulation, torque: float, like: LoadCase | None = None, **options: Any) -> LoadCase:

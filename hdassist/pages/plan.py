@@ -51,7 +51,10 @@ def plan_report(choice: PlanChoice) -> Report:
         F_ior = belief.p5, belief.p50, belief.p95
     names = " or a ".join(each.plan.name for each in choice.enough)
     how = {Verdict.PASS: "will do", Verdict.FAIL: "will not do"}.get(choice.verdict, "may do")
-    answer = f"{first.name if choice.asked else names or 'any of these tests'} {how}"
+    unsure = " or a ".join(each.plan.name for each in choice.judged if each.verdict is Verdict.INCONCLUSIVE)
+    answer = f"{first.name if choice.asked else names or unsure} {how}"
+    if not choice.asked and choice.verdict is Verdict.FAIL:
+        answer = "none of these tests will do"
     origin = drive.origin
     is_open = any(each.verdict is Verdict.INCONCLUSIVE for each in choice.judged)
     lines = [line for line in choice.lines if not line.seen_as and line.variance_share >= _LARGE_LINE]

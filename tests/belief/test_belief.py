@@ -27,6 +27,7 @@ from hdassist.errors import UntrustedError
 from hdassist.run.run import Run
 from hdassist.verdict import Verdict, is_settled, percent_text, verdict_by_probability
 from tests.process import TINY
+from tests.support import PROVEN
 
 C_3 = "source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}"
 J_N = "source.gears.j_n={kind: assumed, range: [16, 20], ref: judged}"
@@ -85,7 +86,7 @@ def test_an_uncertain_value_is_spread_as_far_as_its_field_goes():
 def test_of_more_draws_the_first_are_the_same_and_each_field_fills_its_range():
     prior = prior_of(tiny(C_3, J_N, "tolerances.e_b=unknown"))
     many = prior.shares(512, seed=3)
-    assert np.array_equal(prior.shares(20, seed=3), many[:20])
+    assert np.array_equal(prior.shares(20, seed=3), many[:20])  # integers over a power of 2
     assert not np.array_equal(prior.shares(20, seed=4), many[:20])
     cells = np.sort((many * 512).astype(int), axis=0)  # one draw in each 512th of every range
     assert np.array_equal(cells, np.tile(np.arange(512)[:, None], many.shape[1]))
@@ -155,7 +156,7 @@ def test_samples_are_the_same_from_any_number_of_workers_and_the_first_of_more()
     with ThreadPoolExecutor(2) as executor:
         more = draw_samples(prior, (4.0,), effort=replace(FEW, effective=16), run=Run(executor, solved.append, seed=2))
     assert (few.draws, more.draws, few.effective) == (8, 16, pytest.approx(8))
-    assert np.array_equal(more.F_ior_arcsec[:8], few.F_ior_arcsec)
+    assert more.F_ior_arcsec[:8] == pytest.approx(few.F_ior_arcsec, abs=PROVEN)
     assert sum(solved) == more.certificate.states
     assert more.certificate.max_residual <= 1e-8
 

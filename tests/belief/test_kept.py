@@ -57,6 +57,7 @@ def kept_file(folder):
 
 
 def same(first, other):
+    # read back, or drawn again by the same arithmetic
     arrays = ("shares", "F_ior_arcsec", "weights", "turned_arcsec")
     assert all(np.array_equal(getattr(first, name), getattr(other, name)) for name in arrays)
     assert first.figures.keys() == other.figures.keys()

@@ -32,7 +32,7 @@ def test_a_proposal_draws_by_its_density():
     found = Proposal(1, (0.5, 0.5, 1.0, 2.0))
     shares = np.stack([np.zeros(4000), (np.arange(4000) + 0.5) / 4000, np.ones(4000)], axis=1)
     moved, density = found.drawn(shares)
-    assert np.array_equal(moved[:, [0, 2]], shares[:, [0, 2]])
+    assert np.array_equal(moved[:, [0, 2]], shares[:, [0, 2]])  # left alone
     assert np.histogram(moved[:, 1], 4, (0, 1))[0] == pytest.approx([500, 500, 1000, 2000], abs=2)
     assert np.array_equal(density, np.repeat([0.5, 0.5, 1.0, 2.0], [500, 500, 1000, 2000]))
     # the mean of any function is that of the prior: a draw counts one over its density

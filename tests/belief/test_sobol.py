@@ -10,16 +10,34 @@ from scipy.stats import qmc
 from hdassist.belief import sobol
 
 
-@pytest.mark.parametrize(("count", "dimensions", "seed"), [(64, 1, 0), (100, 7, 3), (1, 4, 1), (2048, 40, 2)])
-def test_points_are_those_of_scipy_to_the_last_digit(count, dimensions, seed):
-    theirs = qmc.Sobol(dimensions, rng=np.random.default_rng(seed)).random_base2(max(count - 1, 1).bit_length())
-    assert np.array_equal(sobol.sobol_points(count, dimensions, seed), theirs[:count])
+def digits(points):
+    """Digits of points after the one at the place of the first, shape (points, dimensions): without the shift."""
+    numbers = (points * 2**30).astype(np.uint32)
+    return numbers ^ numbers[0]
 
 
-def test_points_are_the_same_where_scipy_keeps_its_numbers_elsewhere(monkeypatch, tmp_path):
-    ours = sobol.sobol_points(20, 5, 4)
+def require_scrambled(points, dimensions):
+    """A scrambling by a lower triangular matrix with ones on its diagonal, and a shift, of the sequence as it is."""
+    plain = digits(qmc.Sobol(dimensions, scramble=False).random_base2(max(len(points) - 1, 1).bit_length()))
+    ours, plain = digits(points), plain[: len(points)]
+    assert np.array_equal(np.frexp(ours)[1], np.frexp(plain)[1])  # the first digit that is not 0 stays
+    for first in range(1, len(points), 7):  # linear: sums without carry of points stay sums
+        for second in range(first, len(points), 11):
+            both = np.flatnonzero((plain == plain[first] ^ plain[second]).all(axis=1))
+            assert np.array_equal(ours[both], np.tile(ours[first] ^ ours[second], (len(both), 1)))
+
+
+@pytest.mark.parametrize(("count", "dimensions", "seed"), [(64, 1, 0), (100, 7, 3), (1, 4, 1), (256, 40, 2)])
+def test_points_are_a_scrambled_sequence_of_sobol(count, dimensions, seed):
+    """Whatever scipy's version: how it draws the scrambling is its own affair."""
+    points = sobol.sobol_points(count, dimensions, seed)
+    require_scrambled(points, dimensions)
+    assert not np.array_equal(points, sobol.sobol_points(count, dimensions, seed + 1))
+
+
+def test_points_are_drawn_where_scipy_keeps_its_numbers_elsewhere(monkeypatch, tmp_path):
     monkeypatch.setattr(sobol, "DIRECTION_NUMBERS", tmp_path / "none.npz")
-    assert np.array_equal(sobol.sobol_points(20, 5, 4), ours)
+    require_scrambled(sobol.sobol_points(20, 5, 4), 5)
 
 
 def test_the_shares_of_a_prior_import_no_scipy_stats():

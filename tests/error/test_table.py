@@ -98,7 +98,7 @@ def test_harmonics_and_a_run_out_are_slopes(small: Drive, table: ErrorTable) -> 
 
 def test_all_deviations_reversed_are_half_a_turn(table: ErrorTable) -> None:
     error = table.error.ravel()
-    assert np.array_equal(error, error[::-1], equal_nan=True)
+    assert np.array_equal(error, error[::-1], equal_nan=True)  # half of them are copies
 
 
 def test_a_state_that_cannot_be_trusted_is_named_by_its_deviations(small: Drive) -> None:

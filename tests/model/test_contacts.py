@@ -8,7 +8,7 @@ import pytest
 from hdassist.model.contacts import FREEDOMS, ROTATION, ContactSystems, contact_system
 from hdassist.model.geometry import Flanks, Geometry
 from hdassist.solve.answers import ARCSEC
-from tests.support import changed, compliance, solve_state
+from tests.support import changed, compliance, rounding, solve_state
 
 ALPHA, LEVER, C_TOOTH = np.radians(25), 82.0, 2e-5
 
@@ -106,7 +106,8 @@ def test_system_is_positive_definite_and_reciprocal(reference):
         system = contact_system(drive)
         held = system.supported
         H = compliance(system) + (system.G[:, held] / system.C[held]) @ system.G[:, held].T
-        assert np.array_equal(compliance(system), compliance(system).T)
+        D = compliance(system)
+        assert np.abs(D - D.T).max() <= rounding(2 * reference.numerics.n_max, D.max())
         assert np.linalg.eigvalsh(H)[0] > 0
 
 
@@ -119,5 +120,5 @@ def test_teeth_and_balls_stand_at_their_phases(reference):
         assert system.deviation_map.shape == (len(system.delta_p), 12)
         alone = contact_system(reference, tau, beta)
         for part in ("compliance", "local", "G", "delta_p", "deviation_map"):
-            assert np.array_equal(getattr(system, part), getattr(alone, part))
+            assert np.array_equal(getattr(system, part), getattr(alone, part))  # the same functions of the same phases
     assert contact_system(changed(reference, bearing__beta=0.4)).ball_theta[0] == pytest.approx(2 * np.pi * 0.4 / 24)

@@ -5,7 +5,7 @@ import pytest
 
 from hdassist.model.contacts import contact_system
 from hdassist.model.face import Face
-from tests.support import changed, compliance, solve_state
+from tests.support import changed, compliance, rounding, solve_state
 
 FLAT = 1e9  # mm, length of a shell that does not cone
 
@@ -38,7 +38,7 @@ def test_stations_stand_off_by_what_the_wave_has_fallen(reference):
     whole, system = contact_system(reference), contact_system(coned(reference, 3))
     here, there = whole.flanks, system.flanks
     for name in ("tooth", "zone", "side", "theta", "alpha", "h_c"):
-        assert np.array_equal(getattr(there, name), np.repeat(getattr(here, name), 3))
+        assert np.array_equal(getattr(there, name), np.repeat(getattr(here, name), 3))  # copies
     off = (system.delta_p[: system.n_flanks] - whole.delta_p[: whole.n_flanks].repeat(3)).reshape(-1, 3)
     edges = 32 * (14 ** (np.arange(4) / 3) - 1) / 13  # each strip wider than the one before by the cube root of 14
     middles = (edges[1:] + edges[:-1]) / 2
@@ -50,7 +50,7 @@ def test_stations_stand_off_by_what_the_wave_has_fallen(reference):
     after = (here.side == 1) & (here.tooth == 3)
     assert off[before][0, 1] > 1.1 * off[on_axis][0, 1]
     assert off[after][0, 1] < 0.9 * off[on_axis][0, 1]
-    # beyond the flanks nothing changes
+    # beyond the flanks nothing changes: the same functions of the same numbers
     assert np.array_equal(system.delta_p[system.n_flanks :], whole.delta_p[whole.n_flanks :])
 
 
@@ -88,5 +88,6 @@ def test_positive_definite_and_reciprocal(reference):
     system = contact_system(coned(reference, 4))
     held = system.supported
     H = compliance(system) + (system.G[:, held] / system.C[held]) @ system.G[:, held].T
-    assert np.array_equal(compliance(system), compliance(system).T)
+    D = compliance(system)
+    assert np.abs(D - D.T).max() <= rounding(2 * reference.numerics.n_max, D.max())
     assert np.linalg.eigvalsh(H)[0] >= 0.999 * reference.contact.c_bore

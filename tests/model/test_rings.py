@@ -6,7 +6,7 @@ import pytest
 from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Geometry
 from hdassist.model.rings import flexspline_ring, outer_ring, plain_ring, shell_twist_stiffness
-from tests.support import changed, compliance
+from tests.support import changed, compliance, rounding
 
 E, I, R = 2.06e5, 128.0, 76.0
 
@@ -79,7 +79,7 @@ def test_shell_alone_is_a_thin_tube(reference):
 def test_compliance_is_reciprocal_and_positive(reference):
     for drive in (reference, changed(reference, numerics__n_2=24, bearing__beta=0.3)):
         D = compliance(contact_system(drive))
-        assert np.array_equal(D, D.T)
+        assert np.abs(D - D.T).max() <= rounding(2 * reference.numerics.n_max, D.max())
         assert np.linalg.eigvalsh(D)[0] >= 0.999 * min(drive.contact.c_bore, drive.contact.c_t, drive.contact.c_ball)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,20 @@ def test_with_a_limit_the_page_has_wrong_verdicts_and_fits_a_screen():
 def test_what_chance_leaves_open_asks_for_more_samples():
     page = run("plan", TINY, *OPEN, "--torque", "4", "--limit", "2102", "--no-plot").stdout
     assert "open  no measurement, more samples settle it: --draws " in page
+
+
+@pytest.mark.parametrize(
+    ("limit", "noise", "last", "answer"),
+    [
+        ("2060", "30", "open", "record of 10 cam turns may do"),
+        ("2040", "80", "no", "none of these tests will do"),
+    ],
+)
+def test_the_first_line_names_no_test_whose_row_says_no(limit, noise, last, answer):
+    page = run("plan", TINY, *OPEN, "--torque", "4", "--limit", limit, "--noise", noise, "--no-plot")
+    assert page.stdout.splitlines()[0] == f"tiny, test at 4 N·m against {limit}″: {answer}"
+    rows = re.findall(r"^(12 positions|record of .*?)  .* (yes|open|no) ", page.stdout, re.M)
+    assert dict(rows) == {"12 positions": "no", "record of 1 cam turn": "no", "record of 10 cam turns": last}
 
 
 def test_of_a_drive_without_error_all_is_seen():

@@ -162,7 +162,7 @@ def test_expansion_counts_where_parts_are_not_as_warm_as_each_other(reference):
     # half the growth at twice the difference of temperatures is the same drive
     assert heavy(changed(twice, material__alpha_T=11.5e-6 / 2)) == pytest.approx(heavy(steel), abs=1e-9)
     assert heavy(changed(steel, material__alpha_T=23e-6)) < heavy(steel) - 5
-    assert heavy(changed(reference, material__alpha_T=23e-6)) == heavy(reference)
+    assert heavy(changed(reference, material__alpha_T=23e-6)) == heavy(reference)  # times 0
 
 
 @pytest.mark.moves("bearing.d_ball")
@@ -196,7 +196,7 @@ def test_a_stiffer_face_twists_less_where_flanks_are_coned(reference):
     soft, stiff = (changed(coned, contact__k_face=k) for k in (6.8, 10.0))
     assert light(soft) - light(stiff) > 2.8
     assert heavy(soft) - heavy(stiff) > 4
-    # it takes the place of c_t, and the other way round
+    # it takes the place of c_t, and the other way round: a number that is not read
     assert heavy(changed(coned, contact__c_t=4e-5)) == heavy(coned)
     assert heavy(changed(reference, contact__k_face=6.8)) == heavy(reference)
 

@@ -56,7 +56,7 @@ asked = {{"states": states, "run": Run(cross_check="CLARABEL")}}
 here = kinematic_error(drive, 4.0, **asked)
 with workers(1) as executor:
     there = executor.submit(kinematic_error, drive, 4.0, **asked).result()
-print(np.array_equal(here.rotation_arcsec, there.rotation_arcsec))
+print(np.array_equal(here.rotation_arcsec, there.rotation_arcsec))  # the same instructions on the same numbers
 """
 
 

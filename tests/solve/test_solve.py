@@ -323,7 +323,7 @@ def test_the_sample_of_the_cross_check_is_seeded(reference):
     one, same, other = (
         kinematic_error(reference, 80, states=states, run=Run(seed=seed)).cross_check for seed in (1, 1, 2)
     )
-    assert one == same
+    assert one == same  # the same instructions on the same numbers
     assert 3 <= one.states <= 5
     assert len({one.states, other.states}) == 2 or one.max_difference_arcsec != other.max_difference_arcsec
 

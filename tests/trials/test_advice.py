@@ -33,7 +33,7 @@ from hdassist.trials.posterior import (
 from hdassist.trials.prior import Rig, TrialEffort
 from hdassist.verdict import SURE
 from tests.process import ASSUMED, SMALL, TINY
-from tests.support import changed
+from tests.support import PROVEN, changed
 from tests.trials.drives import (
     COARSE_MESH,
     M_G,
@@ -322,6 +322,6 @@ def test_measured_errors_in_three_holes_mean_the_same_to_check_and_mount_as_to_t
         assert found.quantile(0.5, place) == pytest.approx(losses.quantile(0.5, there), rel=0.1)
     # F'_ior as mounted is that which was measured, and the same with fewer positions asked for
     fewer = draw(effort=SamplingEffort(1, 1, 16, 16)).F_ior_arcsec
-    assert np.array_equal(fewer, samples.F_ior_arcsec[: len(fewer)])
-    assert np.array_equal(samples.F_ior_arcsec[:, 0], samples.turned_arcsec[:, 0, 0])
+    assert fewer == pytest.approx(samples.F_ior_arcsec[: len(fewer)], abs=PROVEN)
+    assert samples.F_ior_arcsec[:, 0] == pytest.approx(samples.turned_arcsec[:, 0, 0], abs=PROVEN)
     assert samples.percentile(0.05, 0) < values[0] < samples.percentile(0.95, 0)
