@@ -20,7 +20,7 @@ STIFFNESS = "catalogue.K"
 FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
 FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
 ASSUMED_CLASSES = (7, 8)  # of ISO 1328-1: that of the value of F'_i, and that of the upper end of its range
-# only where the drive to be like gives them; else left to their defaults
+# only where the drive to be like gives them, and not as 0; else left to their defaults
 WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING_FIELDS)
 SIMILAR_WORDS = {
     "same": "as {like}",
@@ -113,7 +113,7 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
         "gears.m": SimilarValue(m, size.kind, f"{d:.6g} mm / {teeth.value} teeth; {size.ref}"),
     }
     for path, law in LAWS.items():
-        optional = path in WHERE_GIVEN and path not in given
+        optional = path in WHERE_GIVEN and not (path in given and like.value(path))
         if like.value(path) is not None and path != like.unused_tooth_field and not optional:
             entries[path] = _scaled(like, path, law, s, m, stiffer)
     entries |= _shifts(like, entries, d) | _tolerances(d, m)

@@ -46,7 +46,7 @@ def test_the_short_page_fits_a_screen_and_ends_in_a_command():
 @pytest.mark.parametrize(
     ("args", "verdict", "reason"),
     [
-        (("vzp160",), "no limit set", "F'_ior, ″: median and range over 9 uncertain inputs (9 others as fitted)"),
+        (("vzp160",), "no limit set", "F'_ior, ″: median and range over 7 uncertain inputs (9 others as fitted)"),
         (("mvz-80", "--limit", "20"), "INCONCLUSIVE", "10 N·m: F'_ior + self error ≤ 20″: "),
     ],
 )

@@ -60,9 +60,9 @@ def test_a_range_that_is_none_or_that_no_drive_may_have_is_left_out(ends):
 
 
 def test_a_difference_of_temperatures_may_be_any_of_its_range():
-    (found,) = (a for a in assumptions(load_preset("vzp160")) if a.path == "operation.dT")
+    (found,) = (a for a in assumptions(load_preset("size-17-100")) if a.path == "operation.dT")
     assert (found.low, found.high) == (-5, 15)
     said = "source.operation.dT={kind: assumed, range: [-2 K, 8 K], ref: thermometer}"
-    (narrow,) = (a for a in assumptions(load_preset("vzp160", [said])) if a.path == "operation.dT")
+    (narrow,) = (a for a in assumptions(load_preset("size-17-100", [said])) if a.path == "operation.dT")
     assert (narrow.low, narrow.high, narrow.reason) == (-2, 8, "thermometer")
-    assert "operation.dT" not in {a.path for a in assumptions(load_preset("vzp160", ["operation.dT=5 K"]))}
+    assert "operation.dT" not in {a.path for a in assumptions(load_preset("size-17-100", ["operation.dT=5 K"]))}

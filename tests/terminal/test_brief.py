@@ -119,7 +119,7 @@ def test_the_proof_in_a_line():
 
 
 def test_ranges_that_are_not_weighed_are_those_of_assumed_values_and_of_what_is_left_to_a_default():
-    drive = load_preset("vzp160")
+    drive = load_preset("size-17-100")
     ranges = {path for path, source in drive.source.items() if source.kind == "assumed" and source.range}
     ranges = ranges - {drive.unused_tooth_field} | {"operation.dT"}  # which the preset leaves out
     told = f"the ranges of {len(ranges)} values are not weighed here: hdassist check weighs them"
