@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import select
 import signal
 from collections import defaultdict
 from collections.abc import Callable, Mapping
@@ -40,11 +39,10 @@ from hdassist.mounting.positions import hole_words, usable_positions
 from hdassist.preset.kinds import text_of
 from hdassist.preset.schema import ResolvedField, resolved_fields
 from hdassist.report import Paragraph
-from hdassist.run.stops import STOPS, end_at_stops
+from hdassist.run.stops import end_at_stops
 from hdassist.visible import visible
 
 LINES = ("head", "headline", "tabs", "looked-at", "next", "command", "keys", "about")
-GONE = 2.0  # s, how often to see whether the terminal is still there
 NO_BREAK = "\N{NO-BREAK SPACE}"
 TOO_SMALL = "too small for the explorer: 60 x 18 at least. q quits."
 VIEWS = {
@@ -130,27 +128,19 @@ class Explorer(Exporting):
         self.draw()
 
     def _end_when_told(self) -> None:
-        """End in order at a stop from outside, at once at a second one, and with the terminal."""
+        """End in order at a stop from outside, at once at a second one; SIGHUP is that of the whole process."""
         loop = asyncio.get_running_loop()
 
         def end(number: int) -> None:
-            for each in STOPS:
+            for each in (signal.SIGINT, signal.SIGTERM):
                 loop.remove_signal_handler(each)
             end_at_stops()
             self.exit(None, 128 + number)
 
-        for number in STOPS:
+        for number in (signal.SIGINT, signal.SIGTERM):
             if signal.getsignal(number) is not signal.SIG_IGN:
                 with suppress(RuntimeError):  # not in this thread
                     loop.add_signal_handler(number, end, number)
-        terminal = select.poll()
-        terminal.register(0, 0)  # a hang-up is reported unasked; no signal comes where SIGHUP is ignored (nohup)
-
-        def look() -> None:
-            if terminal.poll(0):
-                end(signal.SIGHUP)
-
-        self.set_interval(GONE, look)
 
     # --- the screen
 

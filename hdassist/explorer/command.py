@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+import select
+import signal
 import sys
 from dataclasses import dataclass
 from functools import partial
+from threading import Thread
 
+from hdassist.run.stops import end_now
 from hdassist.terminal import options as o
 
 SESSION_FILE = "explore.txt"  # among the user's states: the command that comes back to the last session
@@ -53,12 +57,13 @@ class ExploreCommand(o.LoadedDriveOptions):
         from hdassist.explorer.service import Service
 
         service = Service()  # it imports beside this process
+        Thread(target=end_with_terminal, daemon=True).start()
         try:
             from platformdirs import user_state_path
 
             from hdassist.explorer.app import Explorer
             from hdassist.explorer.compute import Effort
-            from hdassist.terminal.console import Style, say, silence
+            from hdassist.terminal.console import Style, say
             from hdassist.terminal.files import put_text
 
             plain = Style.of(sys.stdout, ascii=self.ascii).ascii
@@ -68,10 +73,18 @@ class ExploreCommand(o.LoadedDriveOptions):
             app.run()
         finally:
             service.close()
-        if not sys.stdout.isatty():  # the terminal is gone: the rest of the output has no place
-            for stream in (sys.stdout, sys.stderr):
-                silence(stream)
         if app.session.changes != session.changes:
             for words, name in (("back to it", "explore"), ("its numbers", "check")):
                 say(f"{words}: {app.session.command(name)}")
         return app.return_code or 0
+
+
+def end_with_terminal() -> None:
+    """End the process once the terminal on standard input is gone, in a thread of its own.
+
+    No signal reports that where SIGHUP is ignored (nohup), and the screen may wait for ever to be written.
+    """
+    terminal = select.poll()
+    terminal.register(0, 0)  # a hang-up is reported unasked
+    if any(event & (select.POLLHUP | select.POLLERR) for _, event in terminal.poll()):
+        end_now(signal.SIGHUP)

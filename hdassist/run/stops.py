@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 STOP_WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "hung up"}
 STOPS = tuple(getattr(signal, name) for name in STOP_WORDS if hasattr(signal, name))
@@ -94,6 +94,11 @@ def _end(number: int, _: FrameType | None) -> None:
     for other in STOPS:
         if signal.getsignal(other) is _end:
             signal.signal(other, signal.SIG_DFL)  # one more ends it, whatever hangs below
+    end_now(number)
+
+
+def end_now(number: int) -> NoReturn:
+    """End this process as at a stop, from any thread, whatever the others do or wait for."""
     said = [STOP_WORDS[signal.Signals(number).name]]
     for action in reversed(_at_stop):
         with suppress(Exception):

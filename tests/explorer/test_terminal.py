@@ -209,6 +209,27 @@ def test_an_explorer_ends_with_its_terminal(is_ignored: bool) -> None:
     assert vanished(before)
 
 
+FULL = "import textual.drivers._writer_thread as writer; writer.MAX_QUEUED_WRITES = 1"
+
+
+@needs_proc
+@pytest.mark.parametrize("ignoring", ["", "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)"])
+def test_an_explorer_that_waits_to_write_ends_with_its_terminal(ignoring: str) -> None:
+    """The thread that writes to the terminal ends with it, and what the screen writes next waits for ever."""
+    before = processes()
+    code = f"{FULL}\n{ignoring}\nimport hdassist.__main__ as begin; begin.main()"
+    terminal = Terminal("explore", TINY, *SETS, command=[sys.executable, "-c", code])
+    try:
+        terminal.wait_for("7 advice")
+        terminal.press("?")
+        time.sleep(0.15)
+        terminal.hang_up()
+        assert terminal.process.wait(timeout=20) > 128
+    finally:
+        terminal.close()
+    assert vanished(before)
+
+
 @needs_proc
 def test_a_crash_gives_the_terminal_back_too() -> None:
     before = processes()

@@ -43,6 +43,14 @@ def faults(args: argparse.Namespace) -> bool:
     return good
 
 
+def closings(args: argparse.Namespace) -> bool:
+    """The explorer's terminal closed."""
+    from tests.fuzz.closings import closings as closed
+    from tests.fuzz.faults import report
+
+    return report("closed terminals", closed(args.n, args.seed))
+
+
 def inputs(args: argparse.Namespace) -> bool:
     """Presets, targets, traces, pitch tables, lots, options, answers and states, changed at random."""
     if args.guided:
@@ -75,6 +83,10 @@ def main() -> int:
     known = ("kills", "signals", "surroundings", "two runs at once")
     study.add_argument("--parts", nargs="*", choices=known, help="all of them unless named")
     study.set_defaults(run=faults)
+    study = studies.add_parser("closings", help="terminals that are closed under the explorer")
+    study.add_argument("--n", type=int, default=300, help="runs")
+    study.add_argument("--seed", type=int, default=0)
+    study.set_defaults(run=closings)
     study = studies.add_parser("inputs", help="everything that is read, changed at random")
     study.add_argument("--n", type=int, default=1000, help="inputs")
     study.add_argument("--start", type=int, default=0, help="go on with this one: the first was 0")

@@ -184,16 +184,16 @@ def plain(text: str) -> str:
 def left(mark: str) -> list[int]:
     """Processes of a run that are still at work, after some time to end."""
     until = time.monotonic() + GRACE
-    while (found := [pid for pid in _processes() if _has(pid, mark)]) and time.monotonic() < until:
+    while (found := [pid for pid in processes() if has_mark(pid, mark)]) and time.monotonic() < until:
         time.sleep(0.02)
     return found
 
 
-def _processes() -> list[int]:
+def processes() -> list[int]:
     return [int(name) for name in os.listdir("/proc") if name.isdigit()]  # noqa: PTH208 (Path makes one of each)
 
 
-def _has(pid: int, mark: str) -> bool:
+def has_mark(pid: int, mark: str) -> bool:
     try:
         return f"{MARK}={mark}\0".encode() in Path(f"/proc/{pid}/environ").read_bytes()  # empty of one that has ended
     except OSError:
