@@ -50,8 +50,7 @@ class MountedDrives:
 def yield_words(found: YieldBelief, digits: str = ".0f") -> str:
     """A yield in the middle of its range over the designs, or that of the only one, with its interval."""
     middle = found.share if len(found.weights) == 1 else found.percentile(0.5)
-    ends = (100 * found.percentile(share) for share in (YIELD_TAIL, 1 - YIELD_TAIL))
-    low, high = (format(end, digits) for end in ends)
+    low, high = (format(100 * end, digits) for end in found.range)
     return f"{100 * middle:{digits}} % ({low} to {high})"
 
 
@@ -219,5 +218,5 @@ def yield_object(summary: Summary, best: bool) -> Json:
 
 def yield_range(found: YieldBelief) -> Json:
     """A yield with 5 and 95 % of its range over the designs."""
-    ends = {"low": found.percentile(YIELD_TAIL), "high": found.percentile(1 - YIELD_TAIL)}
-    return {"share": found.share, **ends}
+    low, high = found.range
+    return {"share": found.share, "low": low, "high": high}

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betainc
+from scipy.special import betainc, betaincinv
 from scipy.stats import betabinom
 
 from hdassist.belief.statistics import Probability, effective_number, probability_by_share, weighted_quantile
@@ -34,7 +34,8 @@ YIELD_TAIL = 0.05  # of the yields of designs beyond each end of their range
 class YieldBelief:
     """Yield of a production, over its designs: drives that pass and drives, shape (designs,), and the designs' weights.
 
-    The yield of one design alone has Jeffreys' prior.
+    The yield of one design alone has Jeffreys' prior. No range or interval is narrower than the count of drives allows
+    (Clopper and Pearson 1934, doi 10.1093/biomet/26.4.404), as many drives as have the same weight each.
     """
 
     passed: NDArray[np.int64]
@@ -50,6 +51,14 @@ class YieldBelief:
         """Percentile of the yield over the designs."""
         return float(np.interp(share, self._below, YIELDS))
 
+    @property
+    def range(self) -> tuple[float, float]:
+        """Yields that YIELD_TAIL of the designs lie beyond, at each end."""
+        passed, failed = self._counts
+        low = betaincinv(passed, failed + 1, YIELD_TAIL) if passed else 0.0
+        high = betaincinv(passed + 1, failed, 1 - YIELD_TAIL) if failed else 1.0
+        return min(self.percentile(YIELD_TAIL), float(low)), max(self.percentile(1 - YIELD_TAIL), float(high))
+
     def probability(self, wanted: float) -> Probability:
         """Probability that the yield of the design reaches a wanted one, and its Monte Carlo interval.
 
@@ -57,13 +66,24 @@ class YieldBelief:
         has it of so many designs, whichever is wider: the one knows that drives are few, the other that designs are.
         """
         value = 1 - float(self._mixture(np.array([wanted]))[0])
+        passed, failed = self._counts
+        least = 1 - betainc(passed, failed + 1, wanted) if passed else 0.0
+        most = 1 - betainc(passed + 1, failed, wanted) if failed else 1.0
         if len(self.weights) == 1:
-            return Probability(value, value, value)
+            return Probability(value, min(value, float(least)), max(value, float(most)))
         a, b, chance = self._posterior(*self._kinds())
         shares = 1 - betainc(a, b, wanted)
         of_designs = probability_by_share(value, effective_number(self.weights))
         low, high = (weighted_quantile(shares, chance, share) for share in (YIELD_TAIL, 1 - YIELD_TAIL))
-        return Probability(value, min(of_designs.low, value, low), max(of_designs.high, value, high))
+        ends = min(of_designs.low, value, low, least), max(of_designs.high, value, high, most)
+        return Probability(value, *map(float, ends))
+
+    @property
+    def _counts(self) -> tuple[float, float]:
+        """Drives that pass and that fail, as many as have the same weight each (Kish)."""
+        weight = float(self.weights @ self.drives)
+        count = weight**2 / max(float(self.weights**2 @ self.drives), 1e-300)
+        return self.share * count, (1 - self.share) * count
 
     @cached_property
     def _below(self) -> Array:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import beta
+from scipy.stats import beta, binom
 
 from hdassist.tolerance.production import RandomDrive
 from hdassist.tolerance.yields import AtTorque, Summary, YieldBelief
@@ -28,7 +28,20 @@ def test_the_yield_of_one_design_is_that_of_jeffreys() -> None:
     for share in (0.05, 0.5, 0.95):
         assert found.percentile(share) == pytest.approx(beta(45.5, 5.5).ppf(share), abs=1e-3)
     chance = found.probability(0.8)
-    assert chance.low == chance.value == chance.high == pytest.approx(beta(45.5, 5.5).sf(0.8))
+    assert chance.value == pytest.approx(beta(45.5, 5.5).sf(0.8))
+    assert (chance.low, chance.high) == pytest.approx((binom(50, 0.8).cdf(44), binom(50, 0.8).cdf(45)))
+
+
+@pytest.mark.parametrize("designs", [1, 10])
+def test_no_range_is_narrower_than_counting_drives_allows(designs: int) -> None:
+    """100 good drives of 100: one that passes less than 97.05 % shows that in fewer than 5 of 100 cases."""
+    low, high = yields([100 // designs] * designs, 100 // designs).range
+    assert (low, high) == (pytest.approx(0.05**0.01), 1)
+    none = yields([0] * designs, 100 // designs).range
+    assert none == (0, pytest.approx(1 - 0.05**0.01))
+    assert yields([100 // designs] * designs, 100 // designs).probability(0.98).low <= 1 - 0.98**100 + 1e-12
+    unequal = yields([50, 50], 50, [1.0, 1e-9])  # fifty drives in truth
+    assert unequal.range[0] == pytest.approx(0.05**0.02, abs=1e-6)
 
 
 @pytest.mark.parametrize(("a", "b"), [(8.0, 2.0), (2.0, 2.0), (60.0, 3.0), (0.5, 0.3)])
