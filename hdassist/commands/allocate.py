@@ -43,14 +43,13 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         from hdassist.tolerance.allocation import Allocator
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.sensitivity import to_measure
-        from hdassist.tolerance.yields import rooms
 
         drive = self.load(preset)
         law, torques, limits = self.law(drive, chosen=True), drive.operation.M_g, require_limits(drive)
         own = [found.range_arcsec for found in self_error(drive, torques)]
-        room = rooms(limits, own)
-        if room is None:
-            worst = max(range(len(own)), key=lambda t: own[t] - limits[t])
+        room = [limit - each for limit, each in zip(limits, own, strict=True)]
+        if min(room) <= 0:
+            worst = room.index(min(room))
             words = f"the self error alone is {own[worst]:.1f}″ at {torques[worst]:g} N*m"
             hint = "no tolerance changes that: a limit above it, or another wave or clearance"
             raise UsageError(f"{words}, the limit {limits[worst]:g}", hint)

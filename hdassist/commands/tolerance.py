@@ -53,9 +53,9 @@ class ToleranceCommand(o.PlotOptions, DrawOptions):
 
         count, results, drive = self.count, self.results, self.load(preset)
         law, torques = self.law(drive), drive.operation.M_g
-        if self.limit or self.wanted is not None:
-            require_limits(drive)
         limits = [drive.limit(M_g) for M_g in torques]
+        if (self.limit or self.wanted is not None) and not any(limits):
+            require_limits(drive)
         own = [found.range_arcsec for found in self_error(drive, torques)]
         production = Production(
             law,

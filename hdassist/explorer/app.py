@@ -323,7 +323,8 @@ class Explorer(Exporting):
         hint = (
             f"K_1=3.1e4 lost_motion=50; h4=31 +- 2, F'_ior in a hole at {session.trial_torque:g} N·m; h4@80=31; "
             f"supports.C_3=5200 +- 260; limit=45; or the path of a trace measured in {session.here}. What stands "
-            f"behind +- is k = 2; a name without a value, like h4=, takes it back."
+            f"behind +- is k = 2, of F'_ior +- {2 * state.TRIALS.noise:g} without one; a name without a value, "
+            f"like h4=, takes it back."
         )
         self._ask_change("what is known of this drive", "", hint, state.with_evidence)
 

@@ -105,7 +105,7 @@ def tolerance_report(
         why=tuple(_reasons(summary)),
         blocks=(
             F_ior_table,
-            Facts.of([("measure", measure or ""), ("next", again("sensitivity", drive))]),
+            Facts.of([*_best_of(summary, drives), ("measure", measure or ""), ("next", again("sensitivity", drive))]),
             plots.pop(worst),
         ),
         details=(Facts((("drawn", ", ".join(drawn)),)), *plots),
@@ -120,6 +120,19 @@ def tolerance_report(
         warnings=(*law_warnings(law), *[few_words] * few, *[refused] * bool(summary.refused)),
         exit_code=130 if interrupted else summary.verdict.exit_code,
     )
+
+
+def _best_of(summary: Summary, drives: Sequence[MountedDrives]) -> Iterator[tuple[str, str]]:
+    """Why best mounted drives are worse than as built where they are, which one torque alone never shows."""
+    built, best = ([_percentiles(each) for each in drives if each.best is way] for way in (False, True))
+    if best and np.any(np.array(best) > built):
+        of = "its limit" if summary.has_limit else "that as built"
+        words = f"the hole whose greatest F'_ior against {of} is least, one for all torques: at one it may be worse"
+        yield f"best of {summary.positions}", words
+
+
+def _percentiles(drives: MountedDrives) -> list[float]:
+    return [_percentile(share, drives) for *_, share in PERCENTILES]
 
 
 def law_warnings(law: ProductionLaw) -> tuple[str, ...]:

@@ -69,15 +69,16 @@ class Production:
     """Random drives of a preset: once it has designs, `records` can be called in any process.
 
     law, by which drives are drawn; torques M_g [N*m]; mounting, whether the wheel may be turned; limits of F'_ior
-    [arcsec], one a torque, by which the best position is chosen (None: by the gain); seed; per_design: drives of a
-    design; steps: whether records have `tighter`; designs: shared values by path, with the weight of each design.
+    [arcsec], one a torque (None: it has none), by which the best position is chosen, without by the gain; seed;
+    per_design: drives of a design; steps: whether records have `tighter`; designs: shared values by path, with the
+    weight of each design.
     Raises UsageError for a drive whose cycle cannot be searched.
     """
 
     law: ProductionLaw
     torques: tuple[float, ...]
     mounting: bool = True
-    limits: Sequence[float] | None = None
+    limits: Sequence[float | None] | None = None
     seed: int = 0
     per_design: int = 20
     steps: bool = False
@@ -237,4 +238,6 @@ class Production:
 
     def _merit(self, F_ior: Array) -> Array:
         """Figure of merit of each position, least in the best one, shape (rotations,)."""
-        return merit(F_ior, F_ior[:, 0] if self.limits is None else np.array(self.limits))
+        if self.limits is None:
+            return merit(F_ior, F_ior[:, 0])
+        return merit(F_ior, np.array([np.inf if limit is None else limit for limit in self.limits]))

@@ -239,7 +239,10 @@ class Summary:
         return Percentile(value, min(low, value), max(high, value))
 
 
-def rooms(limits: Sequence[float | None], self_errors: Sequence[float]) -> list[float] | None:
-    """Limits [arcsec] less the self error at each torque; None where one is missing, or not above the self error."""
-    left = [limit - own for limit, own in zip(limits, self_errors, strict=True) if limit is not None]
-    return left if len(left) == len(limits) and min(left) > 0 else None
+def rooms(limits: Sequence[float | None], self_errors: Sequence[float]) -> list[float | None] | None:
+    """Limits [arcsec] less the self error at each torque, None without a limit.
+
+    None alone where no torque has one, or one is not above the self error.
+    """
+    left = [None if limit is None else limit - own for limit, own in zip(limits, self_errors, strict=True)]
+    return left if min((each for each in left if each is not None), default=0) > 0 else None

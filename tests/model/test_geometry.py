@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from hdassist.errors import Fault, UntrustedError
-from hdassist.model.contacts import contact_system
+from hdassist.model import contacts
+from hdassist.model.contacts import ROTATION, contact_system
 from hdassist.model.geometry import Geometry, Wheel, flank_candidates, flank_gap, flank_point
-from tests.support import changed
+from hdassist.model.rings import flexspline_ring, outer_ring
+from tests.support import changed, solve_state
 
 
 def drawn_flank(m: float, z: int, x: float, radii: np.ndarray, side: float) -> np.ndarray:
@@ -166,6 +168,22 @@ def test_a_drive_that_is_as_warm_all_over_is_the_same_drive_drawn_larger(referen
     cold = flank_candidates(Geometry.of(reference))
     assert flanks.gap == pytest.approx(growth * cold.gap, abs=1e-10)
     assert flanks.h_c == pytest.approx(growth * cold.h_c, abs=1e-9)
+
+
+def test_growth_moves_levers_and_rings_by_hundredths_of_an_arcsecond(reference, monkeypatch):
+    """What equation (6c) leaves out, for docs/theory.md: the warm drive with the levers, or rings, of the cold one."""
+    warm, cold = changed(reference, operation__dT=10.0), Geometry.of(reference)
+    whole = contact_system(warm)
+    G = whole.G.copy()
+    G[:, ROTATION] /= 1 + 10 * 11.5e-6
+    monkeypatch.setattr(contacts, "flexspline_ring", lambda drive, _: flexspline_ring(drive, cold))
+    monkeypatch.setattr(contacts, "outer_ring", lambda drive, _: outer_ring(drive, cold))
+    stiff = contact_system(warm)
+    for M_g, lever, rings in ((80e3, -0.00153, 0.00075), (800e3, -0.0292, 0.0055)):
+        turn, levers_cold, rings_cold = (
+            solve_state(each, M_g, whole.delta_p)[2] for each in (whole, replace(whole, G=G), stiff)
+        )
+        assert (turn - levers_cold, turn - rings_cold) == pytest.approx((lever, rings), rel=0.05)
 
 
 def test_what_is_as_warm_as_its_neighbour_keeps_its_gap(reference):

@@ -70,6 +70,20 @@ def test_json_has_percentiles_yield_and_what_was_drawn(kept: Path) -> None:
     assert {s["field"]: s["kind"] for s in answer["scatter"]}["tolerances.e_hb"] == "rayleigh"
 
 
+def test_a_torque_without_a_limit_is_no_fault_and_a_worse_best_hole_has_its_reason() -> None:
+    two = ("-n", "30", "--torque", "1", "--torque", "4", "--no-plot")
+    done = run("tolerance", TINY, *two, "--limit", "F_ior@4=2050")
+    page, bare = " ".join(done.stdout.split()), run("tolerance", TINY, *two[:2], *two[4:]).stdout
+    assert done.returncode == 0, done.stderr
+    assert "1 best of 12 1.36 3.57 7.67 - - " in page and "1 as built 1.38 3.36 7.79 - - " in page
+    assert "best of 12 the hole whose greatest F'_ior against its limit is least, one for all torques" in page
+    assert "one for all torques" not in bare
+    other = run("tolerance", TINY, *two, "--limit", "F_ior@3=2050")
+    assert (other.returncode, other.stdout) == (2, "")
+    answer = json.loads(run("tolerance", TINY, *two, "--limit", "F_ior@4=2050", "--json").stdout)
+    assert [point["limit_arcsec"] for point in answer["operating_points"]] == [None, 2050]
+
+
 def test_a_yield_that_hangs_on_what_is_not_known_of_the_design_is_a_range() -> None:
     few = ("--torque", "4", "--as-built", "--limit", "2050", "--yield", "0.9", "-n", "100", "--jobs=1", "--no-plot")
     sizes = ("--set", "tolerances.e_hb=60")
@@ -174,7 +188,7 @@ def test_figures_have_a_row_a_torque_and_way() -> None:
         (("--limit", "80:"), 2, "--limit"),
         (("--limit", "much"), 2, "--limit"),
         (("--limit", "F_ior@7=30"), 2, "tiny is not computed at 7 N*m, but at 1, 4"),
-        (("--limit", "F_ior@4=30"), 2, "no limit of F'_ior at 1 N*m"),
+        (("--torque", "1", "--limit", "F_ior@4=30"), 2, "tiny is not computed at 4 N*m, but at 1"),
         (("--yield", "0.9"), 2, "no limit of F'_ior at 1 N*m"),
         (("--yield", "1.5", "--limit", "30"), 2, "--yield"),
         (("--known", "phases.xi_q"), 2, "phases.xi_q"),
