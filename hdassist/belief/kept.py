@@ -28,7 +28,7 @@ from hdassist.solve.walk import walk_library
 KEPT_SAMPLES = "samples"
 ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
 # of a preset, the parts that no draw depends on: words, limits; the prior stands in the key by itself
-WITHOUT_EFFECT = {"name", "description", "acceptance", "cost", "source", "uncertainty"}
+WITHOUT_EFFECT = {"name", "description", "acceptance", "cost", "source", "uncertainty", "fit"}
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class KeptDraws:
     def _key(self) -> str:
         depends = {
             "drive": self.prior.drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
-            "fields": [[each.path, each.distribution, each.low, each.high] for each in self.prior.fields],
+            "fields": [[each.path, each.distribution, each.low, each.high, each.draws] for each in self.prior.fields],
             "torques": self.torques,
             "rotations": self.rotations_deg,
             "evidence": [astuple(each) for each in self.evidence],

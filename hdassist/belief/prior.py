@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from hdassist.belief.sobol import sobol_points
@@ -17,6 +18,7 @@ from hdassist.model.unknown import unknowns
 from hdassist.preset.deviations import DEVIATIONS
 from hdassist.preset.fields import Drive, deviation_sizes, field_table, measures
 from hdassist.preset.kinds import least_of
+from hdassist.preset.overrides import is_overridden
 
 LOGARITHMIC = 4.0  # upper over lower bound of a positive range above which it is even in the logarithm
 SHARE_LIMITS = (1e-9, 1 - 1e-9)  # probabilities that a normal distribution is drawn at
@@ -33,25 +35,37 @@ class FieldPrior:
     low, high: bounds; of a normal distribution the mean less and plus the expanded uncertainty (k = 2). owner: whose
     the value is, that of all drives of a design, of one drive, of its assembly or of its surroundings. group: path of
     the size where the field is the size or the direction of a deviation, else the path itself. reason: where the bounds
-    come from.
+    come from; draws: of a fit, equally likely values, of which those of the same place in other fields belong together.
     """
 
     path: str
-    distribution: Literal["even", "logarithmic", "normal"]
+    distribution: Literal["even", "logarithmic", "normal", "drawn"]
     low: float
     high: float
     owner: FieldOwner
     group: str
     reason: str
+    draws: tuple[float, ...] = ()
 
     def value(self, share: Array) -> Array:
         """Values of the field [its unit] at shares of its probability; a normal one is cut where the field ends."""
+        if self.draws:
+            return np.sort(self.draws)[self._places(share)]
         if self.distribution == "logarithmic":
             return np.asarray(self.low * (self.high / self.low) ** share)
         if self.distribution == "even":
             return np.asarray(self.low + (self.high - self.low) * share)
         normal = (self.low + self.high) / 2 + (self.high - self.low) / 4 * ndtri(np.clip(share, *SHARE_LIMITS))
         return np.asarray(np.maximum(normal, least_of(field_table()[self.path])))
+
+    def joined(self, share: Array) -> Array:
+        """Shares of the field's own probability where those of its fit are given."""
+        ranks = np.argsort(np.argsort(self.draws, kind="stable"))
+        return np.asarray((ranks[self._places(share)] + 0.5) / len(self.draws))
+
+    def _places(self, share: Array) -> NDArray[np.int64]:
+        places: NDArray[np.int64] = np.minimum((share * len(self.draws)).astype(np.int64), len(self.draws) - 1)
+        return places
 
     @property
     def is_any_direction(self) -> bool:
@@ -75,7 +89,15 @@ class DrivePrior:
 
         A scrambled Sobol sequence: of more draws by the same seed the first are the same.
         """
-        return sobol_points(count, len(self.fields) + 1, seed)
+        return self.joined(sobol_points(count, len(self.fields) + 1, seed))
+
+    def joined(self, shares: Array) -> Array:
+        """The same shares, those of fields that were fitted together by one draw of the fit, that of the first one."""
+        together = [k for k, each in enumerate(self.fields) if each.draws]
+        found = shares.copy()
+        for k in together:
+            found[:, k] = self.fields[k].joined(shares[:, together[0]])
+        return found
 
     def values(self, shares: Array) -> list[dict[str, float]]:
         """Values by path of draws, from their shares, shape (draws, at least fields)."""
@@ -88,7 +110,8 @@ def prior_of(drive: Drive) -> DrivePrior:
 
     A field with an uncertainty is normal. One that is assumed, or left to a default with a plausible range, is even
     over its range, in the logarithm where the range is positive and spans more than a factor of 4. A deviation that is
-    not given is even up to the largest that its part may have, its direction even around. All others are points.
+    not given is even up to the largest that its part may have, its direction even around. One that was fitted with
+    others is drawn with them, while it has the value of their fit. All others are points.
     """
     groups = {path: each.size for each in DEVIATIONS for path in (each.size, each.direction)}
     assumed = {each.path: each for each in assumptions(drive)}
@@ -97,12 +120,20 @@ def prior_of(drive: Drive) -> DrivePrior:
     largest = {path: assumed[path].high for path in deviation_sizes() if path in assumed}
     largest |= {path: drive.number(path) + uncertain[path] for path in deviation_sizes() if path in uncertain}
     unknown = {each.path: each for each in (*unknowns(drive.with_values(largest)), *unknowns(drive))}
+    fitted = {
+        path: draws
+        for path, draws in drive.fit.items()
+        if drive.value(path) == draws[0] and not is_overridden(path, drive.origin.overrides)
+    }
     found = []
     for path in [path for path in measures() if not path.startswith(EVIDENCE)]:
         own, owner = groups.get(path, path), owner_of(drive, path)
         if path in uncertain:
             low, high = (drive.number(path) + sign * uncertain[path] for sign in (-1, 1))
             found.append(FieldPrior(path, "normal", low, high, owner, own, "its uncertainty, k = 2"))
+        elif path in fitted:
+            draws = fitted[path]
+            found.append(FieldPrior(path, "drawn", min(draws), max(draws), owner, own, "fitted with others", draws))
         elif path in assumed:
             low, high, reason = assumed[path].low, assumed[path].high, assumed[path].reason
             wide = low > 0 and high / low > LOGARITHMIC
@@ -111,8 +142,8 @@ def prior_of(drive: Drive) -> DrivePrior:
             each = unknown[path]
             found.append(FieldPrior(path, "even", each.low, each.high, owner, own, each.reason))
     drawn = {each.path for each in found}
-    fitted = tuple(p for p, source in drive.source.items() if source.kind == "identified" and p not in drawn)
-    return DrivePrior(drive, tuple(found), fitted)
+    exact = tuple(p for p, source in drive.source.items() if source.kind == "identified" and p not in drawn)
+    return DrivePrior(drive, tuple(found), exact)
 
 
 def owner_of(drive: Drive, path: str) -> FieldOwner:

@@ -7,7 +7,7 @@ stay those of the prior and the evidence. The density is nowhere less than LEAST
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import fdtrc
@@ -48,8 +48,12 @@ def proposed_draws(
     Arguments: pilot, the first draws, PILOT of them where `first` is not below that; seed of the draws.
     """
     shares = prior.shares(last, seed)
-    found = proposal_of(shares[:PILOT_DRAWS], evidence, pilot) if first >= PILOT_DRAWS else None
-    return found.drawn(shares[first:]) if found else (shares[first:], np.ones(last - first))
+    alone = [k for k, each in enumerate(prior.fields) if not each.draws]  # those of a fit are drawn together
+    pilot = pilot if alone and first >= PILOT_DRAWS else ()
+    found = proposal_of(shares[:PILOT_DRAWS, [*alone, -1]], evidence, pilot)
+    if found is None:
+        return shares[first:], np.ones(last - first)
+    return replace(found, field=alone[found.field]).drawn(shares[first:])
 
 
 def proposal_of(shares: Array, evidence: tuple[Evidence, ...], pilot: Sequence[Draw]) -> Proposal | None:

@@ -84,7 +84,7 @@ def differently_open(first: Drive, second: Drive) -> list[str]:
 
     def open_fields(drive: Drive) -> dict[str, object]:
         fields = prior_of(drive).fields
-        return {f.path: drive.value(f.path) is not None and (f.distribution, f.low, f.high) for f in fields}
+        return {f.path: drive.value(f.path) is not None and (f.distribution, f.low, f.high, f.draws) for f in fields}
 
     one, other = open_fields(first), open_fields(second)
     return [path for path in one | other if one.get(path) != other.get(path)]
@@ -134,7 +134,7 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
     assert one.samples and other.samples
     shares, count = one.samples.shares[rows], len(rows)
     paths, apart = [each.path for each in one.prior.fields], differently_open(one.drive, other.drive)
-    paired = np.random.default_rng(run.seed).random((count, len(other.prior.fields) + 1))
+    paired = other.prior.joined(np.random.default_rng(run.seed).random((count, len(other.prior.fields) + 1)))
     for k, field in enumerate(other.prior.fields):
         if field.path not in apart:
             paired[:, k] = shares[:, paths.index(field.path)]

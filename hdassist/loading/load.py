@@ -17,6 +17,7 @@ from hdassist.preset import overrides as sets
 from hdassist.preset.fields import (
     BY_PATH,
     IDENTIFIED_WITH,
+    PATH_TABLES,
     PRESET_SCHEMA,
     REMOVED,
     Drive,
@@ -159,7 +160,21 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
 
 
 def _check_tables(tables: dict[str, Any], valid: dict[str, Any], document: Document) -> None:
-    """An uncertainty needs a value, and a value lies in its plausible range; one on the command line is tried."""
+    """An uncertainty needs a value, and a value lies in its plausible range; one on the command line is tried.
+
+    All fields of a fit have equally many draws, of which the first is the value.
+    """
+    draws = tables.get("fit", {})
+    counts = {path: len(values) for path, values in draws.items() if values}
+    for path, count in counts.items():
+        own, first, value = tuple(path.split(".")), next(iter(counts)), valid.get(path)
+        if count != counts[first]:
+            words = f"has {count} draws, {first} has {counts[first]}"
+            document.add(("fit", path), words, "draw k of all fields is one drive")
+        elif value is not None and value != draws[path][0] and not document.is_override(own):
+            document.warn(
+                own, f"{plain(value)} is not the first draw of its fit", "it is taken as it is, without a range"
+            )
     for path in tables.get("uncertainty", ()):
         if path in valid and valid[path] is None:
             document.add(("uncertainty", path), "an uncertainty of a value that is not given", f"give {path} as well")
@@ -192,7 +207,7 @@ def _read_table(document: Document, path: Path, table: Any, model: type[Section]
                 document.add(place, "missing key", f"{info.description}{unit and f', in {unit}'}", "")
         elif section:
             read[name] = _read_table(document, place, table[name], section)
-        elif name in ("uncertainty", *BY_PATH):
+        elif name in PATH_TABLES:
             read[name] = _read_by_path(document, name, table[name])
         elif name == "range":
             read[name] = document.read(place, _read_range, str(path[1]), table[name])
@@ -211,12 +226,13 @@ def _is_table(document: Document, path: Path, table: Any, model: type[Section] |
 
 
 def _read_by_path(document: Document, name: str, table: Any) -> dict[str, Any]:
-    """Entries of the table "uncertainty", "cost" or "source"; faults are findings."""
+    """Entries of the table "uncertainty", "fit", "cost" or "source"; faults are findings."""
     model, read = BY_PATH.get(name), dict[str, Any]()
     if not _is_table(document, (name,), table, model):
         return read
     known, words = {
         "uncertainty": (tuple(measures()), "names no field of a single number"),
+        "fit": (tuple(measures()), "names no field of a single number"),
         "cost": (deviation_sizes(), "names no size of a deviation"),
         "source": (tuple(field_table()), "names no field"),
     }[name]
@@ -229,6 +245,8 @@ def _read_by_path(document: Document, name: str, table: Any) -> dict[str, Any]:
             document.add(place, words, hint, shown(path) or "nothing", key=True)
         elif model:
             read[path] = _read_table(document, place, entry, model)
+        elif name == "fit":
+            read[path] = document.read(place, _read_draws, path, entry)
         else:
             read[path] = document.read(place, read_measure, Drive.model_fields[name], entry, unit_of(measures()[path]))
     return read
@@ -250,6 +268,18 @@ def _read_range(path: str, bounds: Any) -> tuple[float, float] | None:
     if low >= high:
         raise InvalidValueError("the lower one must stand first")
     return low, high
+
+
+def _read_draws(path: str, draws: Any) -> tuple[float, ...]:
+    """Equally likely values of a field, by path, in its unit. Raises InvalidValueError: they are none."""
+    info = field_table()[path]
+    unit = unit_of(info)
+    if not isinstance(draws, list) or len(draws) < 2:
+        raise InvalidValueError("must be two numbers or more, the preset's own value first", "like [8950, 9020]")
+    found = tuple(read_number(draw, unit) for draw in draws)
+    if beyond := [value for value in found if not in_range(info, value)]:
+        raise InvalidValueError(f"{plain(beyond[0])} is out of range: {range_of(info, unit)}")
+    return found
 
 
 def _read_value(document: Document, path: Path, info: FieldInfo, value: Any) -> Any:

@@ -100,9 +100,10 @@ def with_found_values(
 
     Arguments: text; file, its name in messages; values, by path, of fields that the text gives or leaves out; ref,
     where they come from; model, the fields of numerics that they were identified with, which are written into the
-    text. Raises the errors of loading the text; DataError where it cannot be changed in place.
+    text. A fit of before goes. Raises the errors of loading the text; DataError where it cannot be changed in place.
     """
     before, tables = load_text(text, file), _tables(text)
+    tables.pop("fit", None)  # its draws are around other values
     for path, value in values.items():
         _set_value(tables, path, value)
         _table(tables, "source")[path] = _source("identified", ref, before.source.get(path), value)

@@ -192,6 +192,7 @@ class CostLaw(Section):
 
 
 BY_PATH: dict[str, type[Section]] = {"source": Source, "cost": CostLaw}  # tables whose keys are paths of fields
+PATH_TABLES = ("uncertainty", "fit", *BY_PATH)  # all of them
 
 
 @dataclass(frozen=True)
@@ -224,6 +225,7 @@ class Drive(Section):
     phases: Phases = Phases.of_defaults()
     harmonics: Harmonics = Harmonics.of_defaults()
     uncertainty: dict[str, float]
+    fit: dict[str, tuple[float, ...]]
     mounting: Mounting = Mounting.of_defaults()
     operation: Operation
     catalogue: Catalogue = Catalogue.of_defaults()

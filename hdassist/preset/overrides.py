@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hdassist.errors import Finding, UsageError
-from hdassist.preset.fields import BY_PATH, field_table
+from hdassist.preset.fields import PATH_TABLES, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.preset.yamltext import OVERRIDE, Document, Mark, Path, SourceSpan, path_text, read_yaml, shown
 
@@ -51,9 +51,9 @@ def set_override(document: Document, text: str, index: int) -> None:
 
 
 def path_of(key: str) -> Path:
-    """Path that the key of an override sets; keys of `uncertainty`, `source` and `cost` have a dot in them."""
+    """Path that the key of an override sets; keys of `uncertainty`, `fit`, `source` and `cost` have a dot in them."""
     parts = [part.strip() for part in key.split(".")]
-    if parts[0] in ("uncertainty", *BY_PATH):
+    if parts[0] in PATH_TABLES:
         return tuple(filter(None, (parts[0], ".".join(parts[1:3]), *parts[3:])))
     return (*parts[:2], ".".join(parts[2:])) if len(parts) > 2 else tuple(parts)
 

@@ -102,7 +102,7 @@ def production_law(
         if each.size in priors and not (each.size in assumed and high):
             own.append(priors[each.size])
         elif high > 0:
-            own.append(TolerancedSize(each.size, "even", 0.0, high, "drive", each.size, "its tolerance", law))
+            own.append(TolerancedSize(each.size, "even", 0.0, high, "drive", each.size, "its tolerance", law=law))
         else:
             continue
         given = drive.value(each.direction) is not None

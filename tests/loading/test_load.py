@@ -240,6 +240,16 @@ def test_optional_fields_may_be_empty() -> None:
          "names no field of a single number (got gears.z_g; like gears.m)"]),
         ([], "uncertainty: {gears.m: -1 um}\n", ["my.yaml:9:24: uncertainty.gears.m: out of range: "
          "0 mm or more (got -1 um; that is -0.001 mm)"]),
+        ([], "fit: {gears.m: 0.8}\n", ["my.yaml:9:16: fit.gears.m: "
+         "must be two numbers or more, the preset's own value first (got 0.8; like [8950, 9020])"]),
+        ([], "fit: {gears.m: [0.8, 9]}\n",
+         ["my.yaml:9:16: fit.gears.m: 9 is out of range: 0.05 to 5 mm (got a list)"]),
+        ([], "fit: {gears.m: [0.8, .nan]}\n", ["my.yaml:9:16: fit.gears.m: must be a finite number (got a list)"]),
+        ([], "fit: {gears.m: [0.8, {}]}\n", ["my.yaml:9:16: fit.gears.m: must be a number (got a list; in mm)"]),
+        ([], "fit: {gears.z_g: [200, 201]}\n",
+         ["my.yaml:9:7: fit.gears.z_g: names no field of a single number (got gears.z_g; like gears.m)"]),
+        ([], "fit: {gears.m: [0.8, 0.81], cam.W_0: [0.96, 0.95, 0.97]}\n", ["my.yaml:9:38: fit.cam.W_0: "
+         "has 3 draws, gears.m has 2 (got a list; draw k of all fields is one drive)"]),
         ([], "acceptance: {F_ior: {foo: 3}}\n",
          ["my.yaml:9:22: acceptance.F_ior.foo: must be a torque in N*m, or all (got foo)"]),
         ([], "acceptance: {F_ior: {80: 3, 80.0: 4}}\n",

@@ -55,7 +55,8 @@ def fields() -> Iterator[str]:
     yield from ("# Fields of a preset", "", MADE, "")
     yield "A bare number is in the unit of its field; `75 um` or `0.8 mm` are converted; `260 ± 10` adds an uncertainty"
     yield "(k = 2). A field without a default has to be given; a deviation that is left out is `unknown`"
-    yield "([unknown.md](unknown.md))."
+    yield "([unknown.md](unknown.md)). `uncertainty` has the ± of fields by their path, `fit` what was fitted together"
+    yield "([design.md](design.md#values-fitted-together))."
     for name, model in (*sections(), *BY_PATH.items()):
         head = f"`{name}`, by the path of a field" if name in BY_PATH else f"`{name}`"
         yield from ("", f"## {head}", "", str(model.__doc__), "")
