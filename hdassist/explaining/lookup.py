@@ -11,13 +11,24 @@ from pydantic.fields import FieldInfo
 
 from hdassist.acceptance.checks import CODES, Check
 from hdassist.errors import UsageError
-from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS
+from hdassist.explaining.words import FAULTS, PAGE_WORDS, SYMBOLS, TERMS
 from hdassist.preset.fields import field_table, sections
 from hdassist.preset.kinds import choices_of, kind_of, may_be_unknown, plain, range_of, unit_of
 
 EntryKind = Literal["check", "remark", "quantity or word", "symbol", "field", "section", "error", "option"]
-GREEK = {"φ": "phi", "ξ": "xi", "δ": "delta", "β": "beta", "τ": "tau", "θ": "theta", "ё": "е"}
+GREEK = {
+    "φ": "phi",
+    "ξ": "xi",
+    "δ": "delta",
+    "β": "beta",
+    "τ": "tau",
+    "θ": "theta",
+    "ё": "е",
+    "±": "plusminus",
+    "″": "arcsec",
+}
 LONGEST_NAME = 60  # characters of a name that are compared with others
+LONGEST_PHRASE = 12  # words of a phrase whose parts are looked up
 
 
 @dataclass(frozen=True)
@@ -51,6 +62,8 @@ def _entries() -> Iterator[Entry]:
         russian = tuple(term.russian.split(", ")) if term.russian else ()
         facts = (("Russian", term.russian), ("unit", term.unit), ("also", ", ".join(term.others)))
         yield Entry("quantity or word", (term.word, *russian, *term.others), term.meaning, _given(facts))
+    for names, words in PAGE_WORDS.items():
+        yield Entry("quantity or word", names, words)
     for each in SYMBOLS:
         of_symbol = (("in the code", each.code.replace("`", "")), ("unit", each.unit))
         for name in each.paper:
@@ -61,8 +74,8 @@ def _entries() -> Iterator[Entry]:
         yield Entry("section", (section,), str(model.__doc__).rstrip("."), (("fields", keys),))
     for path, info in field_table().items():
         yield Entry("field", (path, path.split(".")[1]), str(info.description), _given(_of_field(info)))
-    for fault, words in FAULTS.items():
-        yield Entry("error", (str(fault),), words.meaning, (("change", words.change),))
+    for fault, told in FAULTS.items():
+        yield Entry("error", (str(fault),), told.meaning, (("change", told.change),))
 
 
 def _of_field(info: FieldInfo) -> tuple[tuple[str, str], ...]:
@@ -101,7 +114,7 @@ def _has_word(entry: Entry, stem: str) -> bool:
 
 
 def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry]:
-    """Entries of a name; of a single letter those of its case; else those with the word in their names or values.
+    """Entries of a name, or with it in their names or values; of a letter those of its case, of a phrase of its parts.
 
     Argument: help of the options of commands, by their fields. Raises UsageError: an unknown name; its hint has the
     nearest names.
@@ -114,8 +127,13 @@ def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry
         return exact
     if stem and (found := alike or [entry for entry in entries() if _has_word(entry, stem)]):
         return found
-    if words := (options or {}).get(re.sub(r"\W", "_", name)):
-        return [Entry("option", (name,), words.rstrip("."))]
+    if option := (options or {}).get(re.sub(r"\W", "_", name)):
+        return [Entry("option", (name,), option.rstrip("."))]
+    words = name.split()[:LONGEST_PHRASE]
+    for size in range(len(words) - 1, 0, -1):
+        parts = (normal_spelling(" ".join(words[k : k + size])) for k in range(len(words) - size + 1))
+        if found := list(dict.fromkeys(entry for part in parts for entry in known.get(part, ()))):
+            return found
     near = get_close_matches(spelling[:LONGEST_NAME], known, 3, 0.6)
     meant = " or ".join(dict.fromkeys(known[key][0].names[0] for key in near))
     raise UsageError(

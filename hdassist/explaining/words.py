@@ -42,5 +42,8 @@ GROUPS: Mapping[str, Sequence[Term]] = {
     group: tuple(Term(**each) for each in terms) for group, terms in _TABLE["terms"].items()
 }
 TERMS = tuple(term for group in GROUPS.values() for term in group)
+PAGE_WORDS: Mapping[tuple[str, ...], str] = {
+    tuple(names.split(", ")): words for names, words in _TABLE["pages"].items()
+}
 SYMBOLS = tuple(Symbols(**each) for each in _TABLE["symbols"])
 FAULTS = {Fault(code): FaultWords(**each) for code, each in _TABLE["faults"].items()}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
+from collections.abc import Iterator
 
 import pytest
 
@@ -11,11 +13,14 @@ from hdassist.acceptance.checks import CHECKS, CODES
 from hdassist.errors import Fault, HdassistError, UsageError
 from hdassist.explaining.lookup import entries, explained
 from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS
+from hdassist.explorer.panes import MARKS
 from hdassist.pages import check as check_page
 from hdassist.pages import stiffness as stiffness_page
 from hdassist.pages import trace as trace_page
 from hdassist.preset.fields import field_table, sections
 from hdassist.terminal.output import with_code
+from hdassist.verdict import Verdict
+from tests.conftest import ROOT
 from tests.process import SMALL, on_terminal, run
 
 REPORTED = (
@@ -41,7 +46,7 @@ REPORTED = (
         ("Генератор волн", {"quantity or word"}, "bends the flexspline"),
         ("жесткое колесо", {"quantity or word"}, "inner teeth"),
         ("gears", {"section"}, "two wheels"),
-        ("N", {"symbol", "field"}, "balls"),
+        ("N", {"quantity or word", "symbol", "field"}, "balls"),
         ("orders", {"check", "quantity or word"}, "so many times a turn"),
         ("oldham", {"field"}, "how it sits on its shaft"),
         ("pitch", {"quantity or word", "field"}, "equal pitches"),
@@ -66,6 +71,60 @@ def test_all_that_is_declared_is_known():
 
 
 ANGLES = r"^at_|^M_g"  # parts of an object that is explained, or a symbol with its unit
+
+
+def constants(node: ast.AST | None) -> Iterator[str]:
+    """Texts of a node: of a constant, or of both ends of a condition."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        yield node.value
+    elif isinstance(node, ast.IfExp):
+        yield from (*constants(node.body), *constants(node.orelse))
+    elif isinstance(node, ast.Tuple | ast.List):
+        yield from (text for part in node.elts for text in constants(part))
+
+
+def labels(source: str) -> Iterator[str]:
+    """Words of a page as its code declares them: labels of facts, heads of tables, names of curves and of marks."""
+    for node in ast.walk(ast.parse(source)):
+        pairs: list[ast.AST] = []
+        if isinstance(node, ast.Call):
+            name, place = ast.unparse(node.func), {"Quantity": 1, "CurveMark": 2, "Table": 1}
+            if name in place and len(node.args) > place[name]:
+                yield from constants(node.args[place[name]])
+            pairs = list(node.args) if name in ("Facts", "Facts.of") else []
+            yield from (text for k in node.keywords if k.arg == "names" for text in constants(k.value))
+        elif isinstance(node, ast.FunctionDef) and "facts" in node.name:
+            pairs = [node]
+        elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) in ("facts", "rows", "more", "rest"):
+            pairs = [node.value]
+        elif isinstance(node, ast.Yield) and isinstance(node.value, ast.Tuple) and len(node.value.elts) == 2:
+            yield from constants(node.value.elts[0])
+        both = (
+            each for pair in pairs for each in ast.walk(pair) if isinstance(each, ast.Tuple) and len(each.elts) == 2
+        )
+        yield from (text for each in both for text in constants(each.elts[0]))
+
+
+NAMED = """
+effective samples; as given; as fitted; torque served worst; HIGHS; CLARABEL; REFINED; PROVEN; 90 % RANGE; N; B; W; E;
+variance of ln F'_ior; of smooth teeth; best bet; MEASURE FIRST; TURN; LEAVE; NO ORDER; now; best; worst; best of 12;
+more sure; less spread; self error; as built; PASS; FAIL; INCONCLUSIVE; NO LIMIT; one-wave share; proof; residual
+"""
+
+
+def test_all_words_of_pages_are_known() -> None:
+    pages = [path.read_text("utf-8") for path in (ROOT / "hdassist/pages").glob("*.py")]
+    said = {label.split(",")[0].strip() for page in pages for label in labels(page)} - {""}
+    assert len(said) > 150
+    said |= {word.strip() for word in NAMED.split(";")} | {str(verdict) for verdict in Verdict} | set(MARKS)
+    unknown = []
+    for word in sorted(said):
+        try:
+            explained(word)
+        except UsageError:
+            unknown.append(word)
+    assert not unknown, "to be explained in hdassist/explaining/words.toml"
+    assert {"now", "N"} <= {name for entry in explained("N") for name in entry.names}  # beside the number of balls
 
 
 def test_a_field_has_its_unit_range_and_default():
