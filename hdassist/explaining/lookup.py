@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 
 from hdassist.acceptance.checks import CODES, Check
 from hdassist.errors import UsageError
-from hdassist.explaining.words import FAULTS, PAGE_WORDS, SYMBOLS, TERMS
+from hdassist.explaining.words import FAULTS, WORDS_OF_PAGES, SYMBOLS, TERMS
 from hdassist.preset.fields import field_table, sections
 from hdassist.preset.kinds import choices_of, kind_of, may_be_unknown, plain, range_of, unit_of
 
@@ -62,7 +62,7 @@ def _entries() -> Iterator[Entry]:
         russian = tuple(term.russian.split(", ")) if term.russian else ()
         facts = (("Russian", term.russian), ("unit", term.unit), ("also", ", ".join(term.others)))
         yield Entry("quantity or word", (term.word, *russian, *term.others), term.meaning, _given(facts))
-    for names, words in PAGE_WORDS.items():
+    for names, words in WORDS_OF_PAGES.items():
         yield Entry("quantity or word", names, words)
     for each in SYMBOLS:
         of_symbol = (("in the code", each.code.replace("`", "")), ("unit", each.unit))

@@ -42,7 +42,7 @@ GROUPS: Mapping[str, Sequence[Term]] = {
     group: tuple(Term(**each) for each in terms) for group, terms in _TABLE["terms"].items()
 }
 TERMS = tuple(term for group in GROUPS.values() for term in group)
-PAGE_WORDS: Mapping[tuple[str, ...], str] = {
+WORDS_OF_PAGES: Mapping[tuple[str, ...], str] = {
     tuple(names.split(", ")): words for names, words in _TABLE["pages"].items()
 }
 SYMBOLS = tuple(Symbols(**each) for each in _TABLE["symbols"])
