@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 
 from hdassist.acceptance.checks import CODES, Check
 from hdassist.errors import UsageError
-from hdassist.explaining.words import FAULTS, WORDS_OF_PAGES, SYMBOLS, TERMS
+from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS, WORDS_OF_PAGES
 from hdassist.preset.fields import field_table, sections
 from hdassist.preset.kinds import choices_of, kind_of, may_be_unknown, plain, range_of, unit_of
 
