@@ -22,7 +22,6 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/theory.md"
 BEGIN, END = "<!-- made by python -m benchmarks.catalogue -->\n", "<!-- end -->\n"
 MM_A_SIZE = 2.54
-CLEARED = 0.014  # modules per flank: the clearance that brings K1 of most sizes to their catalogue's
 
 HD = "Harmonic Drive CSF/CSG catalogue"
 SECOND_HAND = (
@@ -157,19 +156,19 @@ def files() -> dict[Path, str]:
 
 
 def table() -> str:
-    """K1, K2, K3 of each size beside its catalogue's, as the preset stands and with the clearance CLEARED."""
+    """K1, K2, K3 of each size beside its catalogue's, as the preset stands and with a bearing without clearance."""
     lines = [
-        "| preset | catalogue K1, K2, K3 | hdassist | ratio | lost motion | with more clearance, ratio | lost motion "
-        "| source of the catalogue's |",
+        "| preset | catalogue K1, K2, K3 | hdassist | ratio | lost motion "
+        "| without clearance of the bearing, ratio | lost motion | source of the catalogue's |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for each in SIZES:
         cells = [", ".join(f"{K:g}" for K in each.K)]
         drive = load_preset(each.name)
-        for j_n in (drive.gears.j_n, 1e3 * CLEARED * drive.gears.m):
-            curve = stiffness(drive.with_values({"gears.j_n": j_n}), points=4, run=UNCHECKED)
+        for g_b in (drive.bearing.g_b, 0.0):
+            curve = stiffness(drive.with_values({"bearing.g_b": g_b}), points=4, run=UNCHECKED)
             K = _stiffnesses(curve)
-            cells += [", ".join(f"{k:.3g}" for k in K)] if j_n == drive.gears.j_n else []
+            cells += [", ".join(f"{k:.3g}" for k in K)] if g_b else []
             cells += [
                 ", ".join(f"{k / c:.2f}" for k, c in zip(K, each.K, strict=True)),
                 f'{curve.lost_motion_arcsec:.0f}"',

@@ -36,7 +36,7 @@ class Draw(ClosedRecord):
     """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded), weight and proof.
 
     F_ior_arcsec, at each torque; turned_arcsec, at each torque with each turn; shares: of each field's probability;
-    proof: states, residuals, fallbacks.
+    proof: states, residuals, fallbacks; follows: values of fields that follow from others, by path.
     """
 
     refused: str = ""
@@ -46,6 +46,7 @@ class Draw(ClosedRecord):
     weight: Magnitude = 0.0
     shares: tuple[ShareOfOne, ...] = ()
     proof: tuple[Count, Residual, Residual, Residual, Residual, Count] = astuple(EMPTY)
+    follows: Mapping[str, Number] = field(default_factory=dict)
 
     @property
     def certificate(self) -> Certificate:

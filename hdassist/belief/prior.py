@@ -19,7 +19,12 @@ from hdassist.preset.deviations import DEVIATIONS
 from hdassist.preset.fields import Drive, deviation_sizes, field_table, measures
 from hdassist.preset.kinds import least_of
 from hdassist.preset.overrides import is_overridden
+from hdassist.solve.answers import ARCSEC
 
+SHIFT = "gears.x_b"
+# modules of profile shift that teeth are drawn closer than where they just mesh, at most; there K_1 is a third more
+# than any catalogue has
+PRELOAD = 0.04
 LOGARITHMIC = 4.0  # upper over lower bound of a positive range above which it is even in the logarithm
 SHARE_LIMITS = (1e-9, 1 - 1e-9)  # probabilities that a normal distribution is drawn at
 
@@ -32,14 +37,15 @@ FieldOwner = Literal["design", "drive", "assembly", "surroundings"]
 class FieldPrior:
     """Distribution of a field that is not known exactly, by path, in the unit of the field.
 
-    low, high: bounds; of a normal distribution the mean less and plus the expanded uncertainty (k = 2). owner: whose
+    low, high: bounds; of a normal distribution the mean less and plus the expanded uncertainty (k = 2). meshing: even,
+    beyond the profile shift at which the teeth just mesh, which follows from all else (meshing.py). owner: whose
     the value is, that of all drives of a design, of one drive, of its assembly or of its surroundings. group: path of
     the size where the field is the size or the direction of a deviation, else the path itself. reason: where the bounds
     come from; draws: of a fit, equally likely values, of which those of the same place in other fields belong together.
     """
 
     path: str
-    distribution: Literal["even", "logarithmic", "normal", "drawn"]
+    distribution: Literal["even", "logarithmic", "normal", "drawn", "meshing"]
     low: float
     high: float
     owner: FieldOwner
@@ -53,7 +59,7 @@ class FieldPrior:
             return np.sort(self.draws)[self._places(share)]
         if self.distribution == "logarithmic":
             return np.asarray(self.low * (self.high / self.low) ** share)
-        if self.distribution == "even":
+        if self.distribution in ("even", "meshing"):
             return np.asarray(self.low + (self.high - self.low) * share)
         normal = (self.low + self.high) / 2 + (self.high - self.low) / 4 * ndtri(np.clip(share, *SHARE_LIMITS))
         return np.asarray(np.maximum(normal, least_of(field_table()[self.path])))
@@ -84,6 +90,11 @@ class DrivePrior:
     fields: tuple[FieldPrior, ...]
     fitted: tuple[str, ...] = ()
 
+    @property
+    def meshing(self) -> tuple[int, FieldPrior] | None:
+        """The shift of the rigid wheel where it follows from all else, and its place among the fields."""
+        return next(((k, each) for k, each in enumerate(self.fields) if each.distribution == "meshing"), None)
+
     def shares(self, count: int, seed: int = 0) -> Array:
         """Joint draws as shares of each field's probability, shape (count, fields + 1); the last column is spare.
 
@@ -100,14 +111,16 @@ class DrivePrior:
         return found
 
     def values(self, shares: Array) -> list[dict[str, float]]:
-        """Values by path of draws, from their shares, shape (draws, at least fields)."""
-        columns = {each.path: each.value(shares[:, k]).tolist() for k, each in enumerate(self.fields)}
+        """Values by path of draws, from their shares, shape (draws, at least fields), without a shift that follows."""
+        drawn = [(k, each) for k, each in enumerate(self.fields) if each.distribution != "meshing"]
+        columns = {each.path: each.value(shares[:, k]).tolist() for k, each in drawn}
         return [{path: column[k] for path, column in columns.items()} for k in range(len(shares))]
 
 
 def prior_of(drive: Drive) -> DrivePrior:
     """The prior of a drive, made from its preset alone.
 
+    Teeth mesh without play where a catalogue says so: the rigid wheel's shift follows, where it is assumed.
     A field with an uncertainty is normal. One that is assumed, or left to a default with a plausible range, is even
     over its range, in the logarithm where the range is positive and spans more than a factor of 4. A deviation that is
     not given is even up to the largest that its part may have, its direction even around. One that was fitted with
@@ -138,12 +151,23 @@ def prior_of(drive: Drive) -> DrivePrior:
             low, high, reason = assumed[path].low, assumed[path].high, assumed[path].reason
             wide = low > 0 and high / low > LOGARITHMIC
             found.append(FieldPrior(path, "logarithmic" if wide else "even", low, high, owner, own, reason))
+        elif path == SHIFT and (play := drive.catalogue.play) and _follows(drive):
+            reason = f"the teeth mesh: a play of {play:g} arcsec at most, a preload of {PRELOAD:g} modules at most"
+            most = play / ARCSEC * drive.gears.z_g / 4 / np.tan(np.radians(drive.gears.alpha))
+            found.append(FieldPrior(path, "meshing", -PRELOAD, float(most), owner, own, reason))
         elif path in unknown:
             each = unknown[path]
             found.append(FieldPrior(path, "even", each.low, each.high, owner, own, each.reason))
     drawn = {each.path for each in found}
     exact = tuple(p for p, source in drive.source.items() if source.kind == "identified" and p not in drawn)
     return DrivePrior(drive, tuple(found), exact)
+
+
+def _follows(drive: Drive) -> bool:
+    """Whether the shift of the rigid wheel is assumed, nothing else is said of it, and no other value found by it."""
+    source = drive.source.get(SHIFT)
+    found = any(each.kind == "identified" for each in drive.source.values())
+    return bool(source and source.kind == "assumed" and not found and not is_overridden(SHIFT, drive.origin.overrides))
 
 
 def owner_of(drive: Drive, path: str) -> FieldOwner:

@@ -27,6 +27,7 @@ from hdassist.belief.evidence import (
     values_of_errors,
 )
 from hdassist.belief.kept import Draw, KeptDraws
+from hdassist.belief.meshing import meshing_shift
 from hdassist.belief.misfit import (
     SMOOTH_NUMBERS,
     error_kinds,
@@ -62,6 +63,7 @@ EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
 SAMPLE_STATES = 520  # that a sample solves at a torque, about
 SHOWN_DIGITS = 6  # of an arcsec: the last ones hang on how many positions are computed at once
+FEWEST_AT_ONCE = 4  # draws
 HOPELESS = 256  # draws of which none has an answer: no more are made
 CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
 
@@ -117,9 +119,16 @@ class Samples:
         """Effective number of samples."""
         return effective_number(self.weights)
 
+    def values(self, rows: NDArray[np.integer] | None = None) -> list[dict[str, float]]:
+        """Values by path of the drives of some samples, by their places; of all without these."""
+        kept = [each for each in self.made if each.F_ior_arcsec is not None]
+        places = range(len(kept)) if rows is None else rows
+        drawn = self.prior.values(self.shares[rows] if rows is not None else self.shares)
+        return [values | kept[k].follows for k, values in zip(places, drawn, strict=True)]
+
     def equal_drives(self, count: int) -> list[dict[str, float]]:
         """Values by path of so many drives of the same weight."""
-        return self.prior.values(self.shares[even_rows(self.weights, count)])
+        return self.values(even_rows(self.weights, count))
 
     def percentile(self, share: float, torque: int) -> float:
         """Percentile [arcsec] of F'_ior, by its share (0.95), at a torque by its place."""
@@ -191,10 +200,13 @@ def draw_samples(
     solve = partial(_solved, prior, tuple(torques), rotations, evidence, further, near, run.seed)
     kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, run.seed)
     earlier = kept.read() if further_name or not further else []
+    effective = 0.0
     draws, stages, alike = list[Draw](), tuple[Samples, ...](), near.draws if near else 1
     try:
         while True:
             size = min(effort.batch, max(HOPELESS, len(draws)))
+            if len(draws) and not stages and effective:  # no more than are likely to be needed
+                size = min(size, max(FEWEST_AT_ONCE, int(np.ceil((effort.effective / effective - 1) * len(draws)))))
             size = min(size, PILOT_DRAWS - len(draws)) if len(draws) < PILOT_DRAWS else size
             now = slice(len(draws), min(len(draws) + size, effort.most_draws))
             solved: Iterable[list[Draw]] = ()
@@ -258,17 +270,27 @@ def _solved(
     if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
         return [Draw(refused=f"{outside}: out of range")] * count
     figures: Mapping[str, float] = {}
+    follows: dict[str, float] = {}
     drive, proof, probability = drive.with_values(values), EMPTY, 1.0
+    if prior.meshing:
+        try:
+            place, beyond = prior.meshing
+            shift, proof = meshing_shift(drive)
+            follows = {beyond.path: shift + float(beyond.value(np.array(shares[place])))}
+        except HdassistError as error:
+            return [Draw(refused=str(error.fault))] * count
+        drive = drive.with_values(follows)
     if conflict := first_conflict(drive):
         return [Draw(refused=f"{conflict.path}: {conflict.message}")] * count
     measured, solved = [each for each in evidence if each.M_g], list[Draw]()
     places = [(each.M_g, each.rotation_deg) for each in measured]
     try:
         if any(each.figure in STIFFNESS_FIGURES for each in evidence):
-            figures, proof = stiffness_figures(drive)
+            figures, stiff = stiffness_figures(drive)
+            proof += stiff
             probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / density / KEPT_LIKELIHOOD)
         if chance >= probability:
-            return [Draw(figures=figures, proof=astuple(proof))] * count
+            return [Draw(figures=figures, proof=astuple(proof), follows=follows)] * count
         maps = error_maps(drive, list(dict.fromkeys((*torques, *(M_g for M_g, _ in places)))))
         chosen, found = near.drawn(maps, number) if near else ([({}, 1.0)], EMPTY)
         proof += found
@@ -286,7 +308,7 @@ def _solved(
                 at = [seed, number * count + len(solved)]
                 F_ior, turned = errors_shown(measured, there, torques, rotations_deg, F_ior, turned, at)
             at_turns, whole = tuple(map(tuple, turned.tolist())), astuple(proof + found + more_proof)
-            solved.append(Draw("", now, tuple(F_ior.tolist()), at_turns, weight, tuple(its_shares), whole))
+            solved.append(Draw("", now, tuple(F_ior.tolist()), at_turns, weight, tuple(its_shares), whole, follows))
             proof = EMPTY
     except HdassistError as error:
         return [Draw(refused=str(error.fault))] * count

@@ -102,7 +102,7 @@ class _Believed:
 
     def drives(self, rows: Indices) -> list[Drive]:
         """Drives of some samples; the drive itself where nothing was drawn."""
-        values = self.prior.values(self.samples.shares[rows]) if self.samples else [{}] * len(rows)
+        values = self.samples.values(rows) if self.samples else [{}] * len(rows)
         return list(map(self.drive.with_values, values))
 
 
@@ -163,7 +163,7 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
     if left > 0:
         joint += np.outer(of_one - alike, of_other - alike) / left
     chosen = solved[even_rows(weights, count)]
-    others = map(other.drive.with_values, other.prior.values(paired[chosen]))
+    others = map(other.drive.with_values, found.values(even_rows(weights, count)))
     drives = zip(one.drives(rows[chosen]), others, strict=True)
     before = one.F_ior_arcsec[rows]
     return DrivePairs(before, found.F_ior_arcsec, joint[:, solved], tuple(drives), certificate=proof)

@@ -150,7 +150,7 @@ def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]
         return {}, [point.error.F_ior_arcsec for point in found.points]
     errors = samples.F_ior_arcsec[:, found.least_sure]
     near = np.argmin(np.abs(errors - samples.percentile(MIDDLE_SHARE, found.least_sure)))
-    return samples.prior.values(samples.shares[[near]])[0], samples.F_ior_arcsec[near].tolist()
+    return samples.values(np.array([near]))[0], samples.F_ior_arcsec[near].tolist()
 
 
 def still_typical(found: DesignCheck, drive: Drive) -> Mapping[str, float]:

@@ -225,7 +225,7 @@ def choose_plan(
     place = next((k for k, each in enumerate(left) if each is not None), 0)
     prior, weights = prior_of(drive), np.ones(1)
     samples = drive_samples(prior, left, draws=draws, run=run) if prior.fields and draws else None
-    lines = error_lines(drive, torques[place], prior.values(samples.shares) if samples else [{}], run)
+    lines = error_lines(drive, torques[place], samples.values() if samples else [{}], run)
     curves, proof = lines.curves, lines.certificate
     if samples:  # F'_ior as every page has it
         weights, proof = samples.weights, proof + samples.certificate

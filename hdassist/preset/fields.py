@@ -145,6 +145,7 @@ class Catalogue(Section):
     T_1: float | None
     T_2: float | None
     lost_motion: float | None
+    play: float | None
     accuracy: float | None
 
 

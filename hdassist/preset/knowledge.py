@@ -9,7 +9,6 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.resources import files
-from math import sqrt
 
 from hdassist.preset.fields import Drive
 
@@ -31,6 +30,8 @@ STANDING_OFFSET, TURNING_OFFSET, CENTRE_OFFSET = 0.5, 0.2, 0.06
 # of half of F'_i, amplitudes of order 2 and of orders 3 and 4; assumed: twice as much breaks the accuracy that
 # catalogues promise of size 20, half as much makes the one recorded drive one in a hundred (docs/validation.md)
 SECOND_ORDER, HIGHER_ORDERS = 0.08, 0.04
+# arcsec: backlash and lost motion that no drive of a catalogue exceeds; the second below LARGE_SIZE [mm]
+PLAY, LOST_MOTION, LOST_MOTION_SMALL, LARGE_SIZE = 5.0, 60.0, 180.0, 35.0
 # N/mm for each mm of its bore: radial stiffness of the bearing of a shaft with an overhung cam, and its range; a guess
 SHAFT_BEARING = (5e3, 2e3, 1e4)
 
@@ -42,17 +43,17 @@ def F_p(d: float, m: float, accuracy: int) -> float:
 
 def growth(by: str, d: float, m: float) -> float:
     """Factor on a field by its law where the pitch diameter is d times, and the module m times as large."""
-    return {"same": 1.0, "d": d, "1/d": 1 / d, "sqrt d": sqrt(d), "m": m}[by]
+    return {"same": 1.0, "d": d, "1/d": 1 / d, "m": m}[by]
 
 
 @dataclass(frozen=True)
 class Law:
     """Law by which a field grows with the drive, and its plausible bounds.
 
-    by: "same", "d" (length or stiffness), "1/d" (compliance), "sqrt d", "m" (in modules); bounds: in the unit of the
+    by: "same", "d" (length or stiffness), "1/d" (compliance), "m" (in modules); bounds: in the unit of the
     field at a pitch diameter of 160 mm and a module of 0.8 mm, or, with of_value, as shares of the value; why, the
-    reason of the bounds; least: value of the upper one at least; assumed: whether the default of a preset that leaves
-    the field out has these bounds too.
+    reason of the bounds; least: value of the upper one at least; usual: value at that size, where the drive to be like
+    has 0; assumed: whether the default of a preset that leaves the field out has these bounds too.
     """
 
     by: str
@@ -60,6 +61,7 @@ class Law:
     why: str = ""
     of_value: bool = False
     least: float = 0.0
+    usual: float | None = None
     assumed: bool = False
 
     def range_at(self, d: float, m: float, value: float) -> tuple[float, float] | None:

@@ -13,7 +13,20 @@ from hdassist.preset.coupling import COUPLING_FIELDS
 from hdassist.preset.deviations import COMPOSITES
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import plain, range_of, unit_of
-from hdassist.preset.knowledge import CATALOGUE_K3, LAWS, REFERENCE, TORQUE_DENSITY, F_p, Law, growth
+from hdassist.preset.knowledge import (
+    CATALOGUE_K3,
+    LARGE_SIZE,
+    LAWS,
+    LOST_MOTION,
+    LOST_MOTION_SMALL,
+    PLAY,
+    REFERENCE,
+    REFERENCE_MODULE,
+    TORQUE_DENSITY,
+    F_p,
+    Law,
+    growth,
+)
 
 PITCH_DIAMETER = "gears.pitch_diameter"
 STIFFNESS = "catalogue.K"
@@ -26,7 +39,6 @@ SIMILAR_WORDS = {
     "same": "as {like}",
     "d": "{like} x {s:.4g}, as d",
     "1/d": "{like} / {s:.4g}, as 1/d",
-    "sqrt d": "{like} x {root:.4g}, as the root of d",
     "m": "{value:.4g} modules, as {like}",
 }
 
@@ -117,7 +129,7 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
         if like.value(path) is not None and path != like.unused_tooth_field and not optional:
             entries[path] = _scaled(like, path, law, s, m, stiffer)
     entries |= _shifts(like, entries, d) | _tolerances(d, m)
-    entries |= _load(like, required, s, d) | required
+    entries |= _load(like, required, s, d) | _backlash(d) | required
     if stiffness := required.get(STIFFNESS):
         entries |= {f"{STIFFNESS}_{k}": replace(stiffness, value=K) for k, K in enumerate(stiffness.value, 1)}
     if "cam.coupling" in entries:
@@ -135,20 +147,22 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
 
 def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> SimilarValue:
     """A field scaled by its law; s, m, stiffer: ratio of pitch diameters, new module [mm], ratio of stiffnesses."""
-    value, ratio = like.value(path), m / like.gears.m
+    value, ratio, d = like.value(path), m / like.gears.m, s * like.gears.pitch_diameter
     factor = growth(law.by, s, ratio)
     stiffness, compliance = path.startswith(("supports.", "contact.k_")), path.startswith("contact.c_")
     elastic = stiffer if stiffness else 1 / stiffer if compliance else 1.0
-    if isinstance(value, float):
+    in_modules = value / like.gears.m / (1000 if path == "gears.j_n" else 1) if law.by == "m" else 0.0
+    words = SIMILAR_WORDS[law.by].format(like=like.name, s=s, value=in_modules)
+    if law.usual is not None and not value:
+        value, words = rounded(law.usual * growth(law.by, d / REFERENCE, m / REFERENCE_MODULE)), ""
+    elif isinstance(value, float):
         value = rounded(value * factor * elastic)
-    in_modules = like.value(path) / like.gears.m / (1000 if path == "gears.j_n" else 1) if law.by == "m" else 0.0
-    words = SIMILAR_WORDS[law.by].format(like=like.name, s=s, root=s**0.5, value=in_modules)
     if elastic != 1 and factor:
         words += f", {'x' if elastic > 1 else '/'} {max(elastic, 1 / elastic):.3g} for K3 at this diameter"
     bounds = None
-    if isinstance(value, float) and (scaled := law.range_at(s * like.gears.m * like.gears.z_g, m, value)):
+    if isinstance(value, float) and (scaled := law.range_at(d, m, value)):
         bounds = _around(like, path, value, *map(rounded, scaled))
-    return SimilarValue(value, "assumed", f"{words}; {law.why}" if law.why else words, bounds)
+    return SimilarValue(value, "assumed", "; ".join(filter(None, (words, law.why))), bounds)
 
 
 def _around(like: Drive, path: str, value: float, low: float, high: float) -> tuple[float, float] | None:
@@ -180,6 +194,14 @@ def _tolerances(d: float, m: float) -> dict[str, SimilarValue]:
     if m < 1:
         ref += "; GOST 9178-81 is the Russian series for such modules"
     return {wheel.size: SimilarValue(usual, "assumed", ref, (0.0, coarse)) for wheel in COMPOSITES.values()}
+
+
+def _backlash(d: float) -> dict[str, SimilarValue]:
+    lost = LOST_MOTION if d > LARGE_SIZE else LOST_MOTION_SMALL
+    return {
+        "catalogue.lost_motion": SimilarValue(lost, "assumed", "what makers promise of such sizes"),
+        "catalogue.play": SimilarValue(PLAY, "assumed", "these drives are sold without backlash"),
+    }
 
 
 def _load(like: Drive, required: Requirements, s: float, d: float) -> dict[str, SimilarValue]:

@@ -126,7 +126,7 @@ class Production:
             words = f"{len(samples.weights)} of {samples.draws} draws are designs that agree with the evidence"
             raise UntrustedError(f"{words}, {count} are needed", "narrow the assumed ranges, or ask for fewer drives")
         paths = [each.path for each in self.law.shared]
-        drawn = self.law.joint.values(samples.shares)
+        drawn = samples.values()
         designs = tuple(
             ({path: values[path] for path in paths}, float(weight))
             for values, weight in zip(drawn[:count], samples.weights, strict=False)

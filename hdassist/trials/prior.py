@@ -180,7 +180,7 @@ def trial_prior(
             effort=SamplingEffort(count, count, effort.most_draws, effort.batch), run=run,
         )  # fmt: skip
         numbers = range(len(tables), len(samples.weights))
-        for found in run.map(solve, numbers, systems.values(samples.shares)[numbers.start :]):
+        for found in run.map(solve, numbers, samples.values()[numbers.start :]):
             tables.append(found)
             run.solved(found.certificate.states if found else 0)
         known = _collected(prior, rig, every, samples, tables)

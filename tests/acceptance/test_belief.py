@@ -69,7 +69,7 @@ def drawn():
 def test_other_values_are_those_of_each_sample(drawn):
     there, limits, found = drawn
     samples = found.samples
-    sampled = there.with_values(samples.prior.values(samples.shares)[1])
+    sampled = there.with_values(samples.values()[1])
     own = quantities(sampled, limits, partial(estimated_cycle, sampled), run=UNCHECKED)
     for limit in limits:
         expected = own.value(limit)
