@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdassist.belief.prior import SHIFT
+from hdassist.belief.prior import RIGID_SHIFT
 from hdassist.error.stiffness import NEAR_ZERO, Twist, rated_torque
 from hdassist.model.geometry import Geometry, flank_candidates
 from hdassist.preset.fields import Drive
@@ -26,8 +26,8 @@ def meshing_shift(drive: Drive) -> tuple[float, Certificate]:
     gears, alpha, opened = drive.gears, np.radians(drive.gears.alpha), OPENED * drive.gears.m
     at_rest = drive.with_values({"operation.dT": 0.0})
     nearest = float(flank_candidates(Geometry.of(at_rest)).gap.min()) + 1e-3 * gears.j_n  # on the cam's own shape
-    near = drive.number(SHIFT) - nearest / (gears.m * np.sin(alpha))
-    there = at_rest.with_values({SHIFT: near, "gears.j_n": gears.j_n + 1e3 * opened})
+    near = drive.number(RIGID_SHIFT) - nearest / (gears.m * np.sin(alpha))
+    there = at_rest.with_values({RIGID_SHIFT: near, "gears.j_n": gears.j_n + 1e3 * opened})
     least = NEAR_ZERO * rated_torque(drive)
     contact, tube, proof = Twist(there).at(np.array([-least, least]))
     play = float(np.diff(contact + tube)[0]) / ARCSEC  # rad

@@ -21,7 +21,7 @@ from hdassist.preset.kinds import least_of
 from hdassist.preset.overrides import is_overridden
 from hdassist.solve.answers import ARCSEC
 
-SHIFT = "gears.x_b"
+RIGID_SHIFT = "gears.x_b"
 # modules of profile shift that teeth are drawn closer than where they just mesh, at most; there K_1 is a third more
 # than any catalogue has
 PRELOAD = 0.04
@@ -151,7 +151,7 @@ def prior_of(drive: Drive) -> DrivePrior:
             low, high, reason = assumed[path].low, assumed[path].high, assumed[path].reason
             wide = low > 0 and high / low > LOGARITHMIC
             found.append(FieldPrior(path, "logarithmic" if wide else "even", low, high, owner, own, reason))
-        elif path == SHIFT and (play := drive.catalogue.play) and _follows(drive):
+        elif path == RIGID_SHIFT and (play := drive.catalogue.play) and _follows(drive):
             reason = f"the teeth mesh: a play of {play:g} arcsec at most, a preload of {PRELOAD:g} modules at most"
             most = play / ARCSEC * drive.gears.z_g / 4 / np.tan(np.radians(drive.gears.alpha))
             found.append(FieldPrior(path, "meshing", -PRELOAD, float(most), owner, own, reason))
@@ -165,9 +165,11 @@ def prior_of(drive: Drive) -> DrivePrior:
 
 def _follows(drive: Drive) -> bool:
     """Whether the shift of the rigid wheel is assumed, nothing else is said of it, and no other value found by it."""
-    source = drive.source.get(SHIFT)
+    source = drive.source.get(RIGID_SHIFT)
     found = any(each.kind == "identified" for each in drive.source.values())
-    return bool(source and source.kind == "assumed" and not found and not is_overridden(SHIFT, drive.origin.overrides))
+    return bool(
+        source and source.kind == "assumed" and not found and not is_overridden(RIGID_SHIFT, drive.origin.overrides)
+    )
 
 
 def owner_of(drive: Drive, path: str) -> FieldOwner:

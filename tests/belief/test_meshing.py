@@ -6,7 +6,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.meshing import meshing_shift
-from hdassist.belief.prior import PRELOAD, SHIFT, prior_of
+from hdassist.belief.prior import PRELOAD, RIGID_SHIFT, prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.error.stiffness import stiffness
 from hdassist.loading.load import load_text
@@ -35,7 +35,7 @@ def test_play_begins_at_the_shift_that_follows_and_grows_with_it(wave: float) ->
     shift = meshing_shift(drive)[0]
 
     def play_beyond(beyond: float) -> float:
-        return play(drive.with_values({SHIFT: shift + beyond}))
+        return play(drive.with_values({RIGID_SHIFT: shift + beyond}))
 
     assert play_beyond(-0.005) < 0.3 and play_beyond(0) < 0.3
     # flanks that stand 0.01 modules of shift apart, each by its sine of the pressure angle, at the base circle
@@ -52,14 +52,14 @@ def test_drives_of_a_data_sheet_have_no_more_play_than_it_says_whatever_their_wa
     assert samples.effective > 0.9 * samples.draws  # none is weeded for its play
     assert np.median(samples.figures["play"]) < 5
     W_0 = [values["cam.W_0"] for values in samples.values()]
-    shifts = [values[SHIFT] for values in samples.values()]
+    shifts = [values[RIGID_SHIFT] for values in samples.values()]
     assert np.ptp(W_0) > 0.1 * drive.gears.m * 1.5
     assert np.corrcoef(W_0, shifts)[0, 1] > 0.7
     for values in samples.values()[:3]:
         there = drive.with_values(values)
         assert first_conflict(there) is None
         (_, field) = prior.meshing
-        beyond = values[SHIFT] - meshing_shift(there)[0]
+        beyond = values[RIGID_SHIFT] - meshing_shift(there)[0]
         assert -PRELOAD - 1e-9 <= beyond <= field.high + 1e-9
 
 
@@ -69,5 +69,5 @@ def test_a_shift_that_is_given_or_set_is_kept_and_so_is_one_without_a_promise_of
     for override in ("gears.x_b=3.3", "catalogue.play=", "source.gears.x_b={kind: given, ref: drawing}", found):
         assert not prior_of(sheet(override)).meshing, override
     wide = prior_of(sheet("source.gears.x_b={kind: assumed, range: [2.3, 2.6], ref: judged}"))
-    assert {each.path: each.distribution for each in wide.fields}[SHIFT] == "even"
+    assert {each.path: each.distribution for each in wide.fields}[RIGID_SHIFT] == "even"
     assert not prior_of(load_preset("vzp160")).meshing
