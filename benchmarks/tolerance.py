@@ -135,7 +135,7 @@ def speed(case: str, count: int) -> dict[str, Any]:
 
 
 def efficiency(case: str, count: int) -> dict[str, Any]:
-    from hdassist.run.stream import stream
+    from hdassist.run.run import stream
 
     made, took = production(case, count), []
     for jobs in (1, 2):

@@ -1,7 +1,8 @@
-"""The rows of a lot as work for `run/stream`: each row's answer is that of its drive alone."""
+"""The rows of a lot as work for `run/run.stream`: each row's answer is that of its drive alone."""
 
 import traceback
 from collections.abc import Sequence
+from concurrent.futures import BrokenExecutor
 from dataclasses import replace
 from functools import lru_cache
 
@@ -32,7 +33,7 @@ def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
         return accept(row.request, inputs, predictions, row.place)
     except HdassistError as error:
         return failure_of(row, error)
-    except (MemoryError, OSError):  # a refusal of the system is no row's
+    except (MemoryError, OSError, BrokenExecutor):  # a refusal of the system, or a lost process, is no row's
         raise
     except Exception as bug:  # that row's answer, with the exit code of a bug: the others go on
         if debug:

@@ -8,6 +8,7 @@ checksum or types do not hold is drawn anew.
 from __future__ import annotations
 
 import json
+import platform
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, field
@@ -94,6 +95,6 @@ class KeptDraws:
             "evidence": [astuple(each) for each in self.evidence],
             "further": self.further,
             "seed": self.seed,
-            "program": [*program("daqp", "pydantic"), walk_library()[1]],
+            "program": [*program("daqp", "pydantic"), walk_library()[1], platform.platform()],
         }
         return sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()

@@ -63,7 +63,7 @@ REMOVED_OPTIONS = {
     "--rule": "--set acceptance.rule=simple",
     "--assume-phases": "--set phases.phi_hb=0, or what it is",
     "--samples": "--draws N",
-    **dict.fromkeys(("--scheduler", "--scheduler-file"), "--jobs N works with N processes of this machine"),
+    **dict.fromkeys(("--scheduler", "--scheduler-file"), "--executor dask=tcp://HOST:PORT"),
     "--reseat": "--noise, the spread of repeats with the wheel mounted again",
     **dict.fromkeys(("--trial", "--verify", "--trial-torque", "--noise"), "hdassist trials PRESET h0=28.1 h4=17.3"),
 }

@@ -21,6 +21,7 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
     jsonl: str | None = None
     resume: bool = False
     junit: str | None = None
+    executor: str | None = None
 
     def replaces(self, path: str) -> bool:
         """Whether an existing file may be replaced: a lot that goes on replaces figures and suites of its last run."""

@@ -19,10 +19,8 @@ from hdassist.pages import accept as page
 from hdassist.pages.accept_junit import junit
 from hdassist.report import Report
 from hdassist.run.kept import Kept, KeptOwner, open_kept
-from hdassist.run.processes import workers
-from hdassist.run.run import Run
+from hdassist.run.run import Run, stream
 from hdassist.run.stops import at_stop
-from hdassist.run.stream import stream
 from hdassist.runfiles import note_input
 from hdassist.terminal.answers import failure
 from hdassist.terminal.files import write_text
@@ -47,7 +45,7 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand
         inputs = request.read(drive)
         say_notes(inputs.wheels)
         states = 0 if request.measured_only else check_states(drive, inputs.wheels, request.draws)
-        with out.progress(drive.name, states) as progress, workers(options.jobs) as executor:
+        with out.progress(drive.name, states) as progress, out.workers(options) as executor:
             predictions = request.predict(drive, inputs.unmeasured, inputs.wheels, Run(executor, progress))
         answers.append(accept(request, inputs, predictions))
         return page.accept_report(answers[-1], predictions, drive)
@@ -166,7 +164,8 @@ def _answers(
     work = partial(answer_rows, rows, options.debug)
     with (
         out.progress(words, len(rows)) as progress,
-        closing(stream(work, len(rows), jobs=options.jobs)) as chunks,
+        out.engine(options) as engine,
+        closing(stream(work, len(rows), jobs=options.jobs, executor=engine)) as chunks,
     ):
         for answers in chunks:
             yield from answers

@@ -21,6 +21,7 @@ class DrawOptions(o.LimitedDriveOptions):
     known: list[str]
     seed: int = 0
     jobs: int = 0
+    executor: str | None = None
 
     def law(self, drive: "Drive", *, chosen: bool = False) -> "ProductionLaw":
         """Distributions of the random drives; chosen, whether sizes that are assumed are tolerances to choose too.
@@ -44,11 +45,11 @@ class DrawOptions(o.LimitedDriveOptions):
 
     def records(self, out: "o.Output", production: "Production", count: int) -> "list[RandomDrive]":
         """Records of so many drives of a production."""
-        from hdassist.run.stream import stream
+        from hdassist.run.run import stream
 
         found: list[RandomDrive] = []
-        with out.progress(production.drive.name, count) as progress:
-            for records in stream(production.records, count, jobs=self.jobs):
+        with out.progress(production.drive.name, count) as progress, out.engine(self) as engine:
+            for records in stream(production.records, count, jobs=self.jobs, executor=engine):
                 found += records
                 progress(len(records))
         return found

@@ -37,6 +37,7 @@ class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
     vary: list[str]
     output: str = "-"
     jobs: int = 0
+    executor: str | None = None
 
     @property
     def answer_file(self) -> str:
@@ -69,7 +70,7 @@ class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
         if file is not None:
             claim_output(file, is_kept=True)
         with open_kept(file, owner, sweep.kind, force=self.force) as results:
-            rows = _rows(sweep, drive.name, results, self.jobs, out)
+            rows = _rows(sweep, drive.name, results, self, out)
             kept = f"are kept in {file}: the same command goes on" if file else "are done, none is kept"
             with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
                 swept = collect(sweep, drive, _printed(rows, sweep) if streamed else rows)
@@ -95,15 +96,18 @@ class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
         return self.csv == "-" or (no_page and self.csv is None and self.output == "-")
 
 
-def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], jobs: int, out: o.Output) -> Iterator[SweepRow]:
+def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], options: SweepCommand, out: o.Output) -> Iterator[SweepRow]:
     """Records of all rows: those that are kept, then the others as they are computed and kept."""
     from contextlib import closing
 
-    from hdassist.run.stream import stream
+    from hdassist.run.run import stream
 
     yield from results.records()
-    chunks = stream(sweep, sweep.rows, done=results.done, jobs=jobs)
-    with out.progress(name, sweep.rows - results.done) as progress, closing(chunks):
+    with (
+        out.progress(name, sweep.rows - results.done) as progress,
+        out.engine(options) as engine,
+        closing(stream(sweep, sweep.rows, done=results.done, jobs=options.jobs, executor=engine)) as chunks,
+    ):
         for records in chunks:
             results.append(records)
             progress(len(records))

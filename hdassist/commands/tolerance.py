@@ -44,8 +44,8 @@ class ToleranceCommand(o.PlotOptions, DrawOptions):
         from hdassist.errors import UntrustedError
         from hdassist.pages.tolerance import tolerance_report
         from hdassist.run.kept import KeptOwner, open_kept
+        from hdassist.run.run import stream
         from hdassist.run.stops import at_stop, until_interrupted
-        from hdassist.run.stream import stream
         from hdassist.runfiles import claim_output
         from hdassist.terminal.output import note
         from hdassist.tolerance.production import Production
@@ -87,7 +87,8 @@ class ToleranceCommand(o.PlotOptions, DrawOptions):
                 production, samples = self.with_designs(out, production, count)
             with (
                 out.progress(drive.name, count - kept.done) as progress,
-                closing(stream(production.records, count, done=kept.done, jobs=self.jobs)) as chunks,
+                out.engine(self) as engine,
+                closing(stream(production.records, count, done=kept.done, jobs=self.jobs, executor=engine)) as chunks,
                 at_stop(progress_words),
             ):
                 for records in until_interrupted(chunks):

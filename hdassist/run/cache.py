@@ -47,14 +47,14 @@ def keeps_answers() -> bool:
 
 @cache
 def program(*packages: str) -> tuple[str, ...]:
-    """All of this installation that digits of an answer depend on, of packages by name beside hdassist and numpy."""
+    """All of this installation that answers depend on, with packages by name beside numpy and scipy."""
     source = sha256()
     package = Path(__file__).parents[1]
     for path in sorted(path for kind in ("*.py", "*.toml", "*.c") for path in package.rglob(kind)):
         source.update(path.read_bytes())
     kernels = [f"{name}={text}" for name, text in sorted(os.environ.items()) if name.startswith("OPENBLAS_")]
     versions = [f"{name} {version(name)}" for name in ("numpy", "scipy", *packages)]
-    return source.hexdigest(), *versions, *kernels, platform.platform(), platform.python_version()
+    return source.hexdigest(), *versions, *kernels, platform.python_version()
 
 
 def why_unsafe() -> str:

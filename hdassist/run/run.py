@@ -1,11 +1,23 @@
-"""How the work of a command is carried out: one object, which whatever works is given."""
+"""How the work of a command is carried out: one object that computations are given, engines by name, long streams."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor
+import atexit
+import logging
+import pickle
+import platform
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace
+from functools import cache, lru_cache
+from importlib import import_module
 from typing import Any, TypeVar
+
+from hdassist.errors import DataError, Fault, UntrustedError, UsageError
+from hdassist.run.processes import count, workers
 
 ResultT = TypeVar("ResultT")
 Progress = Callable[[int], None]
@@ -47,3 +59,191 @@ class Run:
 
 
 UNCHECKED = Run(cross_check=None)  # in this process, no state solved again
+
+# --- engines of other packages, on one machine or many
+
+ENGINES = {"dask": "distributed", "mpi": "mpi4py", "ray": "ray"}  # by the package that each needs
+RETRIES = 3  # of a task whose worker was lost
+TIMEOUT = 10.0  # s for a scheduler to answer
+Installation = Callable[[], object]  # what the digits of an answer depend on, where it is called
+
+
+class Cluster(Executor):
+    """An executor of another package, each worker of which is asked whether it has the same installation.
+
+    size: how many tasks it works on at a time, by now.
+    """
+
+    def __init__(self, engine: Executor, size: Callable[[], int], installation: Installation) -> None:
+        self._engine, self._size, self._installation = engine, size, installation
+        self._known, self._asked = 1, 0.0
+        self._here = installation()
+
+    @property
+    def size(self) -> int:
+        """How many tasks are worked on at a time: workers may join and leave."""
+        if time.monotonic() > self._asked + SECONDS:
+            self._known, self._asked = max(1, self._size()), time.monotonic()
+        return self._known
+
+    def submit(self, task: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
+        """The answer of a task."""
+        return self._engine.submit(_same_there, self._installation, self._here, task, args, more)
+
+
+def _same_there(
+    installation: Installation, expected: object, task: Callable[..., Any], args: tuple[Any, ...], more: dict[str, Any]
+) -> Any:
+    """Do a task on a worker. Raises UntrustedError: its installation is not that of the process that asks."""
+    if (found := installation()) != expected:
+        words = f"the worker on {platform.node()} has another installation: {found}, not {expected}"
+        raise UntrustedError(words, "install the same versions on all machines", Fault.WORKERS_LOST)
+    return task(*args, **more)
+
+
+@contextmanager
+def cluster(name: str, jobs: int, installation: Installation) -> Iterator[Cluster]:
+    """An engine by its name, as ENGINES has it; it stays for the next time, and ends with this process.
+
+    Arguments: name, with "=ADDRESS" of a scheduler that runs already; jobs, workers that are begun where there is none
+    (0: one for each core); installation. Raises UsageError: no such engine, or its package is not there; DataError: it
+    cannot be reached or begun; UntrustedError: it has lost the work, or a worker has another installation.
+    """
+    kind, _, address = name.partition("=")
+    if kind not in ENGINES or (address and kind == "mpi"):
+        words = f"unknown executor: {name}"
+        raise UsageError(words, "one of dask, dask=tcp://HOST:PORT, mpi, ray, ray=HOST:PORT")
+    try:
+        engine = _begun(kind, address, jobs, installation)
+    except ImportError as error:
+        words = f"--executor {kind} needs a package that is not installed: {error.name or error}"
+        raise UsageError(words, f"pip install 'hdassist[{kind}]'") from None
+    except Exception as error:  # whatever an engine raises that does not begin
+        words = f"cannot reach or begin {name}: {str(error) or type(error).__name__}"
+        raise DataError(words, "is its scheduler there, and open to this machine?", Fault.SYSTEM_LIMITS) from None
+    try:
+        yield engine
+    except Exception as error:
+        if type(error).__module__.partition(".")[0] not in (*ENGINES.values(), "dask", "concurrent"):
+            raise
+        words = f"{kind} has lost the work: {str(error) or type(error).__name__}"
+        hint = "see the log of its scheduler; the same command goes on behind what is kept"
+        raise UntrustedError(words, hint, Fault.WORKERS_LOST) from None
+
+
+@cache
+def _begun(kind: str, address: str, jobs: int, installation: Installation) -> Cluster:
+    with ExitStack() as stack:
+        engine, size = {"dask": _dask, "mpi": _mpi, "ray": _ray}[kind](stack, address, count(jobs))
+        _clusters.enter_context(stack.pop_all())
+    return Cluster(engine, size, installation)
+
+
+_clusters = ExitStack()  # that were begun or are connected
+
+
+@atexit.register
+def end_clusters() -> None:
+    """End the engines that this process has begun, and leave those that ran already."""
+    _clusters.close()
+    _begun.cache_clear()
+
+
+def _dask(stack: ExitStack, address: str, jobs: int) -> tuple[Executor, Callable[[], int]]:
+    """A scheduler that runs, with TLS as its own configuration has it, or workers on this machine for us alone."""
+    config, distributed = import_module("dask.config"), import_module("distributed")
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it says is said by the error
+    if not address:
+        # its ports are open to every user of the machine, and who reaches one may run code: TLS with a key of our own
+        stack.enter_context(config.set({f"distributed.{part}.http.routes": [] for part in ("scheduler", "worker")}))
+        key = distributed.Security.temporary()
+        own = distributed.LocalCluster(
+            n_workers=jobs, threads_per_worker=1, host="127.0.0.1", protocol="tls://", security=key,
+            dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
+        )  # fmt: skip
+        client = stack.enter_context(distributed.Client(stack.enter_context(own)))
+    else:
+        client = stack.enter_context(distributed.Client(address, timeout=TIMEOUT))
+    return client.get_executor(pure=False, retries=RETRIES), lambda: sum(client.nthreads().values())
+
+
+def _mpi(stack: ExitStack, _address: str, _jobs: int) -> tuple[Executor, Callable[[], int]]:
+    """The other processes of `mpiexec -n N python -m mpi4py.futures -m hdassist`."""
+    engine = stack.enter_context(import_module("mpi4py.futures").MPIPoolExecutor())
+    return engine, lambda: int(engine.num_workers)
+
+
+def _ray(stack: ExitStack, address: str, jobs: int) -> tuple[Executor, Callable[[], int]]:
+    """A cluster that runs, or workers on this machine."""
+    ray = import_module("ray")
+    options = {"address": address} if address else {"num_cpus": jobs, "include_dashboard": False}
+    ray.init(log_to_driver=False, logging_level=logging.CRITICAL, **options)
+    stack.callback(ray.shutdown)
+
+    class Tasks(Executor):
+        def submit(self, task: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
+            future: Future[Any] = ray.remote(max_retries=RETRIES)(task).remote(*args, **more).future()
+            return future
+
+    return Tasks(), lambda: int(ray.cluster_resources().get("CPU", 1))
+
+
+# --- very many items
+
+SECONDS = 2.0  # of work in a chunk, about
+MANY = 100  # workers, from which on chunks grow with their number: one process takes all their answers
+MOST_ITEMS = 10_000  # items in a chunk
+AHEAD = 3  # chunks under way or done for each process
+
+Work = Callable[[int, int], list[Any]]
+
+
+def stream(
+    work: Work, total: int, *, done: int = 0, jobs: int = 0, seconds: float = SECONDS, executor: Executor | None = None
+) -> Generator[list[Any], None, None]:
+    """Records of the items done, done + 1, ... total - 1, in lists of one chunk each; close it to stop the work.
+
+    Items go out in chunks that take a few seconds each, by the time of those before them, and only so many ahead of the
+    one that is waited for: memory does not grow with the number of items.
+    Arguments: work, which can be pickled and gives the records of the items first ... last - 1: where chunks begin and
+    end depends on how fast it is, so a record must not depend on that; total; done, how many items are done already;
+    jobs, processes at work (0: one for each core); seconds of work in a chunk; executor in place of such processes, any
+    of concurrent.futures.
+    Raises the errors of the work; UntrustedError: a process was ended from outside.
+    """
+    pickled = pickle.dumps(work)
+    chunks: deque[tuple[int, Future[tuple[float, list[Any]]]]] = deque()  # items of each, and its answer
+    end, cost, counted = done, 0.0, 0.0  # s and items of chunks that are done, the last ones counting most
+    with nullcontext(executor) if executor else workers(jobs) as engine:
+        try:
+            while done < total:
+                at_a_time = engine.size if isinstance(engine, Cluster) else count(jobs)
+                while end < total and len(chunks) < AHEAD * at_a_time:
+                    by_time = int(seconds * max(1.0, at_a_time / MANY) * counted / max(cost, 1e-9))
+                    to_the_end = -(-(total - end) // (2 * at_a_time))  # smaller ones there: all end together
+                    size = max(1, min(by_time, MOST_ITEMS, to_the_end))
+                    chunks.append((size, engine.submit(_timed, pickled, end, end + size)))
+                    end += size
+                size, answer = chunks.popleft()
+                took, records = answer.result()
+                if len(records) != size:
+                    raise ValueError(f"{len(records)} records of {size} items")
+                cost, counted, done = cost / 2 + took, counted / 2 + size, done + size
+                yield records
+        finally:
+            for _, answer in chunks:
+                answer.cancel()
+
+
+def _timed(work: bytes, first: int, last: int) -> tuple[float, list[Any]]:
+    """How long some items took [s], and their records; work, pickled."""
+    begun = time.perf_counter()
+    records = _unpickled(work)(first, last)
+    return time.perf_counter() - begun, records
+
+
+@lru_cache(maxsize=1)
+def _unpickled(work: bytes) -> Work:
+    """The work, unpickled once in each process: its caches stay from chunk to chunk."""
+    found: Work = pickle.loads(work)
+    return found

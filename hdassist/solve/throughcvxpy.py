@@ -5,12 +5,15 @@ Pages ask it for names alone: cvxpy, which takes a second, is imported where the
 
 from __future__ import annotations
 
+import os
+import platform
 import warnings
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -20,7 +23,6 @@ from hdassist.errors import Fault, UntrustedError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.run.cache import cached, keep, keeps_answers, program
 from hdassist.run.kept import ClosedRecord, Count
-from hdassist.run.muted import muted_output
 from hdassist.run.run import CROSS_SOLVER
 from hdassist.solve.answers import ARCSEC, N_MM
 
@@ -75,6 +77,23 @@ def _able() -> list[str]:
     return sorted(set(cp.installed_solvers()) & QUADRATIC)
 
 
+@contextmanager
+def muted_output() -> Iterator[None]:
+    """Output of compiled code goes nowhere meanwhile: HiGHS 1.16 has a banner for each solver."""
+    try:
+        kept = os.dup(1)
+    except OSError:  # it is closed
+        yield
+        return
+    try:
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+
+
 def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float, solver: str) -> tuple[Array, Array]:
     """Forces [N], shape (M,), and free displacements [mm, rad] of one state, by a solver called through cvxpy.
 
@@ -126,7 +145,7 @@ def solve_again(
     states and rotations to the last digit. Raises UntrustedError where two rotations differ by more than
     CROSS_TOLERANCE.
     """
-    units, words = formulation.units, f"{solver} {program('cvxpy', *SHIPPED.values())}"
+    units, words = formulation.units, f"{solver} {platform.platform()} {program('cvxpy', *SHIPPED.values())}"
     key, used, worst = sha256(words.encode()), {require_solver(solver): None}, 0.0
     system = formulation.H, formulation.local, formulation.A, formulation.system.place, units.load
     for array in (*system, np.array([units.gap, units.force]), delta_p, torques, rotation_arcsec):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
+from hdassist.run.cache import program
 from hdassist.solve.build import SOURCE, development_folder, library_name, source_hash
 from hdassist.solve.certificate import Residuals
 from hdassist.solve.formulation import Formulation
@@ -37,6 +38,11 @@ def walk_library() -> tuple[Any, str]:
             return None, f"the compiled walk is older than {SOURCE.name}: install hdassist again"
         return found, f"compiled walk, {INSTRUCTIONS[level]}"
     return None, "numpy: no compiled walk in this installation (no C compiler when it was made)"
+
+
+def installation() -> tuple[str, ...]:
+    """All that an answer depends on in this process, but for the machine: source, versions, engine."""
+    return (*program("cvxpy", "daqp"), "compiled" if walk_library()[0] else "numpy")
 
 
 def _load(path: Path) -> Any:

@@ -17,6 +17,8 @@ from hdassist.terminal.files import write_text
 from hdassist.visible import visible
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from rich.console import RenderableType
     from rich.progress import Progress
 
@@ -74,7 +76,6 @@ class Output:
         Its processes, seed and other solver are those that the options of a command have; one that solves each state
         by a slow solver of its own works in this process, and shows how far it is.
         """
-        from hdassist.run.processes import workers
         from hdassist.run.run import CROSS_SOLVER, Run
 
         found = {"jobs": None, "seed": 0, "cross_check": CROSS_SOLVER, "solver": None} | vars(options)
@@ -82,8 +83,32 @@ class Output:
         if begun:
             begun.expect(words, states)
         bar = nullcontext(begun) if begun else self.progress(words, states)
-        with bar as progress, nullcontext() if alone else workers(found["jobs"]) as executor:
+        with bar as progress, nullcontext() if alone else self.workers(options) as executor:
             yield Run(executor, progress, found["seed"], found["cross_check"])
+
+    @contextmanager
+    def engine(self, options: object) -> Iterator[Executor | None]:
+        """The executor that the options of a command name, None for processes of its own on this machine."""
+        from hdassist.run.run import cluster
+        from hdassist.solve.walk import installation
+
+        if not (name := getattr(options, "executor", None)):
+            yield None
+            return
+        with cluster(name, getattr(options, "jobs", 0), installation) as engine:
+            yield engine
+
+    @contextmanager
+    def workers(self, options: object) -> Iterator[Executor]:
+        """The executor that the options of a command name, or processes of its own on this machine."""
+        from hdassist.run.processes import workers
+
+        with self.engine(options) as engine:
+            if engine:
+                yield engine
+                return
+            with workers(getattr(options, "jobs", 0)) as own:
+                yield own
 
     @contextmanager
     def progress(self, words: str, total: int | None = None) -> Iterator[ProgressBar]:

@@ -16,6 +16,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -35,6 +36,8 @@ LONGEST = 300.0  # s of one run, on a machine that has other work
 STOPPED = re.compile(r"(many.csv: 100 drives\n)?(warning: ([\w.-]+: )?)?(interrupted|terminated|hung up)(: [^\n]+)?\n")
 TOLD = 20  # runs after which the count so far is printed
 SOON = 2.0  # s in which a command ends that is told to stop
+USUAL_ENDS = (0, 3, 6)
+LOST = "a process that shared the work was ended from outside"
 ENDS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
 CHANGES = re.compile(  # from run to run; a checksum is that of a time too
     r'\d{4}-\d\d-\d\d(T\d\d:\d\d:\d\d\+00:00)?|"evaluations": \d+|"checksum":"[0-9a-f]{16}"'
@@ -101,6 +104,9 @@ LONG = (
     _case("sensitivity", "sensitivity vzp160 -n 512 --jobs 2"),
     _case("calibrate", "calibrate tiny.yaml --targets targets.yaml --evaluations 4000 --jobs 1"),
     _case("accept", "accept many.csv --jsonl a.jsonl --jobs 2", grows="a.jsonl"),
+    _case("trials", "trials vzp160 h0=28 h3=22 h6=17 --jobs 2"),
+    _case("allocate", "allocate vzp160 --limit 20 --jobs 2"),
+    _case("report", "report vzp160 --jobs 2"),
 )  # fmt: skip
 
 
@@ -120,7 +126,8 @@ class Tally:
 
     runs; done: those that were over before their signal; outside: those ended by the system before our first line or
     after our last; midway: those killed with work kept; gone_on: runs that went on from what was left, to the end;
-    broken: promises that were; parts: temporary files left by kills; slowest end [s].
+    broken: promises that were; parts: temporary files left by kills; slowest end [s], and slowest_alone, without the
+    time in which a process waited for a core.
     """
 
     runs: int = 0
@@ -131,6 +138,7 @@ class Tally:
     broken: list[str] = field(default_factory=list)
     parts: int = 0
     slowest: float = 0.0
+    slowest_alone: float = 0.0
     slowest_of: str = ""
 
 
@@ -292,46 +300,82 @@ def _size(file: Path) -> int:
 
 
 def signals(count: int, seed: int, seconds: float = 8.0) -> Tally:
-    """SIGINT, SIGTERM or SIGHUP at a random moment of long commands, half of them to all processes, as a terminal does.
+    """SIGINT, SIGTERM or SIGHUP at a random moment of long commands, to one process or to all, as a terminal does it.
 
-    Arguments: count, of runs; seed, of the moments; seconds after the start in which they lie.
+    In a third of the runs a worker is killed instead. Arguments: count, of runs; seed, of the moments; seconds after
+    the start in which they lie.
     """
     tally = Tally()
     for k in range(count):
         rng = np.random.default_rng([seed, k])
-        _interrupt(
-            LONG[k % len(LONG)], list(ENDS)[k // len(LONG) % 3], rng.uniform(0, seconds), rng.random() < 0.5, tally
-        )
+        number, whom = list(ENDS)[k // len(LONG) % 3], ("it", "all", "a worker")[int(rng.integers(3))]
+        _interrupt(LONG[k % len(LONG)], number, rng.uniform(0, seconds), whom, tally)
     return tally
 
 
-def _interrupt(case: Case, number: signal.Signals, moment: float, is_for_all: bool, tally: Tally) -> None:
+def _interrupt(case: Case, number: signal.Signals, moment: float, whom: str, tally: Tally) -> None:
     with folder() as place:
         mark = secrets.token_hex(8)
         process = start(case, place, mark, start_new_session=True)
         time.sleep(moment)
-        is_done = process.poll() is not None
-        sent = time.monotonic()
-        if not is_done:
-            (os.killpg if is_for_all else os.kill)(process.pid, number)
-        out, err = process.communicate(timeout=LONGEST)
-        seconds = time.monotonic() - sent
+        lost = max(_workers_of(process.pid, mark), default=0) if whom == "a worker" else 0
+        is_done, sent, queued = process.poll() is not None, time.monotonic(), _queued(process.pid)
+        with suppress(ProcessLookupError):
+            if lost:
+                os.kill(lost, signal.SIGKILL)
+            elif not is_done:
+                (os.killpg if whom == "all" else os.kill)(process.pid, number)
+        out, err, queued_later = _end_of(process)
+        seconds, turn = time.monotonic() - sent, max(0.0, queued_later - queued)
         said = [f"process {pid} left" for pid in left(mark)]
-        where = f"{case.name}, {number.name} after {moment:.2f} s{' to all' if is_for_all else ''}"
-        if is_done:
+        where = f"{case.name}, {'a worker killed' if lost else number.name} after {moment:.2f} s"
+        where += " to all" if whom == "all" else ""
+        if is_done or (lost and process.returncode in USUAL_ENDS):
+            is_done = True
             tally.done += 1
-            said += [] if process.returncode == 0 else [f"exit {process.returncode}: {err[-300:]}"]
+            said += [] if process.returncode in USUAL_ENDS else [f"exit {process.returncode}: {err[-300:]}"]
+        elif lost:
+            said += [] if process.returncode == 5 and LOST in err else [f"exit {process.returncode}: {err[-600:]}"]
         elif process.returncode == -number and not err:  # by the system: the interpreter itself was starting or ending
             tally.outside += 1
             said += [] if moment < STARTS or out else ["ended by the system at work"]
         else:
             said += [] if process.returncode == ENDS[number] else [f"exit {process.returncode}"]
             said += [] if STOPPED.fullmatch(err) else [f"{err.count(chr(10))} lines: {err[-600:]}"]
-            said += [f"{seconds:.1f} s"] if seconds > SOON else []
             said += [f"left {item.name}" for item in place.iterdir() if item.name not in (*INPUTS, case.grows)]
-        if seconds > tally.slowest and not is_done:
-            tally.slowest, tally.slowest_of = seconds, where
+        if not is_done:
+            said += [f"{seconds:.1f} s, {turn:.1f} s of them in the queue for a core"] if seconds - turn > SOON else []
+            tally.slowest_alone = max(tally.slowest_alone, seconds - turn)
+            if seconds > tally.slowest:
+                tally.slowest, tally.slowest_of = seconds, where
         record(tally, said, where)
+
+
+def _workers_of(parent: int, mark: str) -> list[int]:
+    """Processes that were forked for a run, and run no other program."""
+    with suppress(OSError):
+        line = Path(f"/proc/{parent}/cmdline").read_bytes()
+        marked = [pid for pid in processes() if pid != parent and has_mark(pid, mark)]
+        return [pid for pid in marked if Path(f"/proc/{pid}/cmdline").read_bytes() == line]
+    return []
+
+
+def _end_of(process: subprocess.Popen[str]) -> tuple[str, str, float]:
+    """Both streams of a process to its end, and how long its first thread has waited for a core by then [s]."""
+    with ThreadPoolExecutor(1) as beside:
+        streams = beside.submit(lambda: [stream.read() for stream in (process.stdout, process.stderr) if stream])
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        queued = _queued(process.pid)
+        out, err = streams.result(timeout=LONGEST)
+    process.wait()
+    return out, err, queued
+
+
+def _queued(pid: int) -> float:
+    """How long the first thread of a process has waited for a core [s]: on a quiet machine it would not."""
+    with suppress(OSError, IndexError):
+        return int(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) / 1e9
+    return 0.0
 
 
 def record(tally: Tally, said: Sequence[str], where: str) -> None:
@@ -347,6 +391,7 @@ def record(tally: Tally, said: Sequence[str], where: str) -> None:
 def report(name: str, tally: Tally) -> bool:
     """Print what came out; whether every promise was kept."""
     ends = f", slowest end {tally.slowest:.1f} s ({tally.slowest_of})" if tally.slowest_of else ""
+    ends += f", {tally.slowest_alone:.1f} s without waits for a core" if tally.slowest_alone else ""
     parts = f", {tally.parts} temporary files left" if tally.parts else ""
     ends += f", {tally.done} done before" if tally.done else ""
     ends += f", {tally.outside} ended while the interpreter began or ended" if tally.outside else ""

@@ -14,8 +14,8 @@ from functools import partial
 import pytest
 
 from hdassist.errors import DataError, UntrustedError
-from hdassist.run import stream as module
-from hdassist.run.stream import AHEAD, MOST_ITEMS, stream
+from hdassist.run import run as module
+from hdassist.run.run import AHEAD, MOST_ITEMS, stream
 
 TOTAL = 40
 
