@@ -159,16 +159,16 @@ def _worked(pid: int, elapsed: float) -> float:
     if not Path(f"/proc/{pid}/task/{pid}/children").exists():
         return elapsed - 2
     try:
-        stats = [Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split() for child in _begun_by(pid)]
+        stats = [Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split() for child in begun_by(pid)]
     except OSError:  # one of them has just ended
         return 0.0
     return sum(int(stat[k]) for stat in stats for k in (11, 12)) / os.sysconf("SC_CLK_TCK")
 
 
-def _begun_by(pid: int) -> list[int]:
+def begun_by(pid: int) -> list[int]:
     """Processes that a process has begun, and those that these have."""
     children = [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-    return [*children, *(each for child in children for each in _begun_by(child))]
+    return [*children, *(each for child in children for each in begun_by(child))]
 
 
 def on_terminal(*args: str, columns: int, env: Mapping[str, str] | None = None) -> tuple[int, str]:

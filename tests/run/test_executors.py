@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -23,9 +24,7 @@ from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.run import run as module
 from hdassist.run.run import Cluster, cluster, end_clusters, stream
 from hdassist.solve.walk import installation
-from tests.explorer.test_service import needs_proc, processes, vanished
-from tests.fuzz.faults import plain
-from tests.process import CLEAN, COMMAND, TINY, run
+from tests.process import CLEAN, COMMAND, TINY, begun_by, ends, run
 
 pytestmark = pytest.mark.filterwarnings("default")  # of packages that are not ours
 
@@ -38,6 +37,14 @@ COMMANDS = {
     "allocate": ("allocate", TINY, *DRAWN, "-n", "20", "--limit", "2000", "--json"),
     "sweep": ("sweep", TINY, "--torque", "4", "--vary", "gears.j_n=10:20:5", "--jobs", "1", "--csv", "-"),
 }
+
+
+needs_proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
+
+
+def plain(text: str) -> str:
+    """A text without times of day."""
+    return re.sub(r"T\d\d:\d\d:\d\d", "", text)
 
 
 def squares(first: int, last: int) -> list[int]:
@@ -75,7 +82,6 @@ def test_rows_of_a_lot_are_the_same_and_it_goes_on_wherever_it_stopped(scheduler
 
 @needs_proc
 def test_an_own_cluster_is_open_to_nobody_else_and_ends_with_its_command(tmp_path: Path) -> None:
-    before = processes()
     file = tmp_path / "rows.jsonl"
     arguments = ("tolerance", TINY, "--torque", "4", "-n", "4000", "--executor", "dask", "--jobs", "2")
     process = subprocess.Popen([*COMMAND, *arguments, "--results", str(file)], env=CLEAN, stderr=subprocess.PIPE)
@@ -83,13 +89,13 @@ def test_an_own_cluster_is_open_to_nobody_else_and_ends_with_its_command(tmp_pat
     while (not file.exists() or file.read_bytes().count(b"\n") < 3) and time.monotonic() < until:
         assert process.poll() is None
         time.sleep(0.1)
-    workers = processes() - before - {process.pid}
+    workers = begun_by(process.pid)
     assert len(workers) >= 2
     process.send_signal(signal.SIGTERM)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 143
     assert b"drives are kept in" in err
-    assert vanished(before)
+    assert all(map(ends, workers))
 
 
 def test_an_own_cluster_takes_no_work_without_its_key() -> None:
