@@ -1,151 +1,274 @@
-"""How near sets of values of vzp160 come to Fig. 3 and Fig. 2 of its paper: `python -m benchmarks.identify [NAME ...]`.
+"""Values of vzp160 that Fig. 3 and Fig. 2 of its paper leave: `python -m benchmarks.identify FILE [--seed 1]`.
 
-NAME: preset, an alternative of it by its number, reference (tests/validation/vzp160_reference.yaml, from before flanks
-were coned), or middle (of the bounds). Prints the bars of Fig. 3, and Fig. 2's greatest over least range in a turn.
+Each drive that is solved is a line of FILE (a second run goes on from it): values, bars of Fig. 3, ranges of Fig. 2,
+self errors, K1 to K3. The first are spread over all bounds. From all of them a smooth surface is laid through the
+logarithm of each figure; drives drawn by the likelihood that this surface has are solved next, at first with figures
+taken as three times as uncertain, then as stated. The last draws, weighted by their likelihood as solved over that of
+the surface, are samples of what the figures leave.
 
---fig-3: least squares of `hdassist calibrate` from there, to Fig. 3 alone, without the drives that it spreads over the
-bounds otherwise. --both N: N rounds from there towards both figures: the greatest excess over their tolerances is made
-less by a linear programme in a small box around the best set, its slopes being difference quotients over the box.
+Two of eleven drives in each round are drawn as if K1 to K3 of catalogues were known too: they show the front between
+these and the figures.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+import sys
+import textwrap
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
-ROOT = Path(__file__).parents[1]
-TARGETS = ROOT / "docs/vzp160.targets.yaml"
-ITERATIONS = 20
-BARS = (31, 15, 13, 2)  # arcsec, Fig. 3: greatest and least at 80 N*m, at 800 N*m; met within 5 %
-MOST = 3.0  # Fig. 2: the range changes 2 to 3 times
-BOX = 0.012  # of the bounds' width, to each side of the best set
-WEAK = {"supports.C_1": 2, "contact.k_face": 3, "flexspline.k_t": 4}  # the box is so much wider
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy is loaded
 
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import RBFInterpolator
+from scipy.special import softmax
+from scipy.stats.qmc import Sobol
 
-def start_of(name: str) -> dict[str, float]:
-    """Values of the unknowns to start from, by path."""
-    import numpy as np
+from hdassist import load_preset
+from hdassist.belief.tabled import COARSE_POINTS
+from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.self_error import self_error
+from hdassist.error.stiffness import stiffness
+from hdassist.error.trace import trace
+from hdassist.errors import HdassistError
+from hdassist.model.geometry import Array
+from hdassist.model.rules import first_conflict
+from hdassist.mounting.positions import phase_deg
+from hdassist.preset.fields import Drive
+from hdassist.run.run import UNCHECKED
 
-    from hdassist import load_preset
-    from hdassist.calibration.targets import read_targets
-    from hdassist.preset.yamltext import read_yaml
+Row = dict[str, Any]  # of the file
 
-    drive = load_preset("vzp160")
-    unknowns = read_targets(TARGETS.read_bytes(), str(TARGETS), drive).unknowns
-    if name == "middle":
-        return {u.path: float(u.value(np.array(0.5))) for u in unknowns}
-    if name == "reference":
-        drive = load_preset(str(ROOT / "tests/validation/vzp160_reference.yaml"))
-    elif name != "preset":
-        others = read_yaml((ROOT / "tests/validation/vzp160_alternatives.yaml").read_bytes(), name).data
-        drive = drive.with_values(others[int(name) - 1])
-    return {u.path: drive.number(u.path) for u in unknowns}
+# lower and upper bound; those of the paper's drive that its figures say something about
+BOUNDS = {
+    "gears.j_n": (0.0, 20.0),
+    "gears.h_a": (0.5, 0.7),
+    "flexspline.k_t": (1.0, 1.8),
+    "bearing.ring_b": (20.0, 28.0),
+    "bearing.ring_h": (3.8, 5.0),
+    "bearing.g_b": (0.0, 20.0),
+    "bearing.beta": (0.0, 1.0),
+    "supports.C_1": (2e5, 2e7),
+    "supports.C_2": (5e3, 1e5),
+    "supports.C_3": (1e3, 1e5),
+    "contact.k_face": (6.8, 10.0),
+    "contact.c_ball": (1.25e-5, 2.857e-5),
+}
+PATHS = tuple(BOUNDS)
+LOW, HIGH = np.array(list(BOUNDS.values())).T
+LOGARITHMIC = np.array([path.startswith("supports.") for path in PATHS])
+BETA = PATHS.index("bearing.beta")  # 0 is 1
 
+BARS = np.array([31.0, 15.0, 13.0, 2.0])  # arcsec, Fig. 3: greatest and least at 80 N*m, at 800 N*m
+PRINTED = np.array([BARS - 0.5, BARS + 0.5])  # in whole arcsec
+TURN_STARTS, MOST_OVER_LEAST = (20, 100, 300), (2.0, 3.0)  # Fig. 2, deg
+SELF_ERROR = (0.25, 2.0)  # arcsec
+EDGE = 0.05  # spread beyond such ends, in the logarithm: misfit of the model
+CATALOGUE, CATALOGUE_SPREAD = np.array([50.2e4, 79.1e4, 90.1e4]), 0.10  # N*m/rad, sizes 58 and 65 by d^3 at 160 mm
 
-def figures(values: Mapping[str, float]) -> list[float]:
-    """The four bars of Fig. 3 [arcsec], and greatest over least range in the three turns of Fig. 2."""
-    from hdassist import load_preset
-    from hdassist.calibration.quantities import phase_scan
-    from hdassist.error.trace import trace
-    from hdassist.run.run import UNCHECKED
-
-    drive = load_preset("vzp160").with_values(values)
-    ranges = [trace(drive, 80, start_deg=start, run=UNCHECKED).error.range_arcsec for start in (20, 100, 300)]
-    scans = (phase_scan(drive, 80), phase_scan(drive, 800))
-    return [*(bar for scan in scans for bar in (scan.greatest, scan.least)), max(ranges) / min(ranges)]
-
-
-def off(found: list[float]) -> list[float]:
-    """By how many per cent each of the figures is off: of the bars from the middle, of Fig. 2 from its upper end."""
-    return [100 * (got / wanted - 1) for got, wanted in zip(found, (*BARS, MOST), strict=True)]
-
-
-def excess(found: list[float]) -> float:
-    """The greatest excess over the tolerances [per cent]: none below 0."""
-    *bars, ratio = off(found)
-    return max(*(abs(bar) - 5 for bar in bars), ratio)
-
-
-def towards_both(values: Mapping[str, float], rounds: int, executor: ProcessPoolExecutor) -> dict[str, float]:
-    """The set with the least excess that so many rounds come to."""
-    import numpy as np
-    from scipy.optimize import linprog
-
-    from hdassist import load_preset
-    from hdassist.calibration.calibrate import places_of, rounded_values
-    from hdassist.calibration.targets import read_targets
-
-    unknowns = read_targets(TARGETS.read_bytes(), str(TARGETS), load_preset("vzp160")).unknowns
-    paths = [u.path for u in unknowns]
-    width = BOX * np.array([WEAK.get(path, 1) for path in paths])
-    best = places_of(unknowns, values)
-
-    def at(points: Sequence[np.ndarray]) -> list[list[float]]:
-        return list(executor.map(figures, [named(point) for point in points]))
-
-    def named(point: np.ndarray) -> dict[str, float]:
-        return dict(zip(paths, rounded_values(unknowns, np.clip(point, 0, 1)), strict=True))
-
-    for number in range(rounds):
-        ends = best + np.diag(np.where(best < 0.5, width, -width))
-        here, *moved = at([best, *ends])
-        slopes = (np.array([off(each) for each in moved]) - off(here)).T / (ends - best).diagonal()
-        # least t with |bar| - 5 <= t and ratio <= t, all in per cent
-        *bars, ratio = np.c_[slopes, -np.ones(5)]
-        rows = [*bars, *(np.r_[-bar[:-1], -1] for bar in bars), ratio]
-        known = off(here)
-        ends_of_rows = [*(5 - bar for bar in known[:4]), *(5 + bar for bar in known[:4]), -known[4]]
-        tried = []
-        for share in (1, 0.4, 0.15):
-            reach = share * width
-            box = [(max(-r, -b), min(r, 1 - b)) for r, b in zip(reach, best, strict=True)]
-            cost = np.r_[np.zeros(len(paths)), 1]
-            step = linprog(cost, A_ub=rows, b_ub=ends_of_rows, bounds=[*box, (None, None)]).x[:-1]
-            tried.append(best + step)
-        points = [best, *tried, *ends]
-        all_found = [here, *at(tried), *moved]
-        least = min(range(len(points)), key=lambda k: excess(all_found[k]))
-        print(f"  round {number + 1}: excess {excess(all_found[least]):+.2f} %", flush=True)
-        best, width = points[least], width * (1.4 if least in (1,) else 1 if least else 0.5)
-    return named(best)
+FIRST, EACH_ROUND, WALKERS, STEPS = 128, 44, 300, 120
+WIDER = (3.0, 2.0, 1.3)  # of the first rounds
 
 
-def towards_fig_3(values: Mapping[str, float], executor: ProcessPoolExecutor) -> dict[str, float]:
-    """The least squares of Fig. 3 and the self error."""
-    from hdassist import load_preset
-    from hdassist.calibration.calibrate import calibrate
-    from hdassist.calibration.targets import read_targets
-    from hdassist.run.run import Run
+def values_at(x: Array) -> dict[str, float]:
+    """Values by path of a place in the bounds, each from 0 to 1."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = np.where(LOGARITHMIC, LOW * (HIGH / LOW) ** x, LOW + (HIGH - LOW) * x)
+    return dict(zip(PATHS, found.tolist(), strict=True))
 
-    drive = load_preset("vzp160", [f"{path}={value}" for path, value in values.items()])
-    targets = read_targets(TARGETS.read_bytes(), str(TARGETS), drive)
-    found = calibrate(drive, targets, points=1, starts=1, iterations=ITERATIONS, run=Run(executor))
-    squares = sum(deviation**2 for deviation in targets.deviations(found.fits[0].predictions))
-    print(f"  {found.evaluations} drives: weighted sum of squares {squares:.2f}")
-    return targets.by_path(found.fits[0].values)
+
+def place_of(drive: Drive) -> Array:
+    """The place in the bounds of a drive."""
+    found = np.array([drive.number(path) for path in PATHS])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(LOGARITHMIC, np.log(found / LOW) / np.log(HIGH / LOW), (found - LOW) / (HIGH - LOW)))
+
+
+def figures(drive: Drive) -> dict[str, list[float]]:
+    """Bars, ranges of Fig. 2 and self errors [arcsec], K1 to K3 [N*m/rad]; F'_ior [arcsec] at phases of 30 deg."""
+    own, phases, bars, scans = phase_deg(drive), np.arange(0, 360, 30.0), [], []
+    for M_g in (80.0, 800.0):
+        error_map = ErrorMap(drive, M_g)
+
+        def at(some: Array, error_map: ErrorMap = error_map) -> Array:
+            return error_map.many_extremes(Batch.turned(drive, some - own), grid=COARSE_POINTS).F_ior_arcsec
+
+        F_ior = at(phases)
+        scans.append(F_ior.tolist())
+        nearer = []
+        for sign in (1, -1):
+            k = int((sign * F_ior).argmax())
+            before, here, after = F_ior[[k - 1, k, (k + 1) % 12]]
+            vertex = 0.5 * (before - after) / (before - 2 * here + after)
+            nearer.append(phases[k] + 30 * vertex)
+        every = np.append(F_ior, at(np.array(nearer)))
+        bars += [every.max(), every.min()]
+    ranges = [trace(drive, 80, start_deg=start, run=UNCHECKED).error.range_arcsec for start in TURN_STARTS]
+    coarse = drive.with_values({"numerics.n_phase": 5})
+    own_errors = [each.range_arcsec for each in self_error(coarse, (80.0, 800.0), run=UNCHECKED)]
+    found = stiffness(drive, points=0, run=UNCHECKED)
+    K = [found.weaker(k) for k in (1, 2, 3)]
+    return {"bars": list(map(float, bars)), "ranges": ranges, "self": own_errors, "K": K, "scans": scans}
+
+
+def log_likelihood(logs: Array, wider: float = 1.0, catalogue: bool = False) -> Array:
+    """Log likelihood of logarithms of bars, ranges, self errors and K, shape (..., 12)."""
+    bars, ranges, own, K = np.split(logs, [4, 7, 9], axis=-1)
+    ratio = ranges.max(axis=-1) - ranges.min(axis=-1)
+    off = [beyond(bars, PRINTED), beyond(ratio[..., None], MOST_OVER_LEAST), beyond(own, SELF_ERROR)]
+    off += [(K - np.log(CATALOGUE)) / CATALOGUE_SPREAD] if catalogue else []
+    return np.asarray(-0.5 * np.square(np.concatenate(off, axis=-1) / wider).sum(axis=-1))
+
+
+def beyond(logs: Array, ends: ArrayLike) -> Array:
+    """How far beyond soft ends, in their spread."""
+    low, high = np.log(ends)
+    return np.asarray((np.maximum(logs - high, 0) + np.maximum(low - logs, 0)) / EDGE)
+
+
+def logs_of(rows: Sequence[Row]) -> Array:
+    """Logarithms of the figures of rows, shape (rows, 12)."""
+    return np.asarray(np.log([[*row["bars"], *row["ranges"], *row["self"], *row["K"]] for row in rows]))
+
+
+class Surface:
+    """Smooth surfaces through the logarithms of all figures; axes are as long as the figures are sensitive to them."""
+
+    def __init__(self, x: Array, logs: Array) -> None:
+        z = self.round_beta(x)
+        slopes = np.linalg.lstsq(np.c_[np.ones(len(z)), z], logs, rcond=None)[0][1:]
+        self.length = np.sqrt(np.square(slopes).sum(axis=1)) + 0.05
+        self.fit = RBFInterpolator(z * self.length, logs, kernel="cubic", smoothing=1e-4)
+
+    @staticmethod
+    def round_beta(x: Array) -> Array:
+        angle = 2 * np.pi * x[:, [BETA]]
+        return np.hstack([np.delete(x, BETA, axis=1), np.cos(angle) / 4, np.sin(angle) / 4])
+
+    def logs(self, x: Array) -> Array:
+        return np.asarray(self.fit(self.round_beta(x) * self.length))
+
+
+def drawn_from(
+    surface: Surface, start: Array, count: int, wider: float, catalogue: bool, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Draws by the likelihood of a surface, shape (count, fields), and its logarithm: differences of walkers."""
+    x = start[rng.integers(len(start), size=WALKERS)] + 0.01 * rng.standard_normal((WALKERS, len(PATHS)))
+    x = np.clip(x, 1e-6, 1 - 1e-6)
+    log = log_likelihood(surface.logs(x), wider, catalogue)
+    for step in range(STEPS):
+        a, b = x[rng.integers(WALKERS, size=WALKERS)], x[rng.integers(WALKERS, size=WALKERS)]
+        some = rng.random((WALKERS, len(PATHS))) < rng.choice([0.3, 0.6, 1.0])
+        size = 1.0 if step % 10 == 9 else 1.7 / np.sqrt(2 * some.sum(axis=1, keepdims=True) + 1)
+        moved = x + some * (size * (a - b) + 0.01 * rng.standard_normal(x.shape))
+        moved[:, BETA] %= 1
+        moved = np.abs(moved)
+        moved = np.where(moved > 1, 2 - moved, moved)
+        inside = ((moved >= 0) & (moved <= 1)).all(axis=1)
+        new = np.full(WALKERS, -np.inf)
+        if inside.any():
+            new[inside] = log_likelihood(surface.logs(moved[inside]), wider, catalogue)
+        taken = np.log(rng.random(WALKERS)) < new - log
+        x[taken], log[taken] = moved[taken], new[taken]
+    chosen = rng.permutation(WALKERS)[:count]
+    return x[chosen], log[chosen]
+
+
+def solved(drive: Drive, x: Array) -> Row | None:
+    """A row of the file; None for what is no drive, or has no answer."""
+    values = {path: float(f"{value:.4g}") for path, value in values_at(x).items()}
+    moved = drive.with_values(values)
+    if first_conflict(moved):
+        return None
+    try:
+        return {"values": values, **figures(moved)}
+    except HdassistError:
+        return None
+
+
+def weights_of(rows: Sequence[Row]) -> Array:
+    """Weights of the drives that were drawn by the figures alone as stated, 0 of all others; those of a round alike."""
+    every, logs = np.zeros(len(rows)), log_likelihood(logs_of(rows))
+    for number in {row["round"] for row in rows if row["round"] >= len(WIDER)}:
+        some = [k for k, row in enumerate(rows) if row["round"] == number and not row["catalogue"]]
+        found = softmax([logs[k] - rows[k]["log_surface"] for k in some])
+        every[some] = found / np.square(found).sum()  # a round counts by its effective drives
+    return np.asarray(every / every.sum())
+
+
+def fit_lines(rows: Sequence[Row], drive: Drive, count: int) -> Iterator[str]:
+    """The table fit of a preset: equally likely drives in the order of F'_ior as mounted, after the preset's own."""
+    weights = weights_of(rows)
+    as_mounted = [np.interp(phase_deg(drive), np.arange(0, 360, 30), row["scans"][0]) for row in rows]
+    order = np.argsort(as_mounted, kind="stable")
+    chosen = order[np.searchsorted(np.cumsum(weights[order]), (np.arange(count - 1) + 0.5) / (count - 1))]
+    yield "fit:"
+    for path in PATHS:
+        draws = [drive.number(path), *(rows[k]["values"][path] for k in chosen)]
+        text = f"  {path}: [{', '.join(f'{value:.4g}'.replace('e+0', 'e').replace('e-0', 'e-') for value in draws)}]"
+        yield from textwrap.wrap(text, 118, initial_indent="  ", subsequent_indent="    ", break_long_words=False)
+    effective = 1 / np.square(weights).sum()
+    print(f"{effective:.0f} effective of {np.count_nonzero(weights)}; {len(set(chosen))} different", file=sys.stderr)
 
 
 def main() -> None:
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    reader.add_argument("names", nargs="*", default=["preset", "1", "2", "3"], metavar="NAME")
-    reader.add_argument("--fig-3", action="store_true")
-    reader.add_argument("--both", type=int, default=0, metavar="N")
+    reader.add_argument("file", type=Path)
+    reader.add_argument("--seed", type=int, default=1)
+    reader.add_argument("--rounds", type=int, default=14)
+    reader.add_argument("--from-bounds", action="store_true", help="not beginning from the preset")
+    reader.add_argument("--fit", type=int, help="print so many samples as the table fit of a preset, and solve none")
     options = reader.parse_args()
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy is not loaded yet
-    with ProcessPoolExecutor(os.cpu_count()) as executor:
-        for name in options.names:
-            print(f"{name}:", flush=True)
-            values = start_of(name)
-            if options.fig_3:
-                values = towards_fig_3(values, executor)
-            if options.both:
-                values = towards_both(values, options.both, executor)
-            found = figures(values)
-            print("  " + ", ".join(f"{value:.4g}" for value in found) + f"; excess {excess(found):+.2f} %")
-            print("  " + ", ".join(f"{path} {value:g}" for path, value in values.items()), flush=True)
+    rng, drive = np.random.default_rng(options.seed), load_preset("vzp160")
+    rows = [json.loads(line) for line in options.file.read_text().splitlines()] if options.file.exists() else []
+
+    if options.fit:
+        print("\n".join(fit_lines(rows, drive, options.fit)))
+        return
+
+    def solve(x: Array, more: Row) -> None:
+        if row := solved(drive, x):
+            rows.append(row | more)
+            with options.file.open("a") as file:
+                file.write(json.dumps(rows[-1]) + "\n")
+
+    if not rows:
+        every = Sobol(len(PATHS), seed=options.seed).random(FIRST)
+        if not options.from_bounds:  # half of them near the preset
+            every[::2] = np.clip(place_of(drive) + 0.12 * (every[::2] - 0.5), 0, 1)
+        for x in every:
+            solve(x, {"round": -1})
+    begun = 1 + max(row["round"] for row in rows)
+    for number in range(begun, options.rounds):
+        wider = WIDER[number] if number < len(WIDER) else 1.0
+        x = np.array([place_of(drive.with_values(row["values"])) for row in rows])
+        logs = logs_of(rows)
+        surface = Surface(x, logs)
+        for catalogue, count in ((False, EACH_ROUND * 9 // 11), (True, EACH_ROUND * 2 // 11)):
+            best = np.argsort(-log_likelihood(logs, wider, catalogue))[:40]
+            draws, log = drawn_from(surface, x[best], count, wider, catalogue, rng)
+            before = len(rows)
+            for place, its_log in zip(draws, log, strict=True):
+                solve(place, {"round": number, "catalogue": catalogue, "log_surface": float(its_log)})
+            new = rows[before:]
+            exact = log_likelihood(logs_of(new), wider, catalogue)
+            ratio = exact - [row["log_surface"] for row in new]
+            weights = np.exp(ratio - ratio.max())
+            every = log_likelihood(logs_of(rows), 1.0, catalogue)
+            top = rows[int(every.argmax())]
+            print(
+                f"round {number}, {'with' if catalogue else 'without'} K: {len(rows)} drives, "
+                f"{weights.sum() ** 2 / np.square(weights).sum():.0f} of {len(new)} effective; best {every.max():.2f}: "
+                f"bars {np.round(top['bars'], 2)}, Fig. 2 {max(top['ranges']) / min(top['ranges']):.2f}, "
+                f"self {np.round(top['self'], 2)}, K {np.round(np.array(top['K']) / 1e4, 1)}, "
+                f"g_b {top['values']['bearing.g_b']:.2f}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -2,6 +2,9 @@
 
 Prints the tables of docs/tolerance.md, and writes its figures: how many random drives stay below which F'_ior, as built
 and in their best hole, with the preset's teeth and with teeth one class finer (F'_i1 and F'_i2 over the root of two).
+
+--support: instead, by the cam's support and the standing offset, F'_ior in the worst hole over that in the best, as a
+table and as docs/figures/turning-support.svg, with drives that shipped presets may be drawn on it.
 """
 
 from __future__ import annotations
@@ -15,9 +18,13 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from hdassist.model.geometry import Array
+    from hdassist.preset.fields import Drive
     from hdassist.tolerance.production import Production, RandomDrive
 
 PRESETS = ("vzp160", "synthetic-160-162")
+SHIPPED = ("size-17-100", "size-65-100", "mvz-80")
+SUPPORTS = (0, 500, 1000, 2000, 4000, 6000, 8950, 12000, 16000, 30000, 60000, 100000)  # N/mm
+OFFSETS = (0.0, 15.0, 30.0, 60.0, 80.0, 100.0)  # um
 SEED = 0
 CHUNK = 10
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 640, 300, 48, 40, 30
@@ -86,15 +93,118 @@ def figure(M_g: float, curves: Mapping[tuple[str, str], Array]) -> str:
     return "\n".join(parts) + "\n"
 
 
+def by_support() -> tuple[dict[float, list[float]], list[float]]:
+    """Worst over best hole of vzp160 at 80 N*m, by offset and then support, and at 800 N*m by support."""
+    from hdassist import load_preset
+
+    drive = load_preset("vzp160")
+    every = {
+        offset: [
+            worst_over_best(drive.with_values({"supports.C_3": C_3, "tolerances.e_hb": offset}), 80.0)
+            for C_3 in SUPPORTS
+        ]
+        for offset in OFFSETS
+    }
+    return every, [worst_over_best(drive.with_values({"supports.C_3": C_3}), 800.0) for C_3 in SUPPORTS]
+
+
+def worst_over_best(drive: Drive, M_g: float) -> float:
+    """F'_ior in the worst of twelve holes over that in the best."""
+    import numpy as np
+
+    from hdassist.error.error_map import Batch, ErrorMap
+
+    F_ior = ErrorMap(drive, M_g).many_extremes(Batch.turned(drive, np.arange(0, 360, 30.0))).F_ior_arcsec
+    return float(F_ior.max() / F_ior.min())
+
+
+def shipped_drives(preset: str, count: int) -> list[tuple[float, float]]:
+    """Support brought to 160 mm, by the diameter, and worst over best hole of drives that a preset may be."""
+    import numpy as np
+
+    from hdassist import load_preset
+    from hdassist.belief.evidence import evidence_of
+    from hdassist.belief.prior import prior_of
+    from hdassist.belief.samples import SamplingEffort, draw_samples
+
+    drive = load_preset(preset)
+    samples = draw_samples(
+        prior_of(drive), drive.operation.M_g[:1], rotations_deg=np.arange(0, 360, 30.0).tolist(),
+        evidence=evidence_of(drive), effort=SamplingEffort.of(count),
+    )  # fmt: skip
+    turned = samples.turned_arcsec[:, 0]
+    supports = [each.get("supports.C_3", drive.supports.C_3) for each in samples.prior.values(samples.shares)]
+    rows = np.random.default_rng(SEED).choice(len(turned), count, p=samples.weights / samples.weights.sum())
+    to_160 = 160 / drive.gears.pitch_diameter
+    return [(supports[k] * to_160, float(turned[k].max() / turned[k].min())) for k in rows]
+
+
+def support_figure(lines: Mapping[float, list[float]], dots: Mapping[str, list[tuple[float, float]]]) -> str:
+    """The lines by offset, and the drives of presets as dots, over the support of the cam."""
+    from math import log10
+
+    low, high, end = log10(SUPPORTS[1]), log10(SUPPORTS[-1]), 3.5
+    right, up = WIDTH - LEFT - 20, HEIGHT - BOTTOM - TOP
+
+    def at(C_3: float, ratio: float) -> tuple[float, float]:
+        across = min(max((log10(C_3) - low) / (high - low), 0), 1)
+        return LEFT + right * across, TOP + up * (1 - (min(ratio, end) - 1) / (end - 1))
+
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" '
+        'font-size="12">',
+        '<rect width="100%" height="100%" fill="white"/>',
+    ]
+    for ratio in (1, 1.5, 2, 2.5, 3, 3.5):
+        y = at(SUPPORTS[1], ratio)[1]
+        parts.append(f'<path d="M{LEFT},{y:.1f}h{right}" stroke="#ddd"/>')
+        parts.append(f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{ratio:g}</text>')
+    for C_3 in (1e3, 3e3, 1e4, 3e4, 1e5):
+        x = at(C_3, 1)[0]
+        parts.append(f'<text x="{x:.1f}" y="{HEIGHT - BOTTOM + 16}" text-anchor="middle">{C_3:g}</text>')
+    for k, (name, drives) in enumerate(dots.items()):
+        ink = (BLUE, "#7d6608", "#117a65")[k]
+        for C_3, ratio in drives:
+            x, y = at(C_3, ratio)
+            parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.5" fill="{ink}" fill-opacity="0.6"/>')
+        parts.append(f'<text x="{LEFT + 10}" y="{TOP + 14 + 16 * k}" fill="{ink}">{name}</text>')
+    for offset, ratios in lines.items():
+        points = [at(C_3, ratio) for C_3, ratio in zip(SUPPORTS[1:], ratios[1:], strict=True)]
+        text, wide = " ".join(f"{x:.1f},{y:.1f}" for x, y in points), 2.5 if offset == 80 else 1
+        parts.append(f'<polyline points="{text}" fill="none" stroke="{RED}" stroke-width="{wide}"/>')
+        x, y = max(points, key=lambda each: -each[1])
+        parts.append(f'<text x="{x:.1f}" y="{y - 4:.1f}" text-anchor="middle" fill="{RED}">{offset:g} µm</text>')
+    label = "support of the cam C_3, N/mm, brought to 160 mm; worst over best hole"
+    parts.append(f'<text x="{WIDTH / 2}" y="{HEIGHT - 6}" text-anchor="middle">{label}</text></svg>')
+    return "\n".join(parts) + "\n"
+
+
+def write_support(folder: Path) -> None:
+    lines, loaded = by_support()
+    print("C_3, N/mm | " + " | ".join(f"{offset:g} µm" for offset in OFFSETS) + " | 80 µm, 800 N·m")
+    for k, C_3 in enumerate(SUPPORTS):
+        row = [*(ratios[k] for ratios in lines.values()), loaded[k]]
+        print(f"{C_3:g} | " + " | ".join(f"{ratio:.2f}" for ratio in row), flush=True)
+    dots = {preset: shipped_drives(preset, 32) for preset in SHIPPED}
+    for preset, drives in dots.items():
+        ratios = sorted(ratio for _, ratio in drives)
+        print(f"{preset}: {ratios[1]:.2f} to {ratios[-2]:.2f}, median {ratios[len(ratios) // 2]:.2f}")
+    (folder / "turning-support.svg").write_text(support_figure(lines, dots), encoding="utf-8")
+
+
 def main() -> None:
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     reader.add_argument("--n", type=int, default=400, help="drives of each case")
     reader.add_argument("--figures", type=Path, default=Path("docs/figures"))
+    reader.add_argument("--support", action="store_true")
     options = reader.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy is not loaded yet
     import numpy as np
 
     options.figures.mkdir(parents=True, exist_ok=True)
+    if options.support:
+        write_support(options.figures)
+        return
     with ProcessPoolExecutor(os.cpu_count()) as executor:
         for preset in PRESETS:
             cases = {}
