@@ -167,7 +167,8 @@ def _worked(pid: int, elapsed: float) -> float:
 
 def begun_by(pid: int) -> list[int]:
     """Processes that a process has begun, and those that these have."""
-    children = [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    lists = [path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/children")]  # of each of its threads
+    children = [int(child) for text in lists for child in text.split()]
     return [*children, *(each for child in children for each in begun_by(child))]
 
 
