@@ -35,9 +35,13 @@ class Truth:
 
 
 class Bench:
-    """A drive on a bench; seed: of all that is not known; turns: of the cam that are recorded, one way and back."""
+    """A drive on a bench; seed: of all that is not known; turns: of the cam that are recorded, one way and back.
 
-    def __init__(self, seed: int, turns: float) -> None:
+    is_clean: without rows that are lost or misread.
+    """
+
+    def __init__(self, seed: int, turns: float, *, is_clean: bool = False) -> None:
+        self.is_clean = is_clean
         self.rng = rng = np.random.default_rng([seed, round(turns)])
         self.turns = turns
         self.size = rng.uniform(2, 12)
@@ -86,15 +90,16 @@ class Bench:
         output += self.slow_error(later) + self.play * way + 0.6 * rng.standard_normal(2 * count)
         cam_counts = np.mod(np.round(cam / 1296000 * CAM_COUNTS) + 1234, CAM_COUNTS)
         out_counts = np.mod(np.round(output / 1296000 * OUTPUT_COUNTS) + OUTPUT_COUNTS - 99, OUTPUT_COUNTS)
-        glitch = rng.random(2 * count) < 0.004
+        glitch = rng.random(2 * count) < (0.0 if self.is_clean else 0.004)
         out_counts[glitch] = np.mod(out_counts[glitch] + rng.integers(300, 3000, glitch.sum()), OUTPUT_COUNTS)
         kept = rng.random(2 * count) > 0.25
         gap = round(rng.uniform(0.1, 0.8) * count)
         kept[gap : gap + ROWS // 4] = False
         kept[2 * count - gap : 2 * count - gap + ROWS] = False  # a turn of the cam
+        kept |= self.is_clean
         rows = zip(time[kept], cam_counts[kept], out_counts[kept], strict=True)
         text = [f"{t:.6f};{a:.0f};{b:.0f}" for t, a, b in rows]
-        for row in rng.integers(50, len(text), 3):
+        for row in [] if self.is_clean else rng.integers(50, len(text), 3):
             text[row] = "---"
         return "\n".join(["t;cam;output", *text]).encode()
 

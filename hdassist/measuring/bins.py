@@ -18,7 +18,8 @@ HEAVIEST = 4.0  # times the median weight: a shaft that stands still does not ou
 class Bins:
     """Averages, shape (bins,), by sweep and along the angle.
 
-    turns: cam angle; error: arcsec; rows: in each; weight: with a mean of 1; sweep: index from 0; travel: of the cam
+    turns: cam angle; error: arcsec; rows: in each; weight: with a mean of 1; sweep: index from 0; level: index of the
+    level of the error, from 0: a sweep has one, and one more behind each of its steps; travel: of the cam
     since the first row, turns; speed: of the cam, turns/s, 0 without time stamps; load: that of the trace, 0
     without; per_turn: bins in a turn of the cam.
     """
@@ -28,6 +29,7 @@ class Bins:
     rows: Array
     weight: Array
     sweep: NDArray[np.int64]
+    level: NDArray[np.int64]
     travel: Array
     speed: Array
     load: Array
@@ -40,6 +42,11 @@ class Bins:
     def sweeps(self) -> int:
         """Number of sweeps."""
         return int(self.sweep[-1]) + 1
+
+    @property
+    def levels(self) -> int:
+        """Number of levels."""
+        return int(self.level.max()) + 1
 
     @property
     def span(self) -> float:
@@ -56,16 +63,23 @@ def bins_of(trace: MeasuredTrace, highest: float) -> Bins:
     """Average rows of the sweeps of a trace over bins of 1/(PER_PERIOD highest) of a turn; highest order per turn."""
     travel, per_turn = travel_of(trace), PER_PERIOD * highest
     load = np.zeros(len(travel)) if trace.load is None else trace.load
-    parts = []
+    parts: list[tuple[Array, ...]] = []
+    levels = 0
     for number, sweep in enumerate(trace.sweeps):
         rows = slice(sweep.start, sweep.stop)
         turns = trace.cam_deg[rows] / 360
         speed = np.zeros(len(turns)) if trace.time_s is None else np.gradient(turns, trace.time_s[rows])
-        _, place = np.unique(np.floor(turns * per_turn), return_inverse=True)
+        behind = np.searchsorted(trace.breaks, trace.line[rows], side="right")  # steps of the level before a row
+        _, behind = np.unique(behind, return_inverse=True)
+        _, place = np.unique(np.floor(turns * per_turn) + behind / len(turns), return_inverse=True)
         count = np.bincount(place).astype(float)
         values = turns, trace.error_arcsec[rows], travel[rows], speed, load[rows]
-        means = [np.bincount(place, each) / count for each in values]
-        parts.append((*means, count, np.full(len(count), number)))
-    turns, error, path, speed, loads, count, index = (np.concatenate(column) for column in zip(*parts, strict=True))
+        means = [np.bincount(place, each) / count for each in (*values, behind)]
+        level = np.rint(means.pop()) + levels
+        levels = int(level.max()) + 1
+        parts.append((*means, count, level, np.full(len(count), number)))
+    columns = (np.concatenate(column) for column in zip(*parts, strict=True))
+    turns, error, path, speed, loads, count, level, index = columns
     weight = np.minimum(count, HEAVIEST * np.median(count))
-    return Bins(turns, error, count, weight / weight.mean(), index.astype(np.int64), path, speed, loads, per_turn)
+    counts = index.astype(np.int64), level.astype(np.int64)
+    return Bins(turns, error, count, weight / weight.mean(), *counts, path, speed, loads, per_turn)

@@ -91,7 +91,7 @@ class TraceDesign:
     def __init__(self, bins: Bins, orders: Array, slow: SlowTerms = SlowTerms()) -> None:
         self.bins, self.orders, self.slow = bins, orders, slow
         self.reach = max(float(bins.travel.max()), 1e-12)
-        self.columns = columns = 2 * len(orders) + bins.sweeps + slow.degree + len(slow.over)
+        self.columns = columns = 2 * len(orders) + bins.levels + slow.degree + len(slow.over)
         if len(bins) < BINS_PER_COLUMN * columns:
             message = f"{len(bins)} steps of the angle are too few for {columns} unknowns"
             raise UntrustedError(
@@ -117,7 +117,7 @@ class TraceDesign:
     def _rows(self, start: int) -> Array:
         """Rows of the design from a bin on, shape (DESIGN_CHUNK at most, columns)."""
         bins, rows = self.bins, slice(start, start + DESIGN_CHUNK)
-        levels = np.eye(bins.sweeps)[bins.sweep[rows]]
+        levels = np.eye(bins.levels)[bins.level[rows]]
         slow = self._slow(bins.turns[rows], bins.travel[rows])
         over = [getattr(bins, name)[rows, None] for name in self.slow.over]
         return np.concatenate([order_columns(bins.turns[rows], self.orders), levels, slow, *over], axis=1)
@@ -148,7 +148,7 @@ class TraceFit:
     """Least squares of values at the bins of a design [arcsec], shape (bins,).
 
     orders: per cam turn, rising; lines: those that were found in the residuals, rising; coefficients: of the cosines,
-    then of the sines, shape (2 orders,); level: shape (sweeps,); drift: coefficients, shape (degree,); slopes: over
+    then of the sines, shape (2 orders,); level: shape (levels,); drift: coefficients, shape (degree,); slopes: over
     columns of the bins by name, each with its standard uncertainty: over speed [arcsec s/turn], over the load;
     residual: shape (bins,); variance: of it, at weight 1; correlated: bins that err together; unmodelled: size of the
     residuals beyond noise of reading.
@@ -160,7 +160,7 @@ class TraceFit:
         solution, self.residual = design.fitted(values)
         self.variance = float(bins.weight @ self.residual**2) / (len(bins) - design.columns)
         self.correlated, self.unmodelled = residual_memory(design, self.residual, self.variance)
-        ends = np.cumsum([2 * len(design.orders), bins.sweeps, design.slow.degree])
+        ends = np.cumsum([2 * len(design.orders), bins.levels, design.slow.degree])
         self.coefficients, self.level, self.drift, slopes = np.split(solution, ends)
         unsure = np.linalg.norm(design.root[ends[-1] :], axis=1) * np.sqrt(self.variance * max(self.correlated, 1.0))
         pairs = zip(slopes.tolist(), unsure.tolist(), strict=True)

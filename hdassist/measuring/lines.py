@@ -101,7 +101,8 @@ def _least_likely(probes: Array, power: Array, others: Array, resolution: float,
         places = np.maximum(last - first, 0) * per_probe
         ratio = power / np.maximum((total[np.maximum(first, last)] - total[first]) * per_probe, 1e-300)
         tails.append(np.where(places >= FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
-    tail = np.max(tails, axis=0)
+    # above the last place there is no neighbour, and no more noise than below
+    tail = np.where(at + reach < len(probes), np.max(tails, axis=0), tails[0])
     tail = np.where(probes >= FEWEST_PERIODS * resolution, tail, np.inf)
     best = int(tail.argmin())
     return best, float(tail[best])

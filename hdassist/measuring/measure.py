@@ -24,7 +24,7 @@ from hdassist.measuring.orders import (
 )
 from hdassist.measuring.range import Range, ranges_of, visited_angles
 from hdassist.measuring.slopes import EncoderLag, RecordedTorque, encoder_lag, speed_changes, tells_compliance
-from hdassist.measuring.spikes import without_spikes
+from hdassist.measuring.spikes import with_step, without_spikes
 from hdassist.measuring.uncertainty import (
     COVERAGE_FACTOR,
     STATED,
@@ -36,11 +36,13 @@ from hdassist.measuring.uncertainty import (
 )
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
+from hdassist.readers.sweeps import sweeps
 from hdassist.readers.trace import MeasuredTrace
 
 DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
 SHORTEST_TURNS = 1.0  # cam turns
 STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
+SHORT_SHARE = 0.05  # of the steps that are shorter than the shortest which counts
 DRIFT_LEFT = "linear drift of {:.3g}″ over the record left in (--drift linear), if it is no part of a slow order"
 DRIFT_OFF = (
     "the cycle does not close: linear drift of {:.3g}″ taken off; with it the curve spans {:.1f}″; is the ratio right?"
@@ -191,10 +193,11 @@ def measure(
                     continue
                 else:
                     warnings.append(WIND_UP_LEFT)
-            found = without_spikes(own, fit)
+            found = without_spikes(own, fit) or with_step(own, fit)
             if not found:
                 break
-            cleaned, words = found
+            changed, words = found
+            cleaned = replace(changed, sweeps=tuple(sweeps(changed.cam_deg)))
             warnings.append(words)
         drift_left = 0.0
         if not together:  # a comparison looks for drift in the difference, and counts lines as noise
@@ -239,13 +242,15 @@ def _with_lines_or_drift(fit: TraceFit, finest: float) -> tuple[TraceFit, float]
 def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[str]) -> tuple[Sequence[float], float]:
     """Declared orders, refused where the steps of the angle do not resolve them, the default ones cut instead.
 
-    And the highest order per cam turn that the steps resolve.
+    And the highest order per cam turn that the steps can show as a line: two of the shortest in a period. At even
+    angles a higher one looks like a lower one of the same size.
     """
     declared = orders or DEFAULT_ORDERS
     steps = np.concatenate(list(map(np.diff, trace.by_sweep(trace.cam_deg)))) / 360
-    highest = 1 / (STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
+    short, long = np.quantile(np.abs(steps[steps != 0]), (SHORT_SHARE, 0.75)).tolist()
+    highest, finest = 1 / (STEPS_PER_PERIOD * long), 1 / (2 * short)
     if declared[-1] <= highest:
-        return declared, highest
+        return declared, finest
     kept = tuple(order for order in declared if order <= highest)
     if orders is not None or not kept:
         message = f"steps of {360 / (STEPS_PER_PERIOD * highest):.3g}° are too long for order {declared[-1]:g}"
@@ -253,7 +258,7 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
             f"{trace.file}: {message}", f"up to {highest:.2g} can be declared: --orders", Fault.ORDERS_UNTOLD
         )
     notes.append(f"orders up to {kept[-1]:g} only: the steps of the angle resolve no more")
-    return kept, highest
+    return kept, finest
 
 
 def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, notes: list[str]) -> TraceFit:
@@ -290,7 +295,7 @@ def _sweep_result(
     drift_left: linear drift [arcsec] that the fit has in it; wind_up: uncertainty of one taken off by a catalogue.
     """
     bins = fit.bins
-    places, per_turn = visited_angles(bins, float(fit.orders[-1]))
+    places, per_turn = visited_angles(fit)
     visits = None
     if gearing:
         cycle = gearing.cycle * per_turn

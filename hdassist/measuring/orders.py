@@ -45,7 +45,9 @@ CAM_CAUSE = "once per cam turn: also the cam's encoder"
 class MeasuredOrder:
     """amplitude cos(per_cam_rev phi + phase), with the standard uncertainty of the amplitude and the cause in words.
 
-    cause: empty where no drive is known; is_line: whether it is none of the declared orders, or has such a line in it.
+    cause: empty where no drive is known; is_line: whether it is none of the declared orders, or has such a line in it;
+    is_of_record: whether amplitude and uncertainty are those in the record alone, which does not tell them over whole
+    turns of the output.
     """
 
     per_cam_rev: float
@@ -54,6 +56,7 @@ class MeasuredOrder:
     phase_deg: float
     cause: str
     is_line: bool = False
+    is_of_record: bool = False
 
 
 def parse_orders(text: str | None) -> tuple[float, ...] | None:
@@ -187,6 +190,9 @@ def over_whole_turns(
         size = float(np.sqrt(centre @ centre + np.trace(spread)))
         scatter = float(np.sqrt(2 * np.trace(spread @ spread) + 4 * centre @ spread @ centre)) / (2 * size)
         room = UNSEEN_FACTOR * student * np.hypot(size - order.amplitude_arcsec, scatter)
-        return replace(order, uncertainty_arcsec=float(np.hypot(order.uncertainty_arcsec, room)))
+        uncertainty = float(np.hypot(order.uncertainty_arcsec, room))
+        if uncertainty > order.amplitude_arcsec:
+            return replace(order, is_of_record=True)
+        return replace(order, uncertainty_arcsec=uncertainty)
 
     return widened

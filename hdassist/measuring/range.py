@@ -15,13 +15,15 @@ from math import hypot
 
 import numpy as np
 
-from hdassist.measuring.bins import Bins
 from hdassist.measuring.fit import DESIGN_CHUNK, TraceFit, order_columns
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.geometry import Array
 
 POINTS_PER_PERIOD = 16  # points in a period of the highest order
-GAP_PERIODS = 0.5  # periods of the highest order: angles between readings further apart were not visited
+GAP_PERIODS = 0.5  # periods of the highest declared order: between readings as near as that the curve is followed
+BRIDGED_TURNS = 1 / 8  # of the cam: angles between readings further apart were not visited
+BRIDGED_SPREAD = 2.0  # times the usual spread of the curve by noise: between readings it is as well known
+SPREAD_PLACES = 200  # readings, whose spread is the usual one
 SPREAD_FACTOR = 1.15
 BIAS_SHARE = 1 / 3
 TURN_PARTS = 24  # of a turn, in steps of which single turns begin
@@ -65,16 +67,34 @@ class Range:
         return max(0.0, self.value - reach), self.value + self.rise + reach
 
 
-def visited_angles(bins: Bins, highest: float) -> tuple[Array, int]:
-    """Places of a fine grid of cam angles that lie between neighbouring readings, rising, and the places in a turn."""
-    per_turn = POINTS_PER_PERIOD * int(np.ceil(highest))
+def visited_angles(fit: TraceFit) -> tuple[Array, int]:
+    """Places of a fine grid of cam angles whose error a fit tells, rising, and the places in a turn.
+
+    They lie between readings that follow its highest declared order, or at most BRIDGED_TURNS apart where the fit knows
+    the curve between about as surely as at the readings.
+    """
+    bins, wide = fit.bins, GAP_PERIODS / float(fit.orders[~np.isin(fit.orders, fit.lines)][-1])
+    per_turn = POINTS_PER_PERIOD * int(np.ceil(fit.orders[-1]))
+    usual = float(np.median(_spread(fit, bins.turns[:: max(1, len(bins) // SPREAD_PLACES)])))
     visited = []
     for index in range(bins.sweeps):
         turns = bins.turns[bins.sweep == index]
+        gaps = np.diff(turns)
+        told = gaps <= wide
+        bridged = np.flatnonzero(~told & (gaps <= BRIDGED_TURNS))
+        if len(bridged):
+            told[bridged] = _spread(fit, turns[bridged] + gaps[bridged] / 2) <= BRIDGED_SPREAD * usual
         grid = np.arange(np.ceil(turns[0] * per_turn), np.floor(turns[-1] * per_turn) + 1)
         after = np.clip(np.searchsorted(turns, grid / per_turn), 1, len(turns) - 1)
-        visited.append(grid[turns[after] - turns[after - 1] <= GAP_PERIODS / highest])
+        visited.append(grid[told[after - 1]])
     return np.unique(np.concatenate(visited)), per_turn
+
+
+def _spread(fit: TraceFit, turns: Array) -> Array:
+    """Standard deviation [arcsec] of a fitted curve by noise at angles [turns], shape (angles,)."""
+    parts = range(0, len(turns), DESIGN_CHUNK)
+    columns = (order_columns(turns[k : k + DESIGN_CHUNK], fit.orders) @ fit.factor for k in parts)
+    return np.concatenate([np.linalg.norm(each, axis=1) for each in columns])
 
 
 def ranges_of(

@@ -32,6 +32,7 @@ ORDER_COLUMNS: tuple[Quantity[MeasuredOrder], ...] = (
     Quantity("amplitude_uncertainty_arcsec", "u", "″", ".3f", "uncertainty_arcsec"),
     Quantity("phase_deg", "phase", "deg", ".1f"),
     Quantity("cause", "cause", "", "", lambda o: o.cause or None),
+    Quantity("is_of_record", "of the record alone", "", lambda yes: "yes" if yes else ""),
 )
 _CYCLE: tuple[Quantity[Gearing], ...] = (
     Quantity("ratio", "ratio", "", "g"),
@@ -68,7 +69,7 @@ SWEEP_QUANTITIES: tuple[Quantity[SweepResult], ...] = (
     Quantity("coverage.share", "share of the cycle visited", "%", lambda share: f"{100 * share:.1f}"),
     Quantity("coverage.visited_cam_revolutions", "  visited", "cam turns", ".4g", "coverage.cam_turns"),
     Quantity("rows", "rows", "", "", lambda s: int(s.bins.rows.sum())),
-    Quantity("sweeps", "sweeps", "", "", lambda s: len(s.fit.level)),
+    Quantity("sweeps", "sweeps", "", "", "bins.sweeps"),
     Quantity("cam_revolutions", "record", "cam turns", ".2f", "bins.span"),
     Quantity("drift_arcsec", "drift taken off", "″", ".2f",
              lambda s: 0.0 if s.is_part else float(s.fit.drift.sum())),
@@ -154,7 +155,8 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> 
     named = (
         f"{o.per_cam_rev:g}: {o.amplitude_arcsec:.2f} ± {COVERAGE_FACTOR * o.uncertainty_arcsec:.2f}" for o in greatest
     )
-    yield "orders", f"{', '.join(named)}″, with beats"
+    here = "; in the record alone: over whole turns of the output it does not tell them"
+    yield "orders", f"{', '.join(named)}″, with beats" + here * any(o.is_of_record for o in greatest)
     yield "slow", _slow(found)
     if found.lines:
         lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f}″)" for line in found.lines)
@@ -212,7 +214,7 @@ def _curve(found: SweepResult) -> Curve:
 
 def _details(found: SweepResult) -> Iterator[ReportSection]:
     """Orders and budget of uncertainty of a direction."""
-    shown = ORDER_COLUMNS if any(order.cause for order in found.orders) else ORDER_COLUMNS[:-1]
+    shown = ORDER_COLUMNS[:5] if any(order.cause for order in found.orders) else ORDER_COLUMNS[:4]
     greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:_LISTED_ORDERS]
     title = f"orders: amplitude·cos(order·angle + phase), the {len(greatest)} greatest of {len(found.orders)}"
     orders = Table.by_row(title, shown, sorted(greatest, key=lambda o: o.per_cam_rev), words=(4,))

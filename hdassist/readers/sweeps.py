@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 WHOLE_TURN_DEG = 360.0
 COUNTER_BITS = (16, 24, 32)  # of counters that begin again where they are full
+WRAP_STEPS, LEAST_WRAP_REST = 20.0, 1.0  # median steps, and deg, that a step over a wrap may go, at most
 LEAP = 0.4  # of the wrap: the direction of a longer step is ambiguous
 JITTER = 0.5  # deg: moves back that are noise of a shaft that stands or creeps
 TURNING_STEPS, WIDEST_TURNING = 4.0, 5.0  # the same in median steps, at most so many deg, of coarse readings
@@ -47,11 +48,18 @@ class AngleError(ValueError):
 def guessed_wrap(angle: Angles, count: float) -> float | None:
     """Angle [deg] after which an encoder begins again: a turn, or the range of its counter; None if it does not.
 
-    All angles lie within it, with steps of more than half of it. Argument: count, size of a count [deg].
+    All angles lie within it, with steps of more than half of it, over which the shaft goes on as far as over others: a
+    run that begins anew is none. Argument: count, size of a count [deg].
     """
-    span, longest = float(np.ptp(angle)), float(np.abs(np.diff(angle)).max(initial=0.0))
+    steps = np.abs(np.diff(angle))
+    span, longest = float(np.ptp(angle)), float(steps.max(initial=0.0))
     wraps = (WHOLE_TURN_DEG, *(2**bits * count for bits in COUNTER_BITS))
-    return next((wrap for wrap in wraps if span <= wrap < 2 * longest), None)
+    for wrap in wraps:
+        if span <= wrap < 2 * longest:
+            over = np.abs(wrap - steps[2 * steps > wrap])  # steps over the wrap
+            usual = float(np.median(steps[2 * steps <= wrap])) if (2 * steps <= wrap).any() else wrap
+            return wrap if float(np.median(over)) <= max(WRAP_STEPS * usual, LEAST_WRAP_REST) else None
+    return None
 
 
 def unwrapped(angle: Angles, wrap: float, other: Angles | None = None) -> Angles:

@@ -25,6 +25,8 @@ from hdassist.textfile import Readable
 MAX_TRACE_BYTES = 100_000_000
 ARCSEC_PER_DEG = 3600.0
 LARGEST_ERROR = 7200.0  # arcsec, range of an error
+RESTART_HINT = "an encoder that was restarted? take the rows above or below this line alone"
+LEAP_REST = 0.5  # of a leap: range of the rest, at most, where an encoder was restarted
 SLIP = 0.02  # of the ratio: greatest disagreement of the two encoders with it
 LEAST_WRAP = 1e-3  # deg, of encoders that restart
 ENCODERS = 2
@@ -101,10 +103,12 @@ class MeasuredTrace:
 
     cam_deg, error_arcsec, line: shape (rows,), angle of the cam without wraps, error, line of the file. step_arcsec:
     resolution of the readings, 0 where no step is found; in_time: whether its rounding repeats with the turns of the
-    cam, as with readings at even angles. sweeps: moves in one direction each. sha256: of the file. angle_of: shaft of
+    cam, as with readings at even angles; cam_step_arcsec: part of it by counts of the cam, which no noise of the output
+    evens out then. sweeps: moves in one direction each. sha256: of the file. angle_of: shaft of
     the recorded angles; those of the output were multiplied by the ratio. sense: of two encoders, 1 where both count
     up, -1 where one counts down, 0 for a column of errors. notes: conversions, assumptions and rows left out.
-    robust: whether readings far off all others are left out. time_s: of each row, None without
+    robust: whether readings far off all others are left out. breaks: lines at which the level of the error steps.
+    time_s: of each row, None without
     time stamps; load: torque [N*m] of each row, or the wind-up that it makes, None without.
     """
 
@@ -122,6 +126,8 @@ class MeasuredTrace:
     robust: bool = False
     time_s: Array | None = None
     load: Array | None = None
+    cam_step_arcsec: float = 0.0
+    breaks: tuple[int, ...] = ()
 
     @property
     def rows(self) -> NDArray[np.int64]:
@@ -197,7 +203,7 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         output, time_s, torque = (None if each is None else each[kept] for each in (output, time_s, torque))
     if not np.ptp(readings):
         raise table.fault("a constant column", "check the column of the error", 0, other.index)
-    error, sense, in_time = readings * other.size, 0, False
+    error, sense, in_time, by_cam = readings * other.size, 0, False, 0.0
     step = _step(readings) * abs(other.size)
     if output is not None:
         error, sense = _second(table, other.index, output, cam, per_turn)
@@ -205,7 +211,8 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
             step = _step_in_time(cam, output, per_turn)
             in_time = step > 0
         if first.in_counts or other.in_counts:
-            step = max(step, hypot(first.size / per_turn * first.in_counts, other.size * other.in_counts))
+            by_cam = abs(first.size) / per_turn * first.in_counts
+            step = max(step, hypot(by_cam, other.size * other.in_counts))
             in_time = in_time or _is_even(cam, COUNTS_APART * abs(first.size) / ARCSEC_PER_DEG)
     try:
         moves = sweeps(cam)
@@ -213,6 +220,11 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         raise table.fault(wrong.message, wrong.hint, wrong.row, first.index) from None
     reach = max((float(np.ptp(error[move.rows])) for move in moves), default=0.0)
     if reach > LARGEST_ERROR:
+        row = _leap_in(error)
+        if row is not None:
+            leap = float(error[row] - error[row - 1]) / ARCSEC_PER_DEG
+            message = f"an error that spans {reach / ARCSEC_PER_DEG:.3g} deg: here it leaps by {leap:.3g} deg and stays"
+            raise table.fault(message, RESTART_HINT, row, other.index)
         row = int(np.abs(error - np.median(error)).argmax())
         message = f"an error that spans {reach / ARCSEC_PER_DEG:.3g} deg"
         leaves_out = "; --robust leaves single ones out" * bool(far.any())
@@ -224,7 +236,7 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         table.notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
     return MeasuredTrace(
         table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(table.notes),
-        first.shaft or "cam", sense, in_time, form.robust, time_s, torque,
+        first.shaft or "cam", sense, in_time, form.robust, time_s, torque, by_cam,
     )  # fmt: skip
 
 
@@ -260,12 +272,26 @@ def _second(table: NumberTable, column: int, output: Array, cam: Array, ratio: f
     centred = cam - cam.mean()
     slope = float(centred @ output / (centred @ centred))
     if np.ptp(cam) >= 360 and abs(abs(slope) * ratio - 1) > SLIP:
+        for way in (1, -1):
+            apart = output - way * cam / ratio
+            if (row := _leap_in(apart)) is not None:
+                leap = f"{apart[row] - apart[row - 1]:.4g} deg"
+                words = f"the angles of the two shafts leap apart by {leap}: an encoder was restarted or lost counts"
+                raise table.fault(words, RESTART_HINT, row, column)
         turns = f"the cam turns {1 / abs(slope):.5g} times as far" if slope else "the output does not turn"
         raise table.fault(f"{turns}, the ratio is {ratio:g}", "check the units, the ratio and the columns", 0, column)
     sense = 1 if slope > 0 else -1
     table.notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
     error = (output - output[0] - sense * (cam - cam[0]) / ratio) * ARCSEC_PER_DEG
     return error, sense
+
+
+def _leap_in(values: Array) -> int | None:
+    """The row at which values leap by most of their range and stay there; None without one, and with several."""
+    steps = np.diff(values)
+    row = int(np.abs(steps).argmax())
+    rest = np.concatenate([values[: row + 1], values[row + 1 :] - steps[row]])
+    return row + 1 if np.ptp(rest) < LEAP_REST * abs(steps[row]) else None
 
 
 def _even_step(levels: Array, least: float) -> float:

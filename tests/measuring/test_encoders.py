@@ -9,7 +9,7 @@ from benchmarks import encoders
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
 from hdassist.readers.trace import TraceForm, read_trace
-from tests.rigs import EVEN, recorded, text
+from tests.rigs import EVEN, recorded, text, whole_range
 
 
 def test_a_coarse_reading_without_noise_counts():
@@ -100,3 +100,20 @@ def test_a_lag_at_one_speed_is_not_told_and_no_part_of_the_error():
         found = timed(speeds, 0.004, play=8.0)
         assert found.lag is None
         assert found.F_ior_arcsec == pytest.approx(30, abs=1)
+
+
+def test_counts_of_the_cam_at_even_angles_are_in_the_interval_whatever_the_noise():
+    rng = np.random.default_rng(2)
+    phase, turns = rng.uniform(0, 2 * np.pi, 4), np.arange(30.2 * 60) / 60
+
+    def curve(turns):
+        beat = 1 + 0.2 * np.cos(2 * np.pi * turns / 30 + phase[1])
+        return 12 * np.cos(4 * np.pi * turns + phase[0]) * beat + 2 * np.cos(2 * np.pi * turns + phase[2])
+
+    output = turns / 30 + (curve(turns) + 0.4 * rng.standard_normal(len(turns))) / 1296000
+    columns = [np.floor(turns * 65536) % 65536, np.floor(output * 4194304) % 4194304]
+    form = TraceForm(angle="enc1", second="enc2", angle_unit="16bit,22bit")
+    (found,) = measure(read_trace(text(columns, "enc1,enc2", digits=0).encode(), form, 30), ratio=30).directions
+    low, high = found.interval_arcsec
+    assert low <= whole_range(curve, 30) <= high
+    assert found.uncertainty_arcsec > 2 / np.sqrt(12) * 1296000 / 65536 / 30  # two extremes, a count of the cam each

@@ -153,3 +153,27 @@ def _curve(found: SweepResult, coefficients: np.ndarray) -> np.ndarray:
     from hdassist.measuring.fit import curve_of
 
     return curve_of(coefficients, found.fit.orders, found.grid_turns)
+
+
+@pytest.mark.parametrize("order", [14, 17])
+@pytest.mark.parametrize("uneven", [0.0, 0.4, 1.0])
+def test_an_order_that_few_rows_hardly_resolve_is_part_of_the_range(order, uneven):
+    rng = np.random.default_rng([order, round(10 * uneven)])
+    rows, size = rng.integers(35, 40), rng.uniform(1, 2)
+    phase = rng.uniform(0, 2 * np.pi, 4)
+
+    def curve(turns):
+        high = np.cos(2 * np.pi * order * turns + phase[2]) + 0.5 * np.cos(
+            2 * np.pi * (order + 1 / 30) * turns + phase[3]
+        )
+        oval = np.cos(4 * np.pi * turns + phase[0]) * (1 + 0.3 * np.cos(2 * np.pi * turns / 30 + phase[1]))
+        return 10 * oval + size * high
+
+    turns = np.arange(30.5 * rows) / rows
+    turns = np.sort(turns + rng.uniform(-0.5, 0.5, len(turns)) * uneven / rows)
+    error = curve(turns) + 0.3 * rng.standard_normal(len(turns))
+    (found,) = measure(recorded(turns, error), ratio=30).directions
+    low, high = found.interval_arcsec
+    assert low <= whole_range(curve, 30) <= high
+    assert not found.is_bound
+    assert min(abs(line.per_cam_rev - order) for line in found.lines) < 0.1

@@ -7,9 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdassist.errors import UntrustedError
+from hdassist.errors import PresetError, UntrustedError
 from hdassist.measuring.measure import measure
-from tests.rigs import EVEN, RATIO, even_wave, recorded, simulated, whole_range
+from hdassist.readers.trace import TraceForm, read_trace
+from tests.rigs import EVEN, RATIO, even_wave, recorded, simulated, text, whole_range
+
+TWO = TraceForm(angle="enc1", second="enc2")
 
 
 def test_a_spike_is_refused_or_left_out_and_named():
@@ -48,3 +51,45 @@ def test_many_outliers_are_left_out_when_asked_and_their_effect_said():
     assert low < whole_range(curve, RATIO) < high < low + 4
     assert result.warnings
     assert all("left out; else the curve would span" in text for text in result.warnings)
+
+
+def stepped(size: float, share: float = 1.0):
+    """Two orders with a beat, 0.3 arcsec of noise, and a step of the level behind 14.3 of 30 turns of the cam."""
+    turns = np.arange(round(30.2 * 60 * share)) / 60
+    noise = 0.3 * np.random.default_rng(1).standard_normal(len(turns))
+    beat = 1 + 0.2 * np.cos(2 * np.pi * turns / 30 + 2)
+    error = 12 * np.cos(4 * np.pi * turns + 1) * beat + 2 * np.cos(2 * np.pi * turns + 3)
+    return turns, error + noise + size * (turns > 14.3)
+
+
+def test_a_step_of_the_level_is_named_by_its_line_and_no_part_of_the_range():
+    turns, error = stepped(20)
+    found = measure(recorded(turns, error), ratio=30)
+    (words,) = found.warnings
+    assert "at line 860," in words
+    assert float(words.split("steps by ")[1].split("″")[0]) == pytest.approx(20, abs=1)
+    without = measure(recorded(*stepped(0)), ratio=30)
+    assert not without.warnings
+    assert found.F_ior_arcsec == pytest.approx(without.F_ior_arcsec, abs=0.3)
+    back = measure(recorded(turns[::-1], error[::-1]), ratio=30)  # the other way
+    assert "steps by" in back.warnings[0]
+    assert back.F_ior_arcsec == pytest.approx(without.F_ior_arcsec, abs=0.3)
+
+
+def test_an_encoder_that_counts_anew_is_named_by_its_line():
+    turns, error = stepped(0)
+    output = turns * 12 + error / 3600
+    for column in (0, 1):
+        columns = [turns * 360, output.copy()]
+        columns[column] = np.append(columns[column][:858], columns[column][858:] - columns[column][858])
+        with pytest.raises(PresetError, match=r":860:1: enc2: .* an encoder was restarted"):
+            read_trace(text(columns, "enc1,enc2", digits=6).encode(), ratio=30, form=TWO)
+
+
+def test_two_runs_in_one_file_are_no_wrap():
+    turns, error = stepped(0, 0.1)
+    counts = [np.round(turns * 16384), np.round((turns / 30 + error / 1296000) * 4194304)]
+    twice = [np.append(each, each) for each in counts]
+    found = read_trace(text(twice, "enc1,enc2", digits=0).encode(), replace(TWO, angle_unit="16384,4194304"), 30)
+    assert [sweep.direction for sweep in found.sweeps] == [1, 1]
+    assert not any("begins again" in note for note in found.notes)

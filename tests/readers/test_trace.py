@@ -265,7 +265,9 @@ def test_a_reading_of_an_error_far_off_all_others_is_left_out_when_asked(second)
 def test_many_readings_far_off_are_no_single_ones():
     error = ERROR.copy()
     error[:40] = 9999.0
-    assert "an error that spans" in fault(text([CAM, error], "cam_deg,err"), robust=True)
+    assert "42:1: err: an error that spans 2.78 deg: here it leaps by -2.78" in fault(
+        text([CAM, error], "cam_deg,err"), robust=True
+    )
 
 
 OTHERS = {
