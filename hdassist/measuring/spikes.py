@@ -30,7 +30,7 @@ FEWEST_BESIDE_STEP = 8  # readings there
 SHARP = 0.7  # of a step: what a quarter of the readings beside it show, at least
 STEP_SIGMAS = 8.0  # robust standard deviations of such differences
 STEP_RANGE_SHARE = 0.1  # of the fitted curve: a smaller step is left to the noise
-MOST_STEPS = 3  # of more the rig is at fault, or the drive
+MOST_BREAKS = 3  # of more the rig is at fault, or the drive
 
 
 def with_step(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, str] | None:
@@ -39,7 +39,7 @@ def with_step(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, str] 
     A step is the difference of the means over STEP_TURNS before and behind a reading, far above that of all readings,
     and no less over a quarter of that, where a slope would be.
     """
-    if len(trace.breaks) == MOST_STEPS:
+    if len(trace.breaks) == MOST_BREAKS:
         return None
     bins, fitted = fit.bins, fit.curve(fit.bins.turns)
     sizes, rows = [], []
