@@ -2,7 +2,9 @@
 
 Each hidden drive is like the data-sheet preset, with other stiffnesses, wave, supports and clearances, drawn by other
 laws than the belief's; rings, teeth, temperature and flanks (whole or coned) that the belief holds for exact; and teeth
-with harmonics of every order and noise. Of it the belief is told K_1 to K_3 (10 % off) and a lost motion that it keeps.
+with harmonics of every order and noise. It is a harmonic drive: its teeth are shifted until it has no play, and then
+closer by a preload of another law than the belief's. --stiff draws those whose clearances are small and whose supports
+are stiff. Of it the belief is told K_1 to K_3 (10 % off) and a lost motion that it keeps.
 """
 
 from __future__ import annotations
@@ -21,6 +23,9 @@ WARM = 6.0  # K, standard deviation of operation.dT
 HIGHEST, NOISE = 12, 1.0  # order of the teeth's harmonics; um of noise a tooth
 MISREAD = 0.10  # standard deviation of the logarithm of a catalogue's stiffness
 ROOM = 1.2  # of its lost motion that the catalogue allows
+PRELOAD = 0.012  # modules of profile shift, scale of Rayleigh's law
+LEAST_PLAY = 1.0  # arcsec, to which teeth are shifted
+STIFF = {"bearing.g_b": (0.0, 0.3), "supports.C_1": (0.6, 1.0), "supports.C_2": (0.6, 1.0), "supports.C_3": (0.5, 1.0)}
 LIMITS = 1.0  # standard deviation of the logarithm of a limit around the true F'_ior
 
 
@@ -40,8 +45,8 @@ class Judged:
     refused: str = ""
 
 
-def judged(number: int, draws: int, seed: int) -> Judged:
-    """What check's rule says of a hidden drive, by its number."""
+def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False) -> Judged:
+    """What check's rule says of a hidden drive, by its number, with at most so many times as many draws."""
     from hdassist.belief.evidence import evidence_of
     from hdassist.belief.prior import prior_of
     from hdassist.belief.samples import SamplingEffort, draw_samples
@@ -51,7 +56,7 @@ def judged(number: int, draws: int, seed: int) -> Judged:
 
     rng = np.random.default_rng([seed, number])
     try:
-        preset, M_g, F_ior = hidden(rng)
+        preset, M_g, F_ior = hidden(rng, stiff)
         limit = F_ior * np.exp(LIMITS * rng.standard_normal())
 
         def is_clear(samples) -> bool:
@@ -60,19 +65,19 @@ def judged(number: int, draws: int, seed: int) -> Judged:
 
         samples = draw_samples(
             prior_of(preset), [M_g], evidence=evidence_of(preset), enough=is_clear,
-            effort=SamplingEffort.of(draws), run=Run(seed=number),
+            effort=SamplingEffort(draws, most * draws, 32 * draws), run=Run(seed=number),
         )  # fmt: skip
     except HdassistError as error:
         return Judged(refused=error.message)
     found = samples.probability_within(limit, 0)
-    verdict = verdict_by_probability(found.low, found.high).value
+    verdict = verdict_by_probability(found.value).value
     p5, p95 = (samples.percentile(share, 0) for share in (0.05, 0.95))
     return Judged(F_ior, limit, p5, p95, verdict, samples.effective)
 
 
-def hidden(rng: np.random.Generator):
+def hidden(rng: np.random.Generator, stiff: bool = False):
     """The preset that is known of a hidden drive, a torque M_g [N*m] and its true F'_ior [arcsec]."""
-    preset, there, teeth = hidden_drive(rng)
+    preset, there, teeth = hidden_drive(rng, stiff=stiff)
     M_g = preset.operation.M_g[0]
     return preset, M_g, true_F_ior(there, M_g, teeth)
 
@@ -86,7 +91,7 @@ def true_F_ior(drive, M_g: float, teeth) -> float:
     return found.F_ior_arcsec
 
 
-def hidden_drive(rng: np.random.Generator, ratios: tuple[float, ...] = (50, 80, 100, 120)):
+def hidden_drive(rng: np.random.Generator, ratios: tuple[float, ...] = (50, 80, 100, 120), stiff: bool = False):
     """The preset that is known of a hidden drive, the drive, and the deviations of its teeth."""
     from hdassist import load_preset
     from hdassist.belief.evidence import stiffness_figures
@@ -102,13 +107,14 @@ def hidden_drive(rng: np.random.Generator, ratios: tuple[float, ...] = (50, 80, 
     requirements = partial(read_requirements, like, ratio=ratio, pitch_diameter=f"{diameter} mm", torque=f"{M_r:.4g}")
     known = load_text(similar_preset("own", like, requirements()), "own.yaml")
     while True:
-        there = known.with_values(_values(prior_of(known), rng))
-        if first_conflict(there) is None:
+        there = known.with_values(_values(prior_of(known), rng, STIFF if stiff else {}))
+        there = there.with_values(
+            {path: there.number(path) * np.exp(OFF * rng.standard_normal()) for path in EXACT} | {"operation.dT": 0.0}
+        )
+        there = _without_play(there, PRELOAD * rng.rayleigh())
+        if there and first_conflict(there) is None:
             break
-    there = there.with_values(
-        {path: there.number(path) * np.exp(OFF * rng.standard_normal()) for path in EXACT}
-        | {"operation.dT": WARM * rng.standard_normal()}
-    )
+    there = there.with_values({"operation.dT": WARM * rng.standard_normal()})
     numerics = {"stations": int(rng.choice([1, 3, 5, 9])), "nominal_curve": str(rng.choice(["linear", "inextensible"]))}
     there = there.model_copy(update={"numerics": there.numerics.model_copy(update=numerics)})
     figures, _ = stiffness_figures(there)
@@ -118,11 +124,35 @@ def hidden_drive(rng: np.random.Generator, ratios: tuple[float, ...] = (50, 80, 
     return preset, there, _teeth(there, rng)
 
 
-def _values(prior, rng: np.random.Generator) -> dict[str, float]:
-    """Values of a hidden drive where the belief has distributions: sizes by Rayleigh's law, others toward the ends."""
+def _without_play(drive, preload: float):
+    """The drive with its rigid wheel shifted to a play of LEAST_PLAY, by bisection, then closer; None without one."""
+    from scipy.optimize import brentq
+
+    from hdassist.error.stiffness import stiffness
+    from hdassist.errors import HdassistError
+    from hdassist.run.run import UNCHECKED
+
+    def shifted(by: float):
+        return drive.with_values({"gears.x_b": drive.gears.x_b + by})
+
+    def excess(by: float) -> float:
+        return stiffness(shifted(by), points=1, run=UNCHECKED).play_arcsec - LEAST_PLAY
+
+    try:
+        return shifted(brentq(excess, -0.3, 0.3, xtol=1e-4) - preload)
+    except (HdassistError, ValueError):  # the teeth jam, or have play, at both ends
+        return None
+
+
+def _values(prior, rng: np.random.Generator, within: dict[str, tuple[float, float]]) -> dict[str, float]:
+    """Values of a hidden drive where the belief has distributions: sizes by Rayleigh's law, others toward the ends.
+
+    Argument: within, shares of the probability that some fields lie between, by path.
+    """
     found = {}
-    for each in prior.fields:
-        share = rng.beta(0.8, 0.8)
+    for each in (each for each in prior.fields if each.distribution != "meshing"):
+        low, high = within.get(each.path, (0.0, 1.0))
+        share = low + (high - low) * rng.beta(0.8, 0.8)
         if each.path.startswith(("tolerances.", "harmonics.a_")):
             share = min(0.35 * rng.rayleigh(), 1.0)
         found[each.path] = float(each.value(np.array([share]))[0])
@@ -151,11 +181,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--n", type=int, default=40, help="hidden drives")
     parser.add_argument("--draws", type=int, default=64, help="effective samples at least")
+    parser.add_argument("--most", type=int, default=8, help="times as many, where the verdict is open")
+    parser.add_argument("--stiff", action="store_true", help="small clearances, stiff supports")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
-    one = partial(judged, draws=args.draws, seed=args.seed)
+    one = partial(judged, draws=args.draws, most=args.most, seed=args.seed, stiff=args.stiff)
     found = []
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
+    with ProcessPoolExecutor(args.jobs) as pool:
         for k, each in enumerate(pool.map(one, range(args.n))):
             found.append(each)
             print(k, each.refused or f"{each.verdict}: {each.F_ior:.1f} of {each.limit:.1f}, believed {each.p5:.1f} to "

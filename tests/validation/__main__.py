@@ -19,6 +19,7 @@ SOURCES = (
     "test_temperature",
     "test_cam_support",
     "test_prior_predictive",
+    "test_published_drives",
     "test_harmonics_bound",
     "test_robot_joint",
     "test_cam_torque",
