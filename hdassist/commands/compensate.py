@@ -66,11 +66,15 @@ class CompensateCommand(
         usual = USUAL_POINTS if self.form == "output" else CAM_POINTS
         return CorrectionForm(self.form, self.points or usual, self.each_load)
 
-    def recorded(self, file: str, drive: Drive, *, may_be_noise: bool = False) -> RecordedError:
-        """Error of a record of the drive; may_be_noise as of `measure`."""
-        from hdassist.correction.records import recorded_error
+    def recorded(
+        self, file: str, drive: Drive, M_g: float | None = None, *, may_be_noise: bool = False
+    ) -> RecordedError:
+        """Error of a record of the drive, at a torque M_g [N*m] where it is its own; may_be_noise as of `measure`."""
+        from hdassist.correction.records import recorded_error, require_sense
 
         found = self.reading().measured(file, drive, seed=self.seed, together=True, may_be_noise=may_be_noise)
+        if M_g is not None:
+            require_sense(found, drive, M_g, self.alignment())
         return recorded_error(found, drive, self.alignment())
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
@@ -78,7 +82,7 @@ class CompensateCommand(
         files, torques = self.files or [], drive.operation.M_g
         if len(files) > len(torques):
             raise UsageError(f"{len(files)} records, but {drive.name} has {len(torques)} torques", "--torque for each")
-        return {M_g: self.recorded(name, drive) for M_g, name in zip(torques, files, strict=False)}
+        return {M_g: self.recorded(name, drive, M_g) for M_g, name in zip(torques, files, strict=False)}
 
     def of_record(self, file: str) -> Report:
         """Correction of a record without a preset. Raises UsageError for options that need one."""

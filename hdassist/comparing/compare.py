@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -11,7 +10,16 @@ import numpy as np
 from hdassist.comparing.doubt import doubtful_waves
 from hdassist.comparing.explanations import BLIND_SHARE, CLEAR_GAIN, Conclusion, Explanation, conclude, explanation
 from hdassist.comparing.fit import VectorFit, VectorFitter
-from hdassist.comparing.record import CHI_SQUARE_CLEAR, Alignment, OrderPair, RecordedOrders, SolvedStates, rms
+from hdassist.comparing.record import (
+    CHI_SQUARE_CLEAR,
+    ERROR_SIGNS,
+    SENSES,
+    Alignment,
+    OrderPair,
+    RecordedOrders,
+    SolvedStates,
+    rms,
+)
 from hdassist.comparing.vectors import VECTORS
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
@@ -21,10 +29,11 @@ from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
-from hdassist.run.run import Run
+from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import Certificate
 
 MIRRORED = 0.5  # of the chi-square: a file read the other way round that leaves less is reported
+SURELY_MIRRORED = 0.1  # of the chi-square: without looking for deviations that leave less
 SCREEN = 0.5  # of a clear gain: least gain to first order for which deviations are fitted
 POLISHED = 2.0  # times the least chi-square: fits up to that are continued on the fine torus
 RESIDUAL_ORDERS = 3  # orders of a residual that are named
@@ -34,10 +43,58 @@ FIT_STATES = 200_000  # that the fits of a comparison solve, about
 
 @dataclass(frozen=True)
 class MirroredFile:
-    """How else a file is read that fits clearly better, and rms of the difference then."""
+    """How else a file is read that fits clearly better, the rms left then, and whether noise may leave so much."""
 
     asked: Alignment
     rms_arcsec: float
+    within_noise: bool
+
+    @property
+    def options(self) -> str:
+        """The options by which the file is read so."""
+        return f"--error-is {ERROR_SIGNS[self.asked.sign]} --cam-sense {SENSES[self.asked.sense]}"
+
+
+class RecordReader:
+    """Fits of a drive as it is, at a torque M_g [N*m], to a record that may be read in one way or another.
+
+    measurement: both directions as one; asked: how the file counts, of which the orders are the same.
+    """
+
+    def __init__(self, measurement: Measurement, drive: Drive, M_g: float, asked: Alignment, run: Run = Run()) -> None:
+        self.measurement, self.drive, self.torus = measurement, drive, ErrorWaves(drive, M_g, run)
+        self._doubt = partial(doubtful_waves, M_g=M_g, torus=self.torus, run=run)
+        self._changes = self._doubt(drive)
+        self._orders = RecordedOrders(measurement.directions[0], self.torus, Kinematics.of(drive), asked)
+
+    def fitted(self, asked: Alignment) -> tuple[VectorFitter, VectorFit]:
+        """The fit of start and zero, as far as they are free, where the file counts so."""
+        record = self._orders.read_as(asked.of_file(self.measurement.trace, self.drive))
+        return VectorFitter(self.drive, record, self.torus, self._doubt, asked.fitted).doubted(self._changes)
+
+    def mirrored(self, asked: Alignment, base: VectorFit) -> tuple[MirroredFile, VectorFit] | None:
+        """The best of all other ways to count, and its fit; None where it is not clearly better than that of base."""
+        ways = [(other, *self.fitted(other)) for other in asked.swapped]
+        other, fitter, fit = min(ways, key=lambda each: each[2].chi_square)
+        if fit.chi_square > MIRRORED * base.chi_square:
+            return None
+        within = fitter.record.within_noise(fit.chi_square, len(base.free))
+        return MirroredFile(other, fitter.residual_rms_arcsec(fit), within), fit
+
+
+def mirrored_reading(measurement: Measurement, drive: Drive, M_g: float, asked: Alignment) -> MirroredFile | None:
+    """How else a record is read where that alone explains it: within noise, or far better than as asked; else None.
+
+    Raises UsageError for rolling balls, UntrustedError where a state cannot be trusted.
+    """
+    reader = RecordReader(measurement, drive, M_g, asked, UNCHECKED)
+    fitter, base = reader.fitted(asked)
+    if explanation(base, base, fitter).sufficient:
+        return None
+    found = reader.mirrored(asked, base)
+    if found and (found[0].within_noise or found[1].chi_square <= SURELY_MIRRORED * base.chi_square):
+        return found[0]
+    return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,18 +167,10 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
     Arguments: measurement, of both directions as one, each with its own level: the model knows no friction; asked, how
     the file counts. Raises UsageError for rolling balls; UntrustedError where an answer cannot be trusted.
     """
-    torus = ErrorWaves(drive, M_g, run)
-    sweep = measurement.directions[0]
-    doubt = partial(doubtful_waves, M_g=M_g, torus=torus, run=run)
-    changes, orders = doubt(drive), RecordedOrders(sweep, torus, Kinematics.of(drive), asked)
-
-    def fitted(asked: Alignment) -> tuple[VectorFitter, VectorFit]:
-        record = orders.read_as(asked.of_file(measurement.trace, drive))
-        return VectorFitter(drive, record, torus, doubt, asked.fitted).doubted(changes)
-
-    fitter, base = fitted(asked)
+    sweep, reader = measurement.directions[0], RecordReader(measurement, drive, M_g, asked, run)
+    fitter, base = reader.fitted(asked)
     record, unchanged = fitter.record, explanation(base, base, fitter)
-    mirrored = [(other, *fitted(other)) for other in asked.swapped if not unchanged.sufficient]
+    mirrored = None if unchanged.sufficient else reader.mirrored(asked, base)
     singles, joint, mirror = _explanations(fitter, base, unchanged, mirrored)
 
     # every range and every residual from solved states
@@ -151,7 +200,7 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
         joint=joint,
         conclusion=conclude(unchanged, singles, joint, mirrored=mirror is not None),
         mirror=mirror,
-        certificate=solved.certificate + torus.certificate,
+        certificate=solved.certificate + reader.torus.certificate,
         warnings=(*measurement.warnings, *([DRIFT_LEFT.format(slope)] if slope else [])),
     )
 
@@ -160,25 +209,22 @@ def _explanations(
     fitter: VectorFitter,
     base: VectorFit,
     unchanged: Explanation,
-    mirrored: Sequence[tuple[Alignment, VectorFitter, VectorFit]],
+    mirrored: tuple[MirroredFile, VectorFit] | None,
 ) -> tuple[list[Explanation], Explanation | None, MirroredFile | None]:
     """Explanations of the difference: each vector alone, all together, or the file read the other way round."""
     usual = unchanged.chi_square <= unchanged.degrees_of_freedom + np.sqrt(2 * unchanged.degrees_of_freedom)
     if unchanged.sufficient and usual and fitter.linear_gains(base).max() < SCREEN * CLEAR_GAIN:
         return [], None, None
-    mirror, other = None, base
-    if mirrored:
-        asked, reader, other = min(mirrored, key=lambda each: each[2].chi_square)
-        mirror = MirroredFile(asked, reader.residual_rms_arcsec(other))
-        if fitter.record.within_noise(other.chi_square, len(base.free)):
-            return [], None, mirror
+    mirror, other = mirrored or (None, base)
+    if mirror and mirror.within_noise:
+        return [], None, mirror
     fits = [fitter.single(k, base) for k in range(len(VECTORS))]
     good = POLISHED * min(fit.chi_square for fit in fits)
     fits = [fitter.refined(fit) if fit.chi_square <= good else fit for fit in fits]
     best = int(np.argmin([fit.chi_square for fit in fits]))
     fits[best] = fitter.with_shift(fitter.profiled(fits[best]))
     singles, least = [explanation(fit, base, fitter) for fit in fits], min(fit.chi_square for fit in fits)
-    if other.chi_square > min(MIRRORED * base.chi_square, least):
+    if other.chi_square > least:
         mirror = None
     if conclude(unchanged, singles, None, mirrored=mirror is not None).kind in ("agrees", "mirrored"):
         return singles, None, mirror

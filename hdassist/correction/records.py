@@ -13,12 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri, ndtri
 
+from hdassist.comparing.compare import mirrored_reading
 from hdassist.comparing.record import Alignment
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import Complex
+from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import Measurement
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
+from hdassist.model.unknown import unknowns
 from hdassist.planning.lines import POINTS_A_TURN, ErrorLines
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
@@ -93,6 +96,21 @@ class RecordedError:
         """Number of readings beyond what lines by least squares can follow, and the variance of noise [arcsec^2]."""
         again = len(self.cam_turns) - 2 * len(lines.per_cycle) - 1
         return again, float((self.apart(lines) ** 2).sum()) / max(again, 1)
+
+
+def require_sense(measurement: Measurement, drive: Drive, M_g: float, asked: Alignment) -> None:
+    """Raise UntrustedError where a record at a torque M_g [N*m] fits its drive clearly better when read the other way.
+
+    Its start and zero are any over the full cycle, those of the drive over part of it. A drive with unknown deviations
+    may be either way round.
+    """
+    if unknowns(drive):
+        return
+    sweep = measurement.directions[0]
+    asked = replace(asked, fitted=(not sweep.is_bound,) * 2)
+    if mirror := mirrored_reading(measurement, drive, M_g, asked):
+        words = f"{measurement.trace.file}: mirrored, it fits {drive.name} clearly better the other way round"
+        raise UntrustedError(f"{words}, {mirror.rms_arcsec:.2f}″ rms off", mirror.options)
 
 
 def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> RecordedError:

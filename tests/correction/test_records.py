@@ -137,6 +137,19 @@ def test_the_command_takes_records_in_the_order_of_the_torques(tmp_path: Path):
     assert "3 records, but tiny has 2 torques" in many.stderr
 
 
+def test_a_mirrored_record_is_refused_with_the_options_that_read_it(tmp_path: Path):
+    turns, error = recording(1.0, hidden=())
+    rows = "".join(f"{360 * (10.5 - x):.3f},{y:.4f}\n" for x, y in zip(turns, error, strict=True))
+    (tmp_path / "run.csv").write_text(f"cam_deg,error_arcsec\n{rows}")
+    asked = ("compensate", TINY, "run.csv", "--torque", "1", "--no-plot", "--csv", "table.csv")
+    refused = run(*asked, cwd=tmp_path)
+    assert (refused.returncode, refused.stdout) == (5, "")
+    assert "run.csv: mirrored, it fits tiny clearly better the other way round" in refused.stderr
+    assert not (tmp_path / "table.csv").exists()
+    assert run(*asked, "--cam-sense", "cw", cwd=tmp_path).returncode == 0
+    assert "mirrored" in run("compare", TINY, "run.csv", "--torque", "1", "-q", cwd=tmp_path).stdout
+
+
 def test_part_of_the_cycle_is_called_that_with_the_misfit_and_what_to_record(tmp_path: Path):
     turns, error = recording(1.0, turns=3, hidden=("phases.xi_b=290",))
     rows = "".join(f"{360 * x:.3f},{y:.4f}\n" for x, y in zip(turns, error, strict=True))
