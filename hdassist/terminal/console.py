@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TextIO, TypeVar
@@ -44,7 +45,7 @@ class Style:
         """The text as the stream can show it, whatever it has of control characters escaped."""
         text = visible(text)
         if not self.ascii:
-            return text
+            return text.replace("N*m", "N·m")
         plain = re.sub(" ([″°])", r"\1", text).translate(PLAIN_CHARACTERS)
         return "".join(c if c.isascii() or ord(c) in self.beyond_ascii else "?" for c in plain)
 
@@ -73,10 +74,20 @@ def silence(stream: TextIO | None = None) -> None:
 def say(line: str) -> None:
     """Write a line on stderr as it can show it; silent where it cannot be written: the exit code stays."""
     try:
-        sys.stderr.write(f"{stderr_style().text(line)}\n")
+        style = stderr_style()
+        sys.stderr.write(f"{_in_words(style.text(line), style.width) if sys.stderr.isatty() else style.text(line)}\n")
         sys.stderr.flush()
     except OSError:
         silence(sys.stderr)
+
+
+def _in_words(text: str, width: int) -> str:
+    """Lines no wider than a terminal, broken between words; a longer word, as a path, is left to the terminal."""
+    shape = {"break_long_words": False, "break_on_hyphens": False}
+    lines = text.split("\n")
+    indents = [line[: len(line) - len(line.lstrip())] + "  " for line in lines]
+    pairs = zip(lines, indents, strict=True)
+    return "\n".join(textwrap.fill(line, width, subsequent_indent=indent, **shape) for line, indent in pairs)
 
 
 def made_or(name: str, make: Callable[[], Made], instead: Callable[[], Made]) -> Made:

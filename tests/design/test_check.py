@@ -137,7 +137,7 @@ def test_impossible_torque_gives_no_number():
     assert result.returncode == 5
     assert result.stdout == ""
     assert result.stderr.startswith("error: outside the limits of the linear model at phi_h = ")
-    assert "M_g = 1e+06 N*m" in result.stderr
+    assert "M_g = 1e+06 N·m" in result.stderr
     assert "hint:" in result.stderr
 
 

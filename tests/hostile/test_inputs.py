@@ -237,7 +237,7 @@ def test_a_trial_beyond_what_can_be_measured_is_none(alarm, trial, holes):
 @pytest.mark.parametrize("torque", ["1e308", "-1e308", "1.1e7", "0", "nan", "inf"])
 def test_a_torque_of_trials_beyond_what_a_preset_may_have_is_none(alarm, torque):
     done = run("trials", TINY, "h0=17.3", "--trial-torque", torque)
-    require_refused(done, f"invalid trials: {float(torque):g} N*m")
+    require_refused(done, f"invalid trials: {float(torque):g} N·m")
     assert done.returncode == 2
 
 

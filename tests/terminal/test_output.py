@@ -18,7 +18,7 @@ from hdassist.errors import DataError
 from hdassist.terminal import output
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output, complain
-from tests.process import SMALL, run
+from tests.process import SMALL, TINY, on_terminal, run
 from tests.test_visible import EVERY_HIDDEN, hidden
 
 NAME = "a\x1b]0;owned\x07\u202e[/bold]b"
@@ -95,6 +95,19 @@ def test_seven_bits_on_stderr_too(args: list[str]) -> None:
     assert "u+-" in narrow.stderr
     assert narrow.stderr.isascii()
     assert narrow.returncode == wide.returncode
+
+
+def test_messages_are_broken_between_words_and_write_units_as_pages_do() -> None:
+    code, told = on_terminal("presets", "show", "nosuch", columns=60)
+    lines = told.splitlines()
+    assert (code, lines[0]) == (4, "error: no such preset or file: nosuch")
+    assert len(lines) > 3 and max(map(len, lines)) <= 60
+    assert all(line.startswith("    ") for line in lines[2:])  # what goes on stands further in
+    assert " ".join(told.split()) == " ".join(run("presets", "show", "nosuch").stderr.split())  # in a pipe it is one line
+    wrong = ("check", TINY, "--limit", "F_ior@7=30")
+    assert "7 N·m" in run(*wrong).stderr
+    assert "7 N*m" in run(*wrong, "--ascii").stderr
+    assert "\nerror: " in run("check", TINY, "--foo").stderr
 
 
 def test_a_bar_of_seven_bits(monkeypatch: pytest.MonkeyPatch) -> None:

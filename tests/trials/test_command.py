@@ -151,7 +151,7 @@ def test_an_outcome_says_keep_or_go_back():
         (("--verify", "h4=17"), "no trials at 4 N·m"),
         ((*TRIALS, "--noise", "0"), "'--noise': Input should be greater"),
         ((*TRIALS, "--reseat", "1"), "--noise, the spread of repeats with the wheel mounted again"),
-        ((*TRIALS, "--trial-torque", "0"), "invalid trials: 0 N*m"),
+        ((*TRIALS, "--trial-torque", "0"), "invalid trials: 0 N·m"),
         *(((*TRIALS, option, "1"), f"No such option: {option}") for option in OF_MOUNT),
         ((*TRIALS, "--sure", "1"), "'--sure': Input should be less"),
         (("4=17",), "was hole 4 meant? h4"),
