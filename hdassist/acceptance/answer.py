@@ -31,9 +31,9 @@ from hdassist.verdict import Verdict
 
 MOST_ANSWER_BYTES = 1_000_000_000
 ACCEPT_SCHEMA = schema_of("accept")
-BROKEN_VERDICT = "BROKEN"  # in place of a verdict, of a drive without an answer
+NO_VERDICT = "DATA_ERROR"  # in place of a verdict, of a drive without an answer
 ERROR_CODES = tuple(kind.exit_code for kind in (HdassistError, DataError, UntrustedError))  # of a drive without one
-LOT_VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE", BROKEN_VERDICT)
+LOT_VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE", NO_VERDICT)
 
 
 @dataclass(frozen=True)
@@ -215,8 +215,8 @@ class AcceptAnswer(ClosedRecord):
 
     @property
     def status(self) -> str:
-        """The verdict, or BROKEN in its place."""
-        return BROKEN_VERDICT if self.error else str(self.verdict)
+        """The verdict, or DATA_ERROR in its place."""
+        return NO_VERDICT if self.error else str(self.verdict)
 
 
 ANSWER = TypeAdapter(AcceptAnswer)
@@ -269,7 +269,7 @@ def lot_summary(answers: Sequence[AcceptAnswer]) -> Json:
     share = probability_by_share(counts["PASS"] / decided, decided) if decided else None
     return {
         "drives": len(answers),
-        "verdicts": counts,
+        "verdicts": {**counts, "BROKEN": counts[NO_VERDICT]},  # by its name of before too
         "yield": share and {"decided": decided, "share": share.value, "low": share.low, "high": share.high},
         "confidence": CONFIDENCE,
     }

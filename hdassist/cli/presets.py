@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
@@ -45,23 +44,29 @@ class PresetsListCommand(o.PageOptions):
     def report(self, _out: o.Output, _preset: str) -> o.Report:
         """The presets."""
         from hdassist.loading.load import load_preset
+        from hdassist.model.kinematics import Kinematics
+        from hdassist.preset.kinds import plain
         from hdassist.preset.library import preset_names
         from hdassist.preset.schema import origin_counts
-        from hdassist.report import Report, Table
+        from hdassist.report import NO_VALUE, Report, Table
         from hdassist.terminal.answers import envelope
 
         rows, values = [], []
         for name in preset_names():
             drive = load_preset(name)
             gears, counts = drive.gears, origin_counts(drive)
-            about = {"z_g": gears.z_g, "z_b": gears.z_b, "m_mm": gears.m, "values": counts}
+            about = {
+                "z_g": gears.z_g, "z_b": gears.z_b, "m_mm": gears.m, "ratio": abs(Kinematics.of(drive).u),
+                "pitch_diameter_mm": gears.pitch_diameter, "rated_Nm": drive.operation.rated, "values": counts,
+            }  # fmt: skip
             known = envelope("presets-list", drive)["preset"]
             values.append({"preset": known, **about, "description": drive.description})
-            numbers = ", ".join(map(str, counts.values()))
-            sentence = re.split(r"(?<=[.!?])\s", drive.description, maxsplit=1)[0]
-            rows.append((name, f"{gears.z_g}/{gears.z_b}", f"{gears.m!r} mm", numbers, sentence))
-        heads = ("name", "teeth", "module", "given,\nidentified,\nassumed", "description")
-        table = Table("", heads, tuple(rows), words=range(len(heads)))
+            shown = (about[key] for key in ("ratio", "pitch_diameter_mm", "rated_Nm"))
+            numbers = [NO_VALUE if each is None else plain(each) for each in shown]
+            rows.append((name, *numbers, ", ".join(map(str, counts.values()))))
+        heads = ("preset", "ratio", "mm", "N·m", "values")
+        title = "pitch diameter, rated torque; values given, identified, assumed"
+        table = Table(title, heads, tuple(rows))
         return Report("presets-list", None, "presets of hdassist", blocks=(table,), values={"presets": values})
 
 

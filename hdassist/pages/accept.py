@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, fields, replace
 from math import floor, log10
 
-from hdassist.acceptance.answer import AcceptAnswer, answer_json, lot_summary, provenance
+from hdassist.acceptance.answer import LOT_VERDICTS, AcceptAnswer, answer_json, lot_summary, provenance
 from hdassist.acceptance.decision import GUARD, DecidedCheck
 from hdassist.acceptance.limits import Limit, LimitText
 from hdassist.acceptance.lot import Lot
@@ -196,7 +196,7 @@ def to_explain(checks: Iterable[DecidedCheck]) -> str:
 def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
     """Counts, yield, each drive with the check that decides, and the remedy for the rest."""
     found = lot_summary(answers)
-    counts = [f"{count} {verdict}" for verdict, count in found["verdicts"].items() if count]
+    counts = [f"{count} {verdict}" for verdict in LOT_VERDICTS if (count := found["verdicts"][verdict])]
     why = "no drive is decided: each line says why"
     if share := found["yield"]:
         percent = percent_text(share["share"], share["low"], share["high"])

@@ -76,14 +76,14 @@ def test_each_verdict_reads_right(told):
         assert "hdassist explain F_IOR" in body
     tag, kind, message, body = read["broken", "no answer"]
     assert (tag, kind) == ("error", "FILE_UNREADABLE")
-    assert message.startswith("BROKEN: ")
+    assert message.startswith("DATA_ERROR: ")
     assert "none.csv" in body
     assert body.endswith("hdassist explain FILE_UNREADABLE")
     assert read["part", "lost motion"][:3] == ("skipped", "", "not tested: nothing was measured")
     counts = [[int(suite.getAttribute(key)) for key in ("tests", "failures", "errors", "skipped")] for suite in suites]
     assert counts == [[1, 0, 0, 0], [1, 1, 0, 0], [1, 1, 0, 0], [1, 0, 1, 0], [2, 0, 0, 1]]
     assert [int(root.getAttribute(key)) for key in ("tests", "failures", "errors")] == [6, 2, 1]
-    assert lot_summary(told)["verdicts"] == {"PASS": 2, "FAIL": 1, "INCONCLUSIVE": 1, "BROKEN": 1}
+    assert lot_summary(told)["verdicts"] == {"PASS": 2, "FAIL": 1, "INCONCLUSIVE": 1, "DATA_ERROR": 1, "BROKEN": 1}
 
 
 def test_provenance_is_properties(told):

@@ -77,9 +77,9 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     result = run(*MEASURED, *files, "--jobs", "2", cwd=folder)
     assert result.returncode == 4
     head, why, *_ = result.stdout.splitlines()
-    assert head == "lot.csv, 5 drives: 1 PASS, 1 FAIL, 1 INCONCLUSIVE, 2 BROKEN"
+    assert head == "lot.csv, 5 drives: 1 PASS, 1 FAIL, 1 INCONCLUSIVE, 2 DATA_ERROR"
     assert why.startswith("yield: 1 of 2 drives that pass or fail, 50 % (9 to 91)")
-    verdicts = ["PASS", "FAIL", "INCONCLUSIVE", "BROKEN", "BROKEN"]
+    verdicts = ["PASS", "FAIL", "INCONCLUSIVE", "DATA_ERROR", "DATA_ERROR"]
     page = [line for line in result.stdout.splitlines() if line.startswith("17-")]
     assert [line.split()[:2] for line in page] == [[f"17-{n}", v] for n, v in enumerate(verdicts, 1)]
     assert "F'_ior at 1 N·m: 55.00 ± 1.00 arcsec, limit ≤ 40, margin" in page[1]
@@ -97,7 +97,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     assert told["schema"] == "hdassist.accept/2"
     assert told["exit_code"] == 4
     assert told["lot"]["rows"] == 5
-    assert told["summary"]["verdicts"] == {"PASS": 1, "FAIL": 1, "INCONCLUSIVE": 1, "BROKEN": 2}
+    assert told["summary"]["verdicts"] == {"PASS": 1, "FAIL": 1, "INCONCLUSIVE": 1, "DATA_ERROR": 2, "BROKEN": 2}
     owner, *written = [json.loads(line) for line in (folder / "a.jsonl").read_text().splitlines()]
     assert (owner["command"], owner["inputs"]) == ("accept", {})
     assert untimed(written) == untimed(told["results"])
@@ -118,14 +118,14 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     [
         (["PASS"], 0),
         (["INCONCLUSIVE", "FAIL", "PASS"], 3),
-        (["FAIL", "BROKEN", "INCONCLUSIVE"], 4),
-        (["UNTRUSTED", "BUG", "BROKEN", "PASS"], 1),
+        (["FAIL", "DATA_ERROR", "INCONCLUSIVE"], 4),
+        (["UNTRUSTED", "BUG", "DATA_ERROR", "PASS"], 1),
     ],
 )
 def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, capsys):
     noise = np.random.default_rng(2).standard_normal(len(TURNS))
     (tmp_path / "noise.csv").write_text(text([360 * TURNS, noise], "cam_deg,error_arcsec"))
-    cells = {"PASS": "20±1;", "FAIL": "50±1;", "INCONCLUSIVE": "40±1;", "BROKEN": "20±1;none.csv", "BUG": "20±1;",
+    cells = {"PASS": "20±1;", "FAIL": "50±1;", "INCONCLUSIVE": "40±1;", "DATA_ERROR": "20±1;none.csv", "BUG": "20±1;",
              "UNTRUSTED": "20±1;noise.csv"}  # fmt: skip
     lines = ["serial;F_ior@1;measured@4", *(f"{name};{cells[name]}" for name in rows)]
     (tmp_path / "lot.csv").write_text("\n".join(lines) + "\n")
@@ -140,7 +140,7 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
     found = accept_lot(str(tmp_path / "lot.csv"), base, AcceptOptions(quiet=True, jobs=2))
     assert found == code
     words = [line.split()[1] for line in capsys.readouterr().out.splitlines()]
-    assert words == [name.replace("UNTRUSTED", "BROKEN").replace("BUG", "BROKEN") for name in rows]
+    assert words == [name.replace("UNTRUSTED", "DATA_ERROR").replace("BUG", "DATA_ERROR") for name in rows]
 
 
 def test_an_interrupt_keeps_what_is_done_and_resume_goes_on(tmp_path, here):
@@ -401,7 +401,7 @@ def test_a_lot_without_one_answer_says_so(folder, here):
     code, page, _ = here("accept", "lot.csv", "--preset", SMALL, "--measured-only")
     assert code == 4
     assert page.splitlines()[:2] == [
-        "lot.csv, 2 drives: 2 BROKEN", "no drive is decided: each line says why"
+        "lot.csv, 2 drives: 2 DATA_ERROR", "no drive is decided: each line says why"
     ]  # fmt: skip
 
 

@@ -162,7 +162,7 @@ def told(lot):
 
 
 def test_rows_answer_in_order_as_if_they_were_alone(lot, told, monkeypatch):
-    assert [a.status for a in told] == ["PASS", "PASS", "PASS", "BROKEN", "PASS", "FAIL"]
+    assert [a.status for a in told] == ["PASS", "PASS", "PASS", "DATA_ERROR", "PASS", "FAIL"]
     assert [a.serial for a in told] == [row.request.serial for row in lot.rows]
     asked = []
     real = requests.predict
@@ -200,7 +200,7 @@ def test_a_bug_in_one_row_is_its_own(lot, monkeypatch):
 
 def test_summary_counts_and_has_the_yield_of_those_that_are_decided(told):
     found = lot_summary([*told, *(replace(told[0], verdict=Verdict.INCONCLUSIVE, exit_code=6),) * 4])
-    assert found["verdicts"] == {"PASS": 4, "FAIL": 1, "INCONCLUSIVE": 4, "BROKEN": 1}
+    assert found["verdicts"] == {"PASS": 4, "FAIL": 1, "INCONCLUSIVE": 4, "DATA_ERROR": 1, "BROKEN": 1}
     assert found["drives"] == 10
     low, high = betaincinv(4.5, 1.5, [0.05, 0.95])
     assert found["yield"] == {"decided": 5, "share": 4 / 5, "low": pytest.approx(low), "high": pytest.approx(high)}
@@ -328,7 +328,7 @@ def test_differences_are_those_beyond_the_tolerance(told):
     (found,) = answer_differences(told[0], with_value(1 + 2 * RELATIVE * scale))
     assert found.key == "checks.1 F'_ior at 4 N·m.value"
     verdict, error = answer_differences(told[0], told[3])
-    assert (verdict.recorded, verdict.now, error.recorded) == ("PASS", "BROKEN", None)
+    assert (verdict.recorded, verdict.now, error.recorded) == ("PASS", "DATA_ERROR", None)
     assert error.now == told[3].error.message
     *_, last = told[0].checks
     (found,) = answer_differences(told[0], replace(told[0], checks=told[0].checks[:-1]))

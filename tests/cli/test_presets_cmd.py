@@ -50,13 +50,12 @@ def test_list_shows_each_preset_in_one_line() -> None:
     result = run("list")
     assert (result.exit_code, result.stderr) == (0, "")
     for name, *cells in (
-        ("vzp160", "200/202", "0.8 mm", "32, 9, 16"),
-        ("synthetic-160-162", "160/162", "0.5 mm", "0, 0, 47"),
+        ("vzp160", "100", "160", "-"),
+        ("synthetic-160-162", "80", "80", "-"),
     ):
         (line,) = (line for line in result.stdout.splitlines() if line.startswith(name))
-        assert all(cell in line for cell in cells)
-    assert "Lyuminarsky and Ivanov (2019)." in " ".join(re.findall(r"\S+", result.stdout.split("vzp160   ")[-1]))
-    assert "Results hinge" not in result.stdout
+        assert line.split()[1:4] == cells
+    assert [line.split()[0] for line in result.stdout.splitlines()][-len(preset_names()) :] == preset_names()
 
 
 def test_list_as_json() -> None:
@@ -262,8 +261,7 @@ def test_in_a_pipe_the_list_has_names_and_numbers_on_one_line() -> None:
     assert max(map(len, lines)) <= 80
     assert "…" not in found.stdout
     for name in preset_names():  # whatever a script would look for stands on one line
-        assert re.search(rf"^{name} +\d+/\d+ +[\d.]+ mm +\d+, \d+, \d+", found.stdout, re.MULTILINE)
-    assert any("description" in line for line in lines)
+        assert re.search(rf"^{name} +\d+ +[\d.]+ +[\d.-]+ +\d+, \d+, \d+$", found.stdout, re.MULTILINE)
 
 
 def made(*arguments: str) -> Drive:
@@ -335,6 +333,7 @@ def test_values_are_counted_once(tmp_path: Path) -> None:
         (["--ratio", "nan"], "invalid --ratio nan: expected a number above 0"),
         (["--ratio", "1e300"], "a ratio of 1e+300 needs"),
         (["--torque", "67 N"], "invalid --torque '67 N': the unit N could be mistaken"),
+        (["--ratio", "1e308", "--pitch-diameter", "60"], "a ratio of 1e308 needs inf teeth"),
         (["--torque", "-1"], "invalid --torque -1: expected a number above 0 N*m"),
         (["--pitch-diameter", "63 m"], "invalid --pitch-diameter '63 m': the unit m could be mistaken"),
         (["--pitch-diameter", ""], "invalid --pitch-diameter '': must be a number"),
