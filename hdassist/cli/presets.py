@@ -55,14 +55,15 @@ class PresetsListCommand(o.PageOptions):
         for name in preset_names():
             drive = load_preset(name)
             gears, counts = drive.gears, origin_counts(drive)
-            about = {
-                "z_g": gears.z_g, "z_b": gears.z_b, "m_mm": gears.m, "ratio": abs(Kinematics.of(drive).u),
-                "pitch_diameter_mm": gears.pitch_diameter, "rated_Nm": drive.operation.rated, "values": counts,
-            }  # fmt: skip
+            sizes = {
+                "ratio": abs(Kinematics.of(drive).u),
+                "pitch_diameter_mm": gears.pitch_diameter,
+                "rated_Nm": drive.operation.rated,
+            }
+            about = {"z_g": gears.z_g, "z_b": gears.z_b, "m_mm": gears.m, **sizes, "values": counts}
             known = envelope("presets-list", drive)["preset"]
             values.append({"preset": known, **about, "description": drive.description})
-            shown = (about[key] for key in ("ratio", "pitch_diameter_mm", "rated_Nm"))
-            numbers = [NO_VALUE if each is None else plain(each) for each in shown]
+            numbers = (NO_VALUE if each is None else plain(each) for each in sizes.values())
             rows.append((name, *numbers, ", ".join(map(str, counts.values()))))
         heads = ("preset", "ratio", "mm", "N·m", "values")
         title = "pitch diameter, rated torque; values given, identified, assumed"

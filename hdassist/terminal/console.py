@@ -83,11 +83,13 @@ def say(line: str) -> None:
 
 def _in_words(text: str, width: int) -> str:
     """Lines no wider than a terminal, broken between words; a longer word, as a path, is left to the terminal."""
-    shape = {"break_long_words": False, "break_on_hyphens": False}
-    lines = text.split("\n")
-    indents = [line[: len(line) - len(line.lstrip())] + "  " for line in lines]
-    pairs = zip(lines, indents, strict=True)
-    return "\n".join(textwrap.fill(line, width, subsequent_indent=indent, **shape) for line, indent in pairs)
+    lines = []
+    for line in text.split("\n"):
+        indent = line[: len(line) - len(line.lstrip())] + "  "
+        lines.append(
+            textwrap.fill(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+        )
+    return "\n".join(lines)
 
 
 def made_or(name: str, make: Callable[[], Made], instead: Callable[[], Made]) -> Made:

@@ -333,7 +333,7 @@ def test_values_are_counted_once(tmp_path: Path) -> None:
         (["--ratio", "nan"], "invalid --ratio nan: expected a number above 0"),
         (["--ratio", "1e300"], "a ratio of 1e+300 needs"),
         (["--torque", "67 N"], "invalid --torque '67 N': the unit N could be mistaken"),
-        (["--ratio", "1e308", "--pitch-diameter", "60"], "a ratio of 1e308 needs inf teeth"),
+        (["--ratio", "1e308", "--pitch-diameter", "60"], "a ratio of 1e+308 needs inf teeth"),
         (["--torque", "-1"], "invalid --torque -1: expected a number above 0 N*m"),
         (["--pitch-diameter", "63 m"], "invalid --pitch-diameter '63 m': the unit m could be mistaken"),
         (["--pitch-diameter", ""], "invalid --pitch-diameter '': must be a number"),
