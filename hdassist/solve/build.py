@@ -1,14 +1,14 @@
 """Compiles the walk: the build hook of the package, and the search for the library.
 
 One C source, no Python headers, one shared library for each instruction set; the wheel is `py3-none-PLATFORM`.
-Without a compiler, or with HDASSIST_PURE set, the wheel is pure Python and the numpy engine runs.
+Without a compiler, or with HDASSIST_PURE set, the wheel is pure Python and the numpy engine runs. HDASSIST_PLATFORM
+names the platform of the wheel (manylinux_2_17_aarch64) where CC compiles for another one than this.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import platform
 import shutil
 import subprocess
 import sysconfig
@@ -39,6 +39,11 @@ def development_folder() -> Path:
     return SOURCE.parents[2] / "build" / f"walk-{sysconfig.get_platform()}"
 
 
+def wheel_platform() -> str:
+    """Platform of the libraries, as a tag of wheels has it."""
+    return os.environ.get("HDASSIST_PLATFORM") or sysconfig.get_platform().replace("-", "_").replace(".", "_")
+
+
 def compile_walk(folder: Path, more: Sequence[str] = ()) -> list[Path]:
     """Compile the walk into a folder; the libraries made, none where there is no compiler or it fails.
 
@@ -48,7 +53,7 @@ def compile_walk(folder: Path, more: Sequence[str] = ()) -> list[Path]:
     if not compiler or os.environ.get("HDASSIST_PURE"):
         return []
     folder.mkdir(parents=True, exist_ok=True)
-    levels = X86 if platform.machine().lower() in ("x86_64", "amd64") else {1: []}
+    levels = X86 if wheel_platform().endswith(("x86_64", "amd64")) else {1: []}
     made = []
     for level, flags in levels.items():
         library = folder / library_name(level)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import runpy
 import shutil
-import sysconfig
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -28,8 +27,7 @@ class WalkHook(BuildHookInterface[Any]):
         for library in made:
             build_data["force_include"][str(library)] = f"hdassist/solve/{library.name}"
         if made:
-            platform_tag = sysconfig.get_platform().replace("-", "_").replace(".", "_")
-            build_data["pure_python"], build_data["tag"] = False, f"py3-none-{platform_tag}"
+            build_data["pure_python"], build_data["tag"] = False, f"py3-none-{_BUILD['wheel_platform']()}"
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:  # noqa: ARG002
         """Leave no file behind."""
