@@ -189,6 +189,33 @@ class WishOptions(o.OptionGroup):
     accuracy: str | None = None
 
 
+@presets_app.command("schema", cls=Command)
+@dataclass(frozen=True, kw_only=True)
+class PresetsSchemaCommand(o.OptionGroup):
+    """JSON Schema of presets, for editors that complete and check YAML.
+
+    \b
+    Examples:
+      hdassist presets schema -o hdassist-preset.schema.json
+
+    The second line of a preset by presets new names that file, for editors with a YAML language server. Units within
+    texts, and rules between fields, are checked by presets validate alone.
+    """
+
+    output: str = "-"
+    force: bool = False
+    debug: bool = False
+
+    def run(self) -> int:
+        """Write the schema; returns the exit code."""
+        from hdassist.preset.schema import preset_schema
+        from hdassist.terminal.answers import json_text
+        from hdassist.terminal.files import write_text
+
+        write_text(self.output, json_text(preset_schema()), self.force)
+        return 0
+
+
 @presets_app.command("new", cls=Command)
 @dataclass(frozen=True, kw_only=True)
 class PresetsNewCommand(WishOptions):

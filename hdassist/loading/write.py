@@ -16,7 +16,7 @@ from hdassist.preset import coupling
 from hdassist.preset.fields import PRESET_SCHEMA, Drive, Source, field_table, sections
 from hdassist.preset.kinds import MAX_NAME, UNKNOWN, Section, may_be_unknown, text_of, unit_of
 from hdassist.preset.overrides import path_of
-from hdassist.preset.schema import origin_counts
+from hdassist.preset.schema import SCHEMA_FILE, origin_counts
 from hdassist.preset.similarity import Requirements, SimilarValue, similar
 from hdassist.preset.yamltext import scalar_value
 
@@ -48,7 +48,7 @@ def similar_preset(name: str, like: Drive, required: Requirements, description: 
         raise UsageError(f"no such drive meshes: {error.findings[0].message}", "other teeth, or another size") from None
     other = like.name if like.name.isprintable() else "another drive"
     head = f"# Made by hdassist presets new, like {other}: {counts['given']} values given, {counts['assumed']} assumed."
-    return f"{head}\n{text}"
+    return f"{head}\n# yaml-language-server: $schema={SCHEMA_FILE}\n{text}"
 
 
 def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], description: str) -> Iterator[str]:

@@ -19,7 +19,7 @@ from hdassist.errors import DataError, HdassistError, PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.library import preset_names, read_preset
-from hdassist.preset.schema import origin_counts
+from hdassist.preset.schema import SCHEMA_FILE, origin_counts
 from hdassist.version import __version__
 from tests.process import on_terminal
 
@@ -313,12 +313,19 @@ def test_new_keeps_the_stiffnesses() -> None:
     assert origin_counts(drive)["given"] == 3
 
 
+def test_schema_is_json() -> None:
+    printed = run("schema").stdout
+    assert printed.isascii()
+    assert json.loads(printed)["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+
+
 def test_values_are_counted_once(tmp_path: Path) -> None:
     drive = tmp_path / "own.yaml"
     run("new", "own", "--ratio", "100", "--torque", "67", "--lost-motion", "60", "-o", str(drive))
     kinds = [each["kind"] for each in json.loads(run("show", str(drive), "--json").stdout)["fields"]]
     given, assumed = kinds.count("given"), kinds.count("assumed")
-    head = drive.read_text(encoding="utf-8").splitlines()[0]
+    head, modeline = drive.read_text(encoding="utf-8").splitlines()[:2]
+    assert modeline == f"# yaml-language-server: $schema={SCHEMA_FILE}"
     assert head == f"# Made by hdassist presets new, like vzp160: {given} values given, {assumed} assumed."
     assert run("validate", str(drive)).stdout.endswith(f"OK, {assumed} values still assumed\n")
 

@@ -251,6 +251,7 @@ LINES: dict[str, Args] = {
     "explore": ("drive.yaml",), "report": ("drive.yaml",), "plan": ("drive.yaml", "--limit", "60"),
     "compensate": ("drive.yaml",),
     "presets list": (), "presets show": ("drive.yaml",), "presets validate": ("drive.yaml",), "presets new": ("x",),
+    "presets schema": (),
 }  # fmt: skip
 MEANT: dict[str, Args] = {
     "--set": ("cam.W_0=1.1", "gears.j_n=5 um", "operation.M_g=[1, 2]", "tolerances.F_i2=±3"), "--torque": ("1", "2.5"),

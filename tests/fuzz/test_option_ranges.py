@@ -35,7 +35,7 @@ LINES: dict[str, tuple[str, ...]] = {
     "measure": ("run.csv", "--ratio", "10"), "accept": (*ONE, "--limit", "F_ior@4=300"),
     "calibrate": (*ONE, "--targets", "targets.yaml", "--evaluations", "8"), "presets new": ("own",),
     "explain": ("F_ior",), "doctor": (), "presets list": (), "presets show": ("drive.yaml",),
-    "presets validate": ("drive.yaml",),
+    "presets validate": ("drive.yaml",), "presets schema": (),
 }  # fmt: skip
 TARGETS = """\
 schema: hdassist.targets/1

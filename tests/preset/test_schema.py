@@ -1,13 +1,128 @@
-"""A resolved preset says every value and where it is from."""
+"""A resolved preset says every value and where it is from; the JSON Schema accepts what presets accept."""
 
 from __future__ import annotations
 
+import copy
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from hdassist.errors import UsageError
 from hdassist.loading.load import load_text
-from hdassist.preset.fields import field_table
-from hdassist.preset.schema import ResolvedField, resolved_fields
+from hdassist.preset.fields import field_table, sections
+from hdassist.preset.library import preset_names, read_preset
+from hdassist.preset.schema import ResolvedField, preset_schema, resolved_fields
+from hdassist.preset.yamltext import read_yaml
 from tests.support import fresh_preset
 
+SCHEMA = preset_schema()
+VALIDATOR = Draft202012Validator(SCHEMA)
 TEXT = fresh_preset("test")
+
+
+def accepts(path: str, value: Any) -> bool:
+    data = copy.deepcopy(read_yaml(TEXT, "f").data)
+    section, _, name = path.partition(".")
+    if name:
+        data.setdefault(section, {})[name] = value
+    else:
+        data[section] = value
+    return not list(VALIDATOR.iter_errors(data))
+
+
+def test_it_is_a_schema_and_knows_every_field() -> None:
+    Draft202012Validator.check_schema(SCHEMA)
+    for path, info in field_table().items():
+        section, name = path.split(".")
+        table = SCHEMA["$defs"][dict(sections())[section].__name__]
+        assert table["properties"][name]["description"].startswith(info.description)
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_it_accepts_the_library(name: str) -> None:
+    assert list(VALIDATOR.iter_errors(read_yaml(read_preset(name)[0], name).data)) == []
+
+
+LEFT_TO_VALIDATION = ("0.8 m", "3.1 mm", "[]", "{x: 30}", "260±10 um", "200±1")  # units, keys of limits, empty lists
+
+
+@pytest.mark.parametrize(
+    ("path", "written", "value", "good"),
+    [
+        ("gears.m", "800 um", "800 um", True),
+        ("gears.m", "800 µm", "800 µm", True),
+        ("gears.m", "0.8 m", "0.8 m", False),
+        ("gears.m", "9", 9, False),
+        ("gears.z_g", "200.0", 200.0, True),
+        ("gears.z_g", "200.5", 200.5, False),
+        ("gears.x_g", "3.1 mm", "3.1 mm", False),
+        ("gears.q", "1", 1, False),
+        ("operation.M_g", "80", 80, True),
+        ("operation.M_g", "80 Nm", "80 Nm", True),
+        ("operation.M_g", "[80, 0.8 kN·m]", [80, "0.8 kN·m"], True),
+        ("operation.M_g", "[]", [], False),
+        ("operation.M_g", "[2e7]", [2e7], False),
+        ("operation.rated", "", None, True),
+        ("cam.W_0", "", None, False),
+        ("acceptance.F_ior", "30", 30, True),
+        ("acceptance.F_ior", "0.5 arcmin", "0.5 arcmin", True),
+        ("acceptance.F_ior", "{80: 30, all: 60}", {"80": 30, "all": 60}, True),
+        ("acceptance.F_ior", "{x: 30}", {"x": 30}, False),
+        ("acceptance.F_ior", "{80: 0}", {"80": 0}, False),
+        ("catalogue.K_1", "9 N*m/arcmin", "9 N*m/arcmin", True),
+        ("catalogue.K_1", "-3", -3, False),
+        ("catalogue.accuracy", "1.5 arcmin", "1.5 arcmin", True),
+        ("mounting.fixed", "flexspline", "flexspline", True),
+        ("mounting.fixed", "none", "none", False),
+        ("mounting.allowed", "all", "all", True),
+        ("mounting.allowed", "3", 3, True),
+        ("mounting.allowed", "[1, 2]", [1, 2], True),
+        ("mounting.allowed", "some", "some", False),
+        ("tolerances", "", None, True),
+        ("cam", "", None, False),
+        ("name", "58", 58, False),
+        ("schema", "hdassist.preset/2", "hdassist.preset/2", False),
+        ("colour", "red", "red", False),
+        (
+            "cost",
+            "{tolerances.e_hb: {share: 2, k: 1.5, least: 10}}",
+            {"tolerances.e_hb": {"share": 2, "k": 1.5, "least": 10}},
+            True,
+        ),
+        ("cost", "{tolerances.e_hb: {share: 0}}", {"tolerances.e_hb": {"share": 0}}, False),
+        ("cost", "{cam.W_0: {share: 1}}", {"cam.W_0": {"share": 1}}, False),
+        ("source", "{cam.W_0: {kind: given}}", {"cam.W_0": {"kind": "given"}}, True),
+        ("source", "{cam.W_1: {kind: given}}", {"cam.W_1": {"kind": "given"}}, False),
+        ("source", "{cam.W_0: {kind: guessed}}", {"cam.W_0": {"kind": "guessed"}}, False),
+        ("source", "{cam.W_0: {ref: x}}", {"cam.W_0": {"ref": "x"}}, False),
+        (
+            "source",
+            "{cam.W_0: {kind: given, range: [0.9, 1]}}",
+            {"cam.W_0": {"kind": "given", "range": [0.9, 1]}},
+            True,
+        ),
+        ("source", "{cam.W_0: {kind: given, range: 1}}", {"cam.W_0": {"kind": "given", "range": 1}}, False),
+        ("source", "{cam.W_0: {kind: given, range: [1]}}", {"cam.W_0": {"kind": "given", "range": [1]}}, False),
+        ("phases.xi_b", "260±10 deg", "260±10 deg", True),
+        ("flexspline.k_t", "1.4 ± 0.1", "1.4 ± 0.1", True),
+        ("phases.xi_b", "260±10 um", "260±10 um", False),
+        ("gears.z_g", "200±1", "200±1", False),
+        ("uncertainty", "{cam.W_0: 5 um}", {"cam.W_0": "5 um"}, True),
+        ("uncertainty", "{cam.W_0: -1}", {"cam.W_0": -1}, False),
+        ("uncertainty", "{mounting.fixed: 1}", {"mounting.fixed": 1}, False),
+    ],
+)
+def test_what_is_valid_is_accepted_and_what_is_not_but_for_units_is_refused(
+    path: str, written: str, value: Any, good: bool
+) -> None:
+    assert accepts(path, value) is (good or written in LEFT_TO_VALIDATION)
+    try:
+        load_text(TEXT, "f", [f"{path}={written}"])
+        valid = True
+    except UsageError:
+        valid = False
+    assert valid is good
 
 
 SOURCES = """source:
