@@ -53,14 +53,16 @@ class Answers:
 
     rotation_arcsec: of the flexspline against the rigid wheel; zone_share: share of the torque that each mesh zone
     takes, shape (states, 2); tooth_force_N: greatest force on a flank; pull_N: forces along the scalars of the
-    deviations, shape (states, scalars), None where not asked for. As the energy has one second derivative, the pull
-    grows with the torque as the rotation grows with the scalars.
+    deviations, and slope_arcsec_per_mm: change of the rotation by them while contacts stay as they are, shape (states,
+    scalars), None where not asked for. As the energy has one second derivative, the pull grows with the torque as the
+    rotation grows with the scalars.
     """
 
     rotation_arcsec: Array
     zone_share: Array
     tooth_force_N: Array
     pull_N: Array | None
+    slope_arcsec_per_mm: Array | None
     certificate: Certificate
 
 
@@ -89,11 +91,13 @@ def proven_answers(
         if progress:
             progress(len(sums.rotation))
     pulls = [part.pull for part in parts if part.pull is not None]
+    slopes = [part.slope for part in parts if part.slope is not None]
     return Answers(
         rotation_arcsec=_joined(part.rotation for part in parts) * ARCSEC,
         zone_share=_joined(part.moment for part in parts).reshape(-1, 2) / np.reshape(torque, (-1, 1)),
         tooth_force_N=_joined(part.tooth_force for part in parts),
         pull_N=_joined(pulls) if pulls else None,
+        slope_arcsec_per_mm=_joined(slopes) * ARCSEC if slopes else None,
         certificate=certificate,
     )
 

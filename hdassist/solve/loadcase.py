@@ -17,7 +17,7 @@ from hdassist.solve.formulation import Formulation
 from hdassist.solve.onebyone import OneByOne
 from hdassist.solve.pivoting import Pivoting
 from hdassist.solve.reference import Reference
-from hdassist.solve.sums import StateSums
+from hdassist.solve.sums import StateSums, rotation_slopes
 from hdassist.solve.walk import Walk, walk_library
 
 POOR_PROOF = 1e-9  # residual of a state of the walk from which on it is solved once more, alone
@@ -69,15 +69,16 @@ class LoadCase:
         progress: Progress | None = None,
         *,
         pull: bool = False,
+        slope: bool = False,
     ) -> Answers:
         """Solve states and prove each answer.
 
         Arguments: gaps of the states; place, words for where state k is, for errors; progress, called with how many
-        states were solved since the last call; pull, whether forces along the deviation scalars are asked for. Raises
-        UntrustedError where a state is not solved, or its answer is outside the limits of the linear model.
+        states were solved since the last call; pull, whether forces along the deviation scalars are asked for; slope,
+        whether the rotation by those given is. Raises UntrustedError where a state is not solved, or its answer is outside the limits of the linear model.
         """
         firsts = range(0, len(gaps), STATES_AT_A_TIME)
-        chunks = (self.sums(gaps[first : first + STATES_AT_A_TIME], pull=pull) for first in firsts)
+        chunks = (self.sums(gaps[first : first + STATES_AT_A_TIME], pull=pull, slope=slope) for first in firsts)
         return proven_answers(self.system, self._torque, chunks, place, progress)
 
     def over(self, torques: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
@@ -88,12 +89,12 @@ class LoadCase:
 
         def at(M_g: float) -> StateSums:
             self.load(M_g)
-            return self._alone(WITHOUT_DEVIATIONS, pull=False)
+            return self._alone(WITHOUT_DEVIATIONS)
 
         return proven_answers(self.system, torques * N_MM, map(at, torques.tolist()), place, progress)
 
-    def sums(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
-        """Sums of states without their proof, and forces along the deviation scalars where asked for.
+    def sums(self, gaps: StateGaps, *, pull: bool = False, slope: bool = False) -> StateSums:
+        """Sums of states without their proof; forces along the deviation scalars, and slopes by them, where asked for.
 
         A state that no solver solves has sums without proof, or NaN; states behind it are not tried, and NaN. Raises
         UntrustedError where a solver that was asked for has no answer.
@@ -101,11 +102,11 @@ class LoadCase:
         if self._walk is None and len(gaps) >= self._pays and (reference := self._reference()):
             self._walk = (Walk if self._compiled else Pivoting)(reference)
         if self._walk is None:
-            return self._alone(gaps, pull)
-        sums = self._walk.solve(gaps, self._torque, pull=pull)
+            return self._alone(gaps, pull, slope)
+        sums = self._walk.solve(gaps, self._torque, pull=pull, slope=slope)
         given_up = np.flatnonzero(~(sums.residuals.worst <= POOR_PROOF))  # or NaN
         if len(given_up):
-            sums.put(given_up, self._alone(gaps[given_up], pull))
+            sums.put(given_up, self._alone(gaps[given_up], pull, slope))
         return replace(sums, given_up=len(given_up))
 
     def forces(self, delta_p: Array) -> tuple[Array, Array, int]:
@@ -129,6 +130,8 @@ class LoadCase:
                 known[self._torque] = Reference(self.formulation, forces[0] > CARRIES * forces[0].max())
         return known[self._torque]
 
-    def _alone(self, gaps: StateGaps, pull: bool) -> StateSums:
+    def _alone(self, gaps: StateGaps, pull: bool = False, slope: bool = False) -> StateSums:
         delta_p = self.system.delta_p_of(gaps)
-        return StateSums.of(self.system, delta_p, self._torque, *self.forces(delta_p), pull=pull)
+        forces, free, given_up = self.forces(delta_p)
+        slopes = rotation_slopes(self.formulation, forces, gaps.scalars.shape[1]) if slope else None
+        return StateSums.of(self.system, delta_p, self._torque, forces, free, given_up, pull=pull, slope=slopes)

@@ -15,7 +15,7 @@ from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.solve.near import ZERO
 from hdassist.solve.reference import Reference
-from hdassist.solve.sums import StateSums
+from hdassist.solve.sums import StateSums, rotation_slopes
 
 ABREAST = 64  # states that a tableau carries along
 LIMIT = 10  # pivots for each candidate and state of a tableau, after which those that are left are given up
@@ -33,13 +33,15 @@ class Pivoting:
         self._reference = reference
         self._swing = np.zeros(0, dtype=int)
 
-    def solve(self, gaps: StateGaps, torque: float, *, pull: bool = False) -> StateSums:
+    def solve(self, gaps: StateGaps, torque: float, *, pull: bool = False, slope: bool = False) -> StateSums:
         """Sums and residuals of states; NaN where one was given up.
 
-        Arguments: gaps; torque [N*mm]; pull, whether forces along the deviation scalars are asked for.
+        Arguments: gaps; torque [N*mm]; pull, whether forces along the deviation scalars are asked for;
+        slope, whether the rotation by those given is.
         """
-        system = self._reference.system
-        return StateSums.of(system, system.delta_p_of(gaps), torque, *self.forces(gaps, torque), pull=pull)
+        system, (forces, free) = self._reference.system, self.forces(gaps, torque)
+        slopes = rotation_slopes(self._reference.formulation, forces, gaps.scalars.shape[1]) if slope else None
+        return StateSums.of(system, system.delta_p_of(gaps), torque, forces, free, pull=pull, slope=slopes)
 
     def forces(self, gaps: StateGaps, torque: float) -> tuple[Array, Array]:
         """Forces [N], shape (states, M), and free displacements [mm, rad] of states; NaN where one was given up."""

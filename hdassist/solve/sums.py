@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from hdassist.model.contacts import ContactSystem
 from hdassist.model.geometry import Array
 from hdassist.solve.certificate import Residuals, residuals
+from hdassist.solve.formulation import Formulation, Springs
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,7 @@ class StateSums:
     tooth_force: Array
     residuals: Residuals
     pull: Array | None
+    slope: Array | None
     given_up: int
 
     @classmethod
@@ -39,6 +42,7 @@ class StateSums:
         given_up: int = 0,
         *,
         pull: bool = False,
+        slope: Array | None = None,
     ) -> StateSums:
         """Sums of states from their forces [N], shape (states, M), and free displacements [mm, rad].
 
@@ -52,6 +56,7 @@ class StateSums:
             tooth_force=flank.max(axis=1),
             residuals=residuals(system, delta_p, torque, forces, free),
             pull=at_places @ system.deviation_map[system.first] if pull else None,
+            slope=slope,
             given_up=given_up,
         )
 
@@ -61,3 +66,22 @@ class StateSums:
         for name, values in vars(self).items():
             if isinstance(values, np.ndarray):
                 values[rows] = getattr(there, name)
+
+
+def rotation_slopes(formulation: Formulation, forces: Array, scalars: int) -> Array:
+    """Slope of the rotation by the first scalars of the deviations [rad/mm], shape (states, scalars).
+
+    Of each state at the contacts that carry force, forces [N], shape (states, M); NaN where none hold the parts.
+    """
+    system, units, m = formulation.system, formulation.units, len(formulation.H)
+    change, rotation = system.deviation_map[system.first, :scalars], m + system.free_rotation
+    slopes = np.full((len(forces), scalars), np.nan)
+    for k, contact in enumerate(forces > 0):
+        springs = Springs.of(formulation, np.zeros(len(contact)), contact)
+        inside = np.append(np.flatnonzero(springs.series), np.arange(m, len(formulation.structure)))
+        series = np.append(springs.series, np.zeros(len(units.load)))[inside]
+        matrix = formulation.structure[np.ix_(inside, inside)] + np.diag(series)
+        with suppress(np.linalg.LinAlgError):
+            adjoint = np.linalg.solve(matrix, (inside == rotation).astype(float))
+            slopes[k] = -adjoint[inside < m] @ change[inside[inside < m]]
+    return slopes / units.load[system.free_rotation]

@@ -90,6 +90,7 @@ typedef struct {
     double *tooth_force; /* (states) N, greatest on a flank */
     double *residual;    /* (states, 4) negative force, negative gap, complementarity, equilibrium */
     double *pull;        /* (states, columns) forces along the scalars, or NULL */
+    double *slope;       /* (states, p) rad/mm, rotation by each scalar in use, or NULL */
 } answers;
 
 typedef struct {
@@ -558,12 +559,33 @@ static void sum_up(const walk *w, const double *F, size_t j, answers *out) {
             out->pull[j * s->columns + c] = product(s->m, F, s->map + (size_t)c * s->m, NULL);
 }
 
-static void give_up(const contact_system *s, size_t j, answers *out) {
+/* Slope of the rotation by each scalar in use while contacts stay as they are: one adjoint product with the tableau. */
+static void differentiate(const walk *w, int p, double *slope) {
+    const contact_system *s = w->system;
+    const int n = w->n, R = s->m + s->free, rotation = s->m + w->freedom[s->rotation];
+    double *adjoint = w->rows[0];
+    memset(adjoint, 0, sizeof(double) * n);
+    for (int i = 0; i < n; i++)
+        if (w->changed[i])
+            add_multiple(n, s->weight[w->candidate[i]] * column(w, w->candidate[i])[rotation],
+                         w->tableau + i * (size_t)w->padded, adjoint);
+    for (int c = 0; c < p; c++) {
+        const double *law = s->law + (2 + c) * (size_t)R;
+        double by_scalar = law[rotation];
+        for (int k = 0; k < n; k++)
+            if (w->changed[k]) by_scalar -= adjoint[k] * s->gain[w->candidate[k]] * law[s->place[w->candidate[k]]];
+        slope[c] = by_scalar * s->dual_unit[w->freedom[s->rotation]];
+    }
+}
+
+static void give_up(const contact_system *s, size_t j, int p, answers *out) {
     out->rotation[j] = out->tooth_force[j] = NAN;
     out->moment[2 * j] = out->moment[2 * j + 1] = NAN;
     for (int k = 0; k < 4; k++) out->residual[4 * j + k] = NAN;
     if (out->pull)
         for (int c = 0; c < s->columns; c++) out->pull[j * s->columns + c] = NAN;
+    if (out->slope)
+        for (int c = 0; c < p; c++) out->slope[j * p + c] = NAN;
 }
 
 static void *bare_room(size_t count, size_t size) {
@@ -688,8 +710,8 @@ static void arrange(walk *w, int states, int p, const double *scalars) {
  * (states, R) what they add to the coordinates at the reference, both NULL without measured teeth. */
 long walk_solve(walk *w, long states, double torque, int p, const double *scalars, const double *tooth_gaps,
                 const double *tooth_values, double *rotation, double *moment, double *tooth_force, double *residual,
-                double *pull) {
-    answers made = {rotation, moment, tooth_force, residual, pull}, *out = &made;
+                double *pull, double *slope) {
+    answers made = {rotation, moment, tooth_force, residual, pull, slope}, *out = &made;
     const contact_system *s = w->system;
     const int M = s->M, m = s->m, R = m + s->free;
     long given_up = 0;
@@ -727,7 +749,7 @@ long walk_solve(walk *w, long states, double torque, int p, const double *scalar
             back_to_reference(w);
             given_up++;
             memset(free, 0, sizeof(double) * s->free);
-            give_up(s, j, out);
+            give_up(s, j, p, out);
         } else {
             for (const int *i = w->touching; *i >= 0; i++) {
                 const double value = value_at(w, w->all, *i);
@@ -741,12 +763,13 @@ long walk_solve(walk *w, long states, double torque, int p, const double *scalar
             for (int f = 0; f < s->free; f++) free[f] = w->all[m + f] * s->dual_unit[f];
             out->rotation[j] = free[w->freedom[s->rotation]];
             sum_up(w, at_place, j, out);
+            if (out->slope) differentiate(w, p, out->slope + (size_t)j * p);
         }
         if (++held == BATCH || turn == states - 1) {
             certify(w, held, shares);
             for (int k = 0; k < held; k++) {
                 memcpy(out->residual + 4 * (size_t)places[k], shares + 4 * k, sizeof(double) * 4);
-                if (isnan(out->rotation[places[k]])) give_up(s, places[k], out);
+                if (isnan(out->rotation[places[k]])) give_up(s, places[k], p, out);
             }
             held = 0;
         }

@@ -52,7 +52,7 @@ def _load(path: Path) -> Any:
     loaded.walk_source.restype = ctypes.c_char_p
     loaded.walk_new.argtypes, loaded.walk_new.restype = [pointer] * 2, pointer
     loaded.walk_free.argtypes, loaded.walk_free.restype = [pointer], None
-    loaded.walk_solve.argtypes = [pointer, ctypes.c_long, ctypes.c_double, integer] + [pointer] * 8
+    loaded.walk_solve.argtypes = [pointer, ctypes.c_long, ctypes.c_double, integer] + [pointer] * 9
     loaded.walk_solve.restype = ctypes.c_long
     loaded.walk_near.argtypes = [integer] * 3 + [pointer] * 6 + [ctypes.c_double, integer] + [pointer] * 3
     loaded.walk_near.restype = integer
@@ -75,20 +75,22 @@ class Walk:
         if getattr(self, "_walk", None):
             self._library.walk_free(self._walk)
 
-    def solve(self, gaps: StateGaps, torque: float, *, pull: bool = False) -> StateSums:
+    def solve(self, gaps: StateGaps, torque: float, *, pull: bool = False, slope: bool = False) -> StateSums:
         """Sums and residuals of states; NaN where one was given up.
 
-        Arguments: gaps; torque [N*mm]; pull, whether forces along the deviation scalars are asked for.
+        Arguments: gaps; torque [N*mm]; pull, whether forces along the deviation scalars are asked for;
+        slope, whether the rotation by those given is.
         """
         scalars = np.ascontiguousarray(gaps.scalars, dtype=float)
         count, p = scalars.shape
         rotation, tooth_force = np.empty((2, count))
         moment, residual = np.empty((count, 2)), np.empty((count, 4))
         pulls = np.empty((count, len(self._reference.held["map"]))) if pull else None
-        sums = rotation, moment, tooth_force, residual, pulls
+        slopes = np.empty((count, p)) if slope else None
+        sums = rotation, moment, tooth_force, residual, pulls, slopes
         arrays = (scalars, *self._reference.of_teeth(gaps), *sums)  # held until the call has ended
         given_up = self._library.walk_solve(self._walk, count, torque, p, *map(_address, arrays))
-        return StateSums(rotation, moment, tooth_force, Residuals(residual), pulls, given_up)
+        return StateSums(rotation, moment, tooth_force, Residuals(residual), pulls, slopes, given_up)
 
 
 def walk_near_state(
