@@ -61,7 +61,6 @@ FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a d
 
 EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
-SAMPLE_STATES = 520  # that a sample solves at a torque, about
 SHOWN_DIGITS = 6  # of an arcsec: the last ones hang on how many positions are computed at once
 FEWEST_AT_ONCE = 4  # draws
 HOPELESS = 256  # draws of which none has an answer: no more are made

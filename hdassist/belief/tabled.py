@@ -20,13 +20,13 @@ from hdassist.belief.prior import DrivePrior, FieldPrior
 from hdassist.belief.sobol import sobol_points
 from hdassist.belief.statistics import log_error
 from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.sloped import drawn_extremes
 from hdassist.error.table import TABLE_SECTIONS, Mesh, Reach, error_table
 from hdassist.model.deviations import carried, standing_offset
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive, deviation_sizes
 from hdassist.solve.answers import EMPTY, Certificate
 
-COARSE_POINTS = 14  # positions of each wheel at which the error of a sample is solved first: 1 % misses up to 2 %
 FINEST, COARSEST = 36, 8  # directions that a draw is read in, at most and at least
 KNOWN_DIRECTION = 8  # times as many draws where they count in one direction alone
 OVALITY = "harmonics.xi_s2"  # direction of what the seat does to the rigid wheel; stands still where that is fixed
@@ -99,7 +99,7 @@ def tabled_errors(maps: Sequence[ErrorMap], prior: DrivePrior, effort: TableEffo
     sizes = {path: float(column.max()) for path, column in columns.items() if path in deviation_sizes()}
     reach, rows = Reach.of(drive.with_values(sizes)), np.arange(effort.compared)
     some = {path: column[rows, (number + 5 * rows) % shape[1]] for path, column in columns.items()}
-    exact = [each.many_extremes(Batch(drive, some), grid=COARSE_POINTS) for each in maps if len(rows)]
+    exact = [drawn_extremes(each, Batch(drive, some)) for each in maps if len(rows)]
     tables = [error_table(each, reach, effort.mesh) for each in maps]
     read = [log_error(table.F_ior(some)) for table in tables if len(rows)]
     log_missed = [log_error(known.F_ior_arcsec) - each for known, each in zip(exact, read, strict=True)]
@@ -164,7 +164,7 @@ class DeviationProposal:
         for each in self.errors:
             turned = {p: columns.get(p, drive.number(p)) + np.full(len(some), each.rotation_deg) for p in paths}
             batch = Batch(drive, columns | turned)
-            extremes.append(maps[torques.index(each.M_g)].many_extremes(batch, grid=COARSE_POINTS))
+            extremes.append(drawn_extremes(maps[torques.index(each.M_g)], batch))
         searched = np.stack([each.F_ior_arcsec for each in extremes], axis=1)
         log = log_likelihood_of_errors(searched, *values_of_errors(self.errors))
         agreeing = np.exp(log - log.max())

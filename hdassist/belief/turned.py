@@ -1,4 +1,4 @@
-"""F'_ior of a drawn drive as it stands and with its fixed wheel turned, from coarse grids of states."""
+"""F'_ior of a drawn drive as it stands and with its fixed wheel turned, from few states with slopes."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hdassist.belief.tabled import COARSE_POINTS
 from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.sloped import drawn_extremes
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import EMPTY, Certificate
@@ -27,7 +27,7 @@ def errors_by_turn(
     """
     proof, now, turned, there = EMPTY, dict[float, float](), dict[float, Array](), dict[tuple[float, float], float]()
     for error_map in maps:
-        found = error_map.many_extremes(Batch.of(drive), grid=COARSE_POINTS)
+        found = drawn_extremes(error_map, Batch.of(drive))
         M_g, now[error_map.M_g] = error_map.M_g, found.first
         turned[M_g], of_turned = _at_turns(error_map, drive, found.first, rotations_deg)
         # by themselves, so that their digits are the same whatever else is searched
@@ -47,6 +47,6 @@ def _at_turns(error_map: ErrorMap, drive: Drive, now: float, turns: Sequence[flo
     F_ior, away = np.full(len(turns), now), np.flatnonzero(np.array(turns) % 360)
     if not len(away):
         return F_ior, EMPTY
-    there = error_map.many_extremes(Batch.turned(drive, np.array(turns)[away]), grid=COARSE_POINTS)
+    there = drawn_extremes(error_map, Batch.turned(drive, np.array(turns)[away]))
     F_ior[away] = there.F_ior_arcsec
     return F_ior, there.certificate

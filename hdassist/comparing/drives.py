@@ -10,13 +10,13 @@ import numpy as np
 
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, SAMPLE_STATES
+from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.belief.statistics import RESOLVED_ERROR, weighted_quantile
-from hdassist.belief.tabled import COARSE_POINTS
 from hdassist.comparing.pairs import DRAWN_PAIRS, differently_open, drawn_pairs
 from hdassist.comparing.sheet import DriveSheet, sheet_of, sheet_states
 from hdassist.design.check import DesignCheck
-from hdassist.error.error_map import GRID, Batch, error_maps, extremes_of, searchable
+from hdassist.error.error_map import Batch, error_maps, extremes_of, searchable
+from hdassist.error.sloped import DRAWN_STATES, drawn_extremes
 from hdassist.errors import HdassistError, UsageError
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
@@ -131,7 +131,7 @@ def differing_fields(drives: Sequence[Drive]) -> list[str]:
 def estimate_comparison(drives: Sequence[Drive], draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a comparison solves, about, for a progress bar."""
     searches = sum(DRAWN_PAIRS + SCREENED_PAIRS * len(differing_fields((drives[0], each))) for each in drives[1:])
-    return sum(sheet_states(drive, draws) for drive in drives) + SAMPLE_STATES * len(drives[0].operation.M_g) * searches
+    return sum(sheet_states(drive, draws) for drive in drives) + DRAWN_STATES * len(drives[0].operation.M_g) * searches
 
 
 def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()) -> DrivesComparison:
@@ -164,8 +164,8 @@ def drive_changes(
     open_ = [each.path for each in prior_of(second.drive).fields]
     moved = [path for path in open_ if any(one.value(path) != other.value(path) for one, other in drives)]
     paths = dict.fromkeys((*differing, *moved))
-    grid = COARSE_POINTS if first.samples or second.samples else GRID
-    errors_of = partial(_errors, torques=first.drive.operation.M_g, grid=grid)
+    drawn = bool(first.samples or second.samples)
+    errors_of = partial(_errors, torques=first.drive.operation.M_g, drawn=drawn)
 
     def F_ior(drives: Sequence[Drive]) -> Array:
         """F'_ior [arcsec] of drives, shape (drives, torques); NaN where there is none."""
@@ -210,12 +210,12 @@ def drive_changes(
     return changes, proof
 
 
-def _errors(drive: Drive, torques: Sequence[float], grid: int) -> tuple[Array, Certificate]:
+def _errors(drive: Drive, torques: Sequence[float], drawn: bool) -> tuple[Array, Certificate]:
     """F'_ior of a drive [arcsec], shape (torques,), with its proof; NaN where there is no answer."""
     try:
         found = (
-            [each.many_extremes(Batch.of(drive), grid=grid) for each in error_maps(drive, torques)]
-            if searchable(drive)
+            [drawn_extremes(each, Batch.of(drive)) for each in error_maps(drive, torques)]
+            if drawn and searchable(drive)
             else extremes_of(drive, torques)
         )
     except HdassistError:

@@ -15,7 +15,6 @@ from hdassist.belief.measure import MeasurementGain, measurements
 from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import (
     EFFECTIVE_SAMPLES,
-    SAMPLE_STATES,
     ErrorBelief,
     Samples,
     SamplingEffort,
@@ -26,6 +25,7 @@ from hdassist.belief.statistics import Probability
 from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
 from hdassist.error.error_map import Extremes, extremes_of, searchable
 from hdassist.error.self_error import SelfError, self_error
+from hdassist.error.sloped import DRAWN_STATES
 from hdassist.errors import HdassistError
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.kinematics import Kinematics
@@ -194,7 +194,7 @@ def check_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int
     """Number of states that a check solves, for a progress bar."""
     drawn = draws if not measured and searchable(drive) and prior_of(drive).fields else 0
     return len(drive.operation.M_g) * (
-        Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + drawn * SAMPLE_STATES
+        Kinematics.of(drive).cycle_states + drive.numerics.n_phase**2 + drawn * DRAWN_STATES
     )
 
 

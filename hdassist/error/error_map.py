@@ -69,6 +69,17 @@ class Batch:
         """Scalars [mm] of the drives in some rows, where their wheels stand so [rad]; shapes broadcast."""
         return scalars_of({key: wave[row] for key, wave in self._waves.items()}, alpha_g, alpha_b)
 
+    def by_wheel(self, alpha_b: Array, alpha_g: Array) -> tuple[Array, Array]:
+        """Parts of the scalars [mm] of states by the angle [rad] of each wheel, shape (drives, angles, scalars) both.
+
+        What turns with neither wheel is part of the first.
+        """
+        row, parts = np.arange(len(self))[:, None], []
+        for part, alpha in (("b", alpha_b), ("g", alpha_g)):
+            own = {key: wave[row] * ((key[1] == "g") == (part == "g")) for key, wave in self._waves.items()}
+            parts.append(scalars_of(own, alpha[None], alpha[None]))
+        return parts[0], parts[1]
+
     @cached_property
     def _waves(self) -> Waves:
         columns, number = self.columns, self.drive.number

@@ -33,6 +33,10 @@ class Hills:
     def __getitem__(self, chosen: NDArray[np.bool_]) -> Hills:
         return Hills(self.row[chosen], self.sign[chosen], self.point[chosen], self.height[chosen])
 
+    def and_these(self, others: Hills) -> Hills:
+        """These and others."""
+        return Hills(*(np.concatenate(both) for both in zip(vars(self).values(), vars(others).values(), strict=True)))
+
     @property
     def tops(self) -> Array:
         """Greatest height of each drive as it is, and of it upside down [arcsec], shape (drives, 2)."""
@@ -47,16 +51,21 @@ class Hills:
         return self[tops[self.row, self.sign // 2] - self.height <= share * F_ior[self.row]]
 
 
-def hills_of(maps: Array, to_points: Callable[[Array], Indices]) -> Hills:
+def hills_of(maps: Array, to_points: Callable[[Array], Indices], lower: Array | None = None) -> Hills:
     """Points of maps of the torus, shape (drives, k, l), with no higher one beside them, and of the map upside down.
 
-    Between the points of a map they lie where a parabola through their neighbours has its top. Argument: to_points,
-    from places in a map, shape (hills, 2), to points at which there is a state.
+    Between the points of a map they lie where a parabola through their neighbours has its top. Arguments: to_points,
+    from places in a map, shape (hills, 2), to points at which there is a state; lower, maps that are turned upside down
+    in place of these.
     """
-    up = np.concatenate([maps, -maps])
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(up, ((0, 0), (1, 1), (1, 1)), "wrap"), (3, 3), (1, 2))
-    side, *at = np.nonzero(up >= around.max(axis=(3, 4)))
-    patch = around[side, *at]
+    up = np.concatenate([maps, -(maps if lower is None else lower)])
+    highest = up
+    for axis in (1, 2):
+        beside = np.maximum(np.roll(highest, 1, axis), np.roll(highest, -1, axis))
+        highest = np.maximum(highest, beside)
+    side, *at = np.nonzero(up >= highest)
+    steps, k, l = np.arange(-1, 2), *(each[:, None] for each in at)
+    patch = up[side[:, None, None], ((k + steps) % up.shape[1])[:, :, None], ((l + steps) % up.shape[2])[:, None]]
     height, place = patch[:, 1, 1].copy(), np.stack(at, axis=1).astype(float)
     for axis, (before, here, behind) in enumerate((patch[:, :, 1].T, patch[:, 1, :].T)):
         bend = np.minimum(before + behind - 2 * here, -1e-12)

@@ -14,7 +14,6 @@ from hdassist.belief.measure import MeasurementGain, gains_for
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import (
     EFFECTIVE_SAMPLES,
-    SAMPLE_STATES,
     Samples,
     SamplingEffort,
     draw_samples,
@@ -23,6 +22,7 @@ from hdassist.belief.samples import (
 from hdassist.belief.statistics import Probability, could_be_sure
 from hdassist.error.error_map import SEARCHED, searchable
 from hdassist.error.self_error import limits_left
+from hdassist.error.sloped import DRAWN_STATES
 from hdassist.model.deviations import standing_offset
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
@@ -36,7 +36,6 @@ from hdassist.run.run import Run
 from hdassist.verdict import SURE, Verdict, verdict_by_probability
 
 GAIN_DRAWS = 4  # times as many, at most, where chance leaves open whether a turn gains: they halve the interval
-TURNED_STATES = 700  # that a sample solves for a further position, about
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +186,7 @@ def advice_states(drive: Drive, positions: int, *, draws: int, measured: Measure
     drawn = bool(draws and prior_of(drive).fields) and not measured and searchable(drive)
     if not is_searched(drive, positions, drawn=drawn, measured=measured):
         return torques * positions * cycle
-    sampled = draws * (SAMPLE_STATES + TURNED_STATES * positions) if drawn else 0
+    sampled = draws * DRAWN_STATES * (1 + positions) if drawn else 0
     return torques * (positions * SEARCHED + 2 * cycle + sampled)
 
 

@@ -12,6 +12,7 @@ from hdassist.model.contacts import WITHOUT_DEVIATIONS, StateGaps
 from hdassist.model.geometry import Array
 from hdassist.run.run import Progress
 from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, proven_answers
+from hdassist.solve.climb import Hills, Points, Rules, Torus, climbed
 from hdassist.solve.compiled import require_compiled_as_stated
 from hdassist.solve.formulation import Formulation
 from hdassist.solve.onebyone import OneByOne
@@ -75,7 +76,8 @@ class LoadCase:
 
         Arguments: gaps of the states; place, words for where state k is, for errors; progress, called with how many
         states were solved since the last call; pull, whether forces along the deviation scalars are asked for; slope,
-        whether the rotation by those given is. Raises UntrustedError where a state is not solved, or its answer is outside the limits of the linear model.
+        whether the rotation by those given is. Raises UntrustedError where a state is not solved, or its answer is
+        outside the limits of the linear model.
         """
         firsts = range(0, len(gaps), STATES_AT_A_TIME)
         chunks = (self.sums(gaps[first : first + STATES_AT_A_TIME], pull=pull, slope=slope) for first in firsts)
@@ -108,6 +110,17 @@ class LoadCase:
         if len(given_up):
             sums.put(given_up, self._alone(gaps[given_up], pull, slope))
         return replace(sums, given_up=len(given_up))
+
+    def climb(self, torus: Torus, hills: Hills, rules: Rules) -> Points:
+        """The highest states around hills, as `climbed` says, shape (groups, 2): they are not proven."""
+        if isinstance(walk := self._walk, Walk):
+            return walk.climb(torus, self._torque, hills, rules)
+
+        def state_at(scalars: Array) -> tuple[float, Array]:
+            sums = self.sums(StateGaps(scalars[None]), slope=True)
+            return float(sums.rotation[0]), np.zeros(0) if sums.slope is None else sums.slope[0]
+
+        return climbed(torus, hills, rules, state_at)
 
     def forces(self, delta_p: Array) -> tuple[Array, Array, int]:
         """Forces [N], shape (states, M), free displacements [mm, rad], and how many states the first way gave up.

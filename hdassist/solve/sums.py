@@ -84,4 +84,4 @@ def rotation_slopes(formulation: Formulation, forces: Array, scalars: int) -> Ar
         with suppress(np.linalg.LinAlgError):
             adjoint = np.linalg.solve(matrix, (inside == rotation).astype(float))
             slopes[k] = -adjoint[inside < m] @ change[inside[inside < m]]
-    return slopes / units.load[system.free_rotation]
+    return np.asarray(slopes / units.load[system.free_rotation])

@@ -705,6 +705,36 @@ static void arrange(walk *w, int states, int p, const double *scalars) {
         for (int i = 0; i < states; i++) order[i] = i;
 }
 
+/* Go on to the next state: the coordinates that it has at the reference. */
+static void begin_state(walk *w, int p, const double *scalars) {
+    const contact_system *s = w->system;
+    const int R = s->m + s->free;
+    w->states++;
+    if (w->since_made > REFRESH) make_anew(w);
+    if (w->states % SWEEP == 0)
+        for (int k = w->n - 1; k >= 0; k--)
+            if (!w->changed[k] && w->states - w->last[k] > KEEP) leave_out(w, k);
+    memcpy(w->start, s->law, sizeof(double) * R);
+    add_multiple(R, w->torque, s->law + R, w->start);
+    add_columns(R, p, scalars, s->law + 2 * R, NULL, w->start);
+}
+
+/* Find its contact set; 0 where it is given up. */
+static int find_state(walk *w) {
+    const int R = w->system->m + w->system->free;
+    double sum = 0;
+    SUM(sum)
+    for (int i = 0; i < R; i++) sum += w->start[i];
+    if (isfinite(sum) && w->lost < LOST && settle(w)) return 1;
+    back_to_reference(w);
+    return 0;
+}
+
+static double rotation_of(const walk *w) {
+    const int rotation = w->freedom[w->system->rotation];
+    return w->all[w->system->m + rotation] * w->system->dual_unit[rotation];
+}
+
 /* Solve states and certify each; how many were given up, whose answers are NaN.
  * torque: N*mm; scalars: (states, p); tooth_gaps: (states, m) added to the gaps at each place, and tooth_values:
  * (states, R) what they add to the coordinates at the reference, both NULL without measured teeth. */
@@ -726,27 +756,16 @@ long walk_solve(walk *w, long states, double torque, int p, const double *scalar
         const long j = places[held] = tooth_gaps ? turn : begun + w->order[turn - begun];
         double *F = w->force + (size_t)held * M, *free = w->free + (size_t)held * s->free;
         double *at_place = w->at_place + (size_t)held * m, *moved = w->moved + (size_t)held * m;
-        w->states++;
-        if (w->since_made > REFRESH) make_anew(w);
-        if (w->states % SWEEP == 0)
-            for (int k = w->n - 1; k >= 0; k--)
-                if (!w->changed[k] && w->states - w->last[k] > KEEP) leave_out(w, k);
-        memcpy(w->start, s->law, sizeof(double) * R);
-        add_multiple(R, torque, s->law + R, w->start);
+        begin_state(w, p, scalars + (size_t)j * p);
         memset(moved, 0, sizeof(double) * m);
         memset(at_place, 0, sizeof(double) * m);
         memset(F, 0, sizeof(double) * M);
-        add_columns(R, p, scalars + (size_t)j * p, s->law + 2 * R, NULL, w->start);
         add_columns(m, p, scalars + (size_t)j * p, s->map, NULL, moved);
         if (tooth_gaps) {
             add_multiple(R, 1.0, tooth_values + (size_t)j * R, w->start);
             add_multiple(m, 1.0, tooth_gaps + (size_t)j * m, moved);
         }
-        double sum = 0;
-        SUM(sum)
-        for (int i = 0; i < R; i++) sum += w->start[i];
-        if (!isfinite(sum) || w->lost >= LOST || !settle(w)) {
-            back_to_reference(w);
+        if (!find_state(w)) {
             given_up++;
             memset(free, 0, sizeof(double) * s->free);
             give_up(s, j, p, out);
@@ -761,7 +780,7 @@ long walk_solve(walk *w, long states, double torque, int p, const double *scalar
             for (int k = 0; k < w->n; k++)
                 if (w->changed[k] && !s->contact[w->candidate[k]]) at_place[s->place[w->candidate[k]]] += F[w->candidate[k]];
             for (int f = 0; f < s->free; f++) free[f] = w->all[m + f] * s->dual_unit[f];
-            out->rotation[j] = free[w->freedom[s->rotation]];
+            out->rotation[j] = rotation_of(w);
             sum_up(w, at_place, j, out);
             if (out->slope) differentiate(w, p, out->slope + (size_t)j * p);
         }
@@ -775,6 +794,147 @@ long walk_solve(walk *w, long states, double torque, int p, const double *scalar
         }
     }
     return given_up;
+}
+
+#define POINTS 256 /* states of one climb at most: two dozen are usual */
+#define RADIUS 24  /* steps along each wheel that a climb looks around, at most */
+#define LOOKS 3    /* around the highest state of a climb, by each ring */
+
+/* Where a climb has been: points, heights, slopes, and tangents, which bound all others until one is higher. */
+typedef struct {
+    int count, best;
+    int (*point)[2];
+    double *height, *slope, *scalars, *tangent; /* tangent: at no deviations */
+    uint8_t *is_bound;
+} climb;
+
+/* States of drives: the scalars of one are the sum of those by the places of both wheels. */
+typedef struct {
+    int p, z[2], finest;         /* finest: steps along each wheel */
+    const double *by_wheel[2];   /* (rows, z, p) */
+    int steps;                   /* of a climb at most */
+    double gain;                 /* rad that a state has to promise beyond the highest */
+} torus;
+
+static const double *by_place(const torus *t, int wheel, int row, int at) {
+    return t->by_wheel[wheel] + ((size_t)row * t->z[wheel] + (at % t->z[wheel] + t->z[wheel]) % t->z[wheel]) * t->p;
+}
+
+/* Solve the state at a point, and add it to a climb; 0 where it is given up or there is no room. */
+static int visit(walk *w, const torus *t, int row, int sign, int k, int l, climb *c) {
+    const int p = t->p, n = c->count;
+    if (n == POINTS) return 0;
+    double *scalars = c->scalars + (size_t)n * p, *slope = c->slope + (size_t)n * p;
+    const double *b = by_place(t, 0, row, k), *g = by_place(t, 1, row, l);
+    for (int i = 0; i < p; i++) scalars[i] = b[i] + g[i];
+    begin_state(w, p, scalars);
+    if (!find_state(w)) return 0;
+    const double height = sign * rotation_of(w);
+    differentiate(w, p, slope);
+    for (int i = 0; i < p; i++) slope[i] *= sign;
+    const double tangent = c->tangent[n] = height - product(p, slope, scalars, NULL);
+    c->height[n] = height, c->is_bound[n] = 1;
+    c->point[n][0] = k, c->point[n][1] = l;
+    for (int i = 0; i < n; i++) {
+        if (c->tangent[i] + product(p, c->slope + (size_t)i * p, scalars, NULL) < height - t->gain) c->is_bound[i] = 0;
+        if (tangent + product(p, slope, c->scalars + (size_t)i * p, NULL) < c->height[i] - t->gain) c->is_bound[n] = 0;
+    }
+    c->count++;
+    if (height > c->height[c->best]) c->best = n;
+    return 1;
+}
+
+/* Go on to the state that all bounds, and the tangent of the highest one, let be the highest, within so many steps of that,
+ * until they let none. */
+static void go_up(walk *w, const torus *t, int row, int sign, double radius, double highest, climb *c) {
+    for (int step = 0; step < t->steps; step++) {
+        const int reach = radius + 0.5 < RADIUS ? (int)(radius + 0.5) : RADIUS, wide = 2 * reach + 1, p = t->p;
+        const int *centre = c->point[c->best];
+        double model[2 * RADIUS + 1][2 * RADIUS + 1], along[2][2 * RADIUS + 1], greatest = -INFINITY;
+        for (int x = 0; x < wide; x++)
+            for (int y = 0; y < wide; y++) model[x][y] = INFINITY;
+        for (int i = 0; i < c->count; i++) {
+            if (!c->is_bound[i] && i != c->best) continue;
+            const double *slope = c->slope + (size_t)i * p;
+            for (int wheel = 0; wheel < 2; wheel++)
+                for (int x = 0; x < wide; x++)
+                    along[wheel][x] = product(p, slope, by_place(t, wheel, row, centre[wheel] + x - reach), NULL);
+            for (int x = 0; x < wide; x++)
+                for (int y = 0; y < wide; y++) {
+                    const double bound = c->tangent[i] + along[0][x] + along[1][y];
+                    model[x][y] = bound < model[x][y] ? bound : model[x][y];
+                }
+        }
+        for (int i = 0; i < c->count; i++) {
+            const int x = c->point[i][0] - centre[0] + reach, y = c->point[i][1] - centre[1] + reach;
+            if (x >= 0 && x < wide && y >= 0 && y < wide) model[x][y] = -INFINITY;
+        }
+        int at[2] = {0, 0};
+        for (int x = 0; x < wide; x++)
+            for (int y = x % t->finest; y < wide; y += t->finest) /* states, as the corner of the square is one */
+                if (model[x][y] > greatest) greatest = model[x][y], at[0] = x, at[1] = y;
+        const double before = c->height[c->best];
+        if (!(greatest > fmax(before, highest) + t->gain)) return;
+        if (!visit(w, t, row, sign, centre[0] + at[0] - reach, centre[1] + at[1] - reach, c)) return;
+        if (!(c->height[c->best] > before)) radius /= 2;
+    }
+}
+
+static int climb_room(climb *c, int p) {
+    c->point = room(POINTS, sizeof *c->point), c->height = room(POINTS * (2 + 2 * (size_t)p), sizeof(double));
+    c->is_bound = room(POINTS, 1);
+    if (!c->point || !c->height || !c->is_bound) return 0;
+    c->tangent = c->height + POINTS, c->slope = c->tangent + POINTS, c->scalars = c->slope + (size_t)POINTS * p;
+    return 1;
+}
+
+/* The highest states of drives (upside down where sign is -1) around hills; how many states were solved, -1 where memory is
+ * short. None is certified: those found are to be solved once more.
+ * Hills of one drive and sign are a group and follow each other: first (groups + 1); row, sign (groups); point (hills, 2).
+ * Around the highest that climbs within radius steps find, rings of eight states look for another slope up. sizes: z_b, z_g,
+ * finest, steps of a climb, rings; radius (1 + rings); gain: rad. top (groups, 2): the points found. */
+long walk_climb(walk *w, double torque, int p, const int32_t *sizes, const double *by_b, const double *by_g, double gain,
+                const int32_t *radius, long groups, const int32_t *first, const int32_t *row, const int32_t *sign,
+                const int32_t *point, int32_t *top) {
+    static const int ways[8][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, 1}, {1, -1}, {-1, -1}};
+    const torus t = {p, {sizes[0], sizes[1]}, sizes[2], {by_b, by_g}, sizes[3], gain};
+    climb both[2] = {{0}}, *c = both, *best = both + 1;
+    const long before = w->states;
+    const int enough = climb_room(c, p) && climb_room(best, p);
+    w->lost = 0;
+    w->torque = torque;
+    for (long group = 0; enough && group < groups; group++) {
+        const int r = row[group], up = sign[group];
+        double highest = -INFINITY;
+        best->count = 0;
+        for (long hill = first[group]; hill < first[group + 1]; hill++) {
+            c->count = c->best = 0;
+            if (!visit(w, &t, r, up, point[2 * hill], point[2 * hill + 1], c)) continue;
+            go_up(w, &t, r, up, radius[0], highest, c);
+            if (c->height[c->best] > highest) {
+                climb *const lower = best;
+                highest = c->height[c->best], best = c, c = lower;
+            }
+        }
+        for (int ring = 1; best->count && ring <= sizes[4]; ring++)
+            for (int look = 0; look < LOOKS; look++) {
+                const int k = best->point[best->best][0], l = best->point[best->best][1];
+                for (int way = 0; way < 8; way++) {
+                    const int at[2] = {k + ways[way][0] * radius[ring], l + ways[way][1] * radius[ring]};
+                    int is_known = 0;
+                    for (int i = 0; i < best->count; i++)
+                        is_known |= 2 * abs(best->point[i][0] - at[0]) <= radius[ring] && 2 * abs(best->point[i][1] - at[1]) <= radius[ring];
+                    if (!is_known) visit(w, &t, r, up, at[0], at[1], best);
+                }
+                go_up(w, &t, r, up, 1.5 * radius[ring], -INFINITY, best);
+                if (!(best->height[best->best] > highest + gain)) break;
+                highest = best->height[best->best];
+            }
+        for (int wheel = 0; wheel < 2; wheel++)
+            top[2 * group + wheel] = best->count ? best->point[best->best][wheel] : point[2 * first[group] + wheel];
+    }
+    for (int k = 0; k < 2; k++) free_aligned(both[k].point), free_aligned(both[k].height), free_aligned(both[k].is_bound);
+    return enough ? w->states - before : -1;
 }
 
 /* Factor a matrix U'U in place, of which the upper half is given; the diagonal of U is inverted. 0 where it is singular. */

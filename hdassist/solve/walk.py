@@ -15,6 +15,7 @@ from hdassist.model.geometry import Array
 from hdassist.run.cache import program
 from hdassist.solve.build import SOURCE, development_folder, library_name, source_hash
 from hdassist.solve.certificate import Residuals
+from hdassist.solve.climb import Hills, Points, Rules, Torus
 from hdassist.solve.formulation import Formulation
 from hdassist.solve.near import NEAR_STEPS, SOFT
 from hdassist.solve.reference import Reference
@@ -54,6 +55,9 @@ def _load(path: Path) -> Any:
     loaded.walk_free.argtypes, loaded.walk_free.restype = [pointer], None
     loaded.walk_solve.argtypes = [pointer, ctypes.c_long, ctypes.c_double, integer] + [pointer] * 9
     loaded.walk_solve.restype = ctypes.c_long
+    loaded.walk_climb.argtypes = [pointer, ctypes.c_double, integer] + [pointer] * 3 + [ctypes.c_double, pointer]
+    loaded.walk_climb.argtypes += [ctypes.c_long] + [pointer] * 5
+    loaded.walk_climb.restype = ctypes.c_long
     loaded.walk_near.argtypes = [integer] * 3 + [pointer] * 6 + [ctypes.c_double, integer] + [pointer] * 3
     loaded.walk_near.restype = integer
     return loaded
@@ -63,6 +67,7 @@ class Walk:
     """The compiled walk of one contact system."""
 
     def __init__(self, reference: Reference) -> None:
+        self.climbed = 0  # states that climbs solved, and none proved
         self._library, _ = walk_library()
         self._reference = reference
         addresses = [array.ctypes.data for array in reference.held.values()]
@@ -91,6 +96,21 @@ class Walk:
         arrays = (scalars, *self._reference.of_teeth(gaps), *sums)  # held until the call has ended
         given_up = self._library.walk_solve(self._walk, count, torque, p, *map(_address, arrays))
         return StateSums(rotation, moment, tooth_force, Residuals(residual), pulls, slopes, given_up)
+
+    def climb(self, torus: Torus, torque: float, hills: Hills, rules: Rules) -> Points:
+        """`climbed` of climb.py, compiled; a state that is given up counts as none."""
+        (_, z_b, p), z_g, groups = torus.by_b.shape, torus.by_g.shape[1], len(hills.row)
+        sizes, radius = [z_b, z_g, torus.finest, rules.steps, len(rules.radius) - 1], rules.radius
+        first, top = np.append(hills.first, len(hills.point)), np.empty((groups, 2), dtype=np.int32)
+        of_hills = first, hills.row, hills.sign, hills.point
+        whole = [np.ascontiguousarray(each, np.int32) for each in (sizes, radius, *of_hills)]
+        parts = [np.ascontiguousarray(part) for part in (torus.by_b, torus.by_g)]
+        begun = torque, p, _address(whole[0]), *map(_address, parts), rules.gain, _address(whole[1])
+        solved = self._library.walk_climb(self._walk, *begun, groups, *map(_address, whole[2:]), _address(top))
+        if solved < 0:
+            raise MemoryError
+        self.climbed += solved
+        return top.astype(np.int64)
 
 
 def walk_near_state(

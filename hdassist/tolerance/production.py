@@ -16,9 +16,10 @@ import numpy as np
 from pydantic import Field, TypeAdapter
 
 from hdassist.belief.evidence import evidence_of
-from hdassist.belief.samples import SAMPLE_STATES, Samples, SamplingEffort, draw_samples
+from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
 from hdassist.error.cycle import state_place
 from hdassist.error.error_map import Batch, ErrorMap, Extremes, error_maps, searchable
+from hdassist.error.sloped import DRAWN_STATES
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import carried
@@ -104,7 +105,7 @@ class Production:
 
     def design_states(self, drives: int) -> int:
         """States that the designs of so many drives take, about, for a progress bar."""
-        return (self.design_of(drives - 1) + 1) * len(self.torques) * SAMPLE_STATES if self.law.shared else 1
+        return (self.design_of(drives - 1) + 1) * len(self.torques) * DRAWN_STATES if self.law.shared else 1
 
     def with_designs(self, drives: int, *, run: Run = Run()) -> tuple[Production, Samples | None]:
         """The same with the designs of so many drives, and the samples that they are of, if they differ.

@@ -18,7 +18,6 @@ from hdassist.belief.misfit import log_likelihood_of_errors
 from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
 from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
 from hdassist.belief.tabled import (
-    COARSE_POINTS,
     TabledErrors,
     TableEffort,
     any_direction,
@@ -27,6 +26,7 @@ from hdassist.belief.tabled import (
     turned_errors,
 )
 from hdassist.error.error_map import error_maps, searchable
+from hdassist.error.sloped import DRAWN_STATES
 from hdassist.error.table import Mesh
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.model.deviations import standing_offset
@@ -146,7 +146,7 @@ class Prior:
 
 def trial_states(drive: Drive, torques: int, effort: TrialEffort = TRIAL_EFFORT) -> int:
     """Number of states that the samples of trials solve, about, for a progress bar."""
-    return effort.systems * torques * (effort.table.mesh.states(drive) + 2 * COARSE_POINTS**2)
+    return effort.systems * torques * (effort.table.mesh.states(drive) + DRAWN_STATES)
 
 
 def trial_prior(

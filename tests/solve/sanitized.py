@@ -19,6 +19,8 @@ def walk_over_drives(library: Path) -> int:
     import numpy as np
 
     from hdassist import load_preset
+    from hdassist.error.error_map import Batch, ErrorMap
+    from hdassist.error.sloped import drawn_extremes
     from hdassist.model.contacts import StateGaps
     from hdassist.model.deviations import ToothDeviations
     from hdassist.preset.library import preset_names
@@ -40,8 +42,10 @@ def walk_over_drives(library: Path) -> int:
         for M_g in drive.operation.M_g:
             engine = load_case(formulation, M_g * 1e3, engine, many=True)
             for some in (gaps, gaps[:1], gaps[:0], StateGaps(np.full((3, 2), np.nan))):
-                sums = engine._walk.solve(some, M_g * 1e3, pull=True) if engine._walk else engine.sums(some, pull=True)
+                every = {"pull": True, "slope": True}
+                sums = engine._walk.solve(some, M_g * 1e3, **every) if engine._walk else engine.sums(some, **every)
                 solved += len(sums.rotation)
+        solved += drawn_extremes(ErrorMap(drive, M_g), Batch.turned(drive, [0.0, 30.0])).certificate.states
     return solved
 
 

@@ -50,7 +50,7 @@ def assert_same(drive, M_g, count=200, teeth=None):
     formulation = formulate(system)
     compiled = load_case(formulation, M_g * N_MM, many=True)
     plain = load_case(formulation, M_g * N_MM, compiled, many=True, compiled=False)
-    found, expected = (engine.sums(gaps, pull=True) for engine in (compiled, plain))
+    found, expected = (engine.sums(gaps, pull=True, slope=True) for engine in (compiled, plain))
     assert np.abs(found.rotation - expected.rotation).max() * ARCSEC < SAME
     assert found.residuals.worst.max() < PROVEN
     assert expected.residuals.worst.max() < PROVEN
@@ -59,6 +59,8 @@ def assert_same(drive, M_g, count=200, teeth=None):
     for name in ("tooth_force", "pull"):
         there = getattr(expected, name)
         assert getattr(found, name) == pytest.approx(there, abs=1e-9 * (1 + expected.tooth_force.max()))
+    same = [np.abs(one.slope).max() for one in (found, expected)]
+    assert np.abs(found.slope - expected.slope).max() < 1e-8 * max(same)
     assert found.given_up == expected.given_up == 0
 
 

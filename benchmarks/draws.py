@@ -1,0 +1,125 @@
+"""What the search of draws misses of a fine grid, over draws, holes and torques: `python -m benchmarks.draws`.
+
+Draws of a preset as check makes them, each with its wheel in twelve holes at the preset's torques, found by few states
+with slopes (hdassist/error/sloped.py) and by the search from a fine grid of states (error_map.many_extremes).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hdassist import Drive
+
+HOLES = 12
+FINE = 60  # positions of each wheel where states are solved first
+DRAWS = 64
+
+
+@dataclass(frozen=True)
+class Searched:
+    """A draw at a torque [N*m]: what its holes miss [arcsec], F'_ior [arcsec], states and processor time [s] a search.
+
+    states: of the fine grid, and of the few states those that are proven, and those of climbs.
+    """
+
+    M_g: float
+    missed: tuple[float, ...]
+    F_ior: tuple[float, ...]
+    states: tuple[float, float, float]
+    seconds: tuple[float, float]
+
+
+def drawn_drives(preset: str, count: int) -> list[Drive]:
+    """The first drives that check draws of a preset."""
+    from hdassist import load_preset
+    from hdassist.belief.evidence import evidence_of
+    from hdassist.belief.prior import prior_of
+    from hdassist.belief.samples import SamplingEffort, draw_samples
+
+    drive = load_preset(preset)
+    prior, effort = prior_of(drive), SamplingEffort(count, count, 32 * count, 16)
+    samples = draw_samples(prior, drive.operation.M_g, evidence=evidence_of(drive), effort=effort)
+    return [drive.with_values(values) for values in prior.values(samples.shares)[:count]]
+
+
+def searched(drive: Drive) -> list[Searched]:
+    """Both searches of a drive at its torques."""
+    import numpy as np
+
+    from hdassist.error.error_map import Batch, error_maps
+    from hdassist.error.sloped import drawn_extremes
+    from hdassist.solve.loadcase import LoadCase
+    from hdassist.solve.walk import Walk
+
+    batch, found = Batch.turned(drive, 360 / HOLES * np.arange(HOLES)), []
+    for error_map in error_maps(drive, drive.operation.M_g):
+        cases: list[LoadCase] = []
+        error_map.load_case = lambda made=error_map.load_case, cases=cases: cases.append(made()) or cases[-1]
+        error_map.load_case()  # with the reference, which both have
+        begun = time.process_time()
+        few = drawn_extremes(error_map, batch)
+        between = time.process_time()
+        fine = error_map.many_extremes(batch, grid=FINE)
+        seconds = between - begun, time.process_time() - between
+        climbed = sum(case._walk.climbed for case in cases if isinstance(case._walk, Walk))
+        states = fine.certificate.states, few.certificate.states, climbed
+        found.append(
+            Searched(
+                error_map.M_g,
+                tuple((few.F_ior_arcsec - fine.F_ior_arcsec).tolist()),
+                tuple(fine.F_ior_arcsec.tolist()),
+                tuple(each / HOLES for each in states),
+                tuple(each / HOLES for each in seconds),
+            )
+        )
+    return found
+
+
+def measure(quick: bool, preset: str = "vzp160", count: int = DRAWS) -> list[dict[str, Any]]:
+    """Bias, rms and worst miss [arcsec], states and processor time [ms] a search of both, by torque."""
+    import numpy as np
+
+    with ProcessPoolExecutor(os.cpu_count()) as executor:
+        every = list(executor.map(searched, drawn_drives(preset, 4 if quick else count)))
+    rows = []
+    for at_torque in zip(*every, strict=True):
+        missed = np.concatenate([each.missed for each in at_torque])
+        states, seconds = (
+            np.mean([getattr(each, name) for each in at_torque], axis=0) for name in ("states", "seconds")
+        )
+        rows.append(
+            {
+                "preset": preset,
+                "M_g": at_torque[0].M_g,
+                "searches": len(missed),
+                "F_ior_arcsec": float(np.median(np.concatenate([each.F_ior for each in at_torque]))),
+                "bias": float(missed.mean()),
+                "rms": float(np.sqrt((missed**2).mean())),
+                "worst": float(np.abs(missed).max()),
+                "over": int((np.abs(missed) > 0.2).sum()),
+                "states": states.tolist(),
+                "ms": (1e3 * seconds).tolist(),
+            }
+        )
+    return rows
+
+
+def main() -> None:
+    """Compare, and print a line for each torque."""
+    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    reader.add_argument("preset", nargs="?", default="vzp160")
+    reader.add_argument("--n", type=int, default=DRAWS, help="draws")
+    options = reader.parse_args()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy is not loaded yet
+    for row in measure(False, options.preset, options.n):
+        print(", ".join(f"{name} {value}" for name, value in row.items()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,174 @@
+"""Extremes of drives that share a contact system, from few states with slopes: of draws, of which there are very many.
+
+A state gives, beside the rotation, its slopes by the scalars of the deviations. Three things propose hills: cubic
+splines through a coarse grid of states with their slopes, what the tangents of those reach beyond, and crests where a
+mesh zone lets go and the error jumps over its clearance, which the share of the zone shows from afar. From there
+solve/climb.py goes up. The states that it finds are solved and proven once more, and are states of the cycle, so F'_ior
+can only be too small; `python -m benchmarks.draws` has by how much.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache, partial, reduce
+
+import numpy as np
+
+from hdassist.error.cycle import state_place
+from hdassist.error.error_map import SHORT_CYCLE, Batch, ErrorMap, Extremes
+from hdassist.error.hills import LEAST_F_IOR, Hills, Indices, hills_of, there_and_back
+from hdassist.model.contacts import StateGaps
+from hdassist.model.geometry import Array
+from hdassist.solve.answers import ARCSEC, EMPTY
+from hdassist.solve.climb import Hills as Starts
+from hdassist.solve.climb import Rules, Torus
+
+POSITIONS = 9  # of each wheel: odd, so that half a turn on, where the error is much alike, lies between them
+FINER = 4  # times as many at which a spline is read
+STEEPEST = 1.5  # slope of a spline over that to the next state, at most: a crease would make it swing
+BEYOND = 0.5  # of what tangents reach beyond the spline, that a hill may have
+PROMISING = 0.06  # of F'_ior: a hill is tried that may be no further below the highest state of the grid
+NEAR = 0.12  # of F'_ior: it is climbed where its first state is no further below the highest
+RADIUS = 0.5  # of a step of the grid: how far a climb looks around
+RINGS = 8, 4  # steps from the highest state found, where others look for another slope up
+BACK = 0.15  # of a step of the grid: so far before a crest a climb begins
+STEPS = 10  # of a climb at most
+DRAWN_STATES = 110  # that a drive takes at a torque, about, beside those of climbs
+GAIN = 0.002  # arcsec that a state has to promise beyond the highest
+
+
+def drawn_extremes(error_map: ErrorMap, batch: Batch) -> Extremes:
+    """Extremes of drives, few states of each; of a short cycle every state.
+
+    Raises UntrustedError where an answer cannot be trusted.
+    """
+    if len(error_map.states) < SHORT_CYCLE:
+        return error_map.many_extremes(batch)
+    return _Sloped(error_map, batch).extremes()
+
+
+class _Sloped:
+    """States of drives on the torus of the wheels' places, solved with slopes."""
+
+    def __init__(self, error_map: ErrorMap, batch: Batch) -> None:
+        self._map, self._drives, self._case = error_map, len(batch), error_map.load_case()
+        self._size, states = np.array(error_map.board.shape), error_map.states
+        z_b, z_g = error_map.board.shape
+        self._torus = Torus(*batch.by_wheel(states.alpha_b[:z_b], states.alpha_g[:z_g]), error_map.finest)
+        self._certificate = EMPTY
+
+    def extremes(self) -> Extremes:
+        """Extremes of all drives."""
+        hills = self._first_states(*self._proposed())
+        groups = hills.row * 2 + (hills.sign < 0)  # of a drive first the hills, then those upside down
+        order = np.lexsort((-hills.height, groups))
+        hills = Hills(*(each[order] for each in vars(hills).values()))
+        _, first = np.unique(groups[order], return_index=True)
+        starts = Starts(first, hills.row[first], hills.sign[first], hills.point)
+        radius = round(RADIUS * float(self._size.mean()) / POSITIONS)
+        tops = self._case.climb(self._torus, starts, Rules(STEPS, GAIN / ARCSEC, (radius, *RINGS)))
+        rotation, *_ = self._at(np.repeat(np.arange(self._drives), 2), tops)
+        ends = self._map.state(tops).reshape(-1, 2)
+        at_max, at_min = ends[:, :: self._map.sign].T
+        return Extremes(rotation[::2] - rotation[1::2], at_max, at_min, self._certificate)
+
+    def _at(self, row: Indices, point: Indices) -> tuple[Array, Array, Array]:
+        """Rotation [arcsec] of drives at points, shape (states, 2), its slopes [arcsec/mm], and share of a zone."""
+        states = self._map.states.take(self._map.state(point))
+        place = partial(state_place, states, self._map.M_g)
+        answers = self._case.solve(StateGaps(self._torus.scalars(row, point)), place, slope=True)
+        self._certificate += answers.certificate
+        assert answers.slope_arcsec_per_mm is not None
+        return answers.rotation_arcsec, answers.slope_arcsec_per_mm, answers.zone_share[:, 0]
+
+    def _proposed(self) -> tuple[Hills, Array]:
+        """Hills that splines and tangents of a grid of states propose; greatest height there, shape (drives, 2)."""
+        n, drives = POSITIONS, self._drives
+        index = np.stack(np.unravel_index(there_and_back((n, n)), (n, n)), axis=1)
+        exact, row = index * (self._size / n), np.tile(np.arange(drives), n * n)
+        points = np.repeat(self._map.to_lattice(exact), drives, axis=0)
+        rotation, slopes, share = self._at(row, points)
+        by_b, by_g = ((slopes * each).sum(axis=1) for each in self._torus.changes(row, points))  # arcsec a step
+        off = np.repeat(exact, drives, axis=0) - points
+        flat = np.empty((4, drives, n, n))
+        places = (row, *np.repeat(index, drives, axis=0).T)
+        flat[0][places] = rotation + by_b * off[:, 0] + by_g * off[:, 1]
+        flat[1][places], flat[2][places] = by_b * self._size[0] / n, by_g * self._size[1] / n
+        flat[3][places] = share
+        crests = self._crests(*flat)
+        up, down = between_states(*flat[:3])
+        known = np.stack([flat[0].max(axis=(1, 2)), -flat[0].min(axis=(1, 2))], axis=1)
+        step = self._size / up.shape[1:]
+        return hills_of(up, lambda place: self._map.to_lattice(place * step), down).and_these(crests), known
+
+    def _crests(self, value: Array, by_b: Array, by_g: Array, share: Array) -> Hills:
+        """Places between states of the grid where a mesh zone lets go, and what the higher tangent has there.
+
+        Arguments: those of between_states; share of the torque that one zone takes, shape (drives, n, n).
+        """
+        n, found = POSITIONS, list[Hills]()
+        for axis, slope in ((1, by_b), (2, by_g)):
+            ahead, slope_ahead = np.roll(value, -1, axis), np.roll(slope, -1, axis)
+            for zone in (share, 1 - share):
+                beyond = np.roll(zone, -1, axis)
+                at = np.nonzero(zone * beyond < 0)
+                t = zone[at] / (zone[at] - beyond[at])
+                near, far = value[at] + slope[at] * t, ahead[at] - slope_ahead[at] * (1 - t)
+                for sign in (1, -1):
+                    first = sign * (near - far) > 0
+                    place = np.stack(at[1:], axis=1).astype(float)
+                    place[:, axis - 1] += np.where(first, np.maximum(t - BACK, 0), np.minimum(t + BACK, 1))
+                    point = self._map.to_lattice(place * self._size / n)
+                    found.append(Hills(at[0], np.full(len(t), sign), point, np.maximum(sign * near, sign * far)))
+        return reduce(Hills.and_these, found)
+
+    def _first_states(self, hills: Hills, known: Array) -> Hills:
+        """Hills that are to be climbed: one state solved on each that may be the highest, and half a turn on."""
+        F_ior = np.maximum(known.sum(axis=1), LEAST_F_IOR)
+        hills = hills[known[hills.row, (hills.sign < 0).astype(int)] - hills.height <= PROMISING * F_ior[hills.row]]
+        hills = replace(hills, height=hills.sign * self._at(hills.row, hills.point)[0]).near_top(NEAR)
+        twins = replace(hills, point=self._map.to_lattice(hills.point + self._size / 2))
+        twins = replace(twins, height=hills.sign * self._at(twins.row, twins.point)[0])
+        return hills.and_these(twins).near_top(NEAR)
+
+
+def between_states(value: Array, by_b: Array, by_g: Array) -> tuple[Array, Array]:
+    """What the error may be between states of a grid, at most and at least, shape (drives, k, l), FINER times as fine.
+
+    Cubic splines; where the tangents of all four states around a place reach beyond them, those, and a share of what
+    any of them reaches. Arguments: value of the states and its slopes by a step of the grid along either wheel, shape
+    (drives, n, n).
+    """
+    n = value.shape[1]
+    slopes = []
+    for slope, axis in ((by_b, 1), (by_g, 2)):
+        ahead = np.abs(np.roll(value, -1, axis) - value)
+        most = STEEPEST * np.maximum(ahead, np.roll(ahead, 1, axis))
+        slopes.append(np.clip(slope, -most, most))
+    b, g = slopes
+    twist = (np.roll(b, -1, 2) - np.roll(b, 1, 2) + np.roll(g, -1, 1) - np.roll(g, 1, 1)) / 4
+    A, B = _spline(n)
+    spline = (A @ value + B @ b) @ A.T + (A @ g + B @ twist) @ B.T
+    t = np.arange(FINER) / FINER
+    tangents = []
+    for i in (0, 1):
+        for j in (0, 1):
+            f, p, q = (np.roll(each, (-i, -j), (1, 2))[:, :, None, :, None] for each in (value, by_b, by_g))
+            tangents.append((f + p * (t - i)[:, None, None] + q * (t - j)).reshape(spline.shape))
+    low, high = np.minimum.reduce(tangents), np.maximum.reduce(tangents)
+    up = np.maximum(low, spline + BEYOND * np.maximum(high - spline, 0))
+    down = np.minimum(high, spline + BEYOND * np.minimum(low - spline, 0))
+    return up, down
+
+
+@lru_cache(maxsize=4)
+def _spline(n: int) -> tuple[Array, Array]:
+    """Weights of values and of slopes in a periodic cubic spline through n of them, shape (n FINER, n)."""
+    cell, part = np.divmod(np.arange(n * FINER), FINER)
+    t, rows = part / FINER, np.arange(n * FINER)
+    of_values, of_slopes = np.zeros((2, n * FINER, n))
+    ahead = (cell + 1) % n
+    of_values[rows, ahead] = (3 - 2 * t) * t**2
+    of_values[rows, cell] = 1 - of_values[rows, ahead]
+    of_slopes[rows, cell], of_slopes[rows, ahead] = t * (1 - t) ** 2, t**2 * (t - 1)
+    return of_values, of_slopes

@@ -1,0 +1,98 @@
+"""Extremes of draws, found by slopes, against every state of the cycle; slopes against differences of rotations."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from hdassist import load_preset
+from hdassist.error import sloped
+from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.sloped import between_states, drawn_extremes
+from hdassist.model.contacts import StateGaps, contact_system
+from hdassist.mounting.positions import rotated
+from hdassist.solve.answers import N_MM
+from hdassist.solve.climb import Torus
+from hdassist.solve.formulation import formulate
+from tests.process import SMALL
+from tests.searched_drives import searched_drive
+from tests.support import HAS_COMPILER, load_case
+
+TURNS = (0.0, 90.0, 210.0)
+
+
+@pytest.mark.parametrize("M_g", [1.0, 8.0])
+@pytest.mark.parametrize("compiled", [False, True][: 1 + HAS_COMPILER])
+def test_slopes_are_those_of_small_changes(compiled, M_g):
+    system, rng = contact_system(load_preset(SMALL)), np.random.default_rng(4)
+    engine = load_case(formulate(system), M_g * N_MM, many=True, compiled=compiled)
+    scalars, step = rng.normal(0, 0.01, (70, 6)), 1e-7
+    slope = engine.sums(StateGaps(scalars), slope=True).slope
+    for column in range(6):
+        more, less = (scalars + way * step * (np.arange(6) == column) for way in (1, -1))
+        change = engine.sums(StateGaps(more)).rotation - engine.sums(StateGaps(less)).rotation
+        off = np.abs(change / (2 * step) - slope[:, column]) / np.abs(slope).max()
+        assert np.quantile(off, 0.9) < 1e-5, "beside the states whose contacts change just there"
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("heavy", 1), ("heavy", 3), ("light", 2)])
+def test_few_states_find_what_every_state_shows(kind, seed):
+    drive, M_g = searched_drive(kind, seed)
+    error_map = ErrorMap(drive, M_g)
+    found = drawn_extremes(error_map, Batch.turned(drive, TURNS))
+    exact = np.array([error_map.extremes(rotated(drive, turn)).first for turn in TURNS])
+    assert (found.F_ior_arcsec <= exact + 1e-6).all(), "states of the cycle: never too great"
+    assert np.abs(found.F_ior_arcsec - exact).max() < 0.05
+    assert np.ptp(exact) > 0.5
+    assert found.certificate.states < len(TURNS) * 150
+    assert 0 < found.certificate.max_residual < 1e-8
+
+
+def test_its_states_are_the_extremes():
+    drive, M_g = searched_drive("heavy", 1)
+    error_map = ErrorMap(drive, M_g)
+    found = drawn_extremes(error_map, Batch.of(drive))
+    states = error_map.states.take(np.array([found.at_max[0], found.at_min[0]]))
+    gaps = StateGaps(Batch.of(drive).scalars(np.zeros(2, dtype=int), states.alpha_g, states.alpha_b))
+    rotation = error_map.load_case().solve(gaps, str).rotation_arcsec
+    assert error_map.sign * (rotation[0] - rotation[1]) == pytest.approx(found.first, abs=1e-9)
+
+
+@pytest.mark.skipif(not HAS_COMPILER, reason="no C compiler: the numpy engine runs")
+def test_climbs_without_a_compiler_come_to_the_same_states(monkeypatch):
+    small = load_preset(SMALL)
+    monkeypatch.setattr(sloped, "SHORT_CYCLE", 0)
+    batch = Batch(small, {"tolerances.e_hb": np.array([20.0, 60.0]), "phases.phi_hb": np.array([10.0, 200.0])})
+    error_map = ErrorMap(small, 4.0)
+    compiled = drawn_extremes(error_map, batch)
+    plain = partial(load_case, error_map.fresh.formulation, 4.0 * N_MM, error_map.fresh, many=True, compiled=False)
+    monkeypatch.setattr(error_map, "load_case", plain)
+    found = drawn_extremes(error_map, batch)
+    assert found.F_ior_arcsec == pytest.approx(compiled.F_ior_arcsec, abs=1e-6)
+    drives = [small.with_values({path: float(of[i]) for path, of in batch.columns.items()}) for i in (0, 1)]
+    exact = [error_map.extremes(drive).first for drive in drives]
+    assert found.F_ior_arcsec == pytest.approx(exact, abs=0.05)
+
+
+def test_scalars_are_sums_over_the_wheels():
+    drive, _ = searched_drive("any", 5, ["harmonics.a_g2=2", "harmonics.xi_g2=30"])
+    error_map, batch = ErrorMap(drive, 100.0), Batch.turned(drive, TURNS)
+    z_b, z_g = error_map.board.shape
+    states = error_map.states
+    torus = Torus(*batch.by_wheel(states.alpha_b[:z_b], states.alpha_g[:z_g]), error_map.finest)
+    row, j = np.array([0, 1, 2]), np.array([7, 1234, 9000])
+    point = np.stack([j % z_b, j % z_g], axis=1)
+    some = states.take(j)
+    assert torus.scalars(row, point) == pytest.approx(batch.scalars(row, some.alpha_g, some.alpha_b), abs=1e-12)
+
+
+def test_what_may_lie_between_states_holds_a_smooth_map():
+    n, x = 9, 2 * np.pi * np.arange(9) / 9
+    value = np.add.outer(np.sin(x), np.cos(x))[None]
+    by_b, by_g = np.add.outer(np.cos(x), 0 * x)[None], np.add.outer(0 * x, -np.sin(x))[None]
+    up, down = between_states(value, by_b * x[1], by_g * x[1])
+    fine = 2 * np.pi * np.arange(n * sloped.FINER) / (n * sloped.FINER)
+    there = np.add.outer(np.sin(fine), np.cos(fine))
+    assert (up[0] >= there - 0.01).all()
+    assert (down[0] <= there + 0.01).all()
+    assert np.abs(up - down).max() < 0.3
