@@ -23,16 +23,16 @@ DRAWS = 64
 
 @dataclass(frozen=True)
 class Searched:
-    """A draw at a torque [N*m]: what its holes miss [arcsec], F'_ior [arcsec], states and processor time [s] a search.
+    """A draw at a torque [N*m]: what its holes miss, F'_ior [arcsec], states and processor time [s] a search.
 
-    states: of the fine grid, and of the few states those that are proven, and those of climbs.
+    states: of the fine grid, of few states those that are proven, and those of climbs.
     """
 
     M_g: float
     missed: tuple[float, ...]
     F_ior: tuple[float, ...]
-    states: tuple[float, float, float]
-    seconds: tuple[float, float]
+    states: tuple[float, ...]
+    seconds: tuple[float, ...]
 
 
 def drawn_drives(preset: str, count: int) -> list[Drive]:
@@ -50,25 +50,19 @@ def drawn_drives(preset: str, count: int) -> list[Drive]:
 
 def searched(drive: Drive) -> list[Searched]:
     """Both searches of a drive at its torques."""
-    import numpy as np
-
     from hdassist.error.error_map import Batch, error_maps
     from hdassist.error.sloped import drawn_extremes
-    from hdassist.solve.loadcase import LoadCase
     from hdassist.solve.walk import Walk
 
-    batch, found = Batch.turned(drive, 360 / HOLES * np.arange(HOLES)), []
+    batch, found = Batch.turned(drive, [360 / HOLES * k for k in range(HOLES)]), []
     for error_map in error_maps(drive, drive.operation.M_g):
-        cases: list[LoadCase] = []
-        error_map.load_case = lambda made=error_map.load_case, cases=cases: cases.append(made()) or cases[-1]
         error_map.load_case()  # with the reference, which both have
-        begun = time.process_time()
+        begun, climbed = time.process_time(), Walk.climbed
         few = drawn_extremes(error_map, batch)
         between = time.process_time()
         fine = error_map.many_extremes(batch, grid=FINE)
         seconds = between - begun, time.process_time() - between
-        climbed = sum(case._walk.climbed for case in cases if isinstance(case._walk, Walk))
-        states = fine.certificate.states, few.certificate.states, climbed
+        states = fine.certificate.states, few.certificate.states, Walk.climbed - climbed
         found.append(
             Searched(
                 error_map.M_g,

@@ -30,9 +30,9 @@ from scipy.special import softmax
 from scipy.stats.qmc import Sobol
 
 from hdassist import load_preset
-from hdassist.belief.tabled import COARSE_POINTS
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.error.self_error import self_error
+from hdassist.error.sloped import drawn_extremes
 from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
 from hdassist.errors import HdassistError
@@ -96,7 +96,7 @@ def figures(drive: Drive) -> dict[str, list[float]]:
         error_map = ErrorMap(drive, M_g)
 
         def at(some: Array, error_map: ErrorMap = error_map) -> Array:
-            return error_map.many_extremes(Batch.turned(drive, some - own), grid=COARSE_POINTS).F_ior_arcsec
+            return drawn_extremes(error_map, Batch.turned(drive, some - own)).F_ior_arcsec
 
         F_ior = at(phases)
         scans.append(F_ior.tolist())

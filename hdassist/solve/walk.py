@@ -66,8 +66,9 @@ def _load(path: Path) -> Any:
 class Walk:
     """The compiled walk of one contact system."""
 
+    climbed = 0  # states that climbs of all solved, and none proved: for studies
+
     def __init__(self, reference: Reference) -> None:
-        self.climbed = 0  # states that climbs solved, and none proved
         self._library, _ = walk_library()
         self._reference = reference
         addresses = [array.ctypes.data for array in reference.held.values()]
@@ -109,7 +110,7 @@ class Walk:
         solved = self._library.walk_climb(self._walk, *begun, groups, *map(_address, whole[2:]), _address(top))
         if solved < 0:
             raise MemoryError
-        self.climbed += solved
+        Walk.climbed += solved
         return top.astype(np.int64)
 
 
