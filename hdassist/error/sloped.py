@@ -20,8 +20,7 @@ from hdassist.error.hills import LEAST_F_IOR, Hills, Indices, hills_of, there_an
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.solve.answers import ARCSEC, EMPTY
-from hdassist.solve.climb import Hills as Starts
-from hdassist.solve.climb import Rules, Torus
+from hdassist.solve.climb import Rules, Starts, Torus
 
 POSITIONS = 9  # of each wheel: odd, so that half a turn on, where the error is much alike, lies between them
 FINER = 4  # times as many at which a spline is read

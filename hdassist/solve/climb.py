@@ -50,7 +50,7 @@ class Torus:
 
 
 @dataclass(frozen=True, eq=False)
-class Hills:
+class Starts:
     """Where climbs begin: groups of a drive and sign, by the place of their first hill, and points, shape (hills, 2).
 
     row, sign: of each group; sign -1 climbs the rotation upside down.
@@ -71,7 +71,7 @@ class Rules:
     radius: tuple[int, ...]
 
 
-def climbed(torus: Torus, hills: Hills, rules: Rules, state_at: StateAt) -> Points:
+def climbed(torus: Torus, hills: Starts, rules: Rules, state_at: StateAt) -> Points:
     """The highest states that climbs from the hills of each group, and rings around, come to, shape (groups, 2)."""
     radius, *rings = rules.radius
     tops, ends = [], np.append(hills.first[1:], len(hills.point))

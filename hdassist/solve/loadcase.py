@@ -12,7 +12,7 @@ from hdassist.model.contacts import WITHOUT_DEVIATIONS, StateGaps
 from hdassist.model.geometry import Array
 from hdassist.run.run import Progress
 from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, proven_answers
-from hdassist.solve.climb import Hills, Points, Rules, Torus, climbed
+from hdassist.solve.climb import Points, Rules, Starts, Torus, climbed
 from hdassist.solve.compiled import require_compiled_as_stated
 from hdassist.solve.formulation import Formulation
 from hdassist.solve.onebyone import OneByOne
@@ -111,7 +111,7 @@ class LoadCase:
             sums.put(given_up, self._alone(gaps[given_up], pull, slope))
         return replace(sums, given_up=len(given_up))
 
-    def climb(self, torus: Torus, hills: Hills, rules: Rules) -> Points:
+    def climb(self, torus: Torus, hills: Starts, rules: Rules) -> Points:
         """The highest states around hills, as `climbed` says, shape (groups, 2): they are not proven."""
         if isinstance(walk := self._walk, Walk):
             return walk.climb(torus, self._torque, hills, rules)

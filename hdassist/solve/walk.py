@@ -15,7 +15,7 @@ from hdassist.model.geometry import Array
 from hdassist.run.cache import program
 from hdassist.solve.build import SOURCE, development_folder, library_name, source_hash
 from hdassist.solve.certificate import Residuals
-from hdassist.solve.climb import Hills, Points, Rules, Torus
+from hdassist.solve.climb import Points, Rules, Starts, Torus
 from hdassist.solve.formulation import Formulation
 from hdassist.solve.near import NEAR_STEPS, SOFT
 from hdassist.solve.reference import Reference
@@ -98,7 +98,7 @@ class Walk:
         given_up = self._library.walk_solve(self._walk, count, torque, p, *map(_address, arrays))
         return StateSums(rotation, moment, tooth_force, Residuals(residual), pulls, slopes, given_up)
 
-    def climb(self, torus: Torus, torque: float, hills: Hills, rules: Rules) -> Points:
+    def climb(self, torus: Torus, torque: float, hills: Starts, rules: Rules) -> Points:
         """`climbed` of climb.py, compiled; a state that is given up counts as none."""
         (_, z_b, p), z_g, groups = torus.by_b.shape, torus.by_g.shape[1], len(hills.row)
         sizes, radius = [z_b, z_g, torus.finest, rules.steps, len(rules.radius) - 1], rules.radius
