@@ -23,11 +23,11 @@ from hdassist.solve.answers import ARCSEC, EMPTY
 from hdassist.solve.climb import Rules, Starts, Torus
 
 POSITIONS = 9  # of each wheel: odd, so that half a turn on, where the error is much alike, lies between them
-FINER = 4  # times as many at which a spline is read
+SPLINE_POINTS = 4  # times as many at which a spline is read
 STEEPEST = 1.5  # slope of a spline over that to the next state, at most: a crease would make it swing
-BEYOND = 0.5  # of what tangents reach beyond the spline, that a hill may have
-PROMISING = 0.06  # of F'_ior: a hill is tried that may be no further below the highest state of the grid
-NEAR = 0.12  # of F'_ior: it is climbed where its first state is no further below the highest
+BEYOND = 0.25  # of what tangents reach beyond the spline, that a hill may have
+TRIED = 0.06  # of F'_ior: a hill is tried that may be no further below the highest state of the grid
+CLIMBED = 0.08  # of F'_ior: it is climbed where its first state is no further below the highest
 RADIUS = 0.5  # of a step of the grid: how far a climb looks around
 RINGS = 8, 4  # steps from the highest state found, where others look for another slope up
 BACK = 0.15  # of a step of the grid: so far before a crest a climb begins
@@ -124,15 +124,15 @@ class _Sloped:
     def _first_states(self, hills: Hills, known: Array) -> Hills:
         """Hills that are to be climbed: one state solved on each that may be the highest, and half a turn on."""
         F_ior = np.maximum(known.sum(axis=1), LEAST_F_IOR)
-        hills = hills[known[hills.row, (hills.sign < 0).astype(int)] - hills.height <= PROMISING * F_ior[hills.row]]
-        hills = replace(hills, height=hills.sign * self._at(hills.row, hills.point)[0]).near_top(NEAR)
+        hills = hills[known[hills.row, (hills.sign < 0).astype(int)] - hills.height <= TRIED * F_ior[hills.row]]
+        hills = replace(hills, height=hills.sign * self._at(hills.row, hills.point)[0]).near_top(CLIMBED)
         twins = replace(hills, point=self._map.to_lattice(hills.point + self._size / 2))
         twins = replace(twins, height=hills.sign * self._at(twins.row, twins.point)[0])
-        return hills.and_these(twins).near_top(NEAR)
+        return hills.and_these(twins).near_top(CLIMBED)
 
 
 def between_states(value: Array, by_b: Array, by_g: Array) -> tuple[Array, Array]:
-    """What the error may be between states of a grid, at most and at least, shape (drives, k, l), FINER times as fine.
+    """What the error may be between states of a grid, at most and at least, shape (drives, k, l), SPLINE_POINTS times as fine.
 
     Cubic splines; where the tangents of all four states around a place reach beyond them, those, and a share of what
     any of them reaches. Arguments: value of the states and its slopes by a step of the grid along either wheel, shape
@@ -148,7 +148,7 @@ def between_states(value: Array, by_b: Array, by_g: Array) -> tuple[Array, Array
     twist = (np.roll(b, -1, 2) - np.roll(b, 1, 2) + np.roll(g, -1, 1) - np.roll(g, 1, 1)) / 4
     A, B = _spline(n)
     spline = (A @ value + B @ b) @ A.T + (A @ g + B @ twist) @ B.T
-    t = np.arange(FINER) / FINER
+    t = np.arange(SPLINE_POINTS) / SPLINE_POINTS
     tangents = []
     for i in (0, 1):
         for j in (0, 1):
@@ -162,10 +162,10 @@ def between_states(value: Array, by_b: Array, by_g: Array) -> tuple[Array, Array
 
 @lru_cache(maxsize=4)
 def _spline(n: int) -> tuple[Array, Array]:
-    """Weights of values and of slopes in a periodic cubic spline through n of them, shape (n FINER, n)."""
-    cell, part = np.divmod(np.arange(n * FINER), FINER)
-    t, rows = part / FINER, np.arange(n * FINER)
-    of_values, of_slopes = np.zeros((2, n * FINER, n))
+    """Weights of values and of slopes in a periodic cubic spline through n of them, shape (n SPLINE_POINTS, n)."""
+    cell, part = np.divmod(np.arange(n * SPLINE_POINTS), SPLINE_POINTS)
+    t, rows = part / SPLINE_POINTS, np.arange(n * SPLINE_POINTS)
+    of_values, of_slopes = np.zeros((2, n * SPLINE_POINTS, n))
     ahead = (cell + 1) % n
     of_values[rows, ahead] = (3 - 2 * t) * t**2
     of_values[rows, cell] = 1 - of_values[rows, ahead]

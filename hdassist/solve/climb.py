@@ -20,7 +20,7 @@ StateAt = Callable[[Array], tuple[float, Array]]  # rotation [rad] and slopes [r
 
 WAYS = np.array([(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)])  # of a ring
 LOOKS = 3  # around the highest state of a climb, by each ring
-WIDEST = 24  # steps along each wheel that a climb looks around, at most
+WIDEST_LOOK = 24  # steps along each wheel that a climb looks around, at most
 MOST_STATES = 256  # of one climb; two dozen are usual
 
 
@@ -142,7 +142,7 @@ class _Climb:
         """Go on to the state that all bounds let be the highest, so many steps around the top, until they let none."""
         torus = self._torus
         for _ in range(self._rules.steps if self.points else 0):
-            reach, top, before = min(int(radius + 0.5), WIDEST), self.top, self.height
+            reach, top, before = min(int(radius + 0.5), WIDEST_LOOK), self.top, self.height
             bounds = np.flatnonzero(self._is_bound | (np.arange(len(self.points)) == np.argmax(self._heights)))
             steps, slopes = np.arange(-reach, reach + 1), np.array(self._slopes)[bounds]
             by_b = torus.by_b[self._row, (top[0] + steps) % torus.by_b.shape[1]] @ slopes.T

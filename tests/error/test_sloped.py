@@ -91,7 +91,7 @@ def test_what_may_lie_between_states_holds_a_smooth_map():
     value = np.add.outer(np.sin(x), np.cos(x))[None]
     by_b, by_g = np.add.outer(np.cos(x), 0 * x)[None], np.add.outer(0 * x, -np.sin(x))[None]
     up, down = between_states(value, by_b * x[1], by_g * x[1])
-    fine = 2 * np.pi * np.arange(n * sloped.FINER) / (n * sloped.FINER)
+    fine = 2 * np.pi * np.arange(n * sloped.SPLINE_POINTS) / (n * sloped.SPLINE_POINTS)
     there = np.add.outer(np.sin(fine), np.cos(fine))
     assert (up[0] >= there - 0.01).all()
     assert (down[0] <= there + 0.01).all()
