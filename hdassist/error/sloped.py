@@ -132,7 +132,7 @@ class _Sloped:
 
 
 def between_states(value: Array, by_b: Array, by_g: Array) -> tuple[Array, Array]:
-    """What the error may be between states of a grid, at most and at least, shape (drives, k, l), SPLINE_POINTS times as fine.
+    """What the error may be between states of a grid, at most and at least, shape (drives, k, l), k = SPLINE_POINTS n.
 
     Cubic splines; where the tangents of all four states around a place reach beyond them, those, and a share of what
     any of them reaches. Arguments: value of the states and its slopes by a step of the grid along either wheel, shape
