@@ -16,7 +16,6 @@ import argparse
 import json
 import os
 import sys
-import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -210,8 +209,7 @@ def fit_lines(rows: Sequence[Row], drive: Drive, count: int) -> Iterator[str]:
     yield "fit:"
     for path in PATHS:
         draws = [drive.number(path), *(rows[k]["values"][path] for k in chosen)]
-        text = f"  {path}: [{', '.join(f'{value:.4g}'.replace('e+0', 'e').replace('e-0', 'e-') for value in draws)}]"
-        yield from textwrap.wrap(text, 118, initial_indent="  ", subsequent_indent="    ", break_long_words=False)
+        yield f"  {path}: [{', '.join(f'{value:.4g}'.replace('e+0', 'e').replace('e-0', 'e-') for value in draws)}]"
     effective = 1 / np.square(weights).sum()
     print(f"{effective:.0f} effective of {np.count_nonzero(weights)}; {len(set(chosen))} different", file=sys.stderr)
 

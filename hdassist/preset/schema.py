@@ -73,7 +73,8 @@ def preset_schema() -> dict[str, Any]:
     """
     schema: dict[str, Any] = _as_written(Drive.model_json_schema(), {})
     properties = schema["properties"]
-    for table, paths in (("source", field_table()), ("cost", deviation_sizes()), ("uncertainty", measures())):
+    by_path = {"source": field_table(), "cost": deviation_sizes(), "uncertainty": measures(), "fit": measures()}
+    for table, paths in by_path.items():
         properties[table]["anyOf"][0]["propertyNames"] = {"enum": list(paths)}
     schema["$defs"]["UncertainReading"] = NUMBER_TEXT
     properties["schema"] = {"const": PRESET_SCHEMA, "description": "form of this file"}

@@ -11,7 +11,7 @@ from hdassist.mounting.positions import rotated
 from tests.process import run
 
 BEST = 8  # the hole that mount orders
-NEAR = 0.03  # of the values as given: so near lies the median over what is not known
+NEAR = 0.15  # of the values as given: so near lies the median over all that the figures leave
 
 
 @pytest.fixture(scope="module")
