@@ -32,6 +32,7 @@ NO_PLAY = 2.0  # arcsec: misfit of lost motion and play where there is hardly an
 SEGMENT_STIFFNESSES = ("K_1", "K_2", "K_3")  # N*m/rad
 STIFFNESS_FIGURES = (*SEGMENT_STIFFNESSES, "lost_motion", "play")  # the last two in arcsec
 ACCURACY = "accuracy"
+ACCURACY_LOAD = 0.02  # of the rated torque, under which makers test it, one way: they say none or next to none
 
 
 @dataclass(frozen=True)

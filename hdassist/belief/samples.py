@@ -20,6 +20,8 @@ from scipy.special import softmax
 
 from hdassist.belief.evidence import (
     ACCURACY,
+    ACCURACY_LOAD,
+    SOFT_EDGE,
     STIFFNESS_FIGURES,
     Evidence,
     log_likelihood,
@@ -49,6 +51,7 @@ from hdassist.belief.statistics import (
 from hdassist.belief.tabled import DeviationProposal, open_deviations
 from hdassist.belief.turned import errors_by_turn
 from hdassist.error.error_map import error_maps
+from hdassist.error.stiffness import rated_torque
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
@@ -132,6 +135,12 @@ class Samples:
     def percentile(self, share: float, torque: int) -> float:
         """Percentile [arcsec] of F'_ior, by its share (0.95), at a torque by its place."""
         return weighted_quantile(self.F_ior_arcsec[:, torque], self.weights, share)
+
+    def keeping(self, accuracy_arcsec: float, torque: int) -> Samples:
+        """The same samples weighed by an accuracy [arcsec] as well that F'_ior at a torque, by its place, keeps."""
+        kept = Evidence("catalogue.accuracy", ACCURACY, accuracy_arcsec, SOFT_EDGE, "limit")
+        likelihood = np.exp(kept.log_likelihood(self.F_ior_arcsec[:, torque]))
+        return replace(self, weights=self.weights * likelihood, stages=())
 
     def percentile_error(self, share: float, torque: int) -> float:
         """Monte Carlo standard error [arcsec] of a percentile, from those one standard error off."""
@@ -283,6 +292,8 @@ def _solved(
         return [Draw(refused=f"{conflict.path}: {conflict.message}")] * count
     measured, solved = [each for each in evidence if each.M_g], list[Draw]()
     places = [(each.M_g, each.rotation_deg) for each in measured]
+    if torques and any(each.figure == ACCURACY for each in evidence):
+        places.append((ACCURACY_LOAD * rated_torque(drive), 0.0))
     try:
         if any(each.figure in STIFFNESS_FIGURES for each in evidence):
             figures, stiff = stiffness_figures(drive)
@@ -298,14 +309,14 @@ def _solved(
             moved = drive.with_values(prior.values(np.array([its_shares]))[0])
             F_ior, turned, there, found = errors_by_turn(maps, moved, torques, rotations_deg, places)
             more, more_proof = further(moved) if further else ({}, EMPTY)
-            now = {**figures, **more, **{each.figure: float(F) for each, F in zip(measured, there, strict=True)}}
-            if torques:  # accuracy is without load, where F'_ior is greatest: that under the least load keeps it too
-                least = min(range(len(torques)), key=lambda k: (torques[k] not in drive.operation.M_g, abs(torques[k])))
-                now[ACCURACY] = float(F_ior[least])
+            held = [*(each.figure for each in measured), *([ACCURACY] if len(places) > len(measured) else [])]
+            now = {**figures, **more, **dict(zip(held, there.tolist(), strict=True))}
             weight = float(np.exp(log_likelihood(evidence, now))) / (density * its_density) / probability
             if measured:
                 at = [seed, number * count + len(solved)]
-                F_ior, turned = errors_shown(measured, there, torques, rotations_deg, F_ior, turned, at)
+                F_ior, turned = errors_shown(
+                    measured, there[: len(measured)], torques, rotations_deg, F_ior, turned, at
+                )
             at_turns, whole = tuple(map(tuple, turned.tolist())), astuple(proof + found + more_proof)
             solved.append(Draw("", now, tuple(F_ior.tolist()), at_turns, weight, tuple(its_shares), whole, follows))
             proof = EMPTY

@@ -21,6 +21,8 @@ from hdassist.json_parts import (
 )
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.seat import wheel
+from hdassist.preset.fields import Drive
+from hdassist.preset.knowledge import SIZE_20, SMALL_ACCURACY, USUAL_ACCURACY
 from hdassist.report import Curve, Fact, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
 from hdassist.terminal.wheels import heading
 from hdassist.terminal.words import (
@@ -177,9 +179,21 @@ def _more_facts(check: DesignCheck) -> Iterator[Fact]:
     yield "cycle", f"ratio {k.u:g}, {k.cycle_cam_revolutions} cam turns, {thousands(k.cycle_states)} states"
     yield "catalogue", accuracy_words(check.drive.catalogue.accuracy, check.points)
     if check.samples:
+        yield "accuracy", _unstated_accuracy(check.drive, check.samples)
         yield "unknown", unknown_names(check.unknown)
         yield "samples", samples_words(check.samples)
         yield "exact", fitted_words(check.samples.prior)
+
+
+def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
+    """The range at the least load if the seller keeps the usual accuracy; empty where it is stated."""
+    if drive.catalogue.accuracy is not None or drive.catalogue.play is None:
+        return ""
+    accuracy = USUAL_ACCURACY if drive.gears.pitch_diameter > SIZE_20 else SMALL_ACCURACY
+    k = min(range(len(samples.torques)), key=lambda k: abs(samples.torques[k]))
+    low, high = (samples.of_ranges.keeping(accuracy, k).percentile(share, k) for share in (0.05, 0.95))
+    kept = f"if the seller keeps the usual {accuracy:g}″, {low:.1f} to {high:.1f}″ at {samples.torques[k]:g} N·m"
+    return f"catalogue.accuracy is not given; {kept}"
 
 
 def _coupling(check: DesignCheck) -> str:

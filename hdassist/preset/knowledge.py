@@ -30,6 +30,8 @@ STANDING_OFFSET, TURNING_OFFSET, CENTRE_OFFSET = 0.5, 0.2, 0.06
 # of half of F'_i, amplitudes of order 2 and of orders 3 and 4; assumed: twice as much breaks the accuracy that
 # catalogues promise of size 20, half as much makes the one recorded drive one in a hundred (docs/validation.md)
 SECOND_ORDER, HIGHER_ORDERS = 0.08, 0.04
+# arcsec: accuracy that catalogues promise, the second below SIZE_20 [mm]
+USUAL_ACCURACY, SMALL_ACCURACY, SIZE_20 = 60.0, 90.0, 50.0
 # arcsec: backlash and lost motion that no drive of a catalogue exceeds; the second below LARGE_SIZE [mm]
 PLAY, LOST_MOTION, LOST_MOTION_SMALL, LARGE_SIZE = 5.0, 60.0, 180.0, 35.0
 # N/mm for each mm of its bore: radial stiffness of the bearing of a shaft with an overhung cam, and its range; a guess

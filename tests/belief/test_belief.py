@@ -22,6 +22,7 @@ from hdassist.belief.statistics import (
 )
 from hdassist.calibration.quantities import predictions
 from hdassist.calibration.targets import CalibrationTarget
+from hdassist.error.error_map import extremes_of
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
 from hdassist.run.run import Run
@@ -196,7 +197,7 @@ def test_weeding_by_stiffness_leaves_the_posterior_as_it_is():
 @pytest.mark.parametrize("wrong", ["K_2", "accuracy"])
 def test_evidence_that_contradicts_is_named(wrong):
     drive = tiny("phases.phi_hb=unknown")
-    figures = stiffness_figures(drive)[0] | {"accuracy": 1e3}
+    figures = stiffness_figures(drive)[0] | {"accuracy": 100.0}  # it is 12 at 2 % of the rated torque
     said = {name: figures[name] / (30 if name == wrong else 1) for name in ("K_1", "K_2", "lost_motion", "accuracy")}
     evidence = evidence_of(tiny(*(f"catalogue.{name}={value!r}" for name, value in said.items())))
     with pytest.raises(UntrustedError, match=rf"catalogue\.{wrong} = .* contradicts"):
@@ -341,3 +342,20 @@ def test_the_words_of_a_probability_never_show_another_verdict_than_the_rule():
     assert percent_text(0.94999, 0.93, 0.97, 0.95) == "94.9 % (93 to 97), 95 % needed"
     assert percent_text(0.93, 0.9161, 0.951, 0.95) == "93 % (91 to 96), 95 % needed"
     assert percent_text(0.0, 0.0, 0.0, 0.95) == "0 %, 95 % needed"
+
+
+def test_a_catalogues_accuracy_is_held_against_the_error_at_hardly_any_load():
+    drive = tiny(C_3, "operation.rated=10", "catalogue.accuracy=30")
+    samples = draw_samples(prior_of(drive), (4.0,), evidence=evidence_of(drive), effort=FEW)
+    (kept, *_) = [each for each in samples.made if each.F_ior_arcsec is not None]
+    there = drive.with_values(samples.values()[0])
+    assert kept.figures["accuracy"] == pytest.approx(extremes_of(there, [0.2])[0].F_ior_arcsec[0], abs=1e-6)
+
+
+def test_samples_that_keep_an_accuracy_are_those_weighed_by_its_limit():
+    samples = draw_samples(prior_of(tiny(C_3)), (4.0,), effort=FEW)
+    F_ior = samples.F_ior_arcsec[:, 0]
+    limit = float(np.median(F_ior))
+    kept = samples.keeping(limit, 0)
+    assert np.array_equal(kept.weights[F_ior <= limit], samples.weights[F_ior <= limit])
+    assert np.all(kept.weights[F_ior > limit] < samples.weights[F_ior > limit])
