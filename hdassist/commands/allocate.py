@@ -37,22 +37,23 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
 
     def report(self, out: o.Output, preset: str) -> o.Report:
         """The cheapest tolerances."""
-        from hdassist.error.self_error import self_error
-        from hdassist.errors import UsageError
-        from hdassist.pages.allocate import allocate_report
-        from hdassist.tolerance.allocation import Allocator
-        from hdassist.tolerance.production import Production
-        from hdassist.tolerance.sensitivity import to_measure
+        with out.progress(preset):  # words before numpy is imported
+            from hdassist.error.self_error import self_error
+            from hdassist.errors import UsageError
+            from hdassist.pages.allocate import allocate_report
+            from hdassist.tolerance.allocation import Allocator
+            from hdassist.tolerance.production import Production
+            from hdassist.tolerance.sensitivity import to_measure
 
-        drive = self.load(preset)
-        law, torques, limits = self.law(drive, chosen=True), drive.operation.M_g, require_limits(drive)
-        own = [found.range_arcsec for found in self_error(drive, torques)]
-        room = [limit - each for limit, each in zip(limits, own, strict=True)]
-        if min(room) <= 0:
-            worst = room.index(min(room))
-            words = f"the self error alone is {own[worst]:.1f}″ at {torques[worst]:g} N*m"
-            hint = "no tolerance changes that: a limit above it, or another wave or clearance"
-            raise UsageError(f"{words}, the limit {limits[worst]:g}", hint)
+            drive = self.load(preset)
+            law, torques, limits = self.law(drive, chosen=True), drive.operation.M_g, require_limits(drive)
+            own = [found.range_arcsec for found in self_error(drive, torques)]
+            room = [limit - each for limit, each in zip(limits, own, strict=True)]
+            if min(room) <= 0:
+                worst = room.index(min(room))
+                words = f"the self error alone is {own[worst]:.1f}″ at {torques[worst]:g} N*m"
+                hint = "no tolerance changes that: a limit above it, or another wave or clearance"
+                raise UsageError(f"{words}, the limit {limits[worst]:g}", hint)
         production = Production(
             law, torques, mounting=self.mounting, limits=room, seed=self.seed, per_design=DRIVES_PER_DESIGN, steps=True
         )

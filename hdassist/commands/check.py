@@ -34,10 +34,10 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
 
     def report(self, out: o.Output, preset: str) -> o.Report:
         """The design check of a drive."""
-        from hdassist.terminal.wheels import pitch_files, read_teeth
-
-        files = pitch_files(self.presets, self)
         with out.progress(preset) as progress:  # words before numpy is imported
+            from hdassist.terminal.wheels import pitch_files, read_teeth
+
+            files = pitch_files(self.presets, self)
             drive = self.load(preset)
             measured = read_teeth(files, drive)
             torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)

@@ -53,11 +53,12 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
     def report(self, out: o.Output, preset: str) -> o.Report:
         """Tests of the drive, judged."""
-        from hdassist.design.check import check_states
-        from hdassist.pages.plan import plan_report
-        from hdassist.planning.plan import PlanDemands, choose_plan
+        with out.progress(preset) as progress:  # words before numpy is imported
+            from hdassist.design.check import check_states
+            from hdassist.pages.plan import plan_report
+            from hdassist.planning.plan import PlanDemands, choose_plan
 
-        asked, demands = self.plan(), PlanDemands(self.wrong, self.noise, self.corrected)
-        drive = self.load(preset)
-        with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
-            return plan_report(choose_plan(drive, asked=asked, demands=demands, draws=self.draws, run=run))
+            asked, demands = self.plan(), PlanDemands(self.wrong, self.noise, self.corrected)
+            drive = self.load(preset)
+            with out.run(drive.name, check_states(drive, draws=self.draws), self, progress) as run:
+                return plan_report(choose_plan(drive, asked=asked, demands=demands, draws=self.draws, run=run))

@@ -33,7 +33,6 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
     def run(self) -> int:
         """Make the report; returns the exit code."""
-        from hdassist.pages.documents import report_html, report_markdown
         from hdassist.terminal.runs import give, run_each
 
         if self.json or self.quiet:
@@ -41,6 +40,8 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
         kind, out = self._kind(), self.open()
         [report] = run_each("report", [self.preset], partial(self.report, out), self)
         code = give("report", [replace(report, head="")], self, out)  # its warnings: the page is a document
+        from hdassist.pages.documents import report_html, report_markdown
+
         if kind == ".html":
             page = report_html(report)
             out.text(page.encode("ascii", "xmlcharrefreplace").decode() if self.ascii else page)
@@ -50,12 +51,13 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
     def report(self, out: o.Output, preset: str) -> o.Report:
         """All about a drive."""
-        from hdassist.comparing.sheet import sheet_of, sheet_states
-        from hdassist.pages.report import drive_report
+        with out.progress(preset) as progress:  # words before numpy is imported
+            from hdassist.comparing.sheet import sheet_of, sheet_states
+            from hdassist.pages.report import drive_report
 
-        drive = self.load(preset)
-        with out.run(drive.name, sheet_states(drive, self.draws), self) as run:
-            return drive_report(sheet_of(drive, draws=self.draws, run=run), draws=self.draws, seed=self.seed)
+            drive = self.load(preset)
+            with out.run(drive.name, sheet_states(drive, self.draws), self, progress) as run:
+                return drive_report(sheet_of(drive, draws=self.draws, run=run), draws=self.draws, seed=self.seed)
 
     def _kind(self) -> str:
         """Suffix of the file that the report is written as. Raises UsageError for any other."""

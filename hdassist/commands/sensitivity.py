@@ -30,19 +30,20 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
 
     def report(self, out: o.Output, preset: str) -> o.Report:
         """The tolerances, ranked."""
-        from dataclasses import replace
-        from functools import partial
+        with out.progress(preset):  # words before numpy is imported
+            from dataclasses import replace
+            from functools import partial
 
-        from hdassist.pages.sensitivity import sensitivity_report
-        from hdassist.tolerance.production import Production
-        from hdassist.tolerance.sensitivity import sensitivities
+            from hdassist.pages.sensitivity import sensitivity_report
+            from hdassist.tolerance.production import Production
+            from hdassist.tolerance.sensitivity import sensitivities
 
-        drive = self.load(preset)
-        law = self.law(drive)
-        each_its_own = replace(law, shared=law.shared + law.own, own=())
-        production = Production(
-            each_its_own, drive.operation.M_g, mounting=False, seed=self.seed, per_design=1, steps=True
-        )
+            drive = self.load(preset)
+            law = self.law(drive)
+            each_its_own = replace(law, shared=law.shared + law.own, own=())
+            production = Production(
+                each_its_own, drive.operation.M_g, mounting=False, seed=self.seed, per_design=1, steps=True
+            )
         production, samples = self.with_designs(out, production, self.count)
         assert samples
         found = sensitivities(production, samples, partial(self.records, out))

@@ -31,9 +31,10 @@ class StiffnessCommand(o.PlotOptions, o.DriveOptions):
 
     def report(self, out: o.Output, preset: str) -> o.Report:
         """The twist over torque."""
-        from hdassist.error.stiffness import stiffness, stiffness_states
-        from hdassist.pages.stiffness import stiffness_report
+        with out.progress(preset) as progress:  # words before numpy is imported
+            from hdassist.error.stiffness import stiffness, stiffness_states
+            from hdassist.pages.stiffness import stiffness_report
 
-        drive = self.load(preset)
-        with out.run(drive.name, stiffness_states(), self) as run:
-            return stiffness_report(drive, stiffness(drive, T_1=self.t1, T_2=self.t2, T_max=self.to, run=run))
+            drive = self.load(preset)
+            with out.run(drive.name, stiffness_states(), self, progress) as run:
+                return stiffness_report(drive, stiffness(drive, T_1=self.t1, T_2=self.t2, T_max=self.to, run=run))

@@ -40,23 +40,24 @@ class ToleranceCommand(o.PlotOptions, DrawOptions):
 
     def report(self, out: o.Output, preset: str) -> o.Report:
         """Random drives of a preset."""
-        from hdassist.error.self_error import self_error
-        from hdassist.errors import UntrustedError
-        from hdassist.pages.tolerance import tolerance_report
-        from hdassist.run.kept import KeptOwner, open_kept
-        from hdassist.run.run import stream
-        from hdassist.run.stops import at_stop, until_interrupted
-        from hdassist.runfiles import claim_output
-        from hdassist.terminal.output import note
-        from hdassist.tolerance.production import Production
-        from hdassist.tolerance.yields import AtTorque, Summary, rooms
+        with out.progress(preset):  # words before numpy is imported
+            from hdassist.error.self_error import self_error
+            from hdassist.errors import UntrustedError
+            from hdassist.pages.tolerance import tolerance_report
+            from hdassist.run.kept import KeptOwner, open_kept
+            from hdassist.run.run import stream
+            from hdassist.run.stops import at_stop, until_interrupted
+            from hdassist.runfiles import claim_output
+            from hdassist.terminal.output import note
+            from hdassist.tolerance.production import Production
+            from hdassist.tolerance.yields import AtTorque, Summary, rooms
 
-        count, results, drive = self.count, self.results, self.load(preset)
-        law, torques = self.law(drive), drive.operation.M_g
-        limits = [drive.limit(M_g) for M_g in torques]
-        if (self.limit or self.wanted is not None) and not any(limits):
-            require_limits(drive)
-        own = [found.range_arcsec for found in self_error(drive, torques)]
+            count, results, drive = self.count, self.results, self.load(preset)
+            law, torques = self.law(drive), drive.operation.M_g
+            limits = [drive.limit(M_g) for M_g in torques]
+            if (self.limit or self.wanted is not None) and not any(limits):
+                require_limits(drive)
+            own = [found.range_arcsec for found in self_error(drive, torques)]
         production = Production(
             law,
             torques,

@@ -6,12 +6,12 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hdassist.json_parts import Json
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from hdassist.preset.fields import Drive
     from hdassist.solve.throughcvxpy import CrossCheck
 
@@ -85,7 +85,7 @@ def as_object(quantities: Iterable[Quantity[T]], thing: T) -> dict[str, Any]:
     return result
 
 
-Series = NDArray[np.float64]
+Series: TypeAlias = "NDArray[np.float64]"
 
 
 @dataclass(frozen=True)
@@ -199,6 +199,8 @@ class Curve:
         """The least and the greatest value that the axis of y holds."""
         values = [end for _, *both in self.whiskers for end in both] + [0.0] * self.from_zero
         values += [] if self.limit is None else [self.limit]
+        import numpy as np  # with the work that a figure shows, not before it
+
         drawn = np.concatenate([*self.series, values])
         return float(drawn.min()), float(drawn.max())
 

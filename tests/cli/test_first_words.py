@@ -1,0 +1,27 @@
+"""Commands that compute show words before they import what computes, which takes longer than many answers."""
+
+import subprocess
+import sys
+
+import pytest
+
+COMMANDS = ("check", "report", "tolerance", "sensitivity", "allocate", "stiffness", "plan")
+LOOK = """
+import sys
+from hdassist.terminal.output import Output
+
+def look(*_args, **_options):
+    print(sorted({"numpy", "scipy"} & {*sys.modules}))
+    raise KeyboardInterrupt
+
+Output.progress = Output.run = look
+sys.argv = ["hdassist", *sys.argv[1:]]
+from hdassist.cli.main import run_command_line
+run_command_line()
+"""
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_words_come_before_numpy(command: str) -> None:
+    found = subprocess.run([sys.executable, "-c", LOOK, command, "vzp160"], capture_output=True, text=True, check=False)
+    assert found.stdout.splitlines()[:1] == ["[]"], found.stderr
