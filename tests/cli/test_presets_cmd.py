@@ -299,7 +299,8 @@ def test_the_ratio_is_that_of_the_drive_as_it_is_built_in(tmp_path: Path) -> Non
 
 def test_new_keeps_lost_motion_and_accuracy_as_evidence() -> None:
     drive = made("--ratio", "100", "--lost-motion", "1 arcmin", "--accuracy", "90")
-    assert {(each.figure, each.value) for each in evidence_of(drive)} == {("lost_motion", 60.0), ("accuracy", 90.0)}
+    found = {(each.figure, each.value) for each in evidence_of(drive)}
+    assert found == {("lost_motion", 60.0), ("play", 5.0), ("accuracy", 90.0)}
     assert drive.source["catalogue.lost_motion"].ref == "--lost-motion 1 arcmin"
 
 

@@ -20,7 +20,7 @@ EVEN = (np.arange(20_000) + 0.5) / 20_000
 
 def size(law: str, high: float) -> TolerancedSize:
     path = "tolerances.e_hb"
-    return TolerancedSize(path, "even", 0.0, high, "drive", path, "its tolerance", law)
+    return TolerancedSize(path, "even", 0.0, high, "drive", path, "its tolerance", law=law)
 
 
 def test_a_rayleigh_size_ends_at_the_tolerance_and_has_the_density_of_two_normal_parts() -> None:
