@@ -10,8 +10,10 @@ from hdassist.errors import UsageError
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
+    from hdassist.correction.correct import Correction
     from hdassist.correction.forms import CorrectionForm
     from hdassist.correction.records import RecordedError
+    from hdassist.correction.writers import ControllerFormat
     from hdassist.preset.fields import Drive
     from hdassist.report import Report
 
@@ -30,6 +32,7 @@ class CompensateCommand(
       hdassist compensate own.yaml run80.csv run800.csv --each-load --json
       hdassist compensate own.yaml run80.csv --after corrected80.csv
       hdassist compensate run80.csv --ratio 100 --torque 80 --csv phasors.csv
+      hdassist compensate run80.csv --ratio 100 --torque 80 --form output --output-turns against --write c=table.h
       hdassist compensate vzp160 --torque 80 --torque -80 --details --json
 
     The error is taken apart: parts that repeat with the cam, that beat, that other loads change. Then each form that
@@ -41,8 +44,9 @@ class CompensateCommand(
 
     A FILE is a record at a torque of the preset, in their order; then the correction is that of the record: of the full
     cycle in the record's own angles, of part of it by the drives of the preset that agree, in the preset's angles.
-    With --ratio in place of a preset one FILE, of the full cycle at the one --torque, gives phasors with uncertainties.
-    Two encoders then count the same way, both seen from the cam side.
+    With --ratio in place of a preset one FILE, of the full cycle at the one --torque, gives phasors with uncertainties,
+    or a table. Two encoders then count the same way, both seen from the cam side; a column of errors needs
+    --output-turns for a table over the output.
     --after has a record with the correction of the same options on: whether the promise is kept, or the likely cause.
     Exit codes: 0, 2 wrong options, 3 promise not kept, 4 bad file, 5 refused or no trustworthy answer, 6 open.
     """
@@ -52,6 +56,7 @@ class CompensateCommand(
     ratio: float | None = None
     form: Literal["phasors", "output", "cam", "half-cam"] = "phasors"
     points: int | None = None
+    output_turns: Literal["with", "against"] | None = None
     each_load: bool = False
     after: str | None = None
     plot: bool = True
@@ -93,12 +98,25 @@ class CompensateCommand(
         remedy = "more needs a preset: hdassist compensate PRESET FILE..."
         if len(self.torque) != 1 or self.files:
             raise UsageError("--ratio takes one FILE and its --torque", remedy)
-        if self.after or self.overrides or self.write or self.each_load:
-            raise UsageError("--ratio goes without --after, --set, --write and --each-load", remedy)
+        if self.after or self.overrides or self.each_load:
+            raise UsageError("--ratio goes without --after, --set and --each-load", remedy)
+        form = self.correction_form()
+        target = self.controller_target(form, force=self.force)
         M_g = option_value("--torque", self.torque[0], "N*m")
         found = self.reading().measured(file, None, self.ratio, seed=self.seed, together=True)
-        result = correction_alone(found, self.alignment(), M_g, self.correction_form())
-        return compensate_report(result, is_written=bool(self.csv), warnings=found.warnings)
+        result = correction_alone(found, self.alignment(), M_g, form, self.output_turns)
+        self.write_controller(result, target)
+        return compensate_report(result, is_written=bool(self.csv or target), warnings=found.warnings)
+
+    def write_controller(self, result: Correction, target: tuple[ControllerFormat, str] | None) -> None:
+        """Write the controller's file of a correction, where one is asked for and the correction is not refused."""
+        from hdassist.terminal.files import write_text
+        from hdassist.terminal.output import note
+
+        if target and not result.chosen.is_refused:
+            text, about = self.controller_texts(result, target[0])
+            note(about.rstrip())
+            write_text(target[1], text, self.force)
 
     def report(self, out: o.Output, preset: str) -> Report:
         """Corrections of the drive, or of a record alone."""
@@ -106,8 +124,6 @@ class CompensateCommand(
         from hdassist.correction.verified import verify
         from hdassist.design.check import check_states
         from hdassist.pages.compensate import compensate_report, verified_report
-        from hdassist.terminal.files import write_text
-        from hdassist.terminal.output import note
 
         o.stdin_once(*(self.files or []), preset, self.after)
         if self.ratio is not None:
@@ -123,8 +139,5 @@ class CompensateCommand(
             result = correct(drive, form=form, records=records, draws=self.draws, run=run)
             if after and not result.chosen.is_refused:
                 return verified_report(result, verify(result, after, run))
-        if target and not result.chosen.is_refused:
-            text, about = self.controller_texts(result, target[0])
-            note(about.rstrip())
-            write_text(target[1], text, self.force)
+        self.write_controller(result, target)
         return compensate_report(result, is_written=bool(target or self.csv))

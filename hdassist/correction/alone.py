@@ -16,24 +16,30 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY
 
 
-def correction_alone(found: Measurement, asked: Alignment, M_g: float, form: CorrectionForm) -> Correction:
+def correction_alone(
+    found: Measurement, asked: Alignment, M_g: float, form: CorrectionForm, output_turns: str | None = None
+) -> Correction:
     """Correction from a record at a torque M_g [N*m] that was measured with its ratio, both directions as one.
 
-    Argument: asked, how the file counts; two encoders count alike, both seen from the cam side. Raises UsageError for a
-    table over the output turn and for angles of the output, UntrustedError for less than the full cycle.
+    Arguments: asked, how the file counts; two encoders count alike, both seen from the cam side, and show which way the
+    output turns; of a column of errors output_turns says so: "with" the cam or "against" it. Raises UsageError for a
+    table over the output turn without that, and for angles of the output, UntrustedError for less than the full cycle.
     """
     trace, sweep, gearing = found.trace, found.directions[0], found.gearing
-    if gearing is None or form.turn == "output" or trace.angle_of == "output":
+    way = output_turns or {1: "with", -1: "against"}.get(trace.sense)
+    if gearing is None or (form.turn == "output" and not way) or trace.angle_of == "output":
         raise UsageError(
             "a record alone does not tell whether cam and output turn the same way",
-            "with a preset: hdassist compensate PRESET FILE; or angles of the cam, and --form phasors or cam",
+            "say it: --output-turns against (a fixed rigid wheel) or with, beside cam angles; or take a preset",
         )
     if sweep.is_bound:
         share = f"{100 * sweep.coverage.share:.0f} % of the full cycle" if sweep.coverage else "no full cycle"
         words = f"{trace.file}: {share}, in which lines that lie close together are not told apart"
         raise UntrustedError(words, "record the full cycle, or with a preset: hdassist compensate PRESET FILE")
     moving = round(2 * gearing.ratio)
-    kinematics = Kinematics(moving, moving + 2, "rigid")  # the cycle is the same with the other wheel fixed
+    kinematics = Kinematics(moving, moving + 2, "rigid")
+    if way == "with":
+        kinematics = Kinematics(moving - 2, moving, "flexspline")
     none_known = ErrorLines(kinematics, np.zeros(0, dtype=np.int64), np.zeros((1, 0), dtype=complex), EMPTY)
     sign = asked.sign * (-1 if trace.sense else 1)
     record = RecordedError(asked.sense * sweep.bins.turns, sign * sweep.fit.error)

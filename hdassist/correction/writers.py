@@ -324,7 +324,54 @@ def _eqmod(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
     ]
 
 
+def _rows_from_zero(table: CorrectionTable, axis: ControllerAxis) -> tuple[Array, list[Array]]:
+    """Readings [deg] of the table's own points from the axis's zero on, and errors [arcsec] counting up and down."""
+    reading = axis.zero_deg + table.angles_deg
+    ways = (1,) if table.other_direction_arcsec is None else (1, -1)
+    return reading, [error_as_read(table, axis, reading, way, of_cam=table.turn != "output") for way in ways]
+
+
+def _plain_csv(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
+    reading, errors = _rows_from_zero(table, axis)
+    names = ["reading_deg", "error_arcsec", "error_counting_down_arcsec"][: 1 + len(errors)]
+    rows = zip(reading, *errors, strict=True)
+    return [",".join(names), *(",".join((f"{at:.7f}", *(f"{each:.5f}" for each in row))) for at, *row in rows)]
+
+
+def _c_array(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
+    """An array for own firmware, by direction where the table has that, and its lookup."""
+    _, errors = _rows_from_zero(table, axis)
+    rows = ("    {" + ", ".join(f"{value:.5f}" for value in each) + "}," for each in errors)
+    way = "counts_down ? 1 : 0" if len(errors) > 1 else "0"
+    return [
+        "#include <math.h>",
+        f"#define HDASSIST_POINTS {table.points}",
+        f"static const double hdassist_error_arcsec[{len(errors)}][HDASSIST_POINTS] = {{",
+        *rows,
+        "};",
+        "/* error [arcsec] at a reading [deg]: take it off the set-point */",
+        "static double hdassist_error(double reading_deg, int counts_down) {",
+        f"    const double *values = hdassist_error_arcsec[{way}];",
+        f"    double turns = (reading_deg - ({axis.zero_deg:.9g})) / {table.period_deg:g};",
+        "    double place = (turns - floor(turns)) * HDASSIST_POINTS;",
+        "    int first = (int)place;",
+        "    double rest = place - first;",
+        "    (void)counts_down;",
+        "    return values[first % HDASSIST_POINTS] * (1 - rest) + values[(first + 1) % HDASSIST_POINTS] * rest;",
+        "}",
+    ]
+
+
 CONTROLLER_FORMATS = {
+    "csv": ControllerFormat(
+        "plain CSV", ("output", "cam", "half-cam"), _plain_csv,
+        "straight between rows; behind the last one the first comes again", by_direction=True, step_arcsec=1e-5,
+        comment="#",
+    ),
+    "c": ControllerFormat(
+        "C", ("output", "cam", "half-cam"), _c_array, "include it, and take hdassist_error(reading, down) off",
+        by_direction=True, step_arcsec=1e-5, comment="//",
+    ),
     "linuxcnc-1": ControllerFormat(
         "LinuxCNC, type 1", ("output",), _linuxcnc,
         "[JOINT_n] COMP_FILE and COMP_FILE_TYPE = 1; outside of its rows the nearest one holds",

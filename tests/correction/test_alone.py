@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import json
+import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -151,3 +153,41 @@ def test_one_cycle_is_said_not_to_tell_noise_and_part_of_it_is_refused_with_the_
         wrong = run("compensate", "one.csv", *options, *more, cwd=tmp_path)
         assert wrong.returncode == 2
         assert "preset" in wrong.stderr
+
+
+@pytest.mark.parametrize("way", ["with", "against"])
+@pytest.mark.parametrize("kind", ["c", "csv"])
+def test_a_record_alone_gives_a_table_over_the_output_for_own_firmware(tmp_path: Path, way: str, kind: str):
+    often, vectors = hidden_lines(3)
+    turns = np.arange(round(1.02 * CYCLE * PER_TURN)) / PER_TURN
+    rows = "".join(f"{360 * x:.4f},{y:.5f}\n" for x, y in zip(turns, curve(often, vectors, turns), strict=True))
+    (tmp_path / "run.csv").write_text(f"cam_deg,error_arcsec\n{rows}")
+    asked = ("compensate", "run.csv", "--ratio", str(CYCLE), "--torque", "67", "--form", "output", "--points", "2000")
+    refused = run(*asked, cwd=tmp_path)
+    assert (refused.returncode, "--output-turns against" in refused.stderr) == (2, True)
+    done = run(*asked, "--output-turns", way, "--write", f"{kind}=table.h", "--zero", "12.5", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    cam = np.linspace(0, CYCLE, 1001)
+    reading = 12.5 + 360 * cam / CYCLE * (1 if way == "with" else -1)
+    read = by_compiler if kind == "c" else by_rows
+    left = -curve(often, vectors, cam) - read(tmp_path, reading)  # F_kpp is the opposite of the error
+    assert np.ptp(left) < 0.05 * np.ptp(curve(often, vectors, cam))
+
+
+def by_compiler(folder: Path, reading):
+    """The lookup of the C file as a compiler makes it."""
+    compiler = shutil.which("cc")
+    if not compiler:
+        pytest.skip("no C compiler")
+    calls = "".join(f'  printf("%.6f\\n", hdassist_error({at:.9f}, 0));\n' for at in reading)
+    (folder / "main.c").write_text(f'#include <stdio.h>\n#include "table.h"\nint main(void) {{\n{calls}}}\n')
+    strict = (compiler, "-std=c99", "-Wall", "-Werror", "main.c", "-o", "look", "-lm")
+    subprocess.run(strict, cwd=folder, check=True)
+    return np.array(subprocess.run(["./look"], cwd=folder, check=True, capture_output=True).stdout.split(), float)
+
+
+def by_rows(folder: Path, reading):
+    """Straight between the rows of the CSV, as any reader of it does."""
+    lines = [line for line in (folder / "table.h").read_text().splitlines() if not line.startswith("#")]
+    at, error = np.array([line.split(",") for line in lines[1:]], float).T
+    return np.interp(reading, at, error, period=360)

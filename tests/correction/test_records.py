@@ -139,7 +139,7 @@ def test_the_command_takes_records_in_the_order_of_the_torques(tmp_path: Path):
 
 def test_a_mirrored_record_is_refused_with_the_options_that_read_it(tmp_path: Path):
     turns, error = recording(1.0, hidden=())
-    rows = "".join(f"{360 * (10.5 - x):.3f},{y:.4f}\n" for x, y in zip(turns, error, strict=True))
+    rows = "".join(f"{-360 * x:.3f},{y:.4f}\n" for x, y in zip(turns, error, strict=True))
     (tmp_path / "run.csv").write_text(f"cam_deg,error_arcsec\n{rows}")
     asked = ("compensate", TINY, "run.csv", "--torque", "1", "--no-plot", "--csv", "table.csv")
     refused = run(*asked, cwd=tmp_path)
