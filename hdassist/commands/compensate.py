@@ -32,7 +32,7 @@ class CompensateCommand(
       hdassist compensate own.yaml run80.csv run800.csv --each-load --json
       hdassist compensate own.yaml run80.csv --after corrected80.csv
       hdassist compensate run80.csv --ratio 100 --torque 80 --csv phasors.csv
-      hdassist compensate run80.csv --ratio 100 --torque 80 --form output --output-turns against --write c=table.h
+      hdassist compensate run.csv --ratio 100 --torque 80 --form cam --write c=t.h
       hdassist compensate vzp160 --torque 80 --torque -80 --details --json
 
     The error is taken apart: parts that repeat with the cam, that beat, that other loads change. Then each form that
