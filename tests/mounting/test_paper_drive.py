@@ -11,7 +11,9 @@ from hdassist.mounting.positions import rotated
 from tests.process import run
 
 BEST = 8  # the hole that mount orders
-NEAR = 0.15  # of the values as given: so near lies the median over all that the figures leave
+NEAR = np.array(
+    [0.06, 0.2]
+)  # of the values as given, by torque: the figures leave hole 8 at 3.7 to 5.0 arcsec at 800 N*m
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +34,7 @@ def test_the_drive_of_the_paper_is_turned_from_31_to_15_with_one_number_of_a_hol
     for page in (mounted, report["mount"]):
         assert (page["order"], page["recommended"]["hole"]) == ("turn", BEST)
         for place in (page["current"], page["recommended"]):
-            assert place["F_ior_arcsec"] == pytest.approx(as_given[place["hole"]], rel=NEAR)
+            assert (np.abs(np.divide(place["F_ior_arcsec"], as_given[place["hole"]]) - 1) < NEAR).all()
     now = mounted["current"]["F_ior_arcsec"]
     for page in (answer("check", "--draws", "16"), report["check"]):
         assert [point["F_ior_arcsec"] for point in page["operating_points"]] == now
