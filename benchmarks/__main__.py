@@ -19,11 +19,11 @@ from typing import Any
 from benchmarks import machine, page
 from benchmarks.rows import rows
 
-FORMAT = "hdassist.benchmarks/3"
+FORMAT = "hdassist.benchmarks/4"
 
 
 # a child starts with its parent's memory on its account: nothing heavy is imported before processes are measured
-PARTS = ("processes", "engine", "growth", "coned", "proposals", "tolerance", "explorer")
+PARTS = ("processes", "engine", "growth", "coned", "proposals", "draws", "tolerance", "explorer")
 
 
 def measure(quick: bool, parts: Sequence[str] = PARTS) -> dict[str, Any]:

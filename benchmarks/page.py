@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.rows import Row, engine_of, rows
-from benchmarks.words import CHOSEN, DRAWN, HEAD, REASONS, SOLVERS
+from benchmarks.words import CHOSEN, DRAWN, HEAD, REASONS, SEARCHED, SOLVERS
 
 PAGE = Path(__file__).parents[1] / "docs/performance.md"
 
@@ -31,6 +31,12 @@ def page(measured: dict[str, Any]) -> str:
             ("drives", "cases", "F'_ior", "every state: states, ms", "proposed: states, ms", "greatest difference",
              "above 0.01″"),
             map(_proposals, measured["proposals"]),
+        ),
+        SEARCHED,
+        _table(
+            ("torque", "searches", "F'_ior, median", "bias", "rms", "worst", "over 0.2″",
+             "states: fine grid, proven, climbs", "ms: slopes, fine grid"),
+            map(_draws, measured["draws"]),
         ),
         "## Whole processes\n",
         _table(
@@ -104,6 +110,15 @@ def _proposals(group: dict[str, Any]) -> tuple[str, ...]:
     both = (f"{states:.0f}, {ms:.0f}" for states, ms in zip(group["states"], group["ms"], strict=True))
     missed = f"{group['missed_arcsec']:.1e}″ ({group['missed_share']:.2%})"
     return group["group"], str(group["cases"]), f"{low:.2f}″ to {high:.2f}″", *both, missed, str(group["far"])
+
+
+def _draws(search: dict[str, Any]) -> tuple[str, ...]:
+    missed = (f"{search[name]:.3f}″" for name in ("bias", "rms", "worst"))
+    both = (", ".join(f"{each:.{digits}f}" for each in search[name]) for name, digits in (("states", 0), ("ms", 1)))
+    return (
+        f"{search['M_g']:g} N·m", str(search["searches"]), f"{search['F_ior_arcsec']:.1f}″", *missed,
+        str(search["over"]), *both,
+    )  # fmt: skip
 
 
 def _process(run: dict[str, Any]) -> tuple[str, ...]:

@@ -46,17 +46,19 @@ NEW = ("presets", "new", "own", "--ratio", "100", "--torque", "67", "-o", "own.y
 TRIALS = ("trials", "vzp160", "h0=20.2", "h3=24.1", "h6=31.5", "--noise", "0.5", "--torque", "80")
 TERMINAL = Process(("-c", "import typer, rich"), 7, python=True)
 IMPORT = Process(("-c", "import cvxpy"), 7, python=True)
-CHECK = Process(("check", "vzp160"), 5, (IMPORT, 3.0))
+CHECK = Process(("check", "vzp160"), 5, (IMPORT, 3.8))
 PROCESSES = (
     TERMINAL,
     Process(("--help",), 7, (TERMINAL, 1.7)),
     IMPORT,
     CHECK,
-    Process(("check", "own.yaml"), 5, (IMPORT, 6.0)),
-    Process(("mount", "vzp160"), 3, (IMPORT, 5.0)),
-    Process(TRIALS, 3, (IMPORT, 6.0)),
-    Process(("tolerance", "vzp160", "-n", "150"), 3, (IMPORT, 20.0)),
-    Process(("sensitivity", "vzp160"), 3, (IMPORT, 20.0)),
+    Process(("check", "own.yaml"), 5, (IMPORT, 3.0)),
+    Process(("mount", "vzp160"), 3, (IMPORT, 7.0)),
+    Process(("mount", "own.yaml"), 3, (IMPORT, 5.0)),
+    Process(("report", "own.yaml"), 2, (IMPORT, 8.0)),
+    Process(TRIALS, 3, (IMPORT, 5.0)),
+    Process(("tolerance", "vzp160", "-n", "150"), 3, (IMPORT, 10.0)),
+    Process(("sensitivity", "vzp160"), 3, (IMPORT, 9.0)),
     Process(("stiffness", "vzp160"), 5, (IMPORT, 1.6)),
 )
 LONG = ("tolerance", "sensitivity")  # once in a quick run

@@ -11,6 +11,7 @@ from benchmarks.words import WALK, WARM_DAQP
 
 STATE_US = {80.0: 9.0, 800.0: 6.0}  # of the walk in AVX2
 FASTER_THAN_CVXPY, FASTER_THAN_DAQP = 1000.0, 20.0
+DRAWS_RMS, DRAWS_WORST, DRAWS_STATES = 0.05, 0.5, 177  # arcsec, arcsec, half of what a search took before slopes
 FIRST_OUTPUT = 0.35  # times the import of cvxpy, until an answer that takes longer shows words on a terminal
 VALUE_MS, EFFICIENCY = 7.5, 0.9
 GROWTH = 4.0  # times: four times the teeth
@@ -59,6 +60,11 @@ def rows(measured: dict[str, Any]) -> Iterator[Row]:
     for group in measured["proposals"]:
         words = f"proposed extremes, greatest difference to every state, {group['cases']} {group['group']}"
         yield Row("proposals", words, MISSED_ARCSEC, group["missed_arcsec"], "″")
+    for search in measured["draws"]:
+        words = f"{search['searches']} searches of draws, {search['M_g']:g} N·m, against a grid of 60 positions"
+        yield Row("draws", f"{words}: rms", DRAWS_RMS, search["rms"], "″")
+        yield Row("draws", f"{words}: worst", DRAWS_WORST, search["worst"], "″")
+        yield Row("draws", f"{words}: proven states a search", DRAWS_STATES, search["states"][1], "")
     yield from _growth(measured["growth"])
     yield from _coned(measured["coned"])
     for case in measured["tolerance"]:

@@ -33,21 +33,30 @@ REASONS = {
     "to four fifths of these times. Next: a certificate that takes over the gaps of the state before.",
     "cvxpy": "a solver through cvxpy has the programme stated once and only its parameters changed; what is left is "
     "cvxpy's own work on each of them. Next: nothing, as long as every state keeps its certificate.",
+    "draws": "crests where a mesh zone lets go: the error jumps by arcseconds over a few steps of the wheels, and a "
+    "climb that begins beside one may end before it. Next: the state where the share of a zone is 0, solved by "
+    "itself.",
+    "mount own.yaml": "as `mount vzp160`, with every deviation drawn, so that states have twelve scalars.",
+    "report own.yaml": "check, mount, stiffness and its own figures, one after the other. Next: samples that all "
+    "share.",
     "proposals": "a hill between the points of the grid, or a long crease, along which a climb ends early. The values "
     "of one drive as it is given do not rest on proposals: they solve every state; drawn drives do. Next: a finer "
     "grid where one zone takes nearly all.",
-    "check": "64 drives drawn from all that is not known 47 %, the import of cvxpy 12 % and the cross-check of ten "
+    "check": "shares as they were before draws had slopes: "
+    "64 drives drawn from all that is not known 47 %, the import of cvxpy 12 % and the cross-check of ten "
     "states 9 %, the self error 11 % (400 pairs of phases, each with contacts and a programme of its own: states in C "
     "a quarter, their proof in numpy a third, contacts and programmes another), all other imports 11 % (scipy.special "
     "a third of them), every state of both torques 6 %, a cam that floats 2 %. Of a drawn drive (some 700 states in 18 "
     "batches) states solved in C are a quarter, the reference that the walk starts from a sixth, contacts and rules of "
     "the drive a seventh; the rest is numpy and Python around batches of few states. Without any drawn drive (`--draws "
-    "0`) it is still 2.8 times. Next: climbs in C.",
-    "check own.yaml": "64 drives drawn from what is not known, deviations too, 69 %: of it coarse grids of states "
+    "0`) it is still 2.8 times. Next: the reference of a draw, made once for both torques.",
+    "check own.yaml": "shares as they were before draws had slopes: "
+    "64 drives drawn from what is not known, deviations too, 69 %: of it coarse grids of states "
     "half, climbs and what is around extremes three tenths, contacts, references and conflicts of fields the rest. "
     "The cross-check with the import of cvxpy is 16 %, the self error 10 %. Again, from kept samples, it is 1.8 "
-    "times. Next: climbs in C.",
-    "mount": "64 drives, each in twelve holes at both torques, are 75 %: 0.55 of 0.7 million states, 354 a search, "
+    "times. Next: the reference of a draw, made once for both torques.",
+    "mount": "shares as they were before draws had slopes: "
+    "64 drives, each in twelve holes at both torques, are 75 %: 0.55 of 0.7 million states, 354 a search, "
     "196 of them its grid, the others climbs and the surroundings of extremes. Two thirds of that time are in C, where "
     "a state of the grid takes some two times one of the cycle, because contacts of one and the next differ more; "
     "states of all holes go in the order of their deviations, nearest first, which took a sixth off. The curve of the "
@@ -115,4 +124,12 @@ time are medians a drive. Hard cases: `vzp160` with e_hb of 0, 80 and 120 µm, i
 least and the greatest error, at both torques. Random drives: `vzp160` with cam offsets and phases drawn anew, at 80
 N·m (light), at 800 N·m (heavy), and at any torque with all other deviations, `j_n` and `g_b` drawn too (seeded). The
 share in brackets is the greatest of those that miss more than 0.01″.
+"""
+
+SEARCHED = """\
+## Searches of draws
+
+Draws of `vzp160`, each with its wheel in twelve holes, from few states with slopes, against the search from 60 x 60
+positions (`python -m benchmarks.draws`): F'_ior is of states of the cycle by both, so a negative miss is one of the
+slopes, a positive one of the grid.
 """
