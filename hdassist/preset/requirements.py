@@ -57,7 +57,7 @@ def _teeth_of_ratio(like: Drive, ratio: float) -> int:
     if not (isfinite(ratio) and ratio > 0):
         raise UsageError(f"invalid --ratio {ratio:g}: expected a number above 0")
     z_g = 2 * ratio if like.mounting.fixed == "rigid" else 2 * ratio - 2
-    if not z_g.is_integer() or not like.allows("gears.z_g", z_g):
+    if not float(z_g).is_integer() or not like.allows("gears.z_g", z_g):
         raise UsageError(
             f"a ratio of {plain(ratio)} needs {z_g:g} teeth on the flexspline",
             f"two waves: twice the ratio, a whole number of teeth from {range_of(field_table()['gears.z_g'])}",
