@@ -155,11 +155,13 @@ def _dask(stack: ExitStack, address: str, jobs: int) -> tuple[Executor, Callable
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it says is said by the error
     if not address:
         # its ports are open to every user of the machine, and who reaches one may run code: TLS with a key of our own
-        stack.enter_context(config.set({f"distributed.{part}.http.routes": [] for part in ("scheduler", "worker")}))
+        silent = {"logging.distributed": "critical"}  # in the workers too
+        closed: dict[str, list[str]] = {f"distributed.{part}.http.routes": [] for part in ("scheduler", "worker")}
+        stack.enter_context(config.set({**silent, **closed}))
         key = distributed.Security.temporary()
         own = distributed.LocalCluster(
             n_workers=jobs, threads_per_worker=1, host="127.0.0.1", protocol="tls://", security=key,
-            dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
+            silence_logs=logging.CRITICAL, dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
         )  # fmt: skip
         client = stack.enter_context(distributed.Client(stack.enter_context(own)))
     else:
