@@ -152,11 +152,13 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> 
     """Largest orders, missing positions, how the file was read and the next command, a label and a text each."""
     found, file = result.directions[0], result.trace.file
     greatest = sorted(found.orders_of_cam, key=lambda o: -o.amplitude_arcsec)[:_NAMED_ORDERS]
+    of_record = " here"  # over whole turns of the output it may be none or much more
     named = (
-        f"{o.per_cam_rev:g}: {o.amplitude_arcsec:.2f} ± {COVERAGE_FACTOR * o.uncertainty_arcsec:.2f}" for o in greatest
+        f"{o.per_cam_rev:g}: {o.amplitude_arcsec:.2f}"
+        + (of_record if o.is_of_record else f" ± {COVERAGE_FACTOR * o.uncertainty_arcsec:.2f}")
+        for o in greatest
     )
-    here = "; in the record alone: over whole turns of the output it does not tell them"
-    yield "orders", f"{', '.join(named)}″, with beats" + here * any(o.is_of_record for o in greatest)
+    yield "orders", f"{', '.join(named)}″, with beats"
     yield "slow", _slow(found)
     if found.lines:
         lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f}″)" for line in found.lines)

@@ -47,7 +47,7 @@ def test_json(rig):
     assert found["raw_range_arcsec"] > high
     assert found["coverage"]["share"] == pytest.approx(1, abs=1e-3)
     assert set(found["orders"][0]) == {
-        "per_cam_rev", "amplitude_arcsec", "amplitude_uncertainty_arcsec", "phase_deg", "cause",
+        "per_cam_rev", "amplitude_arcsec", "amplitude_uncertainty_arcsec", "phase_deg", "cause", "is_of_record",
     }  # fmt: skip
     assert {"source": "encoder", "standard_uncertainty_arcsec": 0.1, "origin": "stated"} in found["budget"]
     assert told["seed"] == 0
