@@ -9,12 +9,13 @@ from datetime import date
 import numpy as np
 
 from hdassist import load_preset
-from hdassist.belief.statistics import probability_of
+from hdassist.model.unknown import no_hole_better
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.losses import PositionStatistics
+from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import MountingCurve
-from hdassist.mounting.trial import Trial, Tried
+from hdassist.mounting.posterior import TrialSetup
+from hdassist.mounting.trial import Trial
 from hdassist.pages.card import Card, card_of
 from hdassist.pages.mount import mount_card_facts
 from hdassist.readers.pitch import ASSUMED
@@ -42,18 +43,17 @@ def advice_of(*values: list[float], rotations: list[float] | None = None, overri
         torques, turns, turns, found, EMPTY, (), np.ones(found.shape, dtype=bool), holes=holes,
         allowed=None if allowed == "all" else allowed,
     )  # fmt: skip
-    return Advice(drive, curve)
+    found = replace(Decision.as_given(curve), all_alike=bool(no_hole_better(drive)))
+    return Advice(drive, found, curve, setup=TrialSetup(torques[0]))
 
 
 def sampled(advice: Advice, spread: float = 0.02, seed: int = 1) -> Advice:
     """The advice with 50 samples of its curve."""
-    curve = advice.curve
-    noise = 1 + spread * np.random.default_rng(seed).standard_normal((1, 50, int(curve.usable.sum())))
-    values, now = curve.F_ior_arcsec[:, None, curve.usable] * noise, np.repeat(curve.F_ior_arcsec[:, :1], 50, axis=1)
-    rotations = tuple(curve.rotation_deg[curve.usable].tolist())
-    found = PositionStatistics(rotations, values, now, np.ones(50), against_now=True)
-    gain, stay = (probability_of(each, np.ones(50)) for each in (found.is_better(found.challenger), found.is_close(0)))
-    return replace(advice, positions=found, gain_probability=gain, stay_probability=stay, open_=("gears.j_n",) * 3)
+    given = advice.decision
+    noise = 1 + spread * np.random.default_rng(seed).standard_normal((1, 50, len(given.rotations_deg)))
+    now = np.repeat(given.now_arcsec, 50, axis=1)
+    found = Decision(given.rotations_deg, given.F_ior_arcsec * noise, now, np.ones(50))
+    return replace(advice, decision=found, open_=("gears.j_n",) * 3)
 
 
 def cards() -> dict[str, Advice]:
@@ -65,7 +65,8 @@ def cards() -> dict[str, Advice]:
         "plain": advice_of(),
         "sampled": sampled(advice_of()),
         "leave": advice_of([10.0, 11.0, 12.0], overrides=("mounting.holes=3",)),
-        "not sure": sampled(advice_of([10.0, 9.8, 12.0], overrides=("mounting.holes=3",)), spread=0.3),
+        "any": sampled(advice_of([10.0, 10.0, 10.0], overrides=("mounting.holes=3",)), spread=1e-3),
+        "not sure": sampled(advice_of([10.0, 11.5, 13.0], overrides=("mounting.holes=3",)), spread=0.3),
         "allowed": advice_of(
             [28.0, 9.0, 20.0, 30.0], rotations=[0.0, 60.0, 90.0, 270.0], overrides=("mounting.allowed=[2,3,9]",)
         ),
@@ -100,5 +101,5 @@ def card(advice: Advice, language: str = "en", serial: str = "", trials: Sequenc
     say = texts(language)
     facts = mount_card_facts(advice, say)
     if trials:
-        facts = replace(facts, tried=Tried(1.0, tuple(trials)), good=0.93)
+        facts = replace(facts, M_g=1.0, trials=tuple(trials))
     return card_of(facts, say, serial=serial, made=MADE)

@@ -23,8 +23,8 @@ SUMMARIES = {  # summary of each by the section of the help in which it stands
         "report": "a drive on one page, HTML or Markdown",
     },
     "Bench": {
-        "mount": "in which hole to bolt the fixed wheel; the card",
-        "trials": "the same from F'_ior measured in a few holes",
+        "mount": "in which hole to bolt the fixed wheel; what to measure",
+        "trials": "mount by its old name",
         "measure": "F'_ior, orders and coverage of measured traces",
         "compensate": "how much a stored correction takes off, and its table",
     },
@@ -40,6 +40,7 @@ SUMMARIES = {  # summary of each by the section of the help in which it stands
     },
 }
 COMMANDS = tuple(name for summaries in SUMMARIES.values() for name in summaries)
+OTHER_NAMES = {"trials": "mount"}  # commands by an old name
 ELSEWHERE = {"explore": "explorer.command", "doctor": "cli.doctor", "presets": "cli.presets"}
 
 
@@ -51,6 +52,7 @@ def module_of(name: str) -> str:
 @cache
 def _loaded(name: str) -> Any:
     """A command, by name, loaded when it is called."""
+    name = OTHER_NAMES.get(name, name)
     module = import_module(module_of(name))
     if group := getattr(module, f"{name}_app", None):
         return typer.main.get_command(group)
@@ -65,7 +67,7 @@ REMOVED_OPTIONS = {
     "--samples": "--draws N",
     **dict.fromkeys(("--scheduler", "--scheduler-file"), "--executor dask=tcp://HOST:PORT"),
     "--reseat": "--noise, the spread of repeats with the wheel mounted again",
-    **dict.fromkeys(("--trial", "--verify", "--trial-torque", "--noise"), "hdassist trials PRESET h0=28.1 h4=17.3"),
+    "--trial": "hdassist mount PRESET h0=28.1 h4=17.3",
 }
 
 

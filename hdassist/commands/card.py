@@ -1,4 +1,4 @@
-"""The assembly card that `hdassist mount` and `hdassist trials` write beside their answer."""
+"""The assembly card that `hdassist mount` writes beside its answer."""
 
 from __future__ import annotations
 
@@ -78,24 +78,21 @@ def give_with_card(
     command: str,
     report: Report,
     card: CardFile | None,
-    facts: Callable[[Texts], CardFacts] | None,
+    facts: Callable[[Texts], CardFacts],
     options: AnswerOptions,
     out: Output,
 ) -> int:
     """Write a report and its card; returns the exit code.
 
     Arguments: command, for the schema; report; card that was asked for; facts that it tells, in the language of its
-    texts, None where no order can be given: then there is no card; options; out.
+    texts; options; out.
     """
     from hdassist.terminal.files import write_text
-    from hdassist.terminal.output import note
     from hdassist.terminal.runs import give
 
     if card and card.path == out.target == "-":  # the card in place of the page
         report = replace(report, head="")
     code = give(command, [report], options, out)
-    if card and facts:
+    if card:
         write_text(card.path, card.text(facts(card.say)), card.force)
-    elif card:
-        note("no card: nothing can be ordered")
     return code

@@ -1,94 +1,146 @@
-"""`hdassist mount`: the position in which to mount the fixed wheel."""
+"""`hdassist mount`: the hole in which to mount the fixed wheel."""
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from hdassist.commands.card import CardFile, give_with_card
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
+from hdassist.verdict import SURE
 
 if TYPE_CHECKING:
+    from hdassist.mounting.advice import Advice
+    from hdassist.mounting.trial import Trial
     from hdassist.preset.fields import Drive
+    from hdassist.readers.wheels import WheelFiles
 
 
 @dataclass(frozen=True, kw_only=True)
-class MountCommand(o.FigureOptions, o.CardOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDriveOptions):
-    """Where to mount the fixed wheel: the hole of its seat with the least error F'_ior.
+class MountCommand(
+    o.PlotOptions, o.CardOptions, o.TrialOptions, o.TraceOptions, o.SamplingOptions, o.PitchOptions,
+    o.LimitedDriveOptions,
+):  # fmt: skip
+    """In which hole of its seat to mount the fixed wheel, by its preset and F'_ior measured in a few holes.
 
     \b
     Examples:
       hdassist mount vzp160
-      hdassist mount vzp160 --step 10 --csv curve.csv
-      hdassist mount my-drive.yaml --set "phases.xi_b=260±10"
-      hdassist mount my-drive.yaml --set mounting.holes=0 --torque 80 -q
+      hdassist mount own.yaml h0=28.1 h4=17.3 h8=24.9 --noise 0.5 --card card.html
+      hdassist mount own.yaml h0=28.1 h4=17.3 h8=24.9 h5=16.4 --verify h5=16.2
+      hdassist mount my-drive.yaml --set "phases.xi_b=260±10" --limit 30
+      hdassist mount my-drive.yaml --bolted 5 -q
       hdassist mount my-drive.yaml --pitch-b wheel.csv --mark-b 120
       hdassist mount my-drive.yaml --compensated output:256
       hdassist mount my-drive.yaml --card card.html --lang ru --serial 17-042
 
     The fixed wheel is the rigid wheel (circular spline) or the flexspline. Turns are counter-clockwise seen from the
-    side of the cam (wave generator), from where the wheel stands. The best position is that in which the torque served
-    worst gains most, among the holes that mounting.allowed leaves; mounting.holes: 0 means a free angle. All that the
-    preset does not know exactly is drawn jointly, as check draws it (docs/unknown.md): what is assumed with a range,
-    has an uncertainty (k = 2), or is not given. A turn is ordered where it gains more than 1 % with the --probability;
-    else there is no order, no card, and exit code 6, and the page names the measurement to make. -q prints the hole (or
-    the angle) alone, 0 for "leave it", unknown where no order can be given.
+    side of the cam (wave generator), from where the wheel stood at first. All that the preset does not know exactly is
+    drawn jointly, as check draws it (docs/unknown.md). The hole is that of the least expected loss at the torque served
+    worst, with a limit the likeliest to keep it. TURN or LEAVE: the choice is right with a probability of 95 %
+    (--sure), a turn where it gains more than 1 %. BEST BET: it is less sure. ANY HOLE: none is expected to be better
+    than another by 1 %. -q prints the hole (or the angle) alone. The exit code is 0 for all of them; with --sure it is
+    6 where the choice is less sure.
 
-    Where the direction of the cam offset is not known, hdassist trials finds it from measurements in a few positions.
+    F'_ior measured in holes makes it surer: the first three 120 deg apart, at a light torque, the wheel taken out and
+    put back each time. The page names the hole to measure next and what that is expected to bring, until a further
+    value is worth less than 2 % (--worth). A value may be the file of a record: its F'_ior and uncertainty are those of
+    hdassist measure, the full cycle needed. measured.F_ior of the preset counts too. A misread value is named; --verify
+    compares the outcome with its prediction and says keep, or go back (3).
 
-    --compensated has what a stored correction (hdassist compensate) leaves that is made in each hole for each torque,
-    and the order goes by that; where it tells no hole from another, by F'_ior.
-
-    --pitch-b and --pitch-g put measured teeth in place of the first harmonics, tooth by tooth from the mark. Every
-    state is solved then, and no input is drawn.
+    --bolted has a turn earn so many per cent, for a drive that is assembled already. --compensated has what a stored
+    correction (hdassist compensate) leaves that is made in each hole for each torque. --pitch-b and --pitch-g put
+    measured teeth in place of the first harmonics, tooth by tooth from the mark: every state is solved then, and no
+    input is drawn. hdassist trials is the same command.
     """
 
     preset: str
+    trials: list[str] | None = None
+    verify: str | None = None
     step: float | None = None
     compensated: str | None = None
-    probability: float = 0.95
-    plot: bool = True
-    details: bool = False
+    bolted: float | None = None
+    worth: float = 2.0
     cross_check: str = "highs"
 
     def run(self) -> int:
-        """Find the position; returns the exit code."""
-        from hdassist.correction.mounted import advice_corrected, corrected_states, form_of_text
-        from hdassist.mounting.advice import advice_states, advise
-        from hdassist.pages.mount import mount_card_facts, mount_report
-        from hdassist.terminal.runs import note_time
-        from hdassist.terminal.wheels import pitch_files, read_teeth
+        """Find the hole; returns the exit code."""
+        from hdassist.mounting.trial import read_trial_or_record
+        from hdassist.terminal.wheels import pitch_files
 
         out = self.open()
-        form = form_of_text(self.compensated) if self.compensated else None
         card = CardFile.asked(self, self, out)
         files = pitch_files([self.preset], self)
+        drive, reading = self.load(self.preset), self.reading()
+        if self.verify is not None and card:
+            raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
+        # before the imports below, which take longer than all of this
+        trials = [read_trial_or_record(text, drive, reading, self.seed) for text in self.trials or ()]
+        outcome = None
+        if self.verify is not None:
+            outcome = read_trial_or_record(self.verify, drive, reading, self.seed, drive.mounting.allowed)
+        begun = time.monotonic()
+
+        from hdassist.pages.mount import mount_card_facts, mount_report
+        from hdassist.terminal.runs import note_time
+
+        is_tried = bool(trials or outcome)
+        advice = self._after(out, drive, trials, outcome) if is_tried else self._before(out, drive, files)
+        report = mount_report(advice, self.seed, carded=card is not None, sure=self.sure)
+        if self.verbose:
+            note_time(report, begun)
+        return give_with_card("mount", report, card, lambda say: mount_card_facts(advice, say), self, out)
+
+    @property
+    def cost(self) -> float:
+        """Share of F'_ior that a turn has to earn."""
+        from hdassist.mounting.decision import LEAST_GAIN
+
+        return LEAST_GAIN if self.bolted is None else self.bolted / 100
+
+    def _before(self, out: o.Output, drive: Drive, files: WheelFiles) -> Advice:
+        """The advice by the preset alone."""
+        from hdassist.correction.mounted import advice_corrected, corrected_states, form_of_text
+        from hdassist.mounting.advice import advice_states, advise
+        from hdassist.mounting.posterior import TrialSetup
+        from hdassist.terminal.wheels import read_teeth
+
+        form = form_of_text(self.compensated) if self.compensated else None
         if form and files.files:
             raise UsageError("--compensated does not take measured teeth", "leave out --pitch-b and --pitch-g")
-        drive = self.load(self.preset)
         measured = read_teeth(files, drive)
-        torques, rotations, begun = drive.operation.M_g, _rotations(drive, self.step), time.monotonic()
+        torques, rotations = drive.operation.M_g, _rotations(drive, self.step)
         states = advice_states(drive, len(rotations), draws=self.draws, measured=measured)
         if form:
             states += corrected_states(drive, len(rotations), self.draws)
+        setup = TrialSetup(self.torque_of(torques), self.noise)
         with out.run(drive.name, states, self) as run:
             advice = advise(
-                drive,
-                torques=torques,
-                rotations_deg=rotations,
-                measured=measured,
-                draws=self.draws,
-                needed=self.probability,
-                run=run,
-            )
-            advice = advice_corrected(advice, form, self.draws, run) if form else advice
-        facts = None if advice.order == "none" else lambda say: mount_card_facts(advice, say)
-        report = mount_report(advice, self.seed, carded=card is not None)
-        if self.verbose:
-            note_time(report, begun)
-        return give_with_card("mount", report, card, facts, self, out)
+                drive, torques, rotations, measured=measured, setup=setup, draws=self.draws, sure=self.sure or SURE,
+                cost=self.cost, worth=self.worth / 100, run=run,
+            )  # fmt: skip
+            return advice_corrected(advice, form, self.draws, run) if form else advice
+
+    def _after(self, out: o.Output, drive: Drive, trials: list[Trial], outcome: Trial | None) -> Advice:
+        """The advice after measured values."""
+        from hdassist.mounting.advice import advice_states, advise_after
+        from hdassist.mounting.posterior import TrialSetup
+
+        for option in ("step", "compensated", "pitch_b", "pitch_g"):
+            if getattr(self, option) is not None:
+                raise UsageError(f"{o.option_name(option)} does not take measured values", "leave one of them out")
+        torques = others = drive.operation.M_g
+        if self.torque and self.preset != "-":
+            others = replace(self, torque=[], limit=[]).load(self.preset).operation.M_g
+        setup = TrialSetup(self.torque_of(torques), self.noise)
+        states = advice_states(drive, 0, draws=self.draws, trials=True)
+        with out.run(drive.name, states, self) as run:
+            return advise_after(
+                drive, trials, setup, outcome=outcome, draws=self.draws, sure=self.sure or SURE, cost=self.cost,
+                worth=self.worth / 100, other_torques=others, run=run,
+            )  # fmt: skip
 
 
 def _rotations(drive: Drive, step: float | None) -> list[float]:

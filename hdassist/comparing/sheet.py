@@ -31,12 +31,12 @@ class DriveSheet:
     @property
     def certificate(self) -> Certificate:
         """Worst residuals of all three."""
-        return self.check.certificate + self.advice.curve.certificate + self.stiffness.certificate
+        return self.check.certificate + self.advice.certificate + self.stiffness.certificate
 
     @property
     def cross_checks(self) -> tuple[CrossCheck | None, ...]:
         """Cross-checks of all three."""
-        return (*self.check.cross_checks, *self.advice.curve.cross_checks, self.stiffness.cross_check)
+        return (*self.check.cross_checks, *self.advice.cross_checks, self.stiffness.cross_check)
 
 
 def sheet_states(drive: Drive, draws: int = EFFECTIVE_SAMPLES) -> int:

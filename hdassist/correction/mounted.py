@@ -14,10 +14,10 @@ from hdassist.errors import UsageError
 from hdassist.model.deviations import carried
 from hdassist.model.kinematics import Kinematics
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.corrected import CorrectedPositions
-from hdassist.mounting.losses import PositionStatistics
+from hdassist.mounting.decision import Decision
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY
 
 
 def form_of_text(text: str) -> CorrectionForm:
@@ -33,33 +33,31 @@ def form_of_text(text: str) -> CorrectionForm:
 
 
 def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run) -> Advice:
-    """An advice ordered by what a correction leaves that is made in each position and for each torque.
+    """An advice by what a correction leaves that is made in each position and for each torque.
 
-    Arguments: draws, drives of the same weight, from the samples of the advice. The error of each drive is that of its
-    own lines there, as if it were recorded in that position.
+    Where that tells no hole from another, the advice as it was. Arguments: draws, drives of the same weight, from the
+    samples of the advice. The error of each drive is that of its own lines there, as if it were recorded in that
+    position, with all that these lines do not have.
     """
-    if advice.any_hole or advice.no_hole_better or (advice.unknown and not advice.positions):
+    drive, found, drives = advice.drive, advice.decision, [dict[str, float]()]
+    if found.all_alike:
         return advice
-    drive, drives = advice.drive, [dict[str, float]()]
-    usable = tuple(sorted(each.rotation_deg for each in advice.choice.ranked))
-    if advice.positions and advice.samples:
-        drives, usable = advice.samples.of_ranges.equal_drives(draws), advice.positions.rotations_deg
-    every, proof, found = sorted({0.0, *usable}), advice.curve.certificate, []
+    if found.is_sampled and advice.samples:
+        drives = advice.samples.of_ranges.equal_drives(draws)
+    every, proof, left = sorted({0.0, *found.rotations_deg}), EMPTY, []
     for rotation_deg in every:
         changes = [turned(drive, values, rotation_deg) for values in drives]
-        for M_g in advice.curve.torques:
+        for M_g in advice.torques:
             error, of_states = loaded_error(drive, M_g, changes, run, alike=len(drives) == 1)
             proof += of_states
-            fitted = form.fitted(error.lines, M_g)
-            found.append([ranges_left(fitted, each)[0] for each in (error, replace(error, beyond=0.0))])
-    left = np.reshape(found, (len(every), -1, 2, len(drives))).transpose(2, 1, 3, 0)  # (2, torques, drives, positions)
-    columns = [every.index(each) for each in usable]
-    most, least = (
-        PositionStatistics(usable, each[..., columns], each[..., every.index(0.0)], np.ones(len(drives)), True)
-        for each in left
-    )
-    curve = replace(advice.curve, certificate=proof)
-    return replace(advice, curve=curve, corrected=CorrectedPositions(form.name, most, least))
+            left.append(ranges_left(form.fitted(error.lines, M_g), error)[0])
+    arcsec = np.reshape(left, (len(every), -1, len(drives))).transpose(1, 2, 0)  # (torques, drives, positions)
+    columns = [every.index(each) for each in found.rotations_deg]
+    ones, now = np.ones(len(drives)), arcsec[..., every.index(0.0)]
+    decision = Decision(found.rotations_deg, arcsec[..., columns], now, ones, (), found.cost)
+    curve = advice.curve and replace(advice.curve, certificate=advice.curve.certificate + proof)
+    advice = replace(advice, curve=curve, compensated=(form.name, decision))
+    return advice if decision.word(advice.sure) == "ANY_HOLE" else replace(advice, decision=decision, value=None)
 
 
 def corrected_states(drive: Drive, positions: int, draws: int) -> int:

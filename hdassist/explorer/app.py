@@ -34,7 +34,6 @@ from hdassist.explorer.panes import MARKS, Holes, Levers, Pane, seat_pane, value
 from hdassist.explorer.screens import EXPLAINED, Form, Notice
 from hdassist.explorer.state import Session
 from hdassist.model.unknown import unknowns
-from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import hole_words, usable_positions
 from hdassist.preset.kinds import text_of
 from hdassist.preset.schema import ResolvedField, resolved_fields
@@ -230,9 +229,8 @@ class Explorer(Exporting):
             ranked = advice.choice.ranked
             letters[ranked[0].rotation_deg] += "B"
             letters[ranked[-1].rotation_deg] += "W"
-        if advice and words.why_no_card(self.known.report):
-            to_try = advice.to_try[0].rotation_deg if isinstance(advice, Advice) else advice.to_measure_next[0]
-            letters[to_try] += "?"
+        if advice and advice.next:
+            letters[advice.next.rotation_deg] += "?"
         for at in {*self.session.positions} - {*usable_positions(drive.mounting.holes, drive.mounting.allowed)}:
             letters[at] += "x"
         return letters

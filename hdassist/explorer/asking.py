@@ -32,7 +32,6 @@ from hdassist.preset.fields import Drive
 from hdassist.report import Report
 from hdassist.terminal.console import PLAIN_CHARACTERS
 from hdassist.terminal.words import again
-from hdassist.trials.advice import TrialAdvice
 from hdassist.visible import visible
 
 REST = 0.7  # s without a key before the cam turn and the steps of levers are asked for
@@ -50,7 +49,7 @@ class Known:
     page: Report | None = None  # of the check
     old: DesignCheck | None = None
     first: FirstErrors | None = None
-    advice: Advice | TrialAdvice | None = None
+    advice: Advice | None = None
     report: Report | None = None  # of the advice
     effects: LeverEffects | None = None
     turn: Report | None = None  # of a typical drive

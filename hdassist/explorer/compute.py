@@ -25,19 +25,17 @@ from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import no_hole_better, unknown_turn, unknowns
-from hdassist.mounting.advice import Advice, advise
-from hdassist.mounting.losses import PositionStatistics
+from hdassist.mounting.advice import Advice, advise, advise_after
+from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import rotated, seat_positions
+from hdassist.mounting.posterior import TrialSetup
 from hdassist.pages.check import check_report
 from hdassist.pages.mount import mount_report
 from hdassist.pages.trace import trace_report
-from hdassist.pages.trials import trials_report
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.run.processes import workers
 from hdassist.run.run import UNCHECKED, Run
-from hdassist.trials.advice import advise_from_trials
-from hdassist.trials.prior import Rig, TrialEffort
 
 FEWEST_SEEN = 8  # effective samples: the range of fewer is none
 SEED = 0  # of samples and of states solved again, as the commands have it
@@ -130,15 +128,11 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
             tell("first", FirstErrors([error.F_ior_arcsec for error in errors], SURE_PROVEN))
         _checked(drive, effort, run, tell)
         if is_tried(drive):
-            tried = advise_from_trials(
-                drive, (), Rig(TRIALS.torque_of(drive.operation.M_g)), effort=TrialEffort.of(effort.draws // 2), run=run
-            )
-            tell("curve", _statistics_curve(tried.losses))
-            tell("report", trials_report(tried))
-            tell("advice", tried)
-            return
-        advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=effort.draws, run=run)
-    if advice.positions or not advice.unknown:
+            setup = TrialSetup(TRIALS.torque_of(drive.operation.M_g))
+            advice = advise_after(drive, (), setup, draws=effort.draws, run=run)
+        else:
+            advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=effort.draws, run=run)
+    if advice.decision.is_sampled or not advice.unknown:
         tell("curve", _mount_curve(advice))
     tell("report", mount_report(advice, SEED))
     tell("advice", advice)
@@ -230,7 +224,7 @@ def _searched(rotations_deg: tuple[float, ...], drive: Drive) -> Array:
     return errors_by_turn(error_maps(drive, torques), drive, torques, rotations_deg)[1]
 
 
-def _statistics_curve(found: PositionStatistics) -> SeatCurve:
+def _statistics_curve(found: Decision) -> SeatCurve:
     rotations = tuple(sorted({0.0, *found.rotations_deg}))
     values = [
         [found.quantile(share, found.place(at)) for at in rotations]
@@ -240,9 +234,8 @@ def _statistics_curve(found: PositionStatistics) -> SeatCurve:
 
 
 def _mount_curve(advice: Advice) -> SeatCurve:
-    if advice.positions:
-        return _statistics_curve(advice.positions)
-    curve = advice.curve
+    if not (curve := advice.curve) or advice.decision.is_sampled:
+        return _statistics_curve(advice.decision)
     sure = tuple(SURE_PROVEN if each else SURE_REFINED for each in np.atleast_1d(curve.every_state.all(axis=0)))
     return SeatCurve(tuple(curve.rotation_deg.tolist()), np.stack([curve.F_ior_arcsec] * 3), sure)
 

@@ -13,10 +13,8 @@ from hdassist.explorer.asking import Asking
 from hdassist.explorer.screens import Form, Notice
 from hdassist.explorer.words import why_no_card
 from hdassist.loading.write import with_changes
-from hdassist.mounting.advice import Advice
 from hdassist.pages.documents import report_html, report_markdown
 from hdassist.pages.mount import mount_card_facts
-from hdassist.pages.trials import trials_card_facts
 from hdassist.terminal.console import Style
 from hdassist.terminal.files import put_text, require_writable
 from hdassist.terminal.texts import texts
@@ -37,8 +35,8 @@ class Exporting(Asking):
             self.notify(f"no card: {why}", severity="warning")
             return
         say = texts()
-        facts = mount_card_facts(advice, say) if isinstance(advice, Advice) else trials_card_facts(advice, say)
-        hint = f"{', '.join(CARD_SUFFIXES)}; from {'the prediction' if isinstance(advice, Advice) else 'these trials'}"
+        facts = mount_card_facts(advice, say)
+        hint = f"{', '.join(CARD_SUFFIXES)}; from {'the measured values' if advice.trials else 'the prediction'}"
         name = self.named("-card.html")
         self.ask_file("assembly card", name, hint, lambda path: CardFile.named(path, say, "").text(facts))
 

@@ -90,10 +90,10 @@ class Session:
         return tuple(360 * k / holes for k in range(holes))
 
     def command(self, name: str = "") -> str:
-        """The command line that gives the same answer: that of a command by name, without one of mount or trials."""
+        """The command line that gives the same answer: that of a command by name, without one of mount."""
         pinned = self.pinned.origin.file
         other = ("--pin", pinned) if name == "explore" and pinned != self.drive.origin.file else ()
-        return again(name or ("trials" if is_tried(self.drive) else "mount"), self.drive, *other)
+        return again(name or "mount", self.drive, *other)
 
     def trace_command(self, M_g: float, typical: Mapping[str, float]) -> str:
         """The same of the cam turn at a torque [N*m] of a typical drive, the fixed wheel as it is looked at."""

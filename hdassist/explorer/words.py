@@ -30,7 +30,7 @@ VERDICT_STYLES: dict[str, str] = {
 
 def why_no_card(report: Report | None) -> str:
     """Why there is no card of an advice; empty where there is one."""
-    return "" if report and not report.exit_code else "nothing is ordered" if report else "nothing is proven yet"
+    return "" if report else "nothing is proven yet"
 
 
 def head(session: Session) -> Text:

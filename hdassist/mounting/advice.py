@@ -1,16 +1,15 @@
-"""Where to mount the fixed wheel: the gain of each position over all that is not known of the drive, and the order."""
+"""In which hole to mount the fixed wheel: the decision by all that is known of the drive, measured values among it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from hdassist.belief.evidence import evidence_of, measured_errors
 from hdassist.belief.influence import Influence, influences_on
-from hdassist.belief.measure import MeasurementGain, gains_for
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import (
     EFFECTIVE_SAMPLES,
@@ -19,170 +18,231 @@ from hdassist.belief.samples import (
     draw_samples,
     limits_settled,
 )
-from hdassist.belief.statistics import Probability, could_be_sure
 from hdassist.error.error_map import SEARCHED, searchable
 from hdassist.error.self_error import limits_left
 from hdassist.error.sloped import DRAWN_STATES
+from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.deviations import standing_offset
+from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.mounting.corrected import CorrectedPositions
 from hdassist.mounting.curve import is_searched, mounting_curve
-from hdassist.mounting.losses import LEAST_TURNED_GAIN, PositionStatistics
-from hdassist.mounting.positions import Choice, MountingCurve, Position, usable_positions
+from hdassist.mounting.decision import (
+    FEWEST_VALUES,
+    LEAST_GAIN,
+    WORTH,
+    Decision,
+    MeasurementValue,
+    Word,
+    as_measured,
+    value_of_measurement,
+)
+from hdassist.mounting.positions import (
+    Choice,
+    MountingCurve,
+    Position,
+    hole_of,
+    phase_deg,
+    rotated,
+    usable_positions,
+)
+from hdassist.mounting.posterior import (
+    HolePosterior,
+    HoleSamples,
+    TableSampling,
+    TrialSetup,
+    hole_samples,
+    likelier_torque,
+    posterior_of,
+    table_states,
+)
+from hdassist.mounting.trial import TRIAL_HINT, Trial
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
-from hdassist.verdict import SURE, Verdict, verdict_by_probability
+from hdassist.solve.answers import EMPTY, Certificate
+from hdassist.solve.throughcvxpy import CrossCheck
+from hdassist.verdict import SURE
 
-GAIN_DRAWS = 4  # times as many, at most, where chance leaves open whether a turn gains: they halve the interval
+MOST_VALUES = 6  # measured values of which the gain is foreseen before any
+DOUBTED = 0.5  # probability from which on a value is taken for misread
+UNSHOWN_VALUES = 0.95  # probability of curves that no drive made, from which on the preset is doubted
+
+
+@dataclass(frozen=True)
+class Verification:
+    """A value measured after an advice, in the hole that the wheel stands in, beside its prediction [arcsec].
+
+    expected_arcsec, and 2.5 % and 97.5 % quantiles, from the values before it; back_to, the value in whose hole the
+    wheel is expected to be better, None where it stays.
+    """
+
+    trial: Trial
+    expected_arcsec: float
+    low_arcsec: float
+    high_arcsec: float
+    back_to: Trial | None
+
+    @property
+    def as_predicted(self) -> bool:
+        """Whether the value lies between the quantiles."""
+        return self.low_arcsec <= self.trial.F_ior_arcsec <= self.high_arcsec
 
 
 @dataclass(frozen=True, eq=False)
 class Advice:
-    """Advice on one drive.
+    """In which hole to mount the fixed wheel, how sure that is, and what measuring would bring.
 
-    curve of the drive as the preset has it, with unknown deviations as 0; samples of the uncertain inputs, None
-    without samples; positions over them; gain_probability, that of the best other
-    position to be better than the present one; stay_probability, that the present one is nearly as good as the best;
-    measured: wheels in place of first harmonics, for which there is the curve alone; unknown: deviations that are not
-    known; open_: fields, by path, that are not known exactly; as_given: whether to order by the values as given
-    without samples; needed: probability of a gain for which a turn is ordered; corrected: what a stored
-    correction leaves in the positions, where the order goes by that.
+    decision, over samples of all that is not known; curve, of the drive as the preset has it with unknown deviations as
+    0, none where holes were measured; samples of the belief; setup, how holes are measured, trials, measured values,
+    and after, samples after these; value, of further values; likelier_torque [N*m], at which the values are far more
+    probable than at that of the setup; measured: wheels in place of first harmonics; unknown: deviations that are not
+    known; open_: fields, by path, that are not known exactly; sure, probability from which on a choice is an order;
+    worth, gain below which measuring stops; compensated: words for a stored correction, and the decision by what
+    it leaves; verification of a choice; fault: why nothing could be drawn.
     """
 
     drive: Drive
-    curve: MountingCurve
+    decision: Decision
+    curve: MountingCurve | None = None
     samples: Samples | None = None
-    positions: PositionStatistics | None = None
-    gain_probability: Probability | None = None
-    stay_probability: Probability | None = None
+    setup: TrialSetup | None = None
+    trials: tuple[Trial, ...] = ()
+    after: HolePosterior | None = None
+    value: MeasurementValue | None = None
+    likelier_torque: float | None = None
     measured: MeasuredTeeth | None = None
     unknown: tuple[Unknown, ...] = ()
     open_: tuple[str, ...] = ()
-    as_given: bool = True
-    needed: float = SURE
-    corrected: CorrectedPositions | None = None
+    sure: float = SURE
+    worth: float = WORTH
+    compensated: tuple[str, Decision] | None = None
+    verification: Verification | None = None
+    fault: str = ""
 
     @property
-    def chosen(self) -> Position:
-        """The position to choose."""
-        return self.choice.chosen
+    def torques(self) -> tuple[float, ...]:
+        """Torques that decide [N*m]."""
+        return tuple(self.drive.operation.M_g)
 
     @property
-    def gain(self) -> float:
-        """Share of the error of the present position that the chosen one takes off, at the torque served worst."""
-        return self.gain_range[1]
-
-    @property
-    def gain_range(self) -> tuple[float, float, float]:
-        """5th percentile, median and 95th percentile of the gain; all the same without samples."""
-        if not self.positions:
-            return (-self.curve.recommended.change_from(self.curve.current),) * 3
-        return self.positions.range_of(self.positions.gains(self.positions.best))
-
-    @property
-    def best_gain_range(self) -> tuple[float, float, float]:
-        """The same of the position that is the best one in each sample, whichever that is."""
-        return self.positions.range_of(self.positions.best_gains) if self.positions else self.gain_range
-
-    @property
-    def any_hole(self) -> bool:
-        """Whether the direction that decides is unknown, and F'_ior not measured: any hole may be the best one."""
-        is_known = self.no_hole_better or measured_errors(self.drive)
-        return bool(self.unknown and unknown_turn(self.drive) and not is_known)
+    def word(self) -> Word:
+        """The choice in a word."""
+        return self.decision.word(self.sure)
 
     @property
     def no_hole_better(self) -> str:
         """Why any hole is as good as any other, as model.unknown has it; empty where one may be better."""
-        found = no_hole_better(self.drive)
-        return "" if found == "turning" and self.measured and self.measured.fixed(self.drive) else found
+        return "" if self.trials else _no_hole_better(self.drive, self.measured)
 
     @property
-    def has_curve(self) -> bool:
-        """Whether the curve means anything: without the size of the offset that stands still it is flat."""
-        return not self.any_hole or self.drive.value(standing_offset(self.drive)[0]) is not None
-
-    @cached_property
-    def order(self) -> str:
-        """Order on the wheel: turn, leave, or none, where unknown inputs could reverse it.
-
-        A turn is ordered where it gains more than LEAST_GAIN with the probability that is needed; the wheel is left
-        where that is as improbable, or no position is clearly better than the present one. A forbidden position is
-        always left. Without unknown inputs, or where they are wanted as given, the curve decides, unless a deviation is
-        not known.
-        """
-        forbidden = not self.curve.usable[0]
-        if self.no_hole_better:
-            return "turn" if forbidden else "leave"
-        undrawn = not self.positions and bool(self.unknown or (self.open_ and not self.as_given))
-        if self.any_hole or undrawn:
-            return "none"
-        if forbidden:
-            return "turn"
-        if self.order_corrected != "none":
-            return self.order_corrected
-        if self.gain_probability is None:
-            return "turn" if self.gain > LEAST_TURNED_GAIN else "leave"
-        verdict = verdict_by_probability(self.gain_probability.value, self.needed)
-        if verdict is Verdict.PASS and self.positions and self.positions.chosen[0]:
-            return "turn"
-        stays = self.stay_probability is not None and self.stay_probability.value >= self.needed
-        return "leave" if verdict is Verdict.FAIL or stays else "none"
-
-    @cached_property
-    def order_corrected(self) -> str:
-        """Order by what a stored correction leaves; none where that tells no position from another."""
-        return self.corrected.order(self.needed) if self.corrected else "none"
+    def certificate(self) -> Certificate:
+        """Proof of all states behind it."""
+        parts = (self.curve, self.samples, self.after and self.after.samples)
+        return sum((each.certificate for each in parts if each), EMPTY)
 
     @property
-    def to_try(self) -> tuple[Position, ...]:
-        """Usable positions, three that lie apart as far as they can, in which trials would tell; none measured yet."""
-        tried = {each.rotation_deg for each in measured_errors(self.drive)}
-        usable = sorted(self.choice.ranked, key=lambda p: p.rotation_deg)
-        usable = [p for p in usable if p.rotation_deg not in tried] or usable
-        wanted = (0.0, 120.0, 240.0)
-        near = [min(usable, key=lambda p: abs((p.rotation_deg - at + 180) % 360 - 180)) for at in wanted]
-        return tuple({p.rotation_deg: p for p in near}.values())
+    def cross_checks(self) -> tuple[CrossCheck, ...]:
+        """States that another solver solved again."""
+        return tuple(self.curve.cross_checks) if self.curve else ()
+
+    def position(self, place: int | None) -> Position:
+        """One of the holes by its place, None: where the wheel stands; its median F'_ior over the samples."""
+        found = self.decision
+        rotation = 0.0 if place is None else found.rotations_deg[place]
+        drive = self.drive
+        if self.after and self.after.facing[0] is not None:
+            drive = drive.with_values({standing_offset(drive)[1]: self.after.facing[0]})
+        phase = phase_deg(rotated(drive, rotation), self.measured and self.measured.rotated(drive, rotation))
+        return Position(rotation, phase, hole_of(rotation, drive.mounting.holes), found.quantile(0.5, place))
 
     @cached_property
     def choice(self) -> Choice:
-        """The chosen position beside the others; where there are samples, with the median F'_ior over them."""
-        curve, turn = self.curve, self.order == "turn"
-        found = Choice(self.drive, curve.torques, curve.current, curve.recommended, turn, tuple(curve.ranked))
-        if self.positions:
-            found = self.positions.choice(self.drive, self.drive.number(standing_offset(self.drive)[1]))
-            found = replace(found, torques=curve.torques, turn=turn)
-        if self.corrected and self.order_corrected == "turn":
-            best = self.corrected.most.rotations_deg[self.corrected.most.challenger or 0]
-            return replace(found, chosen=next(p for p in found.ranked if p.rotation_deg == best))
-        return found
+        """The chosen position beside the others."""
+        found = self.decision
+        ranked = tuple(map(self.position, found.ranked))
+        chosen = self.position(found.best)
+        return Choice(self.drive, self.torques, self.position(found.stay), chosen, bool(chosen.rotation_deg), ranked)
 
-    @cached_property
-    def _log_ratios(self) -> np.ndarray | None:
-        """Logarithm of F'_ior in the best other position over that now, at the torque served worst, (samples,)."""
-        if not self.positions or (place := self.positions.challenger) is None:
+    @property
+    def correction(self) -> str:
+        """Words for the stored correction that the choice goes by; empty where it goes by F'_ior."""
+        return self.compensated[0] if self.compensated and self.compensated[1] is self.decision else ""
+
+    @property
+    def by_torque(self) -> tuple[Position, ...]:
+        """What each torque alone would choose."""
+        return tuple(self.position(self.decision.of_torque(k).best) for k in range(len(self.torques)))
+
+    @property
+    def gain_range(self) -> tuple[float, float, float]:
+        """5th percentile, median and 95th percentile of the share of F'_ior that the choice takes off."""
+        return self.decision.range_of(self.decision.gains(self.decision.best))
+
+    @property
+    def values(self) -> int:
+        """Number of measured values that the decision rests on."""
+        return len(self.trials) or len(measured_errors(self.drive))
+
+    @property
+    def to_try(self) -> tuple[Position, ...]:
+        """Usable positions, three that lie apart as far as they can, to measure first."""
+        return tuple(self.position(self.decision.place(turn)) for turn in _thirds(self.decision.rotations_deg))
+
+    @property
+    def next(self) -> Position | None:
+        """The position to measure next; None where further values are not worth it."""
+        value = self.value
+        if not value or not (self.values < FEWEST_VALUES or value.is_worth(self.worth)):
             return None
-        return np.asarray(np.log(np.maximum(1 - self.positions.gains(place), 1e-9)))
+        if not self.values and value.F_ior_arcsec[0] - value.F_ior_arcsec[-1] < self.worth * value.F_ior_arcsec[0]:
+            return None
+        return self.position(self.decision.place(value.rotation_deg))
+
+    @property
+    def worths(self) -> tuple[tuple[int, float], ...]:
+        """Numbers of measured values, and F'_ior [arcsec] that is expected in the hole chosen then."""
+        if not self.value:
+            return ()
+        steps = (0, 3, 4, 5, 6) if not self.values else (0, 1, 3)
+        expected = self.value.F_ior_arcsec
+        return tuple((self.values + step, expected[step]) for step in steps if step < len(expected))
+
+    @property
+    def suspected(self) -> Trial | None:
+        """The value without which the others are the most probable, where one is more probably misread than not."""
+        misread = self.after.misread if self.after else np.zeros(0)
+        return self.trials[int(np.argmax(misread))] if misread.sum() > DOUBTED else None
+
+    @property
+    def contradicted(self) -> tuple[str, float, float] | None:
+        """Direction of the standing offset that the values contradict: its path, where they put it, and how sure [deg].
+
+        None where they do not, or nothing was stated.
+        """
+        path = standing_offset(self.drive)[1]
+        stated, (found, spread) = self.drive.value(path), self.after.facing if self.after else (None, None)
+        if stated is None or found is None or spread is None or path in self.drive.uncertainty:
+            return None
+        off = abs((found - float(stated) + 180) % 360 - 180)
+        return (path, found, spread) if off > 3 * max(spread, 5.0) else None
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
-        """Shares of the variance of the logarithm of that ratio by field, the largest first."""
-        if self.samples is None or self._log_ratios is None:
+        """Shares of the variance of the logarithm of F'_ior in the best other hole over that now, by field."""
+        found = replace(self.decision, room_arcsec=())
+        if self.samples is None or (place := found.challenger) is None:
             return ()
-        return influences_on(self.samples.of_ranges, self._log_ratios)
-
-    @cached_property
-    def to_measure(self) -> tuple[MeasurementGain, ...]:
-        """Measurements that would settle the order, by how much more often it would be right; empty where settled."""
-        if self.order != "none" or self.samples is None or self._log_ratios is None:
-            return ()
-        return gains_for(self.samples.of_ranges, self._log_ratios, np.log(1 - LEAST_TURNED_GAIN))
+        return influences_on(self.samples.of_ranges, np.log(np.maximum(1 - found.gains(place), 1e-9)))
 
 
-def advice_states(drive: Drive, positions: int, *, draws: int, measured: MeasuredTeeth | None = None) -> int:
+def advice_states(
+    drive: Drive, positions: int, *, draws: int, measured: MeasuredTeeth | None = None, trials: bool = False
+) -> int:
     """Number of states that an advice at so many positions solves, about, for a progress bar."""
     cycle, torques = Kinematics.of(drive).cycle_states, len(drive.operation.M_g)
+    if trials:
+        return table_states(drive, torques, TableSampling.of(draws))
     drawn = bool(draws and prior_of(drive).fields) and not measured and searchable(drive)
     if not is_searched(drive, positions, drawn=drawn, measured=measured):
         return torques * positions * cycle
@@ -196,48 +256,166 @@ def advise(
     rotations_deg: Sequence[float],
     *,
     measured: MeasuredTeeth | None = None,
+    setup: TrialSetup | None = None,
     draws: int = EFFECTIVE_SAMPLES,
-    needed: float = SURE,
+    sure: float = SURE,
+    cost: float = LEAST_GAIN,
+    worth: float = WORTH,
     run: Run = Run(),
 ) -> Advice:
-    """Find the position in which to mount the fixed wheel of a drive.
+    """Find the hole in which to mount the fixed wheel of a drive, by its preset alone.
 
     Arguments: torques [N*m]; rotations_deg, positions of the curve [deg], 0 first, where the wheel stands; measured,
-    wheels in place of first harmonics, for which no deviation is drawn; draws, effective samples of uncertain inputs at
-    least, 0 for none; needed, probability of a gain for which a turn is ordered, to which that of keeping a limit is
-    drawn too, as `check` does. Raises UsageError for invalid positions, UntrustedError where an answer cannot be
-    trusted, or the preset's catalogue contradicts its other values.
+    wheels in place of first harmonics, for which no deviation is drawn; setup, how holes would be measured; draws,
+    effective samples of uncertain inputs at least, 0 for none; sure, probability that makes an order of the choice;
+    cost, share of F'_ior that a turn has to earn; worth, gain below which measuring stops. Raises UsageError for
+    invalid positions, UntrustedError where an answer cannot be trusted.
     """
     known = measured.without_harmonics(drive) if measured else drive
-    prior = prior_of(known)
+    prior, setup = prior_of(known), setup or TrialSetup(min(torques, key=abs))
     drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
     curve = mounting_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)
     # of a measured wheel all is known
     open_ = tuple(each.path for each in prior.fields if known.value(each.path) == drive.value(each.path))
+    left, alike = limits_left(drive, torques), bool(_no_hole_better(drive, measured)) or _any_direction(known)
+    as_given = replace(Decision.as_given(curve, left), cost=cost, all_alike=alike)
     advice = Advice(
-        drive, curve, measured=measured, unknown=unknowns(known), open_=open_, as_given=not draws, needed=needed
-    )
+        drive, as_given, curve, setup=setup, measured=measured, unknown=unknowns(known), open_=open_, sure=sure,
+        worth=worth,
+    )  # fmt: skip
     if not drawn:
         return advice
     positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
-    left, of = limits_left(drive, torques), partial(PositionStatistics.of, rotations_deg=positions)
+    try:
+        samples = draw_samples(
+            prior, torques, rotations_deg=sorted({0.0, *positions}), evidence=evidence_of(drive),
+            enough=lambda found: limits_settled(left, found, sure), effort=SamplingEffort.of(draws), run=run,
+        )  # fmt: skip
+    except UntrustedError as fault:  # an action never is refused
+        if any(each.M_g == setup.M_g for each in measured_errors(drive)):
+            return advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
+        return replace(advice, fault=fault.message)
+    of_ranges = samples.of_ranges
+    found = replace(Decision.of(of_ranges, positions, left), cost=cost, all_alike=alike)
+    advice = replace(advice, decision=found, samples=samples)
+    if advice.no_hole_better:
+        return advice
+    count = len(measured_errors(drive))
+    shown = found if count else as_measured(found, seed=run.seed)
+    torque = min(range(len(torques)), key=lambda k: (torques[k] != setup.M_g, abs(torques[k])))
+    at_torque = shown.F_ior_arcsec[torque], shown.now_arcsec[torque]
+    return replace(advice, value=_value(shown, at_torque, None, setup, count, run.seed))
 
-    def with_samples(samples: Samples) -> Advice:
-        """The advice with positions over the samples, and the probabilities that an order rests on."""
-        found = of(samples.of_ranges)
-        now, place = found.place(0.0), found.challenger
-        gain = None if place is None else samples.probability(lambda stage: of(stage).is_better(place), needed)
-        stay = None if now is None else samples.probability(lambda stage: of(stage).is_close(now), needed)
-        return replace(advice, samples=samples, positions=found, gain_probability=gain, stay_probability=stay)
 
-    def enough(samples: Samples) -> bool:
-        found = with_samples(samples)
-        gain, can_order = found.gain_probability, not found.any_hole and found.order == "none"
-        more = can_order and gain and could_be_sure(gain, samples.effective, GAIN_DRAWS * draws, needed)
-        return limits_settled(left, samples, needed) and not more
+def advise_after(
+    drive: Drive,
+    trials: Sequence[Trial],
+    setup: TrialSetup,
+    *,
+    outcome: Trial | None = None,
+    draws: int = EFFECTIVE_SAMPLES,
+    effort: TableSampling | None = None,
+    samples: HoleSamples | None = None,
+    sure: float = SURE,
+    cost: float = LEAST_GAIN,
+    worth: float = WORTH,
+    other_torques: Sequence[float] = (),
+    run: Run = Run(),
+) -> Advice:
+    """Find the hole in which to mount the fixed wheel after F'_ior was measured in some holes.
 
-    samples = draw_samples(
-        prior, torques, rotations_deg=sorted({0.0, *positions}), evidence=evidence_of(drive), enough=enough,
-        effort=SamplingEffort.of(draws), run=run,
+    Arguments: trials, measured on the setup, beside those that the preset has at its torque; outcome, a last one, of an
+    advice by the others; effort in place of that for the draws; samples, already drawn; other_torques [N*m], at which
+    values that the drive does not show may have been measured; the others as those of advise. Raises what hole_samples
+    does, and UsageError without any value.
+    """
+    torques, trials = drive.operation.M_g, (*_of_preset(drive, setup, (*trials, outcome)), *trials)
+    if not trials:
+        raise UsageError(f"no trials at {setup.M_g:g} N·m: expected HOLE=VALUE, or measured.F_ior", TRIAL_HINT)
+    every = (*trials, outcome) if outcome else trials
+    positions = usable_positions(drive.mounting.holes, drive.mounting.allowed)
+    if not drive.mounting.holes:
+        positions = sorted({*positions, *(trial.rotation_deg for trial in every)})
+    effort = effort or TableSampling.of(draws)
+    whole = samples or hole_samples(drive, torques, setup, effort=effort, run=run)
+    near = whole.near(every)
+    after = posterior_of(near, every, [*positions, 0.0])
+    found = after.decision(torques, limits_left(drive, torques), cost)
+    noise, likelier = after.noise * setup.noise_arcsec, None
+    if after.by_values > UNSHOWN_VALUES or after.misread.sum() > DOUBTED:
+        likelier = likelier_torque(whole, every)
+        others = sorted({*torques, *other_torques} - {*whole.F_ior_by_torque})
+        if not likelier and others and after.by_values > UNSHOWN_VALUES:
+            likelier = likelier_torque(hole_samples(drive, others, setup, effort=effort, run=run), every)
+    F_ior = after.F_ior_arcsec
+    value = _value(found, (F_ior[:, :-1], F_ior[:, -1]), noise, setup, len(every), run.seed)
+    advice = Advice(
+        drive, found, setup=setup, trials=every, after=after, value=value, likelier_torque=likelier,
+        unknown=unknowns(drive), open_=tuple(each.path for each in prior_of(drive).fields), sure=sure, worth=worth,
     )  # fmt: skip
-    return with_samples(samples)
+    return replace(advice, verification=_verified(advice, outcome)) if outcome else advice
+
+
+def _value(
+    decision: Decision,
+    at_torque: tuple[Array, Array],
+    noise: Array | None,
+    setup: TrialSetup,
+    count: int,
+    seed: int,
+) -> MeasurementValue | None:
+    """What values beside so many bring; None of one hole. at_torque: F'_ior in the holes and at 0, where they are."""
+    if len(decision.rotations_deg) < 2:
+        return None
+    noise = np.full(len(decision.sample_weights), setup.noise_arcsec) if noise is None else noise
+    steps, first = (3, ()) if count else (MOST_VALUES, _thirds(decision.rotations_deg))
+    return value_of_measurement(decision, *at_torque, noise, steps=steps, first=first, seed=seed)
+
+
+def _verified(advice: Advice, outcome: Trial) -> Verification:
+    """The outcome of an advice beside what the values before it predict, and where to go back to."""
+    after, found, before = advice.after, advice.decision, advice.trials[:-1]
+    assert after
+    told = posterior_of(after.samples, before, [outcome.rotation_deg])
+    noise = np.random.default_rng([after.samples.seed, 4]).standard_normal(len(told.noise))
+    read = told.F_ior_arcsec[:, 0] + noise * told.noise * after.samples.noise([outcome])
+    low, high = np.quantile(read, (0.025, 0.975)).tolist()
+
+    as_predicted = low <= outcome.F_ior_arcsec <= high
+
+    def loss(trial: Trial) -> float:
+        """Expected loss in the hole of a value; where the outcome is not as predicted the measured value."""
+        place = found.place(trial.rotation_deg)
+        if place is None:
+            return np.inf
+        return float(found.expected_loss[place]) if as_predicted else trial.F_ior_arcsec / outcome.F_ior_arcsec
+
+    others = [each for each in reversed(before) if each.rotation_deg != outcome.rotation_deg]
+    least = min(others, key=loss, default=outcome)
+    back = least if loss(least) + found.cost < loss(outcome) else None
+    return Verification(outcome, float(told.F_ior_arcsec.mean()), low, high, back)
+
+
+def _of_preset(drive: Drive, setup: TrialSetup, given: Sequence[Trial | None]) -> list[Trial]:
+    """Values that the preset has as measured at the torque of the setup, without those that are given once more."""
+    known = {(each.rotation_deg, each.F_ior_arcsec) for each in given if each}
+    found = [
+        Trial(e.rotation_deg, e.value, noise_arcsec=e.spread) for e in measured_errors(drive) if e.M_g == setup.M_g
+    ]
+    return [each for each in found if (each.rotation_deg, each.F_ior_arcsec) not in known]
+
+
+def _thirds(rotations_deg: Sequence[float]) -> tuple[float, ...]:
+    """Of some rotations [deg] three that lie apart as far as they can."""
+    near = [min(rotations_deg, key=lambda p: abs((p - at + 180) % 360 - 180)) for at in (0.0, 120.0, 240.0)]
+    return tuple(dict.fromkeys(near))
+
+
+def _no_hole_better(drive: Drive, measured: MeasuredTeeth | None) -> str:
+    found = no_hole_better(drive)
+    return "" if found == "turning" and measured and measured.fixed(drive) else found
+
+
+def _any_direction(drive: Drive) -> bool:
+    """Whether the direction that decides is unknown, and F'_ior not measured: any hole may be the best one."""
+    return bool(unknowns(drive) and unknown_turn(drive)) and not measured_errors(drive)

@@ -18,10 +18,8 @@ from scipy.special import ndtri
 from hdassist.belief.misfit import LEAST_SHOWN, MISFITS, SCALE, SMOOTH_NUMBERS, smooth_misfits
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import Probability, effective_number, even_rows, probability_of, weighted_quantile
-from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
-from hdassist.mounting.positions import NO_ERROR, Choice, Position, hole_of, phase_deg, rotated
-from hdassist.preset.fields import Drive
+from hdassist.mounting.positions import NO_ERROR, MountingCurve
 from hdassist.verdict import SURE
 
 GOOD = 0.05  # loss against the best hole below which a hole is as good
@@ -31,7 +29,7 @@ FEWEST_VALUES = 4  # measured values before which it never stops
 
 OUTCOMES = 9  # of a further value that are looked at in each hole
 LOOKED_AT = 512  # samples by which further values are judged
-FUTURES = 32  # drives that further values are played through with
+FUTURES = 64  # drives that further values are played through with
 MOST_CANDIDATES = 24  # holes that a further value may be measured in
 
 Word = Literal["TURN", "LEAVE", "BEST_BET", "ANY_HOLE"]
@@ -81,6 +79,13 @@ class Decision:
         F_ior = np.moveaxis(samples.turned_arcsec[..., columns], 0, 1)
         return cls(rotations_deg, F_ior, samples.F_ior_arcsec.T, samples.weights, room_arcsec)
 
+    @classmethod
+    def as_given(cls, curve: MountingCurve, room_arcsec: Sequence[float | None] = ()) -> Decision:
+        """The decision by the values as given, from F'_ior over the positions of the wheel."""
+        usable = np.flatnonzero(curve.usable)[np.argsort(curve.rotation_deg[curve.usable])]
+        rotations, F_ior = tuple(curve.rotation_deg[usable].tolist()), curve.F_ior_arcsec[:, None, usable]
+        return cls(rotations, F_ior, curve.F_ior_arcsec[:, :1], np.ones(1), room_arcsec)
+
     @property
     def is_sampled(self) -> bool:
         """Whether probabilities are known: not so of values that are taken as given."""
@@ -118,14 +123,14 @@ class Decision:
     # How good each hole is
 
     @cached_property
-    def losses(self) -> Array:
-        """Loss of each hole against the best one at the torque served worst, shape (samples, holes).
+    def served(self) -> Array:
+        """F'_ior in each hole over that at rotation 0, at the torque served worst, shape (samples, holes)."""
+        return np.asarray((self.F_ior_arcsec / np.maximum(self.now_arcsec[:, :, None], NO_ERROR)).max(axis=0))
 
-        A share of F'_ior: of several torques that at which a hole loses most against the hole that is best for it.
-        """
-        least = np.maximum(self.F_ior_arcsec.min(axis=2, keepdims=True), NO_ERROR)
-        worst = (self.F_ior_arcsec / least).max(axis=0)
-        return np.asarray(worst / worst.min(axis=1, keepdims=True) - 1)
+    @cached_property
+    def losses(self) -> Array:
+        """Loss of each hole against the best one at the torque served worst, as a share, shape (samples, holes)."""
+        return np.asarray(self.served / np.maximum(self.served.min(axis=1, keepdims=True), 1e-12) - 1)
 
     @cached_property
     def expected_loss(self) -> Array:
@@ -139,7 +144,7 @@ class Decision:
 
     def gains(self, place: int) -> Array:
         """Share of F'_ior at rotation 0 that a hole takes off at the torque served worst, shape (samples,)."""
-        return np.asarray(1 - (self.at(place) / np.maximum(self.now_arcsec, NO_ERROR)).max(axis=0))
+        return np.asarray(1 - self.served[:, place])
 
     def is_better(self, place: int) -> NDArray[np.bool_]:
         """Whether a hole is better than staying by more than a turn has to earn, shape (samples,)."""
@@ -227,20 +232,6 @@ class Decision:
         one = slice(torque, torque + 1)
         return replace(self, F_ior_arcsec=self.F_ior_arcsec[one], now_arcsec=self.now_arcsec[one], room_arcsec=room)
 
-    def position(self, drive: Drive, cam_deg: float, place: int | None) -> Position:
-        """One of the holes, with its median F'_ior, of a drive whose standing offset points to cam_deg."""
-        rotation = 0.0 if place is None else self.rotations_deg[place]
-        turned = rotated(drive.with_values({standing_offset(drive)[1]: cam_deg}), rotation)
-        hole = hole_of(rotation, drive.mounting.holes)
-        return Position(rotation, phase_deg(turned), hole, self.quantile(0.5, place))
-
-    def choice(self, drive: Drive, cam_deg: float) -> Choice:
-        """The hole to choose beside the others, at the torques of the drive; cam_deg as in position."""
-        ranked = tuple(self.position(drive, cam_deg, place) for place in self.ranked)
-        current = next((p for p in ranked if not p.rotation_deg), self.position(drive, cam_deg, None))
-        chosen = self.position(drive, cam_deg, self.best)
-        return Choice(drive, tuple(drive.operation.M_g), current, chosen, bool(chosen.rotation_deg), ranked)
-
 
 # What further values bring
 
@@ -250,7 +241,7 @@ class MeasurementValue:
     """What further measured values are worth: the hole to measure next, and F'_ior [arcsec] that is expected.
 
     F_ior_arcsec in the hole that would be chosen: now, after one more value, after two, and so on, at the torque of the
-    values.
+    values; of several torques what that served worst leaves of F'_ior there.
     """
 
     rotation_deg: float
@@ -268,7 +259,8 @@ class MeasurementValue:
 
 def value_of_measurement(
     decision: Decision,
-    torque: int,
+    measured_arcsec: Array,
+    now_arcsec: Array,
     noise_arcsec: Array,
     *,
     steps: int = 3,
@@ -279,44 +271,47 @@ def value_of_measurement(
 
     For each hole OUTCOMES values that may be measured there reweigh the samples, and the hole of least loss is chosen
     anew. Further values are played through with FUTURES of the samples as the true drive, each taken where it is
-    expected to bring most. Arguments: torque of the values, by its place; noise_arcsec, standard deviation of a value,
-    shape (samples,); steps, further values; first, rotations [deg] that are measured in any case before others.
+    expected to bring most. Arguments: measured_arcsec, F'_ior in the holes at the torque of the values, shape (samples,
+    holes), and now_arcsec, at rotation 0, shape (samples,); noise_arcsec, standard deviation of a value, shape
+    (samples,); steps, further values; first, rotations [deg] that are measured in any case before others.
     """
-    rng = np.random.default_rng(seed)
-    rows = even_rows(decision.sample_weights, LOOKED_AT)
-    losses, noise = decision.losses[rows], noise_arcsec[rows]
-    F_ior = decision.F_ior_arcsec[torque][rows]
-    some = np.linspace(0, F_ior.shape[1], min(F_ior.shape[1], MOST_CANDIDATES), endpoint=False).astype(int)
+    rng, rows = np.random.default_rng(seed), even_rows(decision.sample_weights, LOOKED_AT)
+    losses, noise, F_ior = decision.losses[rows], noise_arcsec[rows], measured_arcsec[rows]
+    served_arcsec = decision.served[rows] * now_arcsec[rows, None]  # of one torque F'_ior itself
+    count = F_ior.shape[1]
+    candidates = np.linspace(0, count, min(count, MOST_CANDIDATES), endpoint=False).astype(int)
     off = rng.permutation(ndtri((np.arange(LOOKED_AT) + 0.5) / LOOKED_AT))
-    everywhere = F_ior[:, some].T, (F_ior + noise[:, None] * off[:, None])[:, some].T  # (candidates, samples)
+    true = F_ior[:, candidates].T  # (candidates, samples)
+    values = true + noise * off
+    order = np.argsort(values, axis=1)
 
     def gains(weights: Array) -> Array:
         """Expected gain of a value in each candidate [share of F'_ior], shape (candidates,)."""
-        order = np.argsort(everywhere[1], axis=1)
-        by_value = weights[order].cumsum(axis=1)
-        picked = np.array([np.searchsorted(w, (np.arange(OUTCOMES) + 0.5) / OUTCOMES * w[-1]) for w in by_value])
-        values = np.take_along_axis(everywhere[1], np.take_along_axis(order, picked, axis=1), axis=1)
-        density = np.exp(-0.5 * ((values[..., None] - everywhere[0][:, None]) / noise) ** 2) / noise * weights
+        below, levels = weights[order].cumsum(axis=1), (np.arange(OUTCOMES) + 0.5) / OUTCOMES
+        picked = [row[np.searchsorted(w, levels * w[-1])] for row, w in zip(order, below, strict=True)]
+        outcomes = np.take_along_axis(values, np.array(picked), axis=1)[..., None]
+        density = np.exp(-0.5 * ((outcomes - true[:, None]) / noise) ** 2) / noise * weights
         after = density @ losses / np.maximum(density.sum(axis=2, keepdims=True), 1e-300)
-        now = int(np.argmin(weights @ losses))
-        return np.asarray((after[..., now] - after.min(axis=2)).mean(axis=1))
+        return np.asarray((after[..., np.argmin(weights @ losses)] - after.min(axis=2)).mean(axis=1))
 
     even = np.full(LOOKED_AT, 1 / LOOKED_AT)
     forced = [int(np.argmin(abs((np.array(decision.rotations_deg) - r + 180) % 360 - 180))) for r in first]
-    best = forced[0] if forced else int(some[np.argmax(gains(even))])
+    following = [*forced, int(candidates[np.argmax(gains(even))])][:1] + forced[1:]
     expected = np.zeros(steps + 1)
     for truth in even_rows(even, FUTURES):
         weights = even.copy()
         weights[truth] = 0  # the drive is none of its samples
-        expected[0] += F_ior[truth, np.argmin(weights @ losses)] / FUTURES
+        expected[0] += served_arcsec[truth, np.argmin(weights @ losses)] / FUTURES
         for step in range(steps):
-            place = forced[step] if step < len(forced) else best if not step else int(some[np.argmax(gains(weights))])
-            value = F_ior[truth, place] + noise[truth] * rng.standard_normal()
-            log = -0.5 * ((value - F_ior[:, place]) / noise) ** 2 - np.log(noise)
+            place = following[step] if step < len(following) else int(candidates[np.argmax(gains(weights))])
+            off_by = (F_ior[truth, place] + noise[truth] * rng.standard_normal() - F_ior[:, place]) / noise
+            log = -0.5 * off_by**2 - np.log(noise)
             weights *= np.exp(log - log[weights > 0].max())
             weights /= weights.sum()
-            expected[step + 1] += F_ior[truth, np.argmin(weights @ losses)] / FUTURES
-    return MeasurementValue(decision.rotations_deg[best], tuple(expected.tolist()))
+            expected[step + 1] += served_arcsec[truth, np.argmin(weights @ losses)] / FUTURES
+    return MeasurementValue(
+        decision.rotations_deg[following[0]], tuple(np.minimum.accumulate(expected).tolist())
+    )  # a value cannot harm
 
 
 def as_measured(decision: Decision, number: int = LOOKED_AT, seed: int = 0) -> Decision:

@@ -1,17 +1,23 @@
-"""Trials: F'_ior measured with the fixed wheel in a few positions of its seat."""
+"""Trials: F'_ior measured with the fixed wheel in a few positions of its seat, as values or records of the error."""
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import isnan
 
-from hdassist.errors import UsageError
+from hdassist.errors import UntrustedError, UsageError
+from hdassist.measuring.reading import Reading
 from hdassist.mounting.positions import hole_of
 from hdassist.numerals import number_of
+from hdassist.preset.fields import Drive
 from hdassist.preset.measured import position_fault, turn_of
 from hdassist.preset.yamltext import shown
 from hdassist.readers.trace import LARGEST_ERROR
 
+LEAST_NOISE = 1e-3  # arcsec
 TRIAL_HINT = "like 120=17.3 (deg) or h4=17.3 (hole): F'_ior in arcsec, with a point; or h4=run.csv, a record"
 
 
@@ -25,14 +31,6 @@ class Trial:
     rotation_deg: float
     F_ior_arcsec: float
     noise_arcsec: float | None = field(default=None, kw_only=True)
-
-
-@dataclass(frozen=True)
-class Tried:
-    """Trials that an advice rests on, and their torque [N*m]."""
-
-    M_g: float
-    trials: tuple[Trial, ...]
 
 
 def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> Trial:
@@ -59,3 +57,26 @@ def read_trial_position(where: str, text: str, holes: int, allowed: Sequence[int
             "an advice never chooses it: give it as one more trial",
         )
     return 360 * (hole % holes) / holes if hole is not None else rotation % 360
+
+
+def read_trial_or_record(
+    text: str, drive: Drive, reading: Reading, seed: int = 0, allowed: Sequence[int] | str = "all"
+) -> Trial:
+    """Read h4=17.3 as read_trial does, or h4=run.csv, a record of the drive's error over its full cycle.
+
+    A record's file has a suffix or a folder in its name, or is there and its name no number. reading: of the record;
+    seed of its bootstrap. Raises those of read_trial, read_trace and measure; UntrustedError for a record of less than
+    the cycle.
+    """
+    where, _, file = text.partition("=")
+    if not (re.search(r"[/\\]|\.[A-Za-z]", file) or (isnan(number_of(file)) and os.path.lexists(file))):
+        return read_trial(text, drive.mounting.holes, allowed)
+    rotation = read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
+    greatest = reading.measured(file, drive, seed=seed).directions[0]
+    if greatest.is_bound and (covered := greatest.coverage):
+        turns, cycle = covered.cam_turns, covered.cam_turns / covered.share
+        raise UntrustedError(
+            f"{file}: {turns:.3g} of the {cycle:g} cam turns of the full cycle: F'_ior is a lower bound, and no trial",
+            "record the full cycle in one direction",
+        )
+    return Trial(rotation, greatest.range.value, noise_arcsec=max(greatest.uncertainty_arcsec, LEAST_NOISE))

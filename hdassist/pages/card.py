@@ -6,9 +6,10 @@ from datetime import date
 
 from hdassist.belief.statistics import Probability
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.mounting.positions import Choice, hole_of
-from hdassist.mounting.trial import Tried
-from hdassist.pages.seat import ENGLISH, instruction, place_at, seat_of, turn, wheel
+from hdassist.mounting.decision import Word
+from hdassist.mounting.positions import Choice, Position, hole_of
+from hdassist.mounting.trial import Trial
+from hdassist.pages.seat import after_trials, hole_place, instruction, place_at, seat_of, turn, wheel
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import origin_counts
 from hdassist.preset.yamltext import shown
@@ -27,24 +28,27 @@ CARD_TRIALS = 8  # that a card has room for
 class CardFacts:
     """Contents of a card, of any advice.
 
-    choice; cam_deg, direction of the cam offset, None where it has none that is known; measured wheels; gain_range: 5th
-    percentile, median and 95th percentile of the gain, and gain_probability, that the best other position is better
-    than the present one, None without samples; good: probability that the position is good after trials; open_:
-    number of values that were drawn; warnings, in the reader's language; correction, words for
-    the stored one that the drive is to have; tried, where the advice comes of trials: then
-    the wheel lies in the last of them, and turns count from before the first.
+    choice, and word for it; cam_deg, direction of the cam offset, None where it has none that is known; measured
+    wheels; probability that the choice is right, and cost, share of F'_ior that a turn earns then, None where it is not
+    known; high_arcsec, 95th percentile of F'_ior in the hole at each torque; to_try, where to measure if it comes out
+    wrong; correction, words for the stored one that the drive is to have; open_: number of values that were drawn;
+    warnings, in the reader's language; trials, measured at M_g [N*m]: then the wheel lies in the last of them, and
+    turns count from before the first.
     """
 
     choice: Choice
+    word: Word
     cam_deg: float | None
     measured: MeasuredTeeth | None = None
-    gain_range: tuple[float, float, float] | None = None
-    gain_probability: Probability | None = None
-    good: float | None = None
+    probability: Probability | None = None
+    cost: float = 0.0
+    high_arcsec: tuple[float, ...] | None = None
+    to_try: tuple[Position, ...] = ()
+    correction: str = ""
     open_: int = 0
     warnings: tuple[str, ...] = ()
-    correction: str = ""
-    tried: Tried | None = None
+    M_g: float | None = None
+    trials: tuple[Trial, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -78,21 +82,21 @@ def card_of(facts: CardFacts, say: Texts, *, serial: str = "", made: date) -> Ca
 
     Arguments: facts; say, the texts of a language; serial, number of the drive; made, date of making.
     """
-    if facts.tried:
+    if facts.trials:
         say = say.variant("trials")
-    choice = facts.choice
+    choice, order = facts.choice, after_trials if facts.trials else instruction
     seat = seat_of(choice, say, choice.chosen if choice.turn else None, tuple(_pointers(facts, say)))
     return Card(
         language=say.language,
         title=say("card.title"),
         subject=_subject(facts, say, serial),
-        instruction=Paragraph((after_trials if facts.tried else instruction)(choice, say, gains=False)),
+        instruction=Paragraph(order(choice, say, gains=False)),
         seat=seat,
         directions=Lines(
             "", tuple(f"{p.letter}: {p.words}, {say.angle(round(p.angle_deg, 1))}" for p in seat.pointers)
         ),
         torques=_torques(choice, say),
-        chance=Lines(say("chance.title"), tuple(_chances(facts, say))),
+        chance=Lines(f"{say('chance.title')}: {say(f'word.{facts.word}')}", tuple(_chances(facts, say))),
         checks=Lines(say("checks.title"), tuple(_checks(facts, say)), "[ ]"),
         warnings=Lines(say("warnings.title"), tuple(_warnings(facts.warnings, say)), "!"),
         sign=Facts(((say("sign.date"), ""), (say("sign.name"), ""))),
@@ -119,13 +123,6 @@ def _subject(facts: CardFacts, say: Texts, serial: str) -> Facts:
         "sense": say("card.sense_is"),
     }
     return Facts(tuple((say(f"card.{name}"), text) for name, text in rows.items()))
-
-
-def after_trials(choice: Choice, say: Texts = ENGLISH, *, gains: bool = True) -> str:
-    """The order after trials: the wheel lies in the last of them, and the first position is one to go to."""
-    if not choice.turn:
-        return say("instruction.first", wheel=wheel(choice.drive, say))
-    return f"{instruction(choice, say, gains=gains)} {say('instruction.from_first')}"
 
 
 def _pointers(facts: CardFacts, say: Texts) -> Iterator[SeatMark]:
@@ -156,18 +153,29 @@ def _torques(choice: Choice, say: Texts) -> Table:
 
 
 def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
-    if gain := facts.gain_probability:
-        shares = dict(zip(("low", "middle", "high"), map(say.percent, facts.gain_range or ()), strict=False))
-        name = "chance.turn" if shares and facts.choice.turn else "chance.leave"
-        yield say(name, count=facts.open_, gain=say.percent(gain.value), **shares)
-    if facts.good is not None:
-        yield say("chance.good", good=say.percent(facts.good))
-    kinds = origin_counts(facts.choice.drive)
+    """How sure the choice is, what to do if it comes out wrong, and what it rests on."""
+    choice, found = facts.choice, facts.probability
+    if facts.word == "ANY_HOLE":
+        yield say("chance.any")
+    elif not found:
+        yield say("chance.given")
+    else:
+        cost = say.percent(facts.cost)
+        name = "chance.turn" if choice.turn else "chance.leave"
+        yield say(name, count=facts.open_, cost=cost, sure=say.percent(found.value))
+    holes = ", ".join(hole_place(p, say) for p in facts.to_try or (choice.current,))
+    if facts.high_arcsec:
+        k = min(range(len(choice.torques)), key=lambda k: abs(choice.torques[k]))
+        high, torque = say.number(facts.high_arcsec[k], ".1f"), say.torque(choice.torques[k])
+        yield say("chance.wrong", high=high, torque=torque, holes=holes)
+    else:
+        yield say("chance.worse", holes=holes)
+    kinds = origin_counts(choice.drive)
     yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
 
 
 def _checks(facts: CardFacts, say: Texts) -> list[str]:
-    chosen, place = facts.choice.chosen, ["place_first"] if facts.tried else []
+    chosen, place = facts.choice.chosen, ["place_first"] if facts.trials else []
     if facts.choice.turn:
         place = ["place_angle" if chosen.hole is None else "place_hole"]
     names = ("clean", "pilot", *place, "free", "screws", "mesh")
@@ -193,16 +201,16 @@ def _warnings(found: tuple[str, ...], say: Texts) -> Iterator[str]:
 
 def _foot(facts: CardFacts, say: Texts, made: date) -> Iterator[str]:
     drive = facts.choice.drive
-    if facts.tried:
+    if facts.trials:
         trials = [
             say(
                 "foot.trial",
                 where=place_at(t.rotation_deg, hole_of(t.rotation_deg, drive.mounting.holes), say),
                 value=say.number(t.F_ior_arcsec),
             )
-            for t in facts.tried.trials[:CARD_TRIALS]
+            for t in facts.trials[:CARD_TRIALS]
         ]
-        yield say("foot.trials", torque=say.torque(facts.tried.M_g), trials="; ".join(trials))
+        yield say("foot.trials", torque=say.torque(facts.M_g or 0.0), trials="; ".join(trials))
     yield say("foot.source")
     digest = drive.origin.sha256[:DIGITS]
     yield say("foot.origin", version=__version__, name=drive.name, digest=digest, date=say.date(made))

@@ -82,7 +82,7 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
         for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
             change = _change(changes, k) if changes else (NO_VALUE, NO_VALUE)
             best = sheet.advice.choice.target
-            mounted = "open" if sheet.advice.order == "none" else f"{best.F_ior_arcsec[k]:.2f}, {hole_place(best)}"
+            mounted = f"{best.F_ior_arcsec[k]:.2f}, {hole_place(best)}"
             yield letter, f"{M_g:g} N·m", F_ior_words(sheet.check.points[k]), mounted, *change
 
 
@@ -175,6 +175,7 @@ def _drive_object(sheet: DriveSheet, seed: int) -> Json:
         **check["preset"],
         "file": sheet.drive.origin.file,
         **{key: check[key] for key in ("operating_points", "unknown", "influence")},
-        "order": sheet.advice.order,
-        "best": None if sheet.advice.order == "none" else ordered,
+        "word": sheet.advice.word,
+        "order": "turn" if sheet.advice.choice.turn else "leave",
+        "best": ordered,
     }

@@ -176,7 +176,7 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> 
     yield "measure", f"not in u: {', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
     if file != STDIN:
-        command, record = ("compare", file) if found.is_bound else ("trials", f"h0={file}")
+        command, record = ("compare", file) if found.is_bound else ("mount", f"h0={file}")
         yield "next", again(command, drive, record, *options)
 
 

@@ -1,363 +1,484 @@
-"""The mounting advice as a report."""
+"""In which hole to mount the fixed wheel, as a report: the hole, how sure that is, and what measuring would bring."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from functools import partial
+from dataclasses import asdict
 
 import numpy as np
 
-from hdassist.belief.samples import Samples
-from hdassist.belief.statistics import Probability
-from hdassist.json_parts import (
-    Json,
-    influence_objects,
-    measure_objects,
-    pitch_object,
-    samples_object,
-    unknown_objects,
-)
+from hdassist.error.self_error import limits_left
+from hdassist.json_parts import Json, attributes, influence_objects, pitch_object, samples_object, unknown_objects
 from hdassist.model.deviations import standing_offset
-from hdassist.model.geometry import Array
-from hdassist.model.unknown import unknown_names, unknown_turn
-from hdassist.mounting.advice import Advice
-from hdassist.mounting.losses import PositionStatistics
-from hdassist.mounting.positions import bare
+from hdassist.model.unknown import unknown_names
+from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
+from hdassist.mounting.decision import FEWEST_VALUES
+from hdassist.mounting.positions import bare, hole_of, hole_words
+from hdassist.mounting.trial import Trial
 from hdassist.pages.card import WHEELS, CardFacts, warnings_of
-from hdassist.pages.losses import LEVELS, kept_line, losses_table, positions_object, whiskers_of
-from hdassist.pages.seat import ENGLISH, TRADE, hole_place, instruction, seat_of, wheel
+from hdassist.pages.seat import ENGLISH, TRADE, after_trials, hole_place, instruction, place_at, seat_of
 from hdassist.preset.yamltext import shown
 from hdassist.readers.pitch import ASSUMED
 from hdassist.report import CsvTable, Curve, CurveMark, Facts, Figure, Report, Table, csv_columns
-from hdassist.solve.answers import EMPTY
 from hdassist.terminal.texts import Texts
 from hdassist.terminal.wheels import heading
-from hdassist.terminal.words import (
-    again,
-    influence_words,
-    measure_words,
-    probability_words,
-    samples_words,
-)
+from hdassist.terminal.words import again, influence_words, probability_words, samples_words
 from hdassist.verdict import Verdict
 
-EVEN = 0.5  # probability of a gain, up to which no position is told to be better
-OPEN_NAMED = 4  # fields that are not known exactly, which are named
-ORDER_WORDS = {"turn": "TURN", "leave": "LEAVE", "none": "MEASURE FIRST"}
+WORDS = {"TURN": "TURN", "LEAVE": "LEAVE", "BEST_BET": "BEST BET", "ANY_HOLE": "ANY HOLE"}
 NO_HOLE_BETTER = {
     "floating": "the cam aligns itself (its support has a stiffness of 0), so no offset of it is felt",
     "standing": "nothing that stands still with the seat is off",
     "turning": "the wheel has no deviation that could be turned",
 }
+ROWS = 3  # holes on the first screen beside the present and the worst one
+APART = 3.0  # standard deviations by which values of one hole may differ without a remark
+LEVELS = {"p5": 0.05, "p50": 0.5, "p95": 0.95}
+OLD_LEVELS = {"expected": "p50", "low": "p5", "high": "p95"}  # their names in JSON before, kept beside them
+
+
+def mount_report(
+    advice: Advice,
+    seed: int,
+    *,
+    carded: bool = False,
+    limits: Sequence[float | None] | None = None,
+    sure: float | None = None,
+) -> Report:
+    """The advice on a drive.
+
+    Arguments: seed, of its samples; carded, whether a card is written; limits that F'_ior is held against at each
+    torque [arcsec], for curves; sure, probability that was asked for: a choice that is less sure ends with code 6.
+    """
+    drive, figures = advice.drive, list[Figure](position_curves(advice, limits))
+    figures.append(seat_of(advice.choice, ENGLISH, advice.choice.target))
+    count, checked = len(advice.trials), advice.verification
+    tried = f"{count} value{'s' * (count > 1)} at {advice.setup.M_g:g} N·m" if count and advice.setup else ""
+    where = tried or f"{TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
+    found, short = advice.decision, Verdict.INCONCLUSIVE.exit_code
+    rows = dict.fromkeys((*found.ranked[:ROWS], *(() if found.stay is None else (found.stay,)), found.ranked[-1]))
+    back = checked and checked.back_to
+    word = ("GO BACK" if back else "KEEP") if checked else WORDS[advice.word]
+    to_deg = (checked.back_to or checked.trial).rotation_deg if checked else advice.choice.target.rotation_deg
+    return Report(
+        command="mount",
+        drive=drive,
+        head=f"{drive.name}, {where}",
+        verdict=f"{word}, {_hole(advice, to_deg)}",
+        why=tuple(_why(advice)),
+        blocks=(positions_table(advice, list(rows)), Facts.of(_facts(advice, carded=carded)), *figures[:1]),
+        details=(
+            *figures[1:], positions_table(advice, range(len(found.rotations_deg)), "all holes"),
+            Facts.of(_more_facts(advice)),
+        ),
+        certificate=advice.certificate,
+        cross_checks=advice.cross_checks,
+        values=_values(advice, seed),
+        csv=_csv(advice),
+        line=bare(to_deg, drive.mounting.holes),
+        warnings=mount_warnings(advice),
+        exit_code=Verdict.FAIL.exit_code if back else short if sure and found.probability.value < sure else 0,
+    )  # fmt: skip
 
 
 def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
     """Warnings beside the numbers, in the language of the texts."""
     found = list(warnings_of(advice.drive, say))
-    if advice.open_ and not advice.positions:
+    if advice.open_ and not advice.decision.is_sampled:
         found.append(say("warning.not_drawn", count=len(advice.open_)))
     if advice.measured and not advice.drive.mounting.holes:
         found.append(say("warning.steps"))
     for name, measured in advice.measured.by_name.items() if advice.measured else ():
         if ASSUMED["sense"][1] in measured.pitch.notes:
             found.append(say("warning.sense", wheel=say(f"wheel.{WHEELS[name]}"), file=shown(measured.pitch.file)))
-    return tuple(found)
+    return (*found, *_warnings_of_values(advice))
 
 
-def mount_report(
-    advice: Advice, seed: int, *, carded: bool = False, limits: Sequence[float | None] | None = None
-) -> Report:
-    """The advice on a drive.
-
-    Arguments: seed, of its samples; carded, whether a card is written; limits that F'_ior is held against at each
-    torque [arcsec], for curves.
-    """
-    drive, figures = advice.drive, list[Figure](position_curves(advice, limits))
-    if not advice.any_hole:
-        figures.append(seat_of(advice.choice, ENGLISH, advice.choice.chosen))
-    table = () if advice.any_hole else (positions_table(advice),)
-    more = (
-        [("unknown", unknown_names(advice.unknown)), ("samples", samples_words(advice.samples))]
-        if advice.samples
-        else []
-    )
-    return Report(
-        command="mount",
-        drive=drive,
-        head=f"{drive.name}, {TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}",
-        verdict=ORDER_WORDS[advice.order],
-        why=(what_to_do(advice),),
-        blocks=(*table, *corrected_table(advice), Facts.of(_facts(advice, carded=carded)), *figures[:1]),
-        details=(*figures[1:], *_samples_table(advice), Facts.of(more)),
-        certificate=advice.curve.certificate + (advice.samples.certificate if advice.samples else EMPTY),
-        cross_checks=tuple(advice.curve.cross_checks),
-        values=_values(advice, seed),
-        csv=_csv(advice),
-        line="unknown" if advice.order == "none" else bare(advice.choice.target.rotation_deg, advice.curve.holes),
-        warnings=mount_warnings(advice),
-        exit_code=Verdict.INCONCLUSIVE.exit_code if advice.order == "none" else 0,
-    )
+def _warnings_of_values(advice: Advice) -> Iterator[str]:
+    """What is odd about measured values."""
+    after, setup = advice.after, advice.setup
+    if not after or not setup:
+        return
+    if M_g := advice.likelier_torque:
+        yield f"the values fit {M_g:g} N·m far better than {setup.M_g:g} N·m: measured at it? (--trial-torque {M_g:g})"
+    if trial := advice.suspected:
+        share = f"{100 * after.misread[advice.trials.index(trial)]:.0f} %"
+        yield f"{_measured(advice, trial)} is probably misread ({share}): without it the others agree best"
+    if after.by_values > UNSHOWN_VALUES:
+        sure, check = f"{100 * after.by_values:.0f} %", "check the preset, the torque and how the holes were counted"
+        yield f"no drive of this preset shows these values ({sure}): they alone decide; {check}"
+    elif advice.contradicted:
+        path, found, spread = advice.contradicted
+        stated = f"{advice.drive.number(path):g}°"
+        yield f"the values put the cam offset at {found:.0f}° ± {spread:.0f}°, the preset at {stated}: taken as open"
+    for k, a in enumerate(advice.trials):
+        for b in advice.trials[:k]:
+            noise = float(np.linalg.norm(after.samples.noise((a, b))))
+            if a.rotation_deg == b.rotation_deg and abs(a.F_ior_arcsec - b.F_ior_arcsec) > APART * noise:
+                values = f"{_where(advice, a.rotation_deg)}: {b.F_ior_arcsec:g} and {a.F_ior_arcsec:g}″"
+                yield f"{values} differ by more than a noise of {setup.noise_arcsec:g} makes likely"
 
 
-def what_to_do(advice: Advice) -> str:
-    """The order; where none can be given, why, and the measurement to make."""
-    if words := corrected_words(advice):
-        return words
-    if advice.order != "none":
-        why = NO_HOLE_BETTER.get(advice.no_hole_better)
-        return (f"No hole is better than another: {why}. " if why else "") + instruction(advice.choice)
-    fixed = wheel(advice.drive)
-    paths = unknown_turn(advice.drive) if advice.any_hole else advice.open_
-    fields = ", ".join(paths[:OPEN_NAMED]) + (", ..." if len(paths) > OPEN_NAMED else "")
-    if advice.any_hole:
-        why = f"nothing is known of the direction that decides ({fields}), so any position may be the best"
-    elif found := advice.gain_probability:
-        why = (
-            f"a turn of the {fixed} gains with {probability_words(found, advice.needed)}; "
-            f"the best bet is {hole_place(advice.chosen)}"
-        )
+def _hole(advice: Advice, rotation_deg: float) -> str:
+    return place_at(rotation_deg, hole_of(rotation_deg, advice.drive.mounting.holes))
+
+
+def _where(advice: Advice, rotation_deg: float) -> str:
+    return hole_words(rotation_deg, advice.drive.mounting.holes)
+
+
+def _measured(advice: Advice, trial: Trial) -> str:
+    """A value and its position in words."""
+    return f"{trial.F_ior_arcsec:g}″ at {_where(advice, trial.rotation_deg)}"
+
+
+def instruction_of(advice: Advice) -> str:
+    """What to do with the wheel, in a sentence or two."""
+    if checked := advice.verification:
+        predicted = f"predicted {checked.expected_arcsec:.1f} ({checked.low_arcsec:.1f} to {checked.high_arcsec:.1f})"
+        told = f"{_measured(advice, checked.trial)}, {predicted}"
+        if back := checked.back_to:
+            return f"Go back to {_where(advice, back.rotation_deg)}, where {back.F_ior_arcsec:g} was measured: {told}."
+        odd = "" if checked.as_predicted else " That is not as predicted: check seat and measurement."
+        return f"Keep it: {told}.{odd}"
+    order = after_trials(advice.choice) if advice.trials else instruction(advice.choice)
+    if advice.correction:
+        order = instruction(advice.choice, gains=False)
+        order += f" The correction ({advice.correction}) is made there, and for no other hole."
+    if advice.compensated and not advice.correction:
+        order = f"With {advice.compensated[0]} no hole is better than another by what is left. By F'_ior: {order}"
+    if advice.word != "ANY_HOLE":
+        return order
+    if why := NO_HOLE_BETTER.get(advice.no_hole_better):
+        return f"No hole is better than another: {why}. {order}"
+    why = ": the direction that decides is not known" if advice.decision.all_alike else " by 1 %"
+    return f"No hole is expected to be better than another{why}. {order}"
+
+
+def _why(advice: Advice) -> Iterator[str]:
+    """The order, how sure it is, and what to measure."""
+    yield instruction_of(advice)
+    if not advice.verification:
+        yield sure_words(advice)
+        yield measure_words(advice)
+
+
+def sure_words(advice: Advice) -> str:
+    """How sure the choice is; empty where no hole can be told from another."""
+    found = advice.decision
+    if advice.word == "ANY_HOLE":
+        return ""
+    if not found.is_sampled:
+        why = f": {advice.fault}" if advice.fault else ""
+        return f"By the values as given; how sure that is, is not known{why}."
+    sure, by = probability_words(found.probability), f" by more than {100 * found.cost:g} %"
+    if found.best == found.stay:
+        words = f"No other hole is better{by} with {sure}."
+    elif found.stay is None:
+        words = f"It loses less than 5 % against the best hole with {sure}; the wheel may not stay where it stands."
     else:
-        why = f"what is not known ({fields}) could reverse it"
-    where = f"at {min(advice.curve.torques, key=abs):g} N·m in {', '.join(map(hole_place, advice.to_try))}"
-    if advice.measured:
-        return f"No order: {why}. To decide, measure F'_ior {where}; hdassist trials does not take measured teeth"
-    trials = [f"{f'h{p.hole}' if advice.drive.mounting.holes else f'{p.rotation_deg:g}'}=F_IOR" for p in advice.to_try]
-    return f"No order: {why}. To decide, measure F'_ior {where}: {again('trials', advice.drive, *trials)}"
+        words = f"It is better than staying{by} with {sure}."
+    if advice.after and advice.decision.effective:
+        words += f" From {advice.after.effective:.0f} effective samples."
+    return words
 
 
-def _samples_table(advice: Advice) -> Iterator[Table]:
-    """The best position over the samples, its neighbours and the present one; none where any may be the best."""
-    if (found := advice.positions) and not advice.any_hole:
-        title, best, now = "over the samples: best, its neighbours, now", found.best, found.place(0.0)
-        around = [(best + step) % len(found.rotations_deg) for step in (0, -1, 1)]
-        places = dict.fromkeys((*around, *(() if now is None else (now,))))
-        yield losses_table(found, advice.curve.holes, advice.curve.torques, title, places)
+def measure_words(advice: Advice) -> str:
+    """What further values would bring, or that it is time to stop; empty where that is not known."""
+    value, worths = advice.value, advice.worths
+    if not value or not advice.setup:
+        return ""
+    (count, now), *later = worths
+    torque = f"at {advice.setup.M_g:g} N·m"
+    if not count:
+        after = dict(later)
+        gain = f"{now:.1f} → {after[FEWEST_VALUES]:.1f}″ is expected with four values, {after[6]:.1f} with six"
+        if not advice.next:
+            return f"Measuring is not worth it: {gain}."
+        holes = ", ".join(hole_place(p) for p in advice.to_try)
+        return f"To do better, measure F'_ior {torque} in {holes}, then where this command says: {gain}."
+    one, three = (F_ior for _, F_ior in later)
+    if not advice.next:
+        share = 100 * max(value.gain_arcsec, 0.0) / now
+        return f"Stop measuring: one more value is expected to bring {max(value.gain_arcsec, 0):.1f}″ ({share:.1f} %)."
+    again_ = " again" if any(t.rotation_deg == advice.next.rotation_deg for t in advice.trials) else ""
+    gain = f"{now:.1f} → {one:.1f}″ is expected {torque}, {three:.1f} after three more"
+    return f"Measure {hole_place(advice.next)}{again_} next: {gain}."
 
 
 def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
-    """Gain, limits, largest influences, the next measurement and the next command, a label and a text each."""
-    found, torques = advice.positions, advice.curve.torques
-    if found and not advice.no_hole_better and advice.order_corrected == "none":
-        low, _, high = (100 * each for each in (advice.best_gain_range if advice.any_hole else advice.gain_range))
-        where = "the best hole, whichever it is," if advice.any_hole else hole_place(advice.chosen)
-        if advice.any_hole or advice.chosen.rotation_deg:
-            served = " at the torque served worst" if len(torques) > 1 else ""
-            yield "gain", f"{low:.0f} to {high:.0f} % less error in {where} than now{served} (5 to 95 %)"
-        if (gain := advice.gain_probability) and advice.order != "none":
-            at = hole_place(found.position(advice.drive, 0.0, found.challenger))
-            sure = probability_words(gain, advice.needed)
-            yield "sure", f"{at} is better than now by more than 1 % with {sure}"
-    if not advice.curve.usable[0]:
-        yield "forbidden", "the wheel may not stay where it stands (mounting.allowed)"
-    if found and advice.samples and advice.order == "turn":
-        place = found.place(advice.chosen.rotation_deg)
-        kept = partial(_kept, advice.samples, found, advice.needed, place)
-        yield "limit", kept_line(advice.chosen.rotation_deg, advice.drive, torques, kept, advice.needed)
-    if advice.influences and advice.order_corrected == "none":
-        yield "influence", influence_words(advice.influences, "the gain")
-    yield "measure", _measure(advice)
-    if advice.unknown and not advice.samples:
+    """What each torque alone would choose, limits, and the next command, a label and a text each."""
+    found, drive, at = advice.decision, advice.drive, advice.choice.target.rotation_deg
+    alone = [p.rotation_deg for p in advice.by_torque]
+    if advice.word != "ANY_HOLE" and any(each != alone[0] for each in alone):
+        words = (f"{M_g:g} N·m {hole_place(p)}" for M_g, p in zip(advice.torques, advice.by_torque, strict=True))
+        yield "each torque alone", ", ".join(words)
+    if found.stay is None:
+        yield "forbidden", "the wheel may not stay where it stands"
+    if found.is_sampled and (kept := found.probability_kept) is not None and not advice.correction:
+        limits = [
+            f"{drive.limit(M_g):g}″ at {M_g:g} N·m"
+            for M_g, room in zip(advice.torques, limits_left(drive, advice.torques), strict=True)
+            if room is not None
+        ]
+        stays = "" if not at or found.stay is None else f", {100 * kept[found.stay]:.0f} % where it stands"
+        held = f"{_where(advice, at)} keeps {', '.join(limits)} (F'_ior + self error)"
+        yield "limit", f"{held} with {100 * kept[found.best]:.0f} %{stays}"
+    if advice.unknown and not found.is_sampled:
         yield "unknown", f"taken as 0: {unknown_names(advice.unknown)}"
-    if advice.order != "none" and not carded:  # else the sentence above names it
-        yield "next", again("mount", advice.drive, "--card", "card.html")
+    if advice.verification:
+        return
+    if advice.next and not advice.measured:
+        if advice.trials:
+            yield "next", f"the same command with {_name(advice, advice.next.rotation_deg)}=VALUE as one more value"
+        else:
+            yield "next", again("mount", drive, *(f"{_name(advice, p.rotation_deg)}=F_IOR" for p in advice.to_try))
+    elif not carded:
+        card = "--card", "card.html"
+        yield "next", f"the same command with {' '.join(card)}" if advice.trials else again("mount", drive, *card)
 
 
-def _kept(
-    samples: Samples, found: PositionStatistics, sure: float, place: int | None, torque: int, room_arcsec: float
-) -> Probability:
-    """Probability that F'_ior in a position, at a torque by its place, is at most a room [arcsec]."""
-
-    def within(stage: Samples) -> Array:
-        there = PositionStatistics.of(stage, found.rotations_deg).at(place)[torque]
-        return np.asarray(there <= room_arcsec)
-
-    return samples.probability(within, sure)
+def _name(advice: Advice, rotation_deg: float) -> str:
+    """A position as a value is given for it."""
+    hole = hole_of(rotation_deg, advice.drive.mounting.holes)
+    return f"{rotation_deg:g}" if hole is None else f"h{hole}"
 
 
-def _measure(advice: Advice) -> str:
-    """Measurements where no order is given, or more samples; empty where any hole may be the best one."""
-    if advice.order != "none" or advice.any_hole or not advice.gain_probability:
-        return ""
-    return measure_words(advice.to_measure, True, advice.curve.holes)
+def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
+    """Gain, influences, samples, noise and offset by the values, a label and a text each."""
+    if advice.decision.is_sampled and not advice.correction:
+        low, middle, high = (100 * each for each in advice.gain_range)
+        yield "gain", f"{low:.0f} to {high:.0f} % less error than where it stands (5 to 95 %), median {middle:.0f} %"
+    if advice.samples:
+        yield "influence", influence_words(advice.influences, "the gain")
+        yield "unknown", unknown_names(advice.unknown)
+        yield "samples", samples_words(advice.samples)
+    if (after := advice.after) and advice.setup:
+        found = advice.setup.noise_arcsec * after.noise.mean()
+        yield "noise", f"given {advice.setup.noise_arcsec:g}, found {found:.2f}″"
+        size, _ = after.offset
+        if after.facing[0] is not None and len(size):
+            at = f"towards {after.facing[0]:.0f}° ± {after.facing[1]:.0f}°"
+            yield "cam offset", f"{size.mean():.0f} ± {size.std():.0f} µm {at} (standard deviations)"
+        yield "scale", f"F'_ior over the computed one {after.scale.mean():.2f} ± {after.scale.std():.2f}"
+        yield "unknown", unknown_names(advice.unknown)
+
+
+def positions_table(advice: Advice, places: Sequence[int], title: str = "") -> Table:
+    """Some holes, by their places: F'_ior, median and range over samples, and how good each is."""
+    found, rows = advice.decision, []
+    names = {found.ranked[-1]: "worst", found.stay: "now", found.best: "best"}
+    sampled = found.is_sampled
+    for place in places:
+        action = found.action(place)
+        cells = [
+            f"{middle:.2f} ({low:.1f}-{high:.1f})" if sampled else f"{middle:.2f}"
+            for low, middle, high in zip(*action.F_ior_arcsec.values(), strict=True)
+        ]
+        shares = (f"{100 * action.probability_better:.0f}", f"{100 * action.probability_good:.0f}") * sampled
+        hole = bare(action.rotation_deg, advice.drive.mounting.holes)
+        rows.append((names.get(place, ""), hole, *cells, *shares, f"{100 * action.expected_loss:.1f}"))
+    spread = ": median (5 to 95 %)" * sampled
+    left = f"left by {advice.correction}" if advice.correction else "F'_ior"
+    heads = (f"at {M_g:g} N·m" for M_g in advice.torques)
+    where = "hole" if advice.drive.mounting.holes else "turn, °"
+    of_shares = ("better, %", "good, %") * sampled
+    better = "better: than staying; good: a loss below 5 % against the best hole"
+    first = f"{title}: " if title else ""
+    return Table(
+        f"{first}{left}, ″{spread}", ("", where, *heads, *of_shares, "loss, %"), tuple(rows),
+        notes=((better,) if sampled else ()) + ("turns counter-clockwise from the cam side",),
+    )  # fmt: skip
 
 
 def position_curves(advice: Advice, limits: Sequence[float | None] | None = None) -> Iterator[Curve]:
-    """F'_ior over the positions of the wheel at each torque; over the phase where nobody knows how it stands."""
-    result = advice.curve
-    if not advice.has_curve or len(result.rotation_deg) < 2:
+    """F'_ior over the positions of the wheel at each torque: the drive as given, ranges over the samples, values."""
+    found, holes, curve = advice.decision, advice.drive.mounting.holes, advice.curve
+    per, sampled = 360 / holes if holes else 1.0, found.is_sampled
+    turns = np.array(found.rotations_deg)
+    if (len(turns) < 2 and (not curve or len(curve.rotation_deg) < 2)) or advice.no_hole_better == "standing":
         return
-    per = 360 / result.holes if result.holes else 1.0
-    turned, over = result.rotation_deg / per, "positions"
-    x_label = "turned by, holes" if result.holes else "turned by, °"
-    marked, sampled = {"now": advice.choice.current, "target": advice.choice.chosen}, advice.positions
-    if advice.any_hole:
-        turned, over, marked, sampled = result.phase_deg, "phases", {}, None
-        symbol, cam = ("xi_b", "phi_hb") if advice.drive.mounting.fixed == "rigid" else ("xi_g", "phi_hg")
-        mark = "mark" if advice.measured and advice.measured.fixed(advice.drive) else symbol
-        x_label = f"phase {mark} - {cam}, °"
-    order = np.argsort(turned)
-    notes = ["line: unknown as 0" if advice.unknown else "line: as given"] * bool(sampled or advice.unknown)
-    notes = [] if advice.any_hole else [*notes, *["marks: median, 5 to 95 %"] * bool(sampled)]
-    for k, (M_g, limit) in enumerate(zip(result.torques, limits or [None] * len(result.torques), strict=True)):
-        marks = tuple(
-            CurveMark(at.rotation_deg / per, at.F_ior_arcsec[k], "now" if kind == "now" else "best", kind)
-            for kind, at in marked.items()
-            if kind == "now" or at.rotation_deg
-        )
-        label = "; ".join([f"F'_ior at {M_g:g} N·m, ″", *notes])
+    ends = [np.array([found.quantile(level, place) for place in range(len(turns))]) for level in LEVELS.values()]
+    marked = {"now": advice.choice.current, "best": advice.choice.chosen}
+    for k, (M_g, limit) in enumerate(zip(advice.torques, limits or [None] * len(advice.torques), strict=True)):
+        x, line = turns / per, ends[1][:, k]
+        as_given = curve is not None and not sampled and len(curve.rotation_deg) > len(turns)
+        if as_given and curve:
+            order = np.argsort(curve.rotation_deg)
+            x, line = curve.rotation_deg[order] / per, curve.F_ior_arcsec[k, order]
+        tried = [t for t in advice.trials if advice.setup and advice.setup.M_g == M_g]
+        marks = [CurveMark(t.rotation_deg / per, t.F_ior_arcsec, "measured", "now") for t in tried]
+        if not tried and advice.word != "ANY_HOLE":
+            marks = [
+                CurveMark(p.rotation_deg / per, p.F_ior_arcsec[k], name, "now" if name == "now" else "target")
+                for name, p in marked.items()
+                if name == "now" or p.rotation_deg
+            ]
+        notes = ["median, 5 to 95 %"] * sampled + ["M measured"] * bool(tried)
+        notes += ["unknown as 0"] * (bool(advice.unknown) and not sampled)
         held = ["dashed: the limit less the self error"] * (limit is not None)
         yield Curve(
-            turned[order], result.F_ior_arcsec[k, order], x_label, label,
-            caption="; ".join([f"F'_ior over the {over} of the wheel at {M_g:g} N·m", *notes, *held]),
-            whiskers=whiskers_of(sampled, k, per), marks=marks,
-            limit=limit, points=bool(result.holes) and not advice.any_hole, from_zero=True, rows=6,
+            x, line, "turned by, holes" if holes else "turned by, °", "; ".join([f"F'_ior at {M_g:g} N·m, ″", *notes]),
+            caption="; ".join([f"F'_ior over the positions of the wheel at {M_g:g} N·m", *notes, *held]),
+            whiskers=tuple(zip((turns / per).tolist(), ends[0][:, k].tolist(), ends[2][:, k].tolist(), strict=True))
+            * sampled,
+            marks=tuple(marks), limit=limit, points=bool(holes), from_zero=True, rows=6,
         )  # fmt: skip
 
 
-def positions_table(advice: Advice) -> Table:
-    """The present, chosen and worst position: F'_ior, over samples its median and range."""
-    choice, found = advice.choice, advice.positions
-    spread = ": median (5 to 95 %)" if found else ""
-    rows = []
-    for words, position in (("now", choice.current), ("best", choice.chosen), ("worst", choice.ranked[-1])):
-        cells, change = [f"{F_ior:.2f}" for F_ior in position.F_ior_arcsec], position.change_from(choice.current)
-        if found:
-            place = found.place(position.rotation_deg)
-            change = 0.0 if place is None else 0.0 - found.range_of(found.gains(place))[1]
-            cells = _ranges(found, place)
-        rows.append((words, bare(position.rotation_deg, advice.curve.holes), *cells, f"{100 * change:+.0f} %"))
-    heads = (f"at {M_g:g} N·m" for M_g in advice.curve.torques)
-    title = f"F'_ior, ″{spread}; turns counter-clockwise from the cam side"
-    where = "hole" if advice.curve.holes else "turn, °"
-    return Table(title, ("position", where, *heads, "against now"), tuple(rows))
-
-
-def _ranges(found: PositionStatistics, place: int | None) -> list[str]:
-    """Median of a position at each torque, and its range."""
-    ends = zip(*(found.quantile(level, place) for level in LEVELS.values()), strict=True)
-    return [f"{middle:.2f} ({low:.1f}-{high:.1f})" for middle, low, high in ends]
-
-
-def corrected_words(advice: Advice) -> str:
-    """What to do where a stored correction takes off the rest; empty without one."""
-    if not (found := advice.corrected):
-        return ""
-    if advice.order_corrected != "none":
-        words = instruction(advice.choice, gains=False)
-        return f"{words} The correction ({found.form}) is made there, and for no other hole."
-    words = f"With {found.form} no hole is surely better by what is left"
-    if (gain := found.gain_probability) and gain.value > EVEN:
-        best = hole_place(found.most.position(advice.drive, 0.0, found.most.challenger))
-        words = f"With {found.form} less is left in {best} with {probability_words(gain, advice.needed)}"
-    return f"{words}. By F'_ior: {what_to_do(replace(advice, corrected=None))}"
-
-
-def corrected_table(advice: Advice) -> Iterator[Table]:
-    """What a stored correction leaves now, in the position where that is least, and where it is most."""
-    if not (found := advice.corrected):
-        return
-    most, holes = found.most, advice.curve.holes
-    rows = []
-    for words, place in (("now", most.place(0.0)), ("least", most.best), ("most", most.ranked[-1])):
-        rows.append((words, bare(0.0 if place is None else most.rotations_deg[place], holes), *_ranges(most, place)))
-    heads = (f"at {M_g:g} N·m" for M_g in advice.curve.torques)
-    title = f"left by {found.form}, made in each hole, ″: median (5 to 95 %)"
-    yield Table(title, ("left", "hole" if holes else "turn, °", *heads), tuple(rows))
-
-
-def _corrected_object(advice: Advice) -> Json | None:
-    """What a stored correction leaves in each position; None without one."""
-    if not (found := advice.corrected):
-        return None
-    most = found.most
-    places = range(len(most.rotations_deg))
-    left = {name: [most.quantile(level, place) for place in places] for name, level in LEVELS.items()}
-    return {
-        "form": found.form,
-        "order": advice.order_corrected,
-        "rotation_deg": most.rotations_deg,
-        "left_arcsec": left,
-    }
-
-
 def _values(advice: Advice, seed: int) -> Json:
-    """Curves and positions; those of no direction that is known are none."""
-    result, choice, known = advice.curve, advice.choice, not advice.any_hole
-    curves = zip(result.torques, result.F_ior_arcsec, result.every_state, strict=True)
-    named = {
-        "current": choice.current,
-        "best_bet": choice.chosen,
-        "worst": choice.ranked[-1],
-        "gain": advice.gain,
-        "gain_range": _percentiles(advice.gain_range),
-        "probability_gain": advice.gain_probability,
-    }
+    """One shape, whatever was given."""
+    found, choice, curve, after = advice.decision, advice.choice, advice.curve, advice.after
+    turn = choice.turn
+    positions = [_action(advice, place) for place in range(len(found.rotations_deg))]
+    value, checked, probability = advice.value, advice.verification, found.probability if found.is_sampled else None
+    now = [dict(zip(LEVELS, found.range_of(each), strict=True)) for each in found.now_arcsec]
+    spans = [found.range_of(each.max(axis=1) / each.min(axis=1))[::2] for each in found.F_ior_arcsec]
+    size, _ = after.offset if after else (np.zeros(0), None)
+    facing, facing_sd = after.facing if after else (None, None)
     return {
-        "pitch": pitch_object(advice.measured),
-        "instruction": what_to_do(advice),
-        "order": advice.order,
-        "turn": advice.order == "turn",
-        "measure": advice.to_try if advice.order == "none" else [],
-        "to_measure": measure_objects(advice.to_measure),
+        "word": advice.word,
+        "hole": choice.target.hole,
+        "rotation_deg_chosen": choice.target.rotation_deg,
+        "probability": probability,
+        "probability_needed": advice.sure,
+        "instruction": instruction_of(advice),
+        "M_g_Nm": advice.torques,
+        "positions": positions,
+        "worst_over_best": spans,
+        "by_torque": [
+            {"torque_Nm": M_g, "hole": p.hole, "rotation_deg": p.rotation_deg}
+            for M_g, p in zip(advice.torques, advice.by_torque, strict=True)
+        ],
+        "next": advice.next
+        and value
+        and {**attributes(advice.next, "hole", "rotation_deg"), "gain_arcsec": value.gain_arcsec},
+        "worth": [{"values": count, "F_ior_arcsec": F_ior} for count, F_ior in advice.worths],
+        "suspected": advice.suspected and _trial(advice, advice.suspected),
+        "order": "turn" if turn else "leave",
+        "turn": turn,
+        "settled": advice.word in ("TURN", "LEAVE"),
+        "recommended": choice.target,
+        "best_bet": choice.chosen,
+        "current": choice.current,
+        "worst": choice.ranked[-1],
+        "gain": advice.gain_range[1],
+        "gain_range": dict(zip(LEVELS, advice.gain_range, strict=True)),
+        "probability_gain": probability,
+        "measure": advice.to_try if advice.next and not advice.trials else [],
         "influence": influence_objects(advice.influences),
         "samples": samples_object(advice.samples),
+        "effective_samples": after.effective if after else found.effective,
         "curves": [
-            {"M_g_Nm": M_g, "phase_deg": result.phase_deg, "F_ior_arcsec": values, "every_state": every}
-            for M_g, values, every in curves
-        ],
-        "rotation_deg": result.rotation_deg,
-        "recommended": choice.chosen if advice.order != "none" else None,
-        **{name: value if known else None for name, value in named.items()},
-        "belief": _belief(advice),
-        "compensated": _corrected_object(advice),
+            {"M_g_Nm": M_g, "phase_deg": curve.phase_deg, "F_ior_arcsec": values, "every_state": every}
+            for M_g, values, every in zip(curve.torques, curve.F_ior_arcsec, curve.every_state, strict=True)
+        ]
+        if curve
+        else [],
+        "rotation_deg": curve.rotation_deg if curve else [],
+        "belief": {
+            "now": [{"M_g_Nm": M_g, **each} for M_g, each in zip(advice.torques, now, strict=True)],
+            "positions": positions,
+            "worst_over_best": spans,
+        }
+        if found.is_sampled
+        else None,
+        "compensated": _compensated(advice),
+        "trials": {
+            **attributes(advice.setup, "noise_arcsec", "M_g"),
+            "noise_found_arcsec": advice.setup.noise_arcsec * float(after.noise.mean()) if after else None,
+            "measured": [
+                {**_trial(advice, trial), "probability_misread": misread}
+                for trial, misread in zip(advice.trials, after.misread if after else (), strict=True)
+            ],
+            "probability_by_values_alone": after.by_values if after else None,
+        }
+        if advice.setup
+        else None,
+        "offset": {
+            "size_um": float(size.mean()) if len(size) else None,
+            "size_sd_um": float(size.std()) if len(size) else None,
+            "direction_deg": facing,
+            "direction_sd_deg": facing_sd,
+        },
+        "verification": checked
+        and {
+            **_trial(advice, checked.trial),
+            **attributes(checked, "expected_arcsec", "low_arcsec", "high_arcsec", "as_predicted"),
+            "verdict": "GO_BACK" if checked.back_to else "KEEP",
+            "position": _trial(advice, checked.back_to or checked.trial),
+        },
+        "pitch": pitch_object(advice.measured),
         "unknown": unknown_objects(advice.unknown),
-        "best_gain_range": _percentiles(advice.best_gain_range),
-        "probability_needed": advice.needed,
         "seed": seed,
     }
 
 
-def _percentiles(found: tuple[float, float, float]) -> Json:
-    return dict(zip(("p5", "p50", "p95"), found, strict=True))
+def _action(advice: Advice, place: int) -> Json:
+    """A hole with F'_ior at each torque and how good it is."""
+    action = asdict(advice.decision.action(place))
+    F_ior = action.pop("F_ior_arcsec")
+    old = {name: F_ior[level] for name, level in OLD_LEVELS.items()}
+    position = advice.position(place)
+    return {"hole": position.hole, "phase_deg": position.phase_deg, **action, "F_ior_arcsec": {**F_ior, **old}}
 
 
-def _belief(advice: Advice) -> Json | None:
-    """F'_ior over the samples: now at each torque, and in every position; None without samples."""
-    if not (found := advice.positions):
+def _compensated(advice: Advice) -> Json | None:
+    """What a stored correction leaves in each position; None without one."""
+    if not advice.compensated:
         return None
-    now = [_percentiles(found.range_of(each)) for each in found.now_arcsec]
-    direction = advice.drive.number(standing_offset(advice.drive)[1])
-    return {
-        "now": [{"M_g_Nm": M_g, **each} for M_g, each in zip(advice.curve.torques, now, strict=True)],
-        **positions_object(found, advice.drive, direction),
-    }
+    form, found = advice.compensated
+    places = range(len(found.rotations_deg))
+    left = {name: [found.quantile(LEVELS[level], each) for each in places] for name, level in OLD_LEVELS.items()}
+    order = "none" if not advice.correction else "turn" if advice.choice.turn else "leave"
+    return {"form": form, "order": order, "rotation_deg": found.rotations_deg, "left_arcsec": left}
+
+
+def _trial(advice: Advice, trial: Trial) -> Json:
+    hole = hole_of(trial.rotation_deg, advice.drive.mounting.holes)
+    return {"hole": hole, **asdict(trial), "value": trial.F_ior_arcsec}
 
 
 def _csv(advice: Advice) -> CsvTable:
     """Header and rows of a table, one row per torque and position."""
-    result = advice.curve
-    torques, positions = result.F_ior_arcsec.shape
+    if result := advice.curve:
+        torques, positions = result.F_ior_arcsec.shape
+        return csv_columns(
+            M_g_Nm=np.repeat(result.torques, positions),
+            rotation_deg=np.tile(result.rotation_deg, torques),
+            phase_deg=np.tile(result.phase_deg, torques),
+            F_ior_arcsec=result.F_ior_arcsec.ravel(),
+            every_state=result.every_state.ravel().astype(int),
+        )
+    found, count = advice.decision, len(advice.torques)
+    medians = np.array([found.quantile(0.5, place) for place in range(len(found.rotations_deg))]).T
     return csv_columns(
-        M_g_Nm=np.repeat(result.torques, positions),
-        rotation_deg=np.tile(result.rotation_deg, torques),
-        phase_deg=np.tile(result.phase_deg, torques),
-        F_ior_arcsec=result.F_ior_arcsec.ravel(),
-        every_state=result.every_state.ravel().astype(int),
+        M_g_Nm=np.repeat(advice.torques, medians.shape[1]),
+        rotation_deg=np.tile(found.rotations_deg, count),
+        F_ior_expected_arcsec=medians.ravel(),
+        probability_good=np.tile(found.probability_good, count),
+        expected_loss=np.tile(found.expected_loss, count),
     )
 
 
 def mount_card_facts(advice: Advice, say: Texts) -> CardFacts:
     """Contents of the assembly card of an advice; say, the texts of its language."""
-    drive, drawn = advice.drive, advice.positions
+    drive, found = advice.drive, advice.decision
     offset, cam = standing_offset(drive)
+    cam_deg = drive.value(cam) if drive.value(offset) else None
+    sampled = found.is_sampled and advice.word != "ANY_HOLE"
     return CardFacts(
         choice=advice.choice,
-        cam_deg=drive.number(cam) if drive.number(offset) else None,
+        word=advice.word,
+        cam_deg=advice.after.facing[0] if advice.after else cam_deg,
         measured=advice.measured,
-        gain_range=advice.gain_range if drawn else None,
-        gain_probability=advice.gain_probability if advice.order_corrected == "none" else None,
-        correction=advice.corrected.form if advice.corrected else "",
-        open_=len(advice.open_) if drawn else 0,
+        probability=found.probability if sampled else None,
+        cost=found.cost,
+        high_arcsec=found.quantile(0.95, found.best) if found.is_sampled else None,
+        to_try=tuple(p for p in ((advice.next,) if advice.trials else advice.to_try) if p),
+        correction=advice.correction,
+        open_=len(advice.open_) if found.is_sampled else 0,
         warnings=mount_warnings(advice, say),
+        M_g=advice.setup.M_g if advice.setup else None,
+        trials=advice.trials,
     )

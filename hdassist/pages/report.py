@@ -7,16 +7,15 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.check import check_report
 from hdassist.pages.compare_presets import F_ior_words, sheet_warnings
-from hdassist.pages.mount import mount_report
+from hdassist.pages.mount import WORDS, mount_report
 from hdassist.pages.seat import TRADE, hole_place
 from hdassist.pages.stiffness import ARCMIN, stiffness_report
 from hdassist.preset.fields import Drive
-from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import origin_counts, resolved_fields, value_text
-from hdassist.report import Block, Facts, Paragraph, Report, ReportSection, Seat, Table, Tiles
+from hdassist.report import Block, Facts, Paragraph, Report, ReportSection, Table, Tiles
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.words import named, samples_words
-from hdassist.verdict import Verdict, worst_exit_code
+from hdassist.verdict import Verdict
 from hdassist.version import __version__
 
 INPUT_HEADS = ("input", "share, %", "preset", "drawn from", "unit", "where from")
@@ -37,8 +36,6 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     k, facts = Kinematics.of(drive), next(block for block in check.blocks if isinstance(block, Facts))
     error = tuple(block for block in (*check.blocks, *check.details) if block is not facts)
     mounting = (*mount.blocks, *mount.details)
-    if mount.exit_code:  # no position to go to, and none to draw
-        mounting = tuple(block for block in mounting if not isinstance(block, Seat))
     return Report(
         command="report",
         drive=drive,
@@ -65,7 +62,7 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
         },
         line=check.line,
         warnings=sheet_warnings(sheet),
-        exit_code=worst_exit_code([check.exit_code, mount.exit_code]),
+        exit_code=check.exit_code,
     )
 
 
@@ -74,11 +71,9 @@ def _tiles(sheet: DriveSheet) -> Iterator[tuple[str, str, str]]:
         below = "arcsec, 5 to 95 % over unknown inputs" if point.belief else "arcsec over the full cycle"
         yield (f"F'_ior at {point.M_g:g} N·m", F_ior_words(point, ".1f"), below)
     advice = sheet.advice
-    if advice.order == "none":
-        yield ("position of the wheel", NOT_KNOWN, "measure first")
-    else:
-        below = f"{advice.gain:.0%} less error" if advice.order == "turn" else "leave it as it is"
-        yield ("position of the wheel", hole_place(advice.choice.target), below.replace("%", " %"))
+    word, gain = WORDS[advice.word].lower(), f"{100 * advice.gain_range[1]:.0f} % less error"
+    below = f"{word}: {gain if advice.choice.turn else 'leave it as it is'}"
+    yield ("position of the wheel", hole_place(advice.choice.target), below)
     if sheet.stiffness.positive:
         first = sheet.stiffness.positive[0]
         yield ("torsional stiffness K1", f"{first.stiffness * ARCMIN:.3g}", f"N·m/arcmin, up to {first.end:.4g} N·m")

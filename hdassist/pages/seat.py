@@ -48,6 +48,13 @@ def instruction(choice: Choice, say: Texts = ENGLISH, *, gains: bool = True) -> 
     return f"{order}: {gain}." if gains else f"{order}."
 
 
+def after_trials(choice: Choice, say: Texts = ENGLISH, *, gains: bool = True) -> str:
+    """The order after trials: the wheel lies in the last of them, and the first position is one to go to."""
+    if not choice.turn:
+        return say("instruction.first", wheel=wheel(choice.drive, say))
+    return f"{instruction(choice, say, gains=gains)} {say('instruction.from_first')}"
+
+
 def seat_holes(drive: Drive) -> tuple[Hole, ...]:
     """The holes of a drive's seat, none where the angle is free."""
     at = drive.mounting

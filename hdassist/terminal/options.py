@@ -302,7 +302,7 @@ class TrialOptions(OptionGroup):
 
     trial_torque: float | None = None
     noise: float = 1.0
-    sure: float = 0.9
+    sure: float | None = None
 
     def torque_of(self, torques: Sequence[float]) -> float:
         """Torque of the trials [N*m], of a drive with such torques."""

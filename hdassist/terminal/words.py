@@ -29,7 +29,7 @@ TOOTHED = ("check", "trace", "mount", "accept")  # commands that take measured t
 TAKEN_OVER = {  # options that the next command has too, by their name: the commands that take them
     "draws": SAMPLED,
     "seed": (*SAMPLED, *DRAWN),
-    "sure": ("accept",),
+    "sure": ("accept", "mount"),
     "form": ("compensate",),
     "points": ("compensate",),
     "each_load": ("compensate",),

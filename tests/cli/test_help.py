@@ -69,7 +69,7 @@ def test_options_of_a_command_take_few_lines() -> None:
     ("args", "words"),
     [
         (("accept", "vzp160", "--rule", "simple"), "--set acceptance.rule=simple"),
-        (("mount", "vzp160", "--noise", "2"), "hdassist trials"),
+        (("mount", "vzp160", "--trial", "h0=2"), "hdassist mount PRESET h0=28.1"),
         (("mount", "vzp160", "--samples", "2"), "--draws"),
     ],
 )

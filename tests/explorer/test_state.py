@@ -75,7 +75,7 @@ def test_several_positions_at_the_lightest_torque_are_trials(session: Session) -
     assert state.with_evidence(one, "h4@4=17.3").command().startswith("hdassist mount ")
     two = state.with_evidence(one, "h4=17.3 ± 1")
     sets = "--set 'measured.F_ior.h0@1=28.1 ± 2' --set 'measured.F_ior.h4@1=17.3 ± 1'"
-    assert two.command() == f"hdassist trials {TINY} {sets}"
+    assert two.command() == f"hdassist mount {TINY} {sets}"
     assert state.with_evidence(two, "h4=").command() == one.command()
 
 

@@ -93,13 +93,13 @@ def _import_all() -> None:
     # unused here: they are only to be loaded
     from hdassist.calibration import calibrate  # noqa: F401
     from hdassist.commands import accept_run  # noqa: F401
+    from hdassist.mounting import advice  # noqa: F401
     from hdassist.pages import (
         card,  # noqa: F401
         trace,  # noqa: F401
     )
     from hdassist.pages import compare as compared  # noqa: F401
     from hdassist.pages import measure as measured  # noqa: F401
-    from hdassist.trials import advice  # noqa: F401
 
 
 def _work(numbers: Sequence[int], seed: int, kinds: Sequence[str], answer: Connection) -> None:

@@ -63,7 +63,7 @@ def test_a_screen_holds_the_answer_and_what_to_do_next(rig):
     labels = [match[1] for line in lines if (match := re.match(r"(orders|measure|read as|next|more)  +\S", line))]
     assert labels == ["orders", "measure", "read as", "next", "more"]
     assert any(re.match(r"measure +not in u: encoder, .* \(--budget", line) for line in lines)
-    assert any(re.match(r"next +hdassist trials .*small.yaml h0=run.csv", line) for line in lines)
+    assert any(re.match(r"next +hdassist mount .*small.yaml h0=run.csv", line) for line in lines)
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80
 

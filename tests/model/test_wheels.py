@@ -159,9 +159,9 @@ def test_beside_measured_teeth_nothing_is_drawn_and_an_order_is_on_the_users_wor
     drive = load_preset(SMALL, ["mounting.holes=2", "uncertainty.phases.xi_b=10"])
     measured = harmonic(drive, "rigid", 0.0)
     advice = advise(drive, [4.0], [0, 180], measured=measured, run=UNCHECKED)
-    assert (advice.order, advice.samples, advice.positions) == ("none", None, None)
+    assert (advice.word in ("TURN", "LEAVE"), advice.samples, advice.decision.is_sampled) == (True, None, False)
     advice = advise(drive, [4.0], [0, 180], measured=measured, draws=0, run=UNCHECKED)
-    assert advice.order in ("turn", "leave")
+    assert advice.open_ and advice.choice.target
 
 
 def test_half_a_pitch_goes_the_same_way_in_every_state():

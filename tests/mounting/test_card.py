@@ -58,7 +58,13 @@ def test_the_facts():
     assert made.instruction.text == instruction(CARDS["plain"].choice, gains=False)
     assert made.torques.rows == (("1", "28.09", "14.94", "-47 %", ""), ("10", "8.09", "4.52", "-44 %", ""))
     assert "the wheel stands at hole 8: 4 holes (120°) clockwise" in made.checks.lines
-    assert made.chance.lines == ("Values of the preset: 48 given, 0 identified, 0 assumed.",)
+    assert made.chance.title == "How sure this is: TURN"
+    assert made.chance.lines == (
+        "By the values as given: how sure that is, is not known.",
+        "If it comes out worse than predicted: measure in hole 0, hole 4, hole 8 too, and give all values to hdassist "
+        "mount.",
+        "Values of the preset: 48 given, 0 identified, 0 assumed.",
+    )
     assert made.warnings.lines == ()
     digest = CARDS["plain"].drive.origin.sha256[:12]
     assert made.foot.lines[1] == f"hdassist {__version__}; preset small, sha256 {digest}; card made 2026-03-09"
@@ -96,7 +102,7 @@ def test_a_wheel_that_is_left_stays_on_its_hole():
     assert not [text for text in made.checks.lines if "hole" in text]
     unsure = card(CARDS["not sure"])
     assert unsure.instruction.text == "Leave the rigid wheel as it is."
-    assert len(unsure.chance.lines) == 2
+    assert len(unsure.chance.lines) == 3
 
 
 def test_a_free_angle_has_degrees_and_no_holes():
@@ -119,19 +125,22 @@ def test_holes_that_are_not_allowed():
 
 def test_a_card_says_how_sure_its_position_is_and_names_no_field():
     advice = CARDS["sampled"]
-    low, middle, high = (f"{100 * each:.0f} %" for each in advice.gain_range)
-    said, _ = card(advice).chance.lines
-    assert advice.order == "turn"
-    assert (
-        f"(3 values), this position has {middle} less error than the present one (5 to 95 %: {low} to {high})" in said
+    said, wrong, _ = card(advice).chance.lines
+    assert advice.word == "TURN"
+    assert "(3 values), this hole is better than staying by more than 1 % with a probability of 100 %." in said
+    high = advice.decision.quantile(0.95, advice.decision.best)[0]
+    assert wrong.startswith(
+        f"If it comes out wrong (more than {high:.1f}″ at 1 N·m after bolting): measure in hole 0, "
     )
-    assert said.endswith("it is better with a probability of 100 %.")
-    unsure = card(UNSURE).chance.lines[0]
-    assert f"another position is better with a probability of {UNSURE.gain_probability.value:.0%}"[:-1] in unsure
+    unsure, word = card(UNSURE), UNSURE.decision.probability.value
+    assert (UNSURE.word, unsure.chance.title) == ("BEST_BET", "How sure this is: BEST BET")
+    assert (
+        f"no other hole is better by more than 1 % with a probability of {100 * word:.0f} %." in unsure.chance.lines[0]
+    )
+    assert card(CARDS["any"]).chance.lines[0] == "By what is known no hole is better than another."
     for each in (advice, UNSURE, UNKNOWN_TURN):
         changed_by_hand = ", ".join(each.drive.origin.overrides)
         assert not re.search(r"\b(tolerances|phases|gears)\.", everything(each).replace(changed_by_hand, ""))
-    assert card(CARDS["plain"], trials=TRIALS).chance.lines[0].endswith("with a probability of 93 %.")
 
 
 @pytest.mark.parametrize("first", [0.0, 75.0])
@@ -268,9 +277,7 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
     card(CARDS["leave"], "ru", trials=TRIALS)
     card(crowded(CARDS["many"]), "en")
     card(UNKNOWN_TURN, "ru", trials=TRIALS)
-    undrawn = replace(CARDS["measured"], open_=("gears.j_n",), as_given=False)
-    assert undrawn.order == "none"
-    mount_warnings(undrawn, texts("ru"))
+    mount_warnings(replace(CARDS["measured"], open_=("gears.j_n",)), texts("ru"))
     texts("ru").holes(1)
     entries = set(texts("ru").entries)
     for_trials = {key for key in entries if key.startswith("trials.")}
@@ -284,7 +291,7 @@ def test_nothing_on_a_russian_card_is_english(name):
     said = strings(asdict(card(advice, "ru", serial="17", trials=TRIALS)))
     said = [text for text in said if text not in ("ru", "now", "after", "cam", "best", "worst")]  # kinds
     text = "\n".join(said)
-    known_words = ("hdassist", "sha256", "F'_ior", "wheel.csv")
+    known_words = ("hdassist mount", "hdassist", "sha256", "F'_ior", "wheel.csv")
     for known in (*advice.drive.origin.overrides, advice.drive.name, *known_words):
         text = text.replace(known, "")
     text = re.sub(

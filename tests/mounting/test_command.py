@@ -24,7 +24,7 @@ def test_json_has_what_others_build_on(answer):
     assert answer.returncode == 0
     assert answer.stderr == ""
     told = json.loads(answer.stdout)
-    assert told["schema"] == "hdassist.mount/1"
+    assert told["schema"] == "hdassist.mount/2"
     assert [c["M_g_Nm"] for c in told["curves"]] == [1, 4]
     for curve in told["curves"]:
         assert curve["phase_deg"] == [90, 150, 210, 270, 330, 30]
@@ -57,12 +57,13 @@ def test_people_see_curve_and_tables(answer):
     page = run(*QUICK)
     assert page.returncode == 0
     assert max(map(len, page.stdout.splitlines())) <= 80
-    for words in ("from the cam side", "position", "counter-clockwise", "turned by, holes", "proof"):
+    for words in ("from the cam side", "hole", "counter-clockwise", "turned by, holes", "proof"):
         assert words in page.stdout
-    assert len(page.stdout.splitlines()) <= 25  # its next command takes two lines here
+    assert len(page.stdout.splitlines()) <= 30
     told = json.loads(answer.stdout)
     one, other = (f"{F_ior:.2f}" for F_ior in told["recommended"]["F_ior_arcsec"])
     assert re.search(rf"best +\d+ +{one} +{other} ", page.stdout)
+    assert "By the values as given; how sure that is, is not known." in page.stdout
     assert run(*QUICK, "-q").stdout == f"{told['recommended']['hole']}\n"
 
 

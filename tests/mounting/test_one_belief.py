@@ -15,7 +15,6 @@ from hdassist.design.check import check
 from hdassist.error.error_map import ErrorMap
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import rotated, seat_positions
-from hdassist.pages.mount import what_to_do
 from hdassist.run.run import Run
 from tests.process import TINY, run
 from tests.support import PROVEN
@@ -43,13 +42,13 @@ def test_F_ior_as_mounted_is_the_same_number_on_check_mount_and_a_sheet(more):
     for k, point in enumerate(points):
         belief = point.belief
         told = pytest.approx((belief.p5, belief.p50, belief.p95), abs=PROVEN)
-        assert advice.positions.range_of(advice.positions.now_arcsec[k]) == told
-        assert advice.positions.range_of(advice.positions.at(0)[k]) == told  # hole 0 is where the wheel stands
+        assert advice.decision.range_of(advice.decision.now_arcsec[k]) == told
+        assert advice.decision.range_of(advice.decision.at(0)[k]) == told  # hole 0 is where the wheel stands
         assert advice.choice.current.F_ior_arcsec[k] == pytest.approx(belief.p50, abs=PROVEN)
         on_sheet = sheet.check.points[k].belief
         assert (on_sheet.p5, on_sheet.p50, on_sheet.p95) == told
         assert sheet.check.points[k].verdict == point.verdict
-    assert sheet.advice.order == advice.order
+    assert sheet.advice.word == advice.word
 
 
 FACES = ("phases.xi_g", "phases.xi_b", "phases.phi_hb", "phases.phi_hh")  # directions that all drives have
@@ -94,7 +93,7 @@ def test_all_pages_say_the_same_numbers_and_the_same_probability():
         assert page["current"]["F_ior_arcsec"] == [each["p50_arcsec"] for each in now]
         # one number of a hole everywhere
         positions = {each["hole"]: each["F_ior_arcsec"]["expected"] for each in page["belief"]["positions"]}
-        for place in (*page.get("measure", ()), page["current"], page["best_bet"], page["worst"]):
+        for place in (*page["measure"], page["current"], page["best_bet"], page["worst"]):
             assert place["F_ior_arcsec"] == positions[place["hole"]]
     assert mounted["samples"] == checked["samples"]
     planned = answer("plan", *few)["F_ior_arcsec"]
@@ -104,7 +103,7 @@ def test_all_pages_say_the_same_numbers_and_the_same_probability():
 def test_mount_draws_as_many_samples_as_check_with_the_same_sureness():
     drive, positions = drive_of("acceptance.F_ior=28", "operation.M_g=4"), [0.0, 60.0]
     many, few = (check(drive, draws=8, sure=sure, run=Run(seed=3)).samples.draws for sure in (0.95, 0.7))
-    advices = [advise(drive, (4.0,), positions, draws=8, needed=sure, run=Run(seed=3)) for sure in (0.95, 0.7)]
+    advices = [advise(drive, (4.0,), positions, draws=8, sure=sure, run=Run(seed=3)) for sure in (0.95, 0.7)]
     assert [each.samples.draws for each in advices] == [many, few]
     assert few < many
 
@@ -150,12 +149,13 @@ def test_a_catalogue_is_heard_by_mount():
     assert np.ptp(weights) > 0
 
 
-def test_an_open_order_says_what_to_measure():
+def test_a_choice_that_is_not_sure_is_a_best_bet_and_ends_with_code_6_only_where_that_was_asked():
     loose = [word for each in OPEN for word in ("--set", each)] + ["--set", "phases.xi_b=200±90", "--no-plot"]
-    page = run("mount", TINY, *loose, "--draws", "24")
-    assert page.returncode == 6
-    assert "MEASURE FIRST" in page.stdout.splitlines()[0]
-    assert re.search(r"measure .* \d+ % more sure", " ".join(page.stdout.split()))
+    page, held = (run("mount", TINY, *loose, "--draws", "24", *more) for more in ((), ("--sure", "0.99")))
+    assert (page.returncode, held.returncode) == (0, 6)
+    assert "BEST BET, hole " in page.stdout.splitlines()[0]
+    assert re.search(r"measure F'_ior at 1 N·m in hole 0, hole 2, hole 4", " ".join(page.stdout.split()))
+    assert run("mount", TINY, *loose, "--draws", "24", "-q").stdout.strip().isdigit()
 
 
 def test_the_probability_decides_and_its_error_is_printed():
@@ -167,16 +167,21 @@ def test_the_probability_decides_and_its_error_is_printed():
     assert re.search(r"100 % \(\d\d to 100\)", page.stdout)
 
 
-def test_F_ior_measured_in_holes_orders_or_asks_for_other_holes():
+def test_F_ior_measured_in_holes_tells_holes_apart():
     """Nothing is known of any direction but what F'_ior in three holes says of it."""
     unknown = [f"phases.{name}=unknown" for name in ("phi_hb", "xi_b")]
     open_ = (*unknown, "tolerances.e_hb=unknown", "mounting.holes=6", "operation.M_g=4")
     readings = "measured.F_ior={h0@4: 110 ± 4, h2@4: 75 ± 4, h4@4: 150 ± 4}"
     blind, told = (load_preset(TINY, [*open_, *more]) for more in ((), (readings,)))
     advices = [advise(each, (4.0,), seat_positions(each), draws=8) for each in (blind, told)]
-    assert [each.any_hole for each in advices] == [True, False]
-    assert {place.hole for place in advices[0].to_try} == {0, 2, 4}
-    assert {place.hole for place in advices[1].to_try} <= {1, 3, 5}
-    assert "nothing is known" in what_to_do(advices[0])
-    assert advices[1].order == "turn" or "the best bet is hole" in what_to_do(advices[1])
-    assert advices[1].gain_probability.value > 0.9
+    assert [each.word == "ANY_HOLE" for each in advices] == [True, False]
+    assert [each.values for each in advices] == [0, 3]
+    assert advices[1].decision.best in (1, 2, 3)
+    assert advices[1].decision.probability_better(2) > 0.9
+
+
+def test_where_too_few_samples_agree_the_values_as_given_name_the_hole():
+    drive = drive_of("catalogue.K_2=1e9", "operation.M_g=4")
+    advice = advise(drive, (4.0,), seat_positions(drive), draws=4)
+    assert "contradicts" in advice.fault
+    assert advice.word in ("TURN", "LEAVE") and not advice.decision.is_sampled

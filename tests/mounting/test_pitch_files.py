@@ -219,18 +219,15 @@ def test_an_unknown_choice_is_refused(files):
     assert pitch("trace", SMALL, "--pitch-b", "wheel.csv", "--pitch-sense", "up", files=files).returncode == 2
 
 
-def test_beside_measured_teeth_nothing_is_drawn_and_an_order_by_the_values_as_given_is_asked_for(files):
-    asked = ("mount", SMALL, *QUICK, "--pitch-b", "wheel.csv", "--set", "uncertainty.phases.phi_hb=9", "-q")
-    refused = pitch(*asked, files=files)
-    assert (refused.returncode, refused.stdout) == (6, "unknown\n")
-    assert "were not drawn: 1; --draws 0 orders by the values as given" in refused.stderr
-    given = pitch(*asked, "--draws", "0", files=files)
-    assert given.returncode == 0
-    assert given.stdout in ("0\n", "1\n")
-    assert "were not drawn: 1;" in given.stderr
-    page = " ".join(pitch(*asked[:-1], files=files).stdout.split())
-    assert "; hdassist trials does not take measured teeth" in page
-    assert "hdassist trials /" not in page
+def test_beside_measured_teeth_nothing_is_drawn_and_the_hole_is_that_of_the_values_as_given(files):
+    asked = ("mount", SMALL, *QUICK, "--pitch-b", "wheel.csv", "--set", "uncertainty.phases.phi_hb=9")
+    for more in ((), ("--draws", "0")):
+        given = pitch(*asked, "-q", *more, files=files)
+        assert (given.returncode, given.stdout in ("0\n", "1\n")) == (0, True)
+        assert "were not drawn: 1" in given.stderr
+    assert ": ANY HOLE, hole 0" in " ".join(pitch(*asked, files=files).stdout.split())
+    with_values = pitch(*asked, "h0=20", files=files)
+    assert (with_values.returncode, "--pitch-b does not take measured values" in with_values.stderr) == (2, True)
 
 
 def test_an_open_verdict_beside_measured_teeth_has_its_reason_and_a_next_command_with_the_files(files):

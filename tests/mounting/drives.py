@@ -8,20 +8,21 @@ from hdassist import load_preset
 from hdassist.belief.tabled import TableEffort
 from hdassist.error.error_map import ErrorMap
 from hdassist.error.table import Mesh
+from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import rotated, usable_positions
+from hdassist.mounting.posterior import HolePosterior, HoleSamples, TableSampling, TrialSetup, posterior_of
 from hdassist.mounting.trial import Trial
 from hdassist.preset.fields import Drive
-from hdassist.trials.prior import Prior, Rig, TrialEffort
 from tests.process import SMALL
 
 M_G, HOLES = 4.0, 12
 POSITIONS = usable_positions(HOLES, "all")
 THIRDS = (0.0, 120.0, 240.0)
 KNOWN = {"tolerances.e_hh": 1.0, "phases.phi_hh": 2.0}  # the cam's own offset, well measured
-RIG = Rig(M_G, noise_arcsec=0.5)
-FEW = TrialEffort.of(16)
+SETUP = TrialSetup(M_G, noise_arcsec=0.5)
+FEW = TableSampling.of(32)
 COARSE_MESH = Mesh((9, 5, 9, 9), 12)
-COARSE = TrialEffort(2, 2, 2, 64, TableEffort(16, COARSE_MESH))
+COARSE = TableSampling(2, 64, TableEffort(16, COARSE_MESH))
 
 
 def told(*overrides: str, **uncertainty: float) -> Drive:
@@ -36,16 +37,23 @@ def measured(size: float, direction: float) -> tuple[float, ...]:
     return tuple(search.extremes(rotated(drive, r)).first for r in POSITIONS)
 
 
-def direction_of(cloud: Prior) -> np.ndarray:
+def direction_of(cloud: HoleSamples) -> np.ndarray:
     """Directions of the standing offset [deg], samples and directions flat."""
-    return cloud.offset(np.arange(cloud.weight.size))[1]
+    return cloud.values["phases.phi_hb" if cloud.drive.mounting.fixed == "rigid" else "phases.phi_hg"].ravel()
 
 
 def trials(values, rotations=THIRDS) -> list[Trial]:
     return [Trial(r, values[POSITIONS.index(r)]) for r in rotations]
 
 
-def synthetic(F_ior: np.ndarray, weight: np.ndarray | None = None, rig: Rig = RIG) -> Prior:
+def synthetic(F_ior: np.ndarray, weight: np.ndarray | None = None, setup: TrialSetup = SETUP) -> HoleSamples:
     """Samples with such F'_ior, shape (samples, holes), read without error."""
     weight = np.ones(F_ior.shape) if weight is None else weight
-    return Prior(told(), rig, {rig.M_g: F_ior}, weight / weight.sum(), {}, {rig.M_g: 0.0})
+    values = dict.fromkeys(("tolerances.e_hb", "phases.phi_hb"), np.ones(F_ior.shape))
+    return HoleSamples(told(), setup, {setup.M_g: F_ior}, weight / weight.sum(), values, {setup.M_g: 0.0})
+
+
+def learnt(samples: HoleSamples, tried, rotations, torques=(M_G,)) -> tuple[HolePosterior, Decision]:
+    """Draws after values, and the decision among these positions."""
+    after = posterior_of(samples, tried, [*rotations, 0.0])
+    return after, after.decision(torques, (), 0.01)

@@ -9,17 +9,15 @@ from hdassist import load_preset
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
 from hdassist.measuring.reading import Reading
-from hdassist.mounting.trial import Trial
+from hdassist.mounting.advice import advise_after
+from hdassist.mounting.posterior import TrialSetup, hole_samples, posterior_of
+from hdassist.mounting.trial import Trial, read_trial_or_record
 from hdassist.readers.trace import read_trace
-from hdassist.trials.advice import advise_from_trials
-from hdassist.trials.posterior import drawn, prediction, require_reachable
-from hdassist.trials.prior import Rig, trial_prior
-from hdassist.trials.record import read_trial_or_record
+from tests.mounting.drives import COARSE, M_G, told
 from tests.process import SMALL, run
-from tests.trials.drives import COARSE, M_G, told
 
 CYCLE = 30  # cam turns of the drive's full cycle
-RIG = Rig(M_G, noise_arcsec=2.0)
+SETUP = TrialSetup(M_G, noise_arcsec=2.0)
 
 
 @pytest.fixture
@@ -68,47 +66,50 @@ def test_a_record_of_less_than_the_cycle_is_no_trial(record):
 def test_what_is_no_trial_is_told_before_any_work(record, tmp_path, trial, code, words):
     (tmp_path / "empty.csv").touch()
     files = {"missing": tmp_path / "no.csv", "empty": tmp_path / "empty.csv", "short": record(0.5)}
-    done = run("trials", SMALL, "--torque", "4", "h0=20", trial.format(**files))
+    done = run("mount", SMALL, "--torque", "4", "h0=20", trial.format(**files))
     assert (done.returncode, done.stdout) == (code, "")
     assert words in " ".join(done.stderr.split())
 
 
 @pytest.fixture(scope="module")
 def cloud():
-    return trial_prior(told(), (), RIG, effort=COARSE)
+    return hole_samples(told(), (1.0,), SETUP, effort=COARSE)
 
 
 def test_a_value_counts_by_its_own_noise(cloud):
     rough, near = Trial(0.0, 30.0), Trial(0.0, 30.0, noise_arcsec=0.2)
-    spread = [drawn(cloud, [each], [0.0]).F_ior_arcsec.std() for each in (rough, near)]
+    spread = [posterior_of(cloud, [each], [0.0]).F_ior_arcsec.std() for each in (rough, near)]
     assert spread[1] < 0.9 * spread[0]
     assert np.array_equal(  # the same numbers, whoever gives them
-        drawn(cloud, [replace(rough, noise_arcsec=2.0)], [0.0]).F_ior_arcsec, drawn(cloud, [rough], [0.0]).F_ior_arcsec
+        posterior_of(cloud, [replace(rough, noise_arcsec=2.0)], [0.0]).F_ior_arcsec,
+        posterior_of(cloud, [rough], [0.0]).F_ior_arcsec,
     )
-    wide, narrow = (prediction(cloud, [near], Trial(120.0, 20.0, noise_arcsec=noise)) for noise in (5.0, 0.1))
+    wide, narrow = (
+        advise_after(
+            cloud.drive, [near], SETUP, outcome=Trial(120.0, 20.0, noise_arcsec=noise), samples=cloud
+        ).verification
+        for noise in (9.0, 0.1)
+    )
+    assert wide and narrow
     assert narrow.high_arcsec - narrow.low_arcsec < wide.high_arcsec - wide.low_arcsec
-    most = float(cloud.F_ior_arcsec.max()) * 1.8
-    with pytest.raises(UntrustedError, match="no draw shows"):
-        require_reachable(cloud, [Trial(0.0, most)])
-    require_reachable(cloud, [Trial(0.0, most, noise_arcsec=most)])
 
 
 def test_a_trial_of_the_preset_counts_once_whether_given_again_or_not(cloud):
     one = "measured.F_ior={h4@4: 20 ± 1}"
     given, again = [Trial(0.0, 30.0)], Trial(120.0, 20.0)
-    effort = replace(COARSE, effective=2)
-    kept = advise_from_trials(told(one), given, RIG, effort=effort)
-    assert kept.trials == (Trial(120.0, 20.0, noise_arcsec=0.5), *given)
-    assert advise_from_trials(told(one), [*given, again], RIG, effort=effort).trials == (*given, again)
-    assert (
-        len(advise_from_trials(told(one), [*given, replace(again, F_ior_arcsec=21.0)], RIG, effort=effort).trials) == 3
-    )
-    assert trial_prior(told(one), (), RIG, effort=COARSE).weight == pytest.approx(cloud.weight)
+
+    def trials_of(*tried):
+        return advise_after(told(one), tried, SETUP, samples=cloud).trials
+
+    assert trials_of(*given) == (Trial(120.0, 20.0, noise_arcsec=0.5), *given)
+    assert trials_of(*given, again) == (*given, again)
+    assert len(trials_of(*given, replace(again, F_ior_arcsec=21.0))) == 3
+    assert hole_samples(told(one), (1.0,), SETUP, effort=COARSE).weight == pytest.approx(cloud.weight)
 
 
 def test_an_error_of_the_preset_at_another_torque_weighs_the_samples():
-    free = trial_prior(told(), (1.0,), RIG, effort=COARSE)
+    free = hole_samples(told(), (1.0,), SETUP, effort=COARSE)
     low = float(np.quantile(free.F_ior_by_torque[1.0], 0.05))
-    found = trial_prior(told(f"measured.F_ior={{h0@1: {low} ± 0.2}}"), (), RIG, effort=COARSE)
+    found = hole_samples(told(f"measured.F_ior={{h0@1: {low} ± 0.2}}"), (), SETUP, effort=COARSE)
     means = [float((each.weight * each.F_ior_by_torque[1.0]).sum()) for each in (free, found)]
     assert abs(means[1] / low - 1) < 0.5 * abs(means[0] / low - 1)

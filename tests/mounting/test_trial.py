@@ -6,9 +6,8 @@ from hdassist import load_preset
 from hdassist.errors import UsageError
 from hdassist.measuring.reading import Reading
 from hdassist.mounting.positions import usable_positions
-from hdassist.mounting.trial import Trial, read_trial
-from hdassist.trials.prior import Rig
-from hdassist.trials.record import read_trial_or_record
+from hdassist.mounting.posterior import TrialSetup
+from hdassist.mounting.trial import Trial, read_trial, read_trial_or_record
 from tests.process import SMALL
 
 
@@ -73,4 +72,4 @@ def test_holes_of_a_seat_without_holes() -> None:
 @pytest.mark.parametrize("rig", [(0.0,), (4.0, 0.0), (4.0, -1.0), (float("nan"),)])
 def test_rigs_that_are_none(rig: tuple[float, ...]) -> None:
     with pytest.raises(UsageError):
-        Rig(*rig)
+        TrialSetup(*rig)

@@ -1,0 +1,205 @@
+"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,D2,G,F] [--n 40] [--keep FOLDER]`.
+
+Regret is F'_ior in the hole named over the least of 12 holes, less 1. Hidden drives are none that the preset can be:
+other stiffnesses, flanks, teeth with all orders, order-2 errors, misread values. Holes 0, 4 and 8 are measured, then
+those that the tool names. Beside it: as it stands, the best hole measured, climbing by hand, a sine through the values;
+and each probability as stated beside how often it came true. --keep: a folder where true values are kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.honesty import EXACT, OFF, _teeth, hidden_drive
+
+M_G, HOLES, FIRST, MOST = 80.0, 12, (0, 4, 8), 6
+GOOD = 0.05  # regret below which a hole is as good as the best
+MISREAD = 8.0, 15.0  # arcsec that a misread value is off by
+ALSO_OFF = ("supports.C_2", "supports.C_3", "contact.k_face", "contact.c_ball")
+
+
+@dataclass(frozen=True)
+class Case:
+    """Hidden drives, noise of their values [arcsec], stated as 1, and whether one of six is misread.
+
+    order_2: arcsec that a hidden vzp160 has beside what the model computes, at twice a turn of the cam; None: drives of
+    which a data sheet is known (honesty.py).
+    """
+
+    order_2: float | None = 0.0
+    noise: float = 1.0
+    misread: bool = False
+
+
+CASES = {
+    "A": Case(),
+    "D1": Case(order_2=2.0),
+    "D2": Case(noise=2.0),
+    "G": Case(order_2=4.0, noise=2.0, misread=True),
+    "F": Case(order_2=None),
+}
+
+
+def hidden_vzp160(seed: int):
+    """F'_ior [arcsec] in each hole of a hidden drive like vzp160, by the order-2 error that it has beside."""
+    from hdassist import load_preset
+    from hdassist.error.cycle import kinematic_error
+    from hdassist.run.run import UNCHECKED
+
+    rng, drive = np.random.default_rng([7, seed]), load_preset("vzp160")
+    values = {
+        "tolerances.e_hb": rng.uniform(20, 140), "phases.phi_hb": rng.uniform(0, 360),
+        "tolerances.e_hh": rng.uniform(0, 60), "phases.phi_hh": rng.uniform(0, 360),
+    }  # fmt: skip
+    drive = drive.with_values(values)
+    drive = drive.with_values({p: drive.number(p) * np.exp(OFF * rng.standard_normal()) for p in (*EXACT, *ALSO_OFF)})
+    numerics = drive.numerics.model_copy(update={"stations": int(rng.choice([1, 3, 5, 9]))})
+    drive = drive.model_copy(update={"numerics": numerics})
+    teeth, errors = _teeth(drive, rng), []
+    for hole in range(HOLES):
+        there = drive.with_values({"phases.phi_hb": (drive.number("phases.phi_hb") - 30 * hole) % 360})
+        errors.append(kinematic_error(there, M_G, teeth=teeth, run=UNCHECKED))
+    beside = np.sin(2 * errors[0].states.phi_h + rng.uniform(0, 2 * np.pi))
+    return {size: [float(np.ptp(each.error_arcsec + size * beside)) for each in errors] for size in (0.0, 2.0, 4.0)}
+
+
+def hidden_by_data_sheet(seed: int):
+    """F'_ior [arcsec] in each hole of a hidden drive of which a data sheet is known, what stands turned back."""
+    from hdassist.error.cycle import kinematic_error
+    from hdassist.run.run import UNCHECKED
+
+    preset, there, teeth = hidden_drive(np.random.default_rng([1, seed]))
+    turned = (
+        {"phases.phi_hb": (there.number("phases.phi_hb") - 30 * hole) % 360,
+         "harmonics.xi_s2": (there.number("harmonics.xi_s2") - 30 * hole) % 180}
+        for hole in range(HOLES)
+    )  # fmt: skip
+    M_g = preset.operation.M_g[0]
+    every = (kinematic_error(there.with_values(each), M_g, teeth=teeth, run=UNCHECKED) for each in turned)
+    return {None: [each.F_ior_arcsec for each in every]}
+
+
+def true_values(case: Case, seed: int, keep: Path | None):
+    """True F'_ior [arcsec] in each hole of a hidden drive, shape (holes,), computed once where they are kept."""
+    file = keep and keep / f"{'sheet' if case.order_2 is None else 'vzp160'}-{seed}.json"
+    if file and file.exists():
+        found = json.loads(file.read_text())
+    else:
+        made = hidden_by_data_sheet(seed) if case.order_2 is None else hidden_vzp160(seed)
+        found = {str(key): values for key, values in made.items()}
+        if file:
+            file.write_text(json.dumps(found))
+    return np.array(found[str(case.order_2)])
+
+
+def judged(case: Case, seed: int, samples, keep: Path | None):
+    """A row for each number of values: regrets of all rules, and what was stated."""
+    from hdassist.mounting.advice import advise_after
+    from hdassist.mounting.trial import Trial
+
+    rng, true = np.random.default_rng([20, seed]), true_values(case, seed, keep)
+    wrong, off = rng.integers(MOST), rng.uniform(*MISREAD) * rng.choice([-1, 1])
+
+    def measured(hole: int, number: int) -> Trial:
+        value = true[hole] + case.noise * rng.standard_normal() + off * (case.misread and wrong == number)
+        return Trial(30.0 * hole, max(float(value), 0.5))
+
+    trials = [measured(hole, k) for k, hole in enumerate(FIRST)]
+    climbed, rows, stop = list(trials), {}, None
+    regret = true / true.min() - 1
+    while True:
+        advice = advise_after(samples.drive, trials, samples.setup, samples=samples)
+        found, count = advice.decision, len(trials)
+        best = round(found.rotations_deg[found.best] / 30)
+        other = round(found.rotations_deg[found.challenger or 0] / 30)
+        is_better = true[best] < 0.99 * true[0] if best else true[other] >= 0.99 * true[0]
+        by_sine = int(np.argmin(_sine(trials)))
+        rows[count] = {
+            "regret": regret[best], "stated loss": found.expected_loss[found.best],
+            "stated good": found.probability_good[found.best], "good": regret[best] < GOOD,
+            "stated right": found.probability.value, "right": is_better,
+            "best measured": regret[_hole(min(trials, key=lambda t: t.F_ior_arcsec))],
+            "climbing": regret[_hole(min(climbed, key=lambda t: t.F_ior_arcsec))], "sine": regret[by_sine],
+        }  # fmt: skip
+        if stop is None and advice.next is None:
+            stop = count, regret[best]
+        if count == MOST:
+            named = None if advice.suspected is None else trials.index(advice.suspected) == wrong
+            return rows, stop or (count, regret[best]), regret[0], named
+        trials.append(measured(round(advice.value.rotation_deg / 30), count))
+        climbed.append(measured(_climb(climbed), count))
+
+
+def _hole(trial) -> int:
+    return round(trial.rotation_deg / 30) % HOLES
+
+
+def _sine(trials):
+    """A sine once a turn through the values, in each hole."""
+
+    def columns(turn):
+        return np.column_stack([np.ones(len(turn)), np.cos(turn), np.sin(turn)])
+
+    turn = np.radians([t.rotation_deg for t in trials])
+    fitted = np.linalg.lstsq(columns(turn), [t.F_ior_arcsec for t in trials], rcond=None)[0]
+    return columns(2 * np.pi * np.arange(HOLES) / HOLES) @ fitted
+
+
+def _climb(trials) -> int:
+    """The hole beside the best one measured that was not measured yet, towards the better side first."""
+    best, tried = _hole(min(trials, key=lambda t: t.F_ior_arcsec)), {_hole(t): t.F_ior_arcsec for t in trials}
+    sine = _sine(trials[:3])
+    for step in range(1, HOLES):
+        beside = sorted(((best + step) % HOLES, (best - step) % HOLES), key=lambda hole: sine[hole])
+        for hole in beside:
+            if hole not in tried:
+                return hole
+    return best
+
+
+def samples_of(case: Case, seed: int):
+    """Samples of what is known of a hidden drive, before any value."""
+    from hdassist import load_preset
+    from hdassist.mounting.posterior import TrialSetup, hole_samples
+
+    preset = load_preset("vzp160") if case.order_2 is not None else hidden_drive(np.random.default_rng([1, seed]))[0]
+    M_g = M_G if case.order_2 is not None else preset.operation.M_g[0]
+    one = preset.model_copy(update={"operation": preset.operation.model_copy(update={"M_g": (M_g,)})})
+    return hole_samples(one, (M_g,), TrialSetup(M_g))
+
+
+def main() -> None:
+    """Judge drives, and print the regret after each number of values."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cases", default=",".join(CASES))
+    parser.add_argument("--n", type=int, default=40, help="hidden drives of each case")
+    parser.add_argument("--keep", type=Path, help="folder of true values")
+    args = parser.parse_args()
+    alike = None
+    for name in args.cases.split(","):
+        case, found = CASES[name], []
+        for seed in range(args.n):
+            if case.order_2 is None or alike is None:
+                samples = samples_of(case, seed)
+                alike = samples if case.order_2 is not None else alike
+            found.append(judged(case, seed, samples if case.order_2 is None else alike, args.keep))
+        print(f"{name}: {len(found)} drives; as it stands (no value): {100 * np.mean([f[2] for f in found]):.1f} %")
+        for count in range(len(FIRST), MOST + 1):
+            mean = {key: float(np.mean([rows[count][key] for rows, *_ in found])) for key in found[0][0][count]}
+            print(f"  {count} values: " + ", ".join(f"{key} {100 * value:.1f}" for key, value in mean.items()))
+        stops = np.array([stop for _, stop, *_ in found])
+        print(f"  at the stop: {stops[:, 0].mean():.2f} values, regret {100 * stops[:, 1].mean():.1f} %")
+        if case.misread:
+            print(
+                f"  misread: named {sum(f[3] is not None for f in found)}, rightly {sum(f[3] is True for f in found)}"
+            )
+        print(flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,409 @@
+"""F'_ior in every hole after it was measured in some: samples of the belief in tables, reweighed by the values.
+
+Stiffnesses, clearances and the wave are drawn as `check` draws them, by the evidence of stiffness; with each draw of
+these F'_ior of many draws of the deviations is read off a table (belief/tabled.py), in all directions of what stands.
+Smooth curves over the holes that no drive made stand beside them: where no drive shows the values, these decide.
+
+Given a sample all is normal: the drive shows it with a scale, a smooth misfit and noise about the stated one
+(belief/misfit.py), misfit and noise both weighed by the values. Any one value may be misread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp, softmax
+
+from hdassist.belief.evidence import ACCURACY, FREEDOM, evidence_of, measured_errors, values_of_errors
+from hdassist.belief.misfit import (
+    LEAST_SHOWN,
+    MISFITS,
+    SCALE,
+    SMOOTH_NUMBERS,
+    ErrorKind,
+    error_kinds,
+    errors_of_drive,
+    kernel,
+    log_likelihood_of_errors,
+    log_likelihoods,
+    smooth_misfits,
+)
+from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
+from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
+from hdassist.belief.tabled import (
+    TabledErrors,
+    TableEffort,
+    any_direction,
+    open_deviations,
+    tabled_errors,
+    turned_errors,
+)
+from hdassist.error.error_map import error_maps, searchable
+from hdassist.error.sloped import DRAWN_STATES
+from hdassist.error.table import Mesh
+from hdassist.errors import HdassistError, UntrustedError, UsageError
+from hdassist.model.deviations import standing_offset
+from hdassist.model.geometry import Array
+from hdassist.mounting.decision import Decision
+from hdassist.mounting.trial import Trial
+from hdassist.preset.fields import Drive, measures
+from hdassist.run.run import Run
+from hdassist.solve.answers import EMPTY, Certificate
+
+Places = NDArray[np.int64]
+
+WIDEST_SIZE = 2.0  # a size without an uncertainty may be so many times the preset's
+NOISE_SPREAD = 0.56  # of the logarithm of the noise over the stated one: within a third and three times with 95 %
+LOG_NOISES = {noise: -0.5 * (np.log(noise) / NOISE_SPREAD) ** 2 for noise in 2.0 ** (np.arange(-2, 5) / 2)}
+POSTERIOR_DRAWS = 2048
+LIKELIEST = 4096  # samples that are looked at closer
+FAR_LIKELIER = 100.0  # times as probable: a torque is taken for that at which values were measured
+COMPARED = 16  # drives with a table of one system, to see its error
+FREE_SHARE = 0.5  # probability before any value that no drive of the preset shows them
+FREE_CURVES, FREE_LEVEL = 256, 0.3  # curves of no drive; standard deviation of the logarithm of their level
+FREE_WAVES = (0.3, 0.12, 0.06)  # standard deviations of their waves over the seat, once, twice, three times a turn
+OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
+
+
+@dataclass(frozen=True)
+class TrialSetup:
+    """How F'_ior is measured in holes: at a torque [N*m], with noise [arcsec], the standard deviation of a value.
+
+    That of mounting the wheel again included. Raises UsageError unless the torque turns something and the noise is one.
+    """
+
+    M_g: float
+    noise_arcsec: float = 1.0
+
+    def __post_init__(self) -> None:
+        # beyond that, squares are no numbers
+        if not (0 < abs(self.M_g) <= 1e7 and 1e-6 <= self.noise_arcsec <= 1e6):
+            stated = f"{self.M_g:g} N·m, noise {self.noise_arcsec:g}″"
+            wanted = "expected a torque up to 1e7 N*m but 0, and a noise above 0"
+            raise UsageError(f"invalid trials: {stated}: {wanted}", "--trial-torque 80")
+
+
+@dataclass(frozen=True)
+class TableSampling:
+    """Effort of the samples: effective draws of stiffnesses, clearances and the wave, draws at most, table of each."""
+
+    systems: int = 32
+    most_draws: int = 2048
+    table: TableEffort = field(default_factory=TableEffort)
+
+    @classmethod
+    def of(cls, draws: int) -> TableSampling:
+        """The effort for so many effective samples of a belief, of which half have a table each."""
+        systems = max(1, draws // 2)
+        return cls(systems, 64 * systems)
+
+    @property
+    def of_one_system(self) -> TableSampling:
+        """As many samples where only deviations are unknown, from a finer table."""
+        table = TableEffort(self.systems * self.table.deviations, Mesh(), min(COMPARED, self.systems))
+        return replace(self, systems=1, table=table)
+
+
+@dataclass(frozen=True, eq=False)
+class HoleSamples:
+    """Samples of a drive, and F'_ior [arcsec] with what stands turned in steps.
+
+    F_ior_by_torque [arcsec] by M_g [N*m], and weight, which sums to 1, of shape (samples, directions) each;
+    read_error, relative standard deviation of it, by M_g; values of the offset that stands with the wheel by field,
+    shape (samples, directions), NaN of curves that no drive made; seed.
+    """
+
+    drive: Drive
+    setup: TrialSetup
+    F_ior_by_torque: Mapping[float, Array]
+    weight: Array
+    values: Mapping[str, Array]
+    read_error: Mapping[float, float]
+    seed: int = 0
+    certificate: Certificate = EMPTY
+
+    @property
+    def F_ior_arcsec(self) -> Array:
+        """F'_ior [arcsec] at the torque of the values with the wheel at 0, shape (samples, directions)."""
+        return self.F_ior_by_torque[self.setup.M_g]
+
+    @property
+    def possible(self) -> Places:
+        """Flat places among samples and directions that weigh anything."""
+        return np.flatnonzero(self.weight)
+
+    def at(self, rotations_deg: Sequence[float], places: Places | None = None, M_g: float | None = None) -> Array:
+        """F'_ior [arcsec] with the wheel turned, shape (places, rotations): that of directions less by as much.
+
+        Arguments: flat places among samples and directions, all of them without it; M_g [N*m], another torque.
+        """
+        every = np.arange(self.weight.size) if places is None else places
+        return turned_errors(self.F_ior_by_torque[self.setup.M_g if M_g is None else M_g], rotations_deg, every)
+
+    def mean(self, places: Places) -> Array:
+        """Mean F'_ior of samples over all directions [arcsec], shape (places,)."""
+        return np.asarray(self.F_ior_arcsec.mean(axis=1)[places // self.weight.shape[1]])
+
+    def noise(self, trials: Sequence[Trial]) -> Array:
+        """Standard deviations of measured values as stated [arcsec], shape (trials,): their own, or that of all."""
+        own = [self.setup.noise_arcsec if each.noise_arcsec is None else each.noise_arcsec for each in trials]
+        return np.array(own, dtype=float)
+
+    def near(self, trials: Sequence[Trial]) -> HoleSamples:
+        """These beside curves that no drive made, and of all about LIKELIEST, which the values make likely.
+
+        Kept by chance with a probability that their weight is divided by: the sum of weights stays right on average.
+        """
+        every, rng = self._with_free_curves(trials) if trials else self, np.random.default_rng([self.seed, 2])
+        possible = every.possible
+        weight = every.weight.ravel()[possible]
+        log, chance = np.log(weight), weight / weight.sum()
+        for trial in trials:
+            f = every.at([trial.rotation_deg], possible)[:, 0]
+            off = (trial.F_ior_arcsec - f) / np.hypot(2 * every.noise([trial]), (SCALE + MISFITS[-1]) * f)
+            log = log - (FREEDOM + 1) / 2 * np.log1p(off**2 / FREEDOM)
+            chance = chance + softmax(log)
+        chance = np.minimum(LIKELIEST / (len(trials) + 1) * chance, 1)
+        kept = rng.random(len(possible)) < chance
+        left = np.zeros(every.weight.size)
+        left[possible[kept]] = (weight / chance)[kept]
+        return replace(every, weight=(left / left.sum()).reshape(every.weight.shape))
+
+    def _with_free_curves(self, trials: Sequence[Trial]) -> HoleSamples:
+        """Samples with curves over the seat that no drive made, about as high as the values, in any direction."""
+        rng, shape = np.random.default_rng([self.seed, 3]), (FREE_CURVES, 1)
+        angle = 2 * np.pi * np.arange(self.weight.shape[1]) / self.weight.shape[1]
+        log = np.log(np.mean([each.F_ior_arcsec for each in trials])) + FREE_LEVEL * rng.standard_normal(shape)
+        for order, size in enumerate(FREE_WAVES, 1):
+            log = log + size * rng.standard_normal(shape) * np.cos(order * angle + 2 * np.pi * rng.random(shape))
+        over = {M_g: float(np.median(F_ior / self.F_ior_arcsec)) for M_g, F_ior in self.F_ior_by_torque.items()}
+        F_ior = {M_g: np.vstack([of, over[M_g] * np.exp(log)]) for M_g, of in self.F_ior_by_torque.items()}
+        free = np.full(log.shape, FREE_SHARE / log.size)
+        values = {path: np.vstack([of, np.full(log.shape, np.nan)]) for path, of in self.values.items()}
+        weight = np.vstack([(1 - FREE_SHARE) * self.weight, free])
+        return replace(self, F_ior_by_torque=F_ior, weight=weight, values=values)
+
+
+@dataclass(frozen=True, eq=False)
+class HolePosterior:
+    """Draws after measured values, all of the same weight.
+
+    samples that they are of; places among samples and directions of these; misfit, noise, over the stated one, and
+    scale, shape (draws,); rotations_deg and F_ior_arcsec in them at the torque of the values, shape (draws, rotations);
+    effective samples that they stand for; misread, probability of each value to be misread, shape (trials,).
+    """
+
+    samples: HoleSamples
+    places: Places
+    misfit: Array
+    noise: Array
+    scale: Array
+    rotations_deg: tuple[float, ...]
+    F_ior_arcsec: Array
+    effective: float
+    misread: Array
+
+    @cached_property
+    def offset(self) -> tuple[Array, Array]:
+        """Size [um] and direction [deg] of the offset that stands with the fixed wheel, of those that are drives."""
+        size, direction = (self.samples.values[p].ravel()[self.places] for p in standing_offset(self.samples.drive))
+        return size[~np.isnan(size)], direction[~np.isnan(size)]
+
+    @property
+    def by_values(self) -> float:
+        """Probability that no drive of the preset shows the values: then these alone decide."""
+        return 1 - len(self.offset[0]) / len(self.places)
+
+    @property
+    def facing(self) -> tuple[float, float] | tuple[None, None]:
+        """Direction of the standing offset and its standard deviation [deg]; None where it is open."""
+        mean = np.exp(1j * np.radians(self.offset[1])).mean() if len(self.offset[1]) else 0j
+        if not (length := abs(mean)) or (spread := float(np.degrees(np.sqrt(-2 * np.log(length))))) > OPEN:
+            return None, None
+        return float(np.degrees(np.angle(mean)) % 360), spread
+
+    def decision(self, torques: Sequence[float], room_arcsec: Sequence[float | None], cost: float) -> Decision:
+        """The decision among the rotations but the last one, which is 0, at torques [N*m].
+
+        At another torque than that of the values the scale is the same; the misfit is as large, but another.
+        """
+        samples, rng = self.samples, np.random.default_rng([self.samples.seed, 1])
+
+        def at(M_g: float) -> Array:
+            if M_g == samples.setup.M_g:
+                return self.F_ior_arcsec
+            f = samples.at(self.rotations_deg, self.places, M_g)
+            spread = (np.hypot(self.misfit, samples.read_error[M_g]) * f.mean(axis=1))[:, None]
+            smooth = smooth_misfits(self.rotations_deg, rng.standard_normal((len(f), SMOOTH_NUMBERS)))
+            return np.asarray(np.maximum(f * self.scale[:, None] + spread * smooth, LEAST_SHOWN * f))
+
+        every = np.array([at(M_g) for M_g in torques])
+        ones = np.ones(len(self.places))
+        return Decision(self.rotations_deg[:-1], every[..., :-1], every[..., -1], ones, room_arcsec, cost)
+
+
+def posterior_of(
+    samples: HoleSamples, trials: Sequence[Trial], rotations_deg: Sequence[float], kinds: Sequence[ErrorKind] = ()
+) -> HolePosterior:
+    """Draws of F'_ior in positions [deg] after values, of which there may be none.
+
+    Argument: kinds of error that values may have, all of them without it.
+    """
+    rng, setup = np.random.default_rng(samples.seed), samples.setup
+    y, tried = np.array([t.F_ior_arcsec for t in trials]), [t.rotation_deg for t in trials]
+    possible, stated, kinds = samples.possible, samples.noise(trials), kinds or error_kinds(len(trials), LOG_NOISES)
+    mean, read_error = samples.mean(possible), samples.read_error[setup.M_g]
+    likelihoods = log_likelihoods(kinds, samples.at(tried, possible), y, stated, kernel(tried, tried), mean, read_error)
+    weight = softmax(np.log(samples.weight.ravel()[possible]) + likelihoods)
+    at = np.searchsorted(np.cumsum(weight), (np.arange(POSTERIOR_DRAWS) + 0.5) / POSTERIOR_DRAWS)
+    kind, row = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
+    places = possible[row]
+    misfit, noise = np.array([(each.misfit, each.noise) for each in kinds])[kind].T
+    everywhere = [*rotations_deg, *tried]
+    spread = np.array([each.spreads(stated, y) for each in kinds])[kind]
+    f, variance = samples.at(everywhere, places), (misfit**2 + read_error**2) * samples.mean(places) ** 2
+    smooth = smooth_misfits(everywhere, rng.standard_normal((len(places), SMOOTH_NUMBERS)))
+    normal = rng.standard_normal(len(places)), smooth, rng.standard_normal(spread.shape)
+    F_ior, scale = errors_of_drive(f, y, variance, spread, kernel(everywhere, everywhere), normal)
+    effective = float(1 / np.square(weight.sum(axis=0)).sum())
+    of_kind, doubted = weight.sum(axis=1), np.array([each.misread for each in kinds])
+    misread = np.array([of_kind[doubted == k].sum() for k in range(len(trials))])
+    return HolePosterior(samples, places, misfit, noise, scale, tuple(rotations_deg), F_ior, effective, misread)
+
+
+def likelier_torque(samples: HoleSamples, trials: Sequence[Trial]) -> float | None:
+    """Torque of the samples [N*m] at which values are far more probable than at that as stated; None without one."""
+    tried, possible = [t.rotation_deg for t in trials], samples.possible
+    measured = np.array([t.F_ior_arcsec for t in trials]), samples.noise(trials), kernel(tried, tried)
+    weight = samples.weight.ravel()[possible]
+    log_probability = {
+        M_g: logsumexp(log_likelihood_of_errors(samples.at(tried, possible, M_g), *measured, read_error), b=weight)
+        for M_g, read_error in samples.read_error.items()
+    }
+    likeliest = max(log_probability, key=log_probability.__getitem__)
+    stated = log_probability[samples.setup.M_g]
+    return likeliest if log_probability[likeliest] > stated + np.log(FAR_LIKELIER) else None
+
+
+def table_states(drive: Drive, torques: int, effort: TableSampling) -> int:
+    """Number of states that the samples solve, about, for a progress bar."""
+    return effort.systems * torques * (effort.table.mesh.states(drive) + DRAWN_STATES)
+
+
+def hole_samples(
+    drive: Drive,
+    torques: Sequence[float],
+    setup: TrialSetup,
+    *,
+    effort: TableSampling = TableSampling(),
+    run: Run = Run(),
+) -> HoleSamples:
+    """Samples of all that is not known of a drive, its standing offset among it, by the preset's evidence.
+
+    Arguments: torques [N*m] beside that of the setup; effort; run, its seed among it. Raises UsageError for a drive
+    with rolling balls or without an offset, UntrustedError where too few draws are drives that agree with the evidence.
+    """
+    if not searchable(drive):
+        raise UsageError("trials need locked balls", "bearing.ball_motion: locked")
+    prior = open_prior(drive)
+    systems = replace(prior, fields=tuple(each for each in prior.fields if each not in open_deviations(prior)))
+    if not systems.fields:
+        effort = effort.of_one_system
+    every = tuple(dict.fromkeys((setup.M_g, *torques, *(each.M_g for each in measured_errors(drive)))))
+    count = effort.systems
+    samples = draw_samples(
+        systems, (), evidence=tuple(each for each in evidence_of(drive) if not each.M_g),
+        effort=SamplingEffort(count, count, effort.most_draws, min(16, count)), run=run,
+    )  # fmt: skip
+    tables: list[TabledErrors | None] = []
+    solve = partial(_tabled, prior, every, effort.table, run.seed)
+    for found in run.map(solve, range(len(samples.weights)), samples.values()):
+        tables.append(found)
+        run.solved(found.certificate.states if found else 0)
+    return _collected(prior, setup, every, samples, tables)
+
+
+def _tabled(
+    prior: DrivePrior,
+    torques: tuple[float, ...],
+    effort: TableEffort,
+    seed: int,
+    number: int,
+    values: Mapping[str, float],
+) -> TabledErrors | None:
+    """F'_ior of a system by its number, with values of its fields, and many deviations; None where it has none."""
+    try:
+        return tabled_errors(error_maps(prior.drive.with_values(values), torques), prior, effort, [seed, number])
+    except HdassistError:
+        return None
+
+
+def _collected(
+    belief: DrivePrior,
+    setup: TrialSetup,
+    torques: tuple[float, ...],
+    systems: Samples,
+    tables: Sequence[TabledErrors | None],
+) -> HoleSamples:
+    """Samples of all systems that are drives, F'_ior by tables corrected for their mean error.
+
+    Weighed by F'_ior that the preset has as measured at other torques than that of the setup.
+    """
+    drive, kept = belief.drive, [each for each in tables if each]
+    if not kept:
+        raise UntrustedError("no draw has an answer at the torque of the trials", "hdassist check says why")
+    weights = [weight for weight, each in zip(systems.weights, tables, strict=True) if each]
+    log_missed = np.concatenate([each.log_missed for each in kept], axis=1)
+    F_ior = np.concatenate([each.F_ior_arcsec for each in kept], axis=1)
+    weight = np.repeat(weights, len(kept[0].shares))[:, None] * np.ones(F_ior.shape[1:])
+    for each in evidence_of(drive):
+        if each.figure == ACCURACY:  # without load, where F'_ior is greatest: that of the trials keeps it too
+            weight *= np.exp(each.log_likelihood(F_ior[0]))
+    if not any_direction(belief):
+        weight[:, 1:] = 0
+    F_ior *= np.exp(log_missed.mean(axis=1))[:, None, None]
+    values = {path: np.concatenate([each.values[path] for each in kept]) for path in standing_offset(drive)}
+    proof = sum((each.certificate for each in kept), systems.certificate)
+    found = HoleSamples(
+        drive, setup, dict(zip(torques, F_ior, strict=True)), weight / weight.sum(), values,
+        dict(zip(torques, log_missed.std(axis=1).tolist(), strict=True)), systems.seed, proof,
+    )  # fmt: skip
+    errors = [each for each in measured_errors(drive) if each.M_g != setup.M_g]
+    if not errors:
+        return found
+    f = np.hstack([found.at([each.rotation_deg], found.possible, each.M_g) for each in errors])
+    log, flat = log_likelihood_of_errors(f, *values_of_errors(errors)), found.weight.ravel().copy()
+    flat[found.possible] *= np.exp(log - log.max())
+    return replace(found, weight=(flat / flat.sum()).reshape(weight.shape))
+
+
+def open_prior(drive: Drive) -> DrivePrior:
+    """The prior of a drive, as `check` has it, with the offset that stands with the fixed wheel open.
+
+    That offset is anywhere up to WIDEST_SIZE times the preset's, in any direction, unless the preset gives an
+    uncertainty for it or does not know it; so is the one that turns with the cam. Raises UsageError where no
+    distribution is known of the size of the standing offset.
+    """
+    belief, (size, direction), own = prior_of(drive), standing_offset(drive), "tolerances.e_hh"
+    known = {each.path: each for each in belief.fields}
+    if size not in known and not drive.number(size) > 0:
+        raise UsageError(
+            f"unknown size of the cam offset: {size}",
+            f"--set {size}=80 says that up to {WIDEST_SIZE:g} times 80 um are likely",
+        )
+    pairs = [(size, direction)]
+    if drive.number(own) or any(path not in (size, direction) for path in drive.uncertainty):
+        pairs.append((own, "phases.phi_hh"))
+    for group, turn in pairs:
+        reason = f"open in trials: up to {WIDEST_SIZE:g} times the preset's"
+        if group not in known:
+            most = WIDEST_SIZE * drive.number(group)
+            known[group] = FieldPrior(group, "even", 0.0, most, owner_of(drive, group), group, reason)
+        if turn not in known:
+            known[turn] = FieldPrior(turn, "even", 0.0, 360.0, owner_of(drive, turn), group, "any direction")
+    fields = tuple(known[path] for path in measures() if path in known and known[path].low < known[path].high)
+    return replace(belief, fields=fields)

@@ -1,1 +1,0 @@
-"""The hidden offset from trials."""

@@ -1,0 +1,192 @@
+"""`hdassist mount` with measured values, also by its old name `trials`, as its users meet it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.process import ASSUMED, SMALL, run, run_cold
+
+# what the drive of the preset shows in these holes at 4 N·m with an offset of 50 um at 20 deg
+TRIALS = ("h0=73", "120=18.7", "h8=25", "h4=18.2", "h3=19.3")
+ONE = ("mount", SMALL, "--torque", "4", "--draws", "32", "--set", "tolerances.e_hh=0")
+LOOSE = (*ONE, "--set", ASSUMED)
+PLACE = {"hole", "rotation_deg"}
+POSITION = {
+    *PLACE, "phase_deg", "F_ior_arcsec", "expected_loss", "probability_good", "probability_better", "probability_kept",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def answer(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, str, str]:
+    figures = tmp_path_factory.mktemp("trials") / "holes.csv"
+    done = run(*LOOSE, *TRIALS, "--json", "--csv", str(figures))
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout), done.stderr, figures.read_text()
+
+
+def test_json_tells_positions_and_what_the_values_teach(answer):
+    told, _, _ = answer
+    assert told["schema"] == "hdassist.mount/2"
+    assert [p["hole"] for p in told["positions"]] == list(range(12))
+    for position in told["positions"]:
+        assert set(position) == POSITION
+        F_ior = position["F_ior_arcsec"]
+        assert F_ior["p5"][0] <= F_ior["p50"][0] <= F_ior["p95"][0]
+        assert (F_ior["low"], F_ior["expected"], F_ior["high"]) == (F_ior["p5"], F_ior["p50"], F_ior["p95"])
+    best = min(told["positions"], key=lambda p: p["expected_loss"])
+    assert told["hole"] == told["best_bet"]["hole"] == told["recommended"]["hole"] == best["hole"]
+    assert (told["word"], told["order"], told["exit_code"]) == ("TURN", "turn", 0)
+    assert told["probability"]["value"] == best["probability_better"] >= told["probability_needed"] == 0.95
+    assert [m["hole"] for m in told["trials"]["measured"]] == [0, 4, 8, 4, 3]
+    assert [each["values"] for each in told["worth"]] == [5, 6, 8]
+    assert told["verification"] is None
+    assert told["certificate"]["max_residual"] < 1e-9
+
+
+def test_the_old_name_is_the_same_command(answer):
+    old = run("trials", *LOOSE[1:], *TRIALS, "--json")
+    assert json.loads(old.stdout) == answer[0]
+
+
+def shape(value: object, path: str = "") -> set[str]:
+    """Keys of an object, those of objects within it too; lists by their first element."""
+    if isinstance(value, list):
+        return shape(value[0], f"{path}[]") if value else set()
+    if not isinstance(value, dict):
+        return set()
+    return {f"{path}.{key}" for key in value}.union(*(shape(part, f"{path}.{key}") for key, part in value.items()))
+
+
+def test_json_has_one_shape_whatever_was_given(answer):
+    least = run(*LOOSE, "0=20", "90=20", "--set", "mounting.holes=0", "--json")
+    assert least.returncode == 0, least.stderr
+    done = run(*LOOSE, *TRIALS, "--torque", "1", "--trial-torque", "4", "--verify", "h4=19", "--json")
+    assert done.returncode in (0, 3), done.stderr
+    told, none = json.loads(done.stdout), json.loads(run(*LOOSE, "--json").stdout)
+    assert told["M_g_Nm"] == [4, 1]
+    assert told["verification"]["verdict"] in ("KEEP", "GO_BACK")
+    assert {len(values) for values in told["positions"][3]["F_ior_arcsec"].values()} == {2}
+    assert set(none) == set(told) == set(answer[0]) == set(json.loads(least.stdout))
+    shapes = [
+        {key for key in shape(each) if not key.startswith((".verification.", ".next.", ".suspected."))}
+        for each in (told, answer[0], json.loads(least.stdout))
+    ]
+    assert shapes[0] == shapes[1] == shapes[2]
+
+
+def test_csv_has_a_row_for_each_hole(answer):
+    told, _, figures = answer
+    rows = list(csv.DictReader(figures.splitlines()))
+    assert [float(row["F_ior_expected_arcsec"]) for row in rows] == [
+        p["F_ior_arcsec"]["p50"][0] for p in told["positions"]
+    ]
+
+
+def test_the_same_digits_for_any_number_of_jobs(answer):
+    # and for any hash seed
+    assert json.loads(run_cold(*LOOSE, *TRIALS, "--json", "--jobs", "1").stdout) == answer[0]
+
+
+def test_people_see_the_hole_how_sure_what_to_measure_and_where_to_go_on(answer):
+    done = run(*LOOSE, *TRIALS, "--ascii")
+    assert done.returncode == 0
+    assert done.stdout.isascii()
+    assert len(done.stdout.splitlines()) <= 34
+    page = " ".join(done.stdout.split())
+    assert page.startswith(f"small, 5 values at 4 N*m: TURN, hole {answer[0]['hole']} Turn the rigid wheel by ")
+    assert (
+        " ".join(answer[0]["instruction"].replace("·", "*").replace("°", " deg").replace("″", " arcsec").split())
+        in page
+    )
+    for words in ("It is better than staying by more than 1 % with ", " effective samples.", "F'_ior at 4 N*m, arcsec"):
+        assert words in page
+    following = answer[0]["next"]
+    assert (f"Measure hole {following['hole']} " if following else "Stop measuring: one more value is expected") in page
+    assert not re.search(r"\b(tolerances|phases|gears|bearing)\.", page)  # no paths on a fitter's page
+
+
+def test_details_are_all_holes_and_what_was_learnt(answer):
+    page = " ".join(run(*LOOSE, *TRIALS, "--ascii", "--details").stdout.split())
+    for words in ("all holes: F'_ior", f"noise given 1, found {answer[0]['trials']['noise_found_arcsec']:.2f} arcsec"):
+        assert words in page
+
+
+def test_one_value_names_a_hole_and_the_next_one_to_measure():
+    one = run(*ONE, "h0=20", "--json", "--no-plot")
+    told = json.loads(one.stdout)
+    assert (one.returncode, told["hole"] in range(12)) == (0, True)
+    assert told["next"]["hole"] != 0
+    assert run(*ONE, "h0=20", "-q", "--sure", "0.999").returncode == 6
+
+
+def test_an_outcome_says_keep_or_go_back():
+    worse = run(*ONE, *TRIALS, "--verify", "h6=80", "-q")
+    assert worse.returncode == 3
+    assert worse.stdout in ("3\n", "4\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("h4",), "invalid trial 'h4'"),
+        (("h12=17",), "h0 to h11"),
+        (("0=17", "--set", "mounting.holes=0", "h1=17"), "has none"),
+        (("--verify", "h4=17"), "no trials at 4 N·m"),
+        ((*TRIALS, "--noise", "0"), "'--noise': Input should be greater"),
+        ((*TRIALS, "--reseat", "1"), "--noise, the spread of repeats with the wheel mounted again"),
+        ((*TRIALS, "--trial-torque", "0"), "invalid trials: 0 N·m"),
+        ((*TRIALS, "--step", "30"), "--step does not take measured values"),
+        ((*TRIALS, "--compensated", "phasors"), "--compensated does not take measured values"),
+        ((*TRIALS, "--trial", "h0=1"), "hdassist mount PRESET h0=28.1 h4=17.3"),
+        ((*TRIALS, "--sure", "1.1"), "Input should be less"),
+        (("4=17",), "was hole 4 meant? h4"),
+        ((*TRIALS, "--verify", "h4=17", "--card", "card.txt"), "for the mounting that --verify comes after"),
+        ((*TRIALS, "--set", "tolerances.e_hb=0"), "unknown size of the cam offset"),
+    ],
+)
+def test_wrong_usage_is_told_before_any_work(arguments, words):
+    done = run(*ONE, *arguments)
+    assert done.returncode == 2
+    assert words in " ".join(done.stderr.split())
+    assert done.stdout == ""
+
+
+def test_values_that_no_drive_shows_name_a_hole_by_themselves():
+    done = run(*ONE, "h0=20", "h4=500", "h8=480", "--json")
+    told = json.loads(done.stdout)
+    assert (done.returncode, told["hole"] in (0, 1, 11)) == (0, True)
+    assert told["trials"]["probability_by_values_alone"] > 0.9
+    assert "no drive of this preset shows these values" in done.stderr
+
+
+def test_values_of_another_torque_are_named_with_the_torque_that_they_fit():
+    done = run(*ONE, "h0=190", "h4=189", "h8=147", "-q")
+    words = " ".join(done.stderr.split())
+    assert done.returncode == 0
+    assert "the values fit 1 N·m far better than 4 N·m: measured at it? (--trial-torque 1)" in words
+
+
+def test_a_card_tells_the_values_it_rests_on_its_word_and_how_sure(answer, tmp_path: Path):
+    card = tmp_path / "card.txt"
+    done = run(*LOOSE, *TRIALS, "--card", str(card), "-q")
+    assert (done.returncode, done.stdout) == (0, f"{answer[0]['hole']}\n"), done.stderr
+    text = " ".join(card.read_text(encoding="utf-8").split())
+    assert "hole 0: 73″; hole 4: 18.7″; hole 8: 25″" in text
+    assert "not from the last trial" in text
+    assert "How sure this is: TURN" in text
+    assert "If it comes out wrong (more than " in text
+    now, best = (f"{answer[0][name]['F_ior_arcsec'][0]:.2f}" for name in ("current", "best_bet"))
+    assert f" 4 {now} {best} " in text
+
+
+def test_values_of_the_preset_count_beside_those_given():
+    values = "measured.F_ior={h0@4: 73 ± 2, h4@4: 18.5 ± 2}"
+    done = run(*LOOSE, "--set", values, "h8=25", "--json")
+    given = run(*LOOSE, "h0=73", "h4=18.5", "h8=25", "--json")
+    assert done.returncode == given.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["positions"] == json.loads(given.stdout)["positions"]
