@@ -131,12 +131,13 @@ def judged(case: Case, seed: int, samples, keep: Path | None):
         if count == MOST:
             named = None if advice.suspected is None else trials.index(advice.suspected) == wrong
             return rows, stop or (count, regret[best]), regret[0], named
+        assert advice.value
         trials.append(measured(round(advice.value.rotation_deg / 30), count))
         climbed.append(measured(_climb(climbed), count))
 
 
 def _hole(trial) -> int:
-    return round(trial.rotation_deg / 30) % HOLES
+    return int(round(trial.rotation_deg / 30) % HOLES)
 
 
 def _sine(trials):
