@@ -64,7 +64,7 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 from hdassist.verdict import SURE
 
-MOST_VALUES = 6  # measured values of which the gain is foreseen before any
+FORESEEN_VALUES = 6  # measured values of which the gain is foreseen before any
 DOUBTED = 0.5  # probability from which on a value is taken for misread
 UNSHOWN_VALUES = 0.95  # probability of curves that no drive made, from which on the preset is doubted
 
@@ -368,7 +368,7 @@ def _value(
     if len(decision.rotations_deg) < 2:
         return None
     noise = np.full(len(decision.sample_weights), setup.noise_arcsec) if noise is None else noise
-    steps, first = (3, ()) if count else (MOST_VALUES, _thirds(decision.rotations_deg))
+    steps, first = (3, ()) if count else (FORESEEN_VALUES, _thirds(decision.rotations_deg))
     return value_of_measurement(decision, *at_torque, noise, steps=steps, first=first, seed=seed)
 
 

@@ -160,7 +160,7 @@ def _why(advice: Advice) -> Iterator[str]:
     yield instruction_of(advice)
     if not advice.verification:
         yield sure_words(advice)
-        yield measure_words(advice)
+        yield next_value_words(advice)
 
 
 def sure_words(advice: Advice) -> str:
@@ -183,7 +183,7 @@ def sure_words(advice: Advice) -> str:
     return words
 
 
-def measure_words(advice: Advice) -> str:
+def next_value_words(advice: Advice) -> str:
     """What further values would bring, or that it is time to stop; empty where that is not known."""
     value, worths = advice.value, advice.worths
     if not value or not advice.setup:

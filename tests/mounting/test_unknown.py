@@ -7,7 +7,7 @@ from hdassist import load_preset
 from hdassist.model.deviations import deviation_scalars
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import rotated, seat_positions
-from hdassist.pages.mount import instruction_of, measure_words, mount_card_facts, mount_report
+from hdassist.pages.mount import instruction_of, mount_card_facts, mount_report, next_value_words
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.texts import texts
@@ -40,7 +40,7 @@ def test_without_a_direction_that_decides_any_hole_may_be_the_best():
     assert values == (0, 3, 4, 5, 6)
     assert list(F_ior) == sorted(F_ior, reverse=True) and F_ior[2] < 0.9 * F_ior[0]
     assert report.why[0].startswith("No hole is expected to be better than another: the direction that decides is not")
-    assert f"{F_ior[0]:.1f} → {F_ior[2]:.1f}″ is expected with four values" in measure_words(advice)
+    assert f"{F_ior[0]:.1f} → {F_ior[2]:.1f}″ is expected with four values" in next_value_words(advice)
     overrides = "--set phases.phi_hb=unknown --set operation.M_g=4"
     assert f"hdassist mount {SMALL} {overrides} h0=F_IOR h4=F_IOR h8=F_IOR" in dict(report.blocks[1].rows)["next"]
 
