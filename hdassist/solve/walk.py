@@ -31,13 +31,14 @@ def walk_library() -> tuple[Any, str]:
         if not (folder / library_name(1)).exists():
             continue
         try:
-            level = _load(folder / library_name(1)).walk_level()
-            found = _load(folder / library_name(level))
+            level = _opened(folder / library_name(1)).walk_level()
+            library = folder / library_name(level)
+            source = _opened(library).walk_source().decode()
         except OSError as error:
             return None, f"the compiled walk can't be loaded: {error}"
-        if found.walk_source().decode() != source_hash():
+        if source != source_hash():
             return None, f"the compiled walk is older than {SOURCE.name}: install hdassist again"
-        return found, f"compiled walk, {INSTRUCTIONS[level]}"
+        return _load(library), f"compiled walk, {INSTRUCTIONS[level]}"
     return None, "numpy: no compiled walk in this installation (no C compiler when it was made)"
 
 
@@ -46,11 +47,17 @@ def installation() -> tuple[str, ...]:
     return (*program("cvxpy", "daqp"), "compiled" if walk_library()[0] else "numpy")
 
 
+def _opened(path: Path) -> Any:
+    """A library that says which source it is of: one of another source may lack functions."""
+    opened: Any = ctypes.CDLL(str(path))
+    opened.walk_source.restype = ctypes.c_char_p
+    return opened
+
+
 def _load(path: Path) -> Any:
-    """A library with the types of its functions."""
-    loaded: Any = ctypes.CDLL(str(path))
+    """A library of this source, with the types of its functions."""
+    loaded = _opened(path)
     pointer, integer = ctypes.c_void_p, ctypes.c_int
-    loaded.walk_source.restype = ctypes.c_char_p
     loaded.walk_new.argtypes, loaded.walk_new.restype = [pointer] * 2, pointer
     loaded.walk_free.argtypes, loaded.walk_free.restype = [pointer], None
     loaded.walk_solve.argtypes = [pointer, ctypes.c_long, ctypes.c_double, integer] + [pointer] * 9

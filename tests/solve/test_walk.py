@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -156,6 +157,21 @@ def walk_of(engine):
     """The compiled walk of an engine, made by its first state."""
     engine.sums(WITHOUT_DEVIATIONS)
     return engine._walk
+
+
+def test_a_library_of_another_source_is_not_used_though_it_lacks_functions(monkeypatch, tmp_path):
+    older = tmp_path / "older.c"
+    older.write_text('const char *walk_source(void) { return "older"; }\nint walk_level(void) { return 1; }\n')
+    library = tmp_path / library_name(1)
+    subprocess.run(["cc", "-shared", "-fPIC", str(older), "-o", str(library)], check=True)
+    monkeypatch.setattr(walk, "__file__", str(tmp_path / "walk.py"))
+    walk.walk_library.cache_clear()
+    try:
+        found, words = walk.walk_library()
+    finally:
+        walk.walk_library.cache_clear()
+    assert found is None
+    assert "older than walk.c" in words
 
 
 def test_a_library_of_another_source_is_not_used(monkeypatch):
