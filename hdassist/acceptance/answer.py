@@ -12,12 +12,13 @@ from hdassist.acceptance.decision import DecidedCheck, Rule
 from hdassist.acceptance.predictions import Predictions
 from hdassist.acceptance.request import Request
 from hdassist.belief.statistics import CONFIDENCE, probability_by_share
+from hdassist.belief.steps import Step
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError
 from hdassist.json_parts import (
     Json,
+    as_json,
     certificate_object,
     influence_objects,
-    measure_objects,
     pitch_object,
     samples_object,
     schema_of,
@@ -147,14 +148,6 @@ class InfluenceRecord(ClosedRecord):
 
 
 @dataclass(frozen=True)
-class GainRecord(ClosedRecord):
-    """A measurement to make next, and its gain."""
-
-    what: str
-    gain: float
-
-
-@dataclass(frozen=True)
 class RefusedRecord(ClosedRecord):
     """Draws that are no drives, and why."""
 
@@ -178,7 +171,7 @@ class AcceptAnswer(ClosedRecord):
     """The answer about a drive: verdict, decisions, and all that it takes to do it again; or its error.
 
     request: None for a row of a lot that is wrong in itself; place: of the row, None without one; certificate, unknown,
-    influence, to_measure, samples and pitch (wheels with measured teeth): of its predictions, as `hdassist check` has
+    influence, steps, samples and pitch (wheels with measured teeth): of its predictions, as `hdassist check` has
     them. Raises ValueError for an exit code that is not that of its verdict, or of its error.
     """
 
@@ -201,7 +194,7 @@ class AcceptAnswer(ClosedRecord):
     unknown: tuple[UnknownRecord, ...] = ()
     pitch: tuple[WheelRecord, ...] = ()
     influence: tuple[InfluenceRecord, ...] = ()
-    to_measure: tuple[GainRecord, ...] = ()
+    steps: tuple[Step, ...] = ()
     samples: SamplesRecord | None = None
     place: OneLine | None = None
     error: ErrorRecord | None = None
@@ -232,7 +225,7 @@ def of_predictions(found: Predictions | None, wheels: MeasuredTeeth | None) -> J
         "certificate": certificate_object(found.certificate, found.quantities.cross_checks),
         "unknown": unknown_objects(found.unknown),
         "influence": influence_objects(found.influences),
-        "to_measure": measure_objects(found.to_measure),
+        "steps": as_json(found.steps),
         "samples": samples_object(found.samples),
     }
 

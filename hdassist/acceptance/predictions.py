@@ -3,6 +3,8 @@
 The samples are those of `hdassist check`: F'_ior has the same probability of keeping a limit on both pages.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -13,12 +15,12 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.acceptance.checks import F_IOR
 from hdassist.acceptance.limits import Limit, torques_of
-from hdassist.belief.evidence import STIFFNESS_FIGURES, evidence_of
+from hdassist.belief.evidence import evidence_of
 from hdassist.belief.influence import Influence, influences
-from hdassist.belief.measure import MeasurementGain, measurements
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, draw_samples
 from hdassist.belief.statistics import weighted_quantile
+from hdassist.belief.steps import Step, steps_of
 from hdassist.design.check import beside_measured_teeth
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.error_map import SHORT_CYCLE, searchable
@@ -155,7 +157,8 @@ class Predictions:
     """Predicted values of a drive for its limits.
 
     quantities: at the preset's own numbers, unknown deviations as 0; unknown: these deviations; prior: all that is not
-    known exactly; samples of it, None where none were drawn; sure, probability of keeping a limit that PASS needs.
+    known exactly; samples of it, None where none were drawn; sure, probability of keeping a limit that PASS needs;
+    steps: what it would take to keep the limit of F'_ior that is least sure; steps_proof, of the states behind them.
     """
 
     limits: tuple[Limit, ...]
@@ -164,18 +167,30 @@ class Predictions:
     prior: DrivePrior
     samples: Samples | None = None
     sure: float = SURE
+    steps: tuple[Step, ...] = ()
+    steps_proof: Certificate = EMPTY
 
     @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states."""
-        return self.quantities.certificate + (self.samples.certificate if self.samples else EMPTY)
+        return self.quantities.certificate + (self.samples.certificate if self.samples else EMPTY) + self.steps_proof
+
+    def with_steps(self, run: Run) -> Predictions:
+        """The same with steps, where samples leave a limit of F'_ior that is not surely kept."""
+        limit = self.least_sure
+        if not (limit and self.samples and (kept := self.belief(limit)) and kept.probability < self.sure):
+            return self
+        torques, limits = self.samples.torques, {each.M_g_Nm: each.limit for each in self.limits if each.check is F_IOR}
+        left = [limits[M] - self.quantities.self_errors[M].range_arcsec if M in limits else None for M in torques]
+        steps, proof = steps_of(self.prior, self.samples, torques, torques.index(limit.M_g_Nm or 0.0), left, run)
+        return replace(self, steps=steps, steps_proof=proof)
 
     @cached_property
     def least_sure(self) -> Limit | None:
-        """The limit of F'_ior whose verdict is least sure; None where none was drawn."""
+        """The limit of F'_ior that is kept with the least probability; None where none was drawn."""
         held = ((limit, self.belief(limit)) for limit in self.limits if limit.check is F_IOR)
-        doubts = {limit: min(found.probability, 1 - found.probability) for limit, found in held if found}
-        return max(doubts, key=lambda limit: doubts[limit], default=None)
+        odds = {limit: found.probability for limit, found in held if found}
+        return min(odds, key=lambda limit: odds[limit], default=None)
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
@@ -183,17 +198,6 @@ class Predictions:
         if self.least_sure is None or self.samples is None:
             return ()
         return influences(self.samples.of_ranges, self.samples.torques.index(self.least_sure.M_g_Nm or 0.0))
-
-    @cached_property
-    def to_measure(self) -> tuple[MeasurementGain, ...]:
-        """Measurements to make next, for the torque that is least sure, the largest gain first."""
-        samples, limit = self.samples, self.least_sure
-        if limit is None or samples is None:
-            return ()
-        M_g = limit.M_g_Nm or 0.0
-        left = limit.limit - self.quantities.self_errors[M_g].range_arcsec
-        figures = {name: values for name, values in samples.figures.items() if name in STIFFNESS_FIGURES}
-        return measurements(replace(samples, figures=figures), samples.torques.index(M_g), left) if left > 0 else ()
 
     def is_open(self, limit: Limit) -> bool:
         """Whether anything that is not known exactly moves the value of a limit: deviations move the cycle alone."""

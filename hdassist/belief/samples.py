@@ -132,6 +132,11 @@ class Samples:
         """Values by path of so many drives of the same weight."""
         return self.values(even_rows(self.weights, count))
 
+    def middle_sample(self, torque: int) -> int:
+        """Place of the sample whose F'_ior at a torque, by its place, is nearest to the median."""
+        first = self.of_ranges
+        return int(np.abs(first.F_ior_arcsec[:, torque] - first.percentile(0.5, torque)).argmin())
+
     def percentile(self, share: float, torque: int) -> float:
         """Percentile [arcsec] of F'_ior, by its share (0.95), at a torque by its place."""
         return weighted_quantile(self.F_ior_arcsec[:, torque], self.weights, share)

@@ -13,12 +13,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 from hashlib import sha256
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.belief.influence import influences
 from hdassist.belief.kept import WITHOUT_EFFECT
@@ -36,6 +37,7 @@ from hdassist.preset.coupling import SUPPORT_FIELD, with_cam_support
 from hdassist.preset.deviations import DEVIATIONS
 from hdassist.preset.fields import Drive
 from hdassist.run.cache import cached, keep, keeps_answers, program
+from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.walk import walk_library
@@ -52,10 +54,10 @@ StepKind = Literal["hole", "trials", "correction", "tolerance", "coupling", "que
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """F'_ior [arcsec] after a step, or with one answer to a question: percentiles, and probability of keeping the limit.
+class Outcome(ClosedRecord):
+    """F'_ior [arcsec] after a step, or with one answer to a question: percentiles, probability of keeping the limit.
 
-    answer, in the words or number of a preset, empty of a step; chance of that answer; probability None without a limit.
+    answer, in the words or number of a preset, empty of a step; chance of that answer; probability None without limit.
     """
 
     answer: str
@@ -67,7 +69,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Step:
+class Step(ClosedRecord):
     """A step on a drive and what comes of it.
 
     kind; of: hole to go to, holes to try, number of phasors, path of the field, coupling, or torque [N*m]; outcomes, of
@@ -111,7 +113,7 @@ def steps_of(
         rows = np.argsort(samples.F_ior_arcsec[:, torque], kind="stable")
         rows = rows[even_rows(samples.weights[rows], min(SOLVED, max(2, len(rows) // 2)))]
         shares = samples.shares[rows]
-        drives = [drive.with_values(values) for values in prior.values(shares)]
+        drives = [drive.with_values(values) for values in samples.values(rows)]
     changed = _changed(prior, drives, shares, M_g, COARSE_POINTS if samples else GRID, run)
     now = np.array([each.now for each in changed])
     F_ior, weights = (samples.F_ior_arcsec[:, torque], samples.weights) if samples else (now, np.ones(1))
@@ -172,6 +174,7 @@ def steps_of(
 
 
 def _outcome(answer: str, chance: float, F_ior: Array, weights: Array, left: float | None) -> Outcome:
+    """F'_ior over weighted samples; left: what a limit leaves it, None without one."""
     p5, p50, p95 = (weighted_quantile(F_ior, weights, share) for share in (0.05, 0.5, 0.95))
     kept = None if left is None else float(weights @ (left >= F_ior) / weights.sum())
     return Outcome(answer, chance, p5, p50, p95, kept)
@@ -190,7 +193,7 @@ def _answers(
         middle = float(f"{weighted_quantile(of, weights, 0.5):.3g}")
         below = of < middle
         if 0 < weights[below].sum() < weights.sum():
-            yield each.group, (f"below {middle:g}", weights * below), (f"{middle:g} or more", weights * ~below)
+            yield each.group, (f"< {middle:g}", weights * below), (f"> {middle:g}", weights * ~below)
 
 
 def _changed(
@@ -205,12 +208,12 @@ def _changed(
     key = sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
     with suppress(ValueError, TypeError, KeyError):
         if keeps_answers() and (data := cached("steps", key)):
-            return [Changed(each["now"], each["after"]) for each in json.loads(data)]
+            return [Changed(now, after, Certificate(*proof)) for now, after, proof in json.loads(data)]
     every = [{name: values[k] for name, values in supports.items()} for k in range(len(drives))]
     found = list(run.map(partial(_changed_one, M_g=M_g, grid=grid), drives, every))
     run.solved(sum(each.proof.states for each in found))
     if keeps_answers():
-        keep("steps", key, json.dumps([{**asdict(each), "proof": None} for each in found]).encode())
+        keep("steps", key, json.dumps([(each.now, each.after, astuple(each.proof)) for each in found]).encode())
     return found
 
 
@@ -230,9 +233,7 @@ def _supports(prior: DrivePrior, shares: Array) -> dict[str, list[float]]:
         there = with_cam_support(drive.model_copy(update={"cam": cam}))
         support = next((each for each in prior_of(there).fields if each.path == SUPPORT_FIELD), None)
         share = shares[:, place] if place is not None else np.full(len(shares), 0.5)
-        found[coupling] = (
-            support.value(share).tolist() if support else [there.number(SUPPORT_FIELD)] * len(share)
-        )
+        found[coupling] = support.value(share).tolist() if support else [there.number(SUPPORT_FIELD)] * len(share)
     return found
 
 
@@ -271,7 +272,7 @@ def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, gri
     return Changed(now, after, proof)
 
 
-def _range(k_g: Array, k_b: Array, z: Array) -> float:
+def _range(k_g: NDArray[np.int64], k_b: NDArray[np.int64], z: NDArray[np.complex128]) -> float:
     """Range [arcsec] of a sum of waves over a grid of the torus."""
     spectrum = np.zeros((WAVE_POINTS, WAVE_POINTS), dtype=complex)
     np.add.at(spectrum, (k_g % WAVE_POINTS, k_b % WAVE_POINTS), z)

@@ -46,7 +46,9 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand
         say_notes(inputs.wheels)
         states = 0 if request.measured_only else check_states(drive, inputs.wheels, request.draws)
         with out.progress(drive.name, states) as progress, out.workers(options) as executor:
-            predictions = request.predict(drive, inputs.unmeasured, inputs.wheels, Run(executor, progress))
+            run = Run(executor, progress)
+            predictions = request.predict(drive, inputs.unmeasured, inputs.wheels, run)
+            predictions = predictions and predictions.with_steps(run)
         answers.append(accept(request, inputs, predictions))
         return page.accept_report(answers[-1], predictions, drive)
 

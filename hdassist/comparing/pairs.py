@@ -96,7 +96,7 @@ class _Believed:
     def __init__(self, check: DesignCheck) -> None:
         self.drive, self.prior, self.evidence = check.drive, prior_of(check.drive), evidence_of(check.drive)
         self.samples = check.samples.of_ranges if check.samples else None
-        known = np.array([[point.error.F_ior_arcsec for point in check.points]])
+        known = np.array([[point.F_ior_or_error for point in check.points]])
         self.F_ior_arcsec = self.samples.F_ior_arcsec if self.samples else known  # (samples, torques)
         self.weights: Array = self.samples.weights / self.samples.weights.sum() if self.samples else np.ones(1)
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from operator import call
 from typing import Any
+
+import numpy as np
 
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.influence import Influence, influences
-from hdassist.belief.measure import MeasurementGain, measurements
 from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import (
     EFFECTIVE_SAMPLES,
@@ -22,14 +21,13 @@ from hdassist.belief.samples import (
     limits_settled,
 )
 from hdassist.belief.statistics import Probability
+from hdassist.belief.steps import Step, steps_of
 from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
-from hdassist.error.error_map import Extremes, extremes_of, searchable
+from hdassist.error.error_map import searchable
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.sloped import DRAWN_STATES
-from hdassist.errors import HdassistError
 from hdassist.model.deviations import ToothDeviations
 from hdassist.model.kinematics import Kinematics
-from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import Unknown, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
@@ -44,26 +42,32 @@ from hdassist.verdict import SURE, Verdict, verdict_by_probability, worst
 class OperatingPoint:
     """The error of a drive at one torque M_g [N*m], and the limit [arcsec] it is held against, if any.
 
-    error: with unknown deviations as 0 and all else as the preset has it; belief: F'_ior over all that is not known
-    exactly, None where that was not computed; open_: whether something is not known exactly; sure: probability of
-    keeping the limit that PASS needs; floating: F'_ior where the cam aligns itself (supports.C_3 of 0).
+    open_: whether something is not known exactly; belief: F'_ior over all of that, None where it was not computed;
+    error over the full cycle: of the drive, or where it is open of the sample whose F'_ior is nearest to the median (of
+    the preset's own numbers with the unknown as 0, where no samples were drawn); None before it is computed; sure:
+    probability of keeping the limit that PASS needs.
     """
 
     M_g: float
-    error: KinematicError
     self_error: SelfError
     limit_arcsec: float | None
     open_: bool = False
     belief: ErrorBelief | None = None
+    error: KinematicError | None = None
     sure: float = SURE
-    floating: Extremes | None = None
 
     @property
     def F_ior_arcsec(self) -> float | None:
         """F'_ior [arcsec]: the median over the unknown inputs; None where they were not drawn."""
         if self.belief:
             return self.belief.p50
-        return None if self.open_ else self.error.F_ior_arcsec
+        return self.error.F_ior_arcsec if self.error and not self.open_ else None
+
+    @property
+    def F_ior_or_error(self) -> float:
+        """The same, or where nothing was drawn that of the error as the preset has it, unknown as 0 [arcsec]."""
+        found = self.error.F_ior_arcsec if self.error else np.nan
+        return found if self.F_ior_arcsec is None else self.F_ior_arcsec
 
     @property
     def F_ior_upper_arcsec(self) -> float | None:
@@ -78,7 +82,7 @@ class OperatingPoint:
         """
         if self.belief:
             return self.belief.p5, self.belief.p95
-        return None if self.open_ else (self.error.F_ior_arcsec, self.error.F_ior_arcsec)
+        return None if self.F_ior_arcsec is None else (self.F_ior_arcsec, self.F_ior_arcsec)
 
     @property
     def held_arcsec(self) -> tuple[float, float] | None:
@@ -99,6 +103,15 @@ class OperatingPoint:
             return None
         return self.belief.samples.probability_within(left, self.belief.torque, self.sure)
 
+    def doubt(self, *, by_limit: bool) -> float:
+        """How far the limit is from being kept for sure; else the ratio of the ends of the range of F'_ior."""
+        if by_limit and self.probability:
+            return 1 - self.probability.value
+        if by_limit and self.limit_arcsec and self.F_ior_upper_arcsec:
+            return self.F_ior_upper_arcsec / self.limit_arcsec
+        low, high = self.range_arcsec or (1.0, 1.0)
+        return high / max(low, 1e-9)
+
     @property
     def verdict(self) -> Verdict:
         """Verdict on the probability of keeping the limit; where all is known, on the value; NO_LIMIT without one."""
@@ -116,7 +129,8 @@ class DesignCheck:
     """Design check of a drive: one operating point per torque, in the order of the preset.
 
     measured: wheels in place of first harmonics; unknown: deviations that are not known; prior: all that is not known
-    exactly; samples of it, None where none were drawn.
+    exactly; samples of it, None where none were drawn; steps: what it would take at the torque that is least sure, none
+    where all limits are kept; steps_proof: of the states behind these.
     """
 
     drive: Drive
@@ -125,11 +139,18 @@ class DesignCheck:
     unknown: tuple[Unknown, ...] = ()
     prior: DrivePrior | None = None
     samples: Samples | None = None
+    steps: tuple[Step, ...] = ()
+    steps_proof: Certificate = EMPTY
 
     def with_samples(self, samples: Samples) -> DesignCheck:
         """The check with samples of all that is not known exactly."""
         points = (replace(point, belief=ErrorBelief.of(samples, k)) for k, point in enumerate(self.points))
         return replace(self, points=tuple(points), samples=samples)
+
+    def with_errors(self, errors: Sequence[KinematicError]) -> DesignCheck:
+        """The check with the error over the full cycle at each torque."""
+        points = (replace(point, error=error) for point, error in zip(self.points, errors, strict=True))
+        return replace(self, points=tuple(points))
 
     @property
     def kinematics(self) -> Kinematics:
@@ -144,35 +165,28 @@ class DesignCheck:
     @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states of all torques, those of self error and samples included."""
-        parts = [part for point in self.points for part in (point.error, point.self_error, point.floating)]
-        return sum((part.certificate for part in (*parts, self.samples) if part is not None), EMPTY)
+        parts = [part for point in self.points for part in (point.error, point.self_error)]
+        return sum((part.certificate for part in (*parts, self.samples) if part is not None), self.steps_proof)
 
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
         """Cross-check of each torque."""
-        return tuple(p.error.cross_check for p in self.points if p.error.cross_check)
+        return tuple(p.error.cross_check for p in self.points if p.error and p.error.cross_check)
 
     @property
     def least_sure(self) -> int:
-        """Place of the torque whose verdict is least sure; where none is open, of that where F'_ior is least known."""
-        open_ = {k: each.probability for k, each in enumerate(self.points) if each.verdict is Verdict.INCONCLUSIVE}
-        doubts = {k: min(found.value, 1 - found.value) for k, found in open_.items() if found}
-        spreads = {k: each.belief.p95 / max(each.belief.p5, 1e-9) for k, each in enumerate(self.points) if each.belief}
-        found = doubts or spreads
-        return max(found, key=lambda k: found[k], default=0)
+        """Place of the torque that decides: of those with the worst verdict that where the limit is kept least.
+
+        Without a limit, and where all are kept, that where F'_ior is least known.
+        """
+        left = self.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE)
+        worst_ones = [k for k, each in enumerate(self.points) if each.verdict is self.verdict]
+        return max(worst_ones, key=lambda k: self.points[k].doubt(by_limit=left), default=0)
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
         """Shares of the variance of ln F'_ior at the torque that is least sure, by field, the largest first."""
         return influences(self.samples.of_ranges, self.least_sure) if self.samples else ()
-
-    @cached_property
-    def to_measure(self) -> tuple[MeasurementGain, ...]:
-        """Measurements to make next, for the torque that is least sure, the largest gain first."""
-        left = self.points[self.least_sure].left_arcsec
-        if not self.samples or (left is not None and left <= 0):
-            return ()
-        return measurements(self.samples, self.least_sure, left)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -207,43 +221,44 @@ def check(
     samples: Samples | None = None,
     sure: float = SURE,
     run: Run = Run(),
+    seen: Callable[[DesignCheck], None] | None = None,
 ) -> DesignCheck:
     """Check a drive at the torques of its preset.
 
     Arguments: measured, wheels in place of first harmonics, for which there are no samples;
     solver, a name that cvxpy knows, to send each state through cvxpy instead of the engine; draws, effective samples of
     what is not known at least, 0 for none; samples of the same drive, where they were drawn before; sure, probability
-    of keeping a limit that PASS needs, and FAIL of not keeping it.
+    of keeping a limit that PASS needs, and FAIL of not keeping it; seen, called with the check by the samples so far.
     Raises UsageError for an unknown solver, UntrustedError where an answer cannot be trusted, or the preset's catalogue
     contradicts its other values.
     """
     torques = drive.operation.M_g
     there, teeth = measured.in_drive(drive) if measured else (drive, None)
     require_solver(run.cross_check or CROSS_SOLVER)
-    unchecked = replace(run.of_task, cross_check=None)
-    solved = []
-    for error in run.map(partial(kinematic_error, there, teeth=teeth, solver=solver, run=unchecked), torques):
-        solved.append(error)
-        run.finished(len(error.states))
-    # cvxpy takes a second to import: another solver looks at the extremes in one process, and the self error in another
-    sampled = [error.sampled(seed=run.seed) for error in solved]
-    again: Callable[[], Any] = partial(apart, _cross_checks, there, sampled, teeth, run.of_task)
-    own_error: Callable[[], Any] = partial(self_error, drive, torques, run=run.of_task)
-    checks, own = run.map(call, [again, own_error])
-    errors = [replace(error, cross_check=check) for error, check in zip(solved, checks, strict=True)]
-    run.finished(sum(part.certificate.states for part in own))
     known, prior = beside_measured_teeth(drive, measured)
-    floating: Sequence[Extremes | None] = [None] * len(torques)
-    rows = zip(torques, errors, own, [drive.limit(M_g) for M_g in torques], strict=True)
-    points = [OperatingPoint(*row, open_=bool(prior.fields), sure=sure) for row in rows]
-    if searchable(drive) and not measured:
-        floating = _floating(drive) or floating
-        if prior.fields and draws and not samples:
-            left = [point.left_arcsec for point in points]
-            samples = drive_samples(prior, left, draws=draws, sure=sure, run=run)
-    found = tuple(replace(point, floating=floats) for point, floats in zip(points, floating, strict=True))
-    checked = DesignCheck(drive, found, measured, unknowns(known), prior)
-    return checked.with_samples(samples) if samples else checked
+    rows = zip(torques, self_error(drive, torques, run=run), [drive.limit(M_g) for M_g in torques], strict=True)
+    points = tuple(OperatingPoint(*row, open_=bool(prior.fields), sure=sure) for row in rows)
+    found = DesignCheck(drive, points, measured, unknowns(known), prior)
+    left = [point.left_arcsec for point in points]
+    sampled = searchable(drive) and not measured and bool(prior.fields)
+    if sampled and draws and not samples:
+        so_far = None if seen is None else lambda samples: seen(found.with_samples(samples))
+        samples = drive_samples(prior, left, draws=draws, sure=sure, run=run, seen=so_far)
+    found = found.with_samples(samples) if samples else found
+    shown = [_middle(there, samples, k) if samples else there for k in range(len(torques))]
+    unchecked, errors = replace(run.of_task, cross_check=None), list[KinematicError]()
+    for error in run.map(partial(kinematic_error, teeth=teeth, solver=solver, run=unchecked), shown, torques):
+        errors.append(error)
+        run.finished(len(error.states))
+    # cvxpy takes a second to import: another solver looks at the extremes in its own process, while steps are taken
+    samples_of_states = [error.sampled(seed=run.seed) for error in errors]
+    again: Callable[[], Any] = partial(apart, _cross_checks, shown, samples_of_states, teeth, run.of_task)
+    checks = run.map(_called, [again])
+    found = found.with_errors(errors)
+    if found.verdict is not Verdict.PASS and not measured and (samples or not prior.fields):
+        steps, proof = steps_of(prior, samples, torques, found.least_sure, left, run)
+        found = replace(found, steps=steps, steps_proof=proof)
+    return found.with_errors([replace(e, cross_check=c) for e, c in zip(errors, next(checks), strict=True)])
 
 
 def beside_measured_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, DrivePrior]:
@@ -277,16 +292,16 @@ def drive_samples(
     )  # fmt: skip
 
 
-def _floating(drive: Drive) -> list[Extremes]:
-    """F'_ior at each torque with a cam that aligns itself; none where the cam does so, or no such drive is computed."""
-    there = drive.with_values({"supports.C_3": 0.0})
-    if drive.number("supports.C_3") and not first_conflict(there):
-        with suppress(HdassistError):
-            return extremes_of(there, drive.operation.M_g)
-    return []
+def _middle(drive: Drive, samples: Samples, torque: int) -> Drive:
+    """The drive of the sample in the middle at a torque, by its place."""
+    return drive.with_values(samples.values(np.array([samples.middle_sample(torque)]))[0])
+
+
+def _called(work: Callable[[], Any]) -> Any:
+    return work()
 
 
 def _cross_checks(
-    drive: Drive, errors: Sequence[KinematicError], teeth: ToothDeviations | None, run: Run
+    drives: Sequence[Drive], errors: Sequence[KinematicError], teeth: ToothDeviations | None, run: Run
 ) -> list[CrossCheck]:
-    return [cross_check_of(drive, error, teeth, run=run) for error in errors]
+    return [cross_check_of(drive, error, teeth, run=run) for drive, error in zip(drives, errors, strict=True)]

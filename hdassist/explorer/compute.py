@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
+from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.belief.turned import errors_by_turn
 from hdassist.comparing.drives import differing_fields
-from hdassist.design.check import DesignCheck, check, drive_samples
+from hdassist.design.check import DesignCheck, check
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import error_maps, searchable
 from hdassist.error.trace import trace
@@ -141,9 +141,8 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
 def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]]:
     """Values by path of the sample nearest to the median, and its F'_ior at each torque [arcsec]."""
     if not (samples := found.samples):
-        return {}, [point.error.F_ior_arcsec for point in found.points]
-    errors = samples.F_ior_arcsec[:, found.least_sure]
-    near = np.argmin(np.abs(errors - samples.percentile(MIDDLE_SHARE, found.least_sure)))
+        return {}, [point.error.F_ior_arcsec for point in found.points if point.error]
+    near = samples.middle_sample(found.least_sure)
     return samples.values(np.array([near]))[0], samples.F_ior_arcsec[near].tolist()
 
 
@@ -242,14 +241,11 @@ def _mount_curve(advice: Advice) -> SeatCurve:
 
 def _checked(drive: Drive, effort: Effort, run: Run, tell: Tell) -> None:
     """The answer of `check`, and its page; on the way that by the samples so far."""
-    prior, whole = prior_of(drive), check(drive, draws=0, run=run)
-    if prior.fields and searchable(drive):
 
-        def seen(samples: Samples) -> None:
-            if samples.effective >= FEWEST_SEEN:
-                tell("check", whole.with_samples(samples))
+    def seen(so_far: DesignCheck) -> None:
+        if so_far.samples and so_far.samples.effective >= FEWEST_SEEN:
+            tell("check", so_far)
 
-        left = [point.left_arcsec for point in whole.points]
-        whole = whole.with_samples(drive_samples(prior, left, draws=effort.draws, run=run, seen=seen))
+    whole = check(drive, draws=effort.draws, run=run, seen=seen)
     tell("check", whole)
     tell("page", check_report(whole, SEED))

@@ -15,8 +15,8 @@ from hdassist.explorer.compute import is_any_hole, typical_of
 from hdassist.explorer.panes import INK, MARKS, torque_style
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
-from hdassist.pages.check import F_ior_table
-from hdassist.report import Block, Curve, Facts, Lines, Report
+from hdassist.pages.check import F_ior_table, steps_tables
+from hdassist.report import Block, Curve, Facts, Lines, Report, Table
 from hdassist.terminal.words import named, proof
 from hdassist.verdict import Verdict
 from hdassist.visible import visible
@@ -93,7 +93,7 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
 
 def middle_of(point: OperatingPoint) -> float:
     """The median of F'_ior [arcsec], or its value where all is known."""
-    return point.belief.p50 if point.belief else point.error.F_ior_arcsec
+    return point.F_ior_or_error
 
 
 def order_words(known: Known) -> str:
@@ -117,25 +117,15 @@ def turn_blocks(page: Report, name: str) -> Iterator[Block]:
             yield block
 
 
-def gain_words(point: OperatingPoint, gain: float) -> str:
-    """What a measurement brings: less spread, or more sure, and how sure the side of the limit is then."""
-    if not (kept := point.probability):
-        return "less spread"
-    return f"more sure, then {100 * (max(kept.value, 1 - kept.value) + gain):.0f} %"
-
-
-def why_blocks(known: Known) -> tuple[Lines | Facts, ...]:
-    """Influences on F'_ior with their shares, measurements with their gains, and other facts of check."""
+def why_blocks(known: Known) -> tuple[Lines | Table | Facts, ...]:
+    """Influences on F'_ior with their shares, what it would take, and other facts of check."""
     if not (found := known.whole):
         return (Lines("", (known.without,)),)
     point = found.points[found.least_sure]
     shares = (f"{100 * each.share:3.0f} % {named(each.group)}" for each in found.influences)
-    gains = (
-        f"{100 * each.gain:3.0f} % {gain_words(point, each.gain)}: {named(each.measured)}" for each in found.to_measure
-    )
     return (
+        *steps_tables(found),
         Lines(f"share of the variance of ln F'_ior at {point.M_g:g} N·m", tuple(shares) or ("no field stands out",)),
-        Lines("measure next, and what it brings", tuple(gains) or ("nothing that brings more",)),
         facts_of(known.page, "influence", "measure"),
     )
 

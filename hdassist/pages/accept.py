@@ -6,6 +6,7 @@ from dataclasses import asdict, fields, replace
 from math import floor, log10
 
 from hdassist.acceptance.answer import LOT_VERDICTS, AcceptAnswer, answer_json, lot_summary, provenance
+from hdassist.acceptance.checks import F_IOR
 from hdassist.acceptance.decision import GUARD, DecidedCheck
 from hdassist.acceptance.limits import Limit, LimitText
 from hdassist.acceptance.lot import Lot
@@ -14,6 +15,7 @@ from hdassist.acceptance.replay import answer_differences
 from hdassist.errors import DataError
 from hdassist.json_parts import attributes
 from hdassist.pages.check import fitted_words
+from hdassist.pages.steps import steps_fact, steps_table
 from hdassist.preset.fields import Drive
 from hdassist.preset.units import convert
 from hdassist.preset.yamltext import shown
@@ -23,7 +25,6 @@ from hdassist.terminal.wheels import WHEEL_WORDS
 from hdassist.terminal.words import (
     again,
     influence_words,
-    measure_words,
     samples_words,
 )
 from hdassist.verdict import SEVERITY, percent_text, worst_exit_code
@@ -74,8 +75,14 @@ def bound(limit: Limit) -> str:
     return f"{'≤' if limit.check.upper else '≥'} {limit.limit:.6g}"
 
 
+def shown_label(check: DecidedCheck) -> str:
+    """Label of a check; a predicted F'_ior has the self error on top, which a measured one contains."""
+    adds = check.check is F_IOR and check.basis == "predicted"
+    return check.label.replace("F'_ior", "F'_ior + self error") if adds else check.label
+
+
 DECISION_COLUMNS: Quantities[DecidedCheck] = (
-    Quantity("check", "check", value=lambda d: f"{d.label}, {d.unit.replace('*', '·')}"),
+    Quantity("check", "check", value=lambda d: f"{shown_label(d)}, {d.unit.replace('*', '·')}"),
     Quantity("verdict", "verdict", value=lambda d: str(d.verdict)),
     Quantity("value", "value", value=_value),
     Quantity("expanded_uncertainty", "± (k=2)", value=_beside("expanded_uncertainty")),
@@ -90,13 +97,23 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
     """An acceptance of a drive; predictions, those of the model, None without any."""
     found = by_severity(shown_checks(answer))
     worst = [check for check in found if check.verdict == found[0].verdict]
-    reasons = [f"{check.label}: {check.reason}" if check.reason else sentence(check) for check in worst[:NAMED_CHECKS]]
+    reasons = [
+        f"{shown_label(check)}: {check.reason}" if check.reason else sentence(check) for check in worst[:NAMED_CHECKS]
+    ]
     reasons[-1] += f"; {len(worst) - NAMED_CHECKS} more" if len(worst) > NAMED_CHECKS else ""
     remarks = [f"{note.code}: {note.text}" for note in answer.remarks]
     hashes = {each.file: each.sha256 for each in answer.measured} | {each.file: each.sha256 for each in answer.pitch}
     files = [f"{file}: sha256 {sha256[:12]}" for file, sha256 in hashes.items()]
     samples = predictions.samples if predictions else None
+    found_by = predictions.influences if predictions else ()
+    least = predictions.least_sure if predictions and found_by else None
+    steps = predictions.steps if predictions else ()
+    more = (steps_table(steps, drive, *_steps_at(predictions)),) if predictions and steps else ()
     rest = [
+        (
+            "influence",
+            f"{influence_words(predictions.influences)} at {least.M_g_Nm:g} N·m" if predictions and least else "",
+        ),
         ("samples", samples_words(samples) if samples else ""),
         ("exact", fitted_words(samples.prior) if samples else ""),
         ("reasons", "\n".join(f"{each.label}: {each.verdict}, {each.reason}" for each in found if each.reason)),
@@ -111,7 +128,7 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
         verdict=answer.status,
         why=tuple(reasons),
         blocks=(*_tables(answer), Facts.of(_facts(answer, predictions, drive))),
-        details=(Facts.of(rest),),
+        details=(*more, Facts.of(rest)),
         certificate=predictions.certificate if predictions else None,
         cross_checks=predictions.quantities.cross_checks if predictions else (),
         values=answer_json(answer),
@@ -119,6 +136,14 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
         warnings=answer.warnings,
         exit_code=answer.exit_code,
     )
+
+
+def _steps_at(predictions: Predictions) -> tuple[float, float, str]:
+    """Torque [N*m] and limit [arcsec] that steps are for, and the probability of keeping it before any, in words."""
+    limit = predictions.least_sure
+    assert limit
+    kept = predictions.belief(limit)
+    return limit.M_g_Nm or 0.0, limit.limit, f"{100 * kept.probability:.0f} %" if kept else ""
 
 
 def shown_checks(answer: AcceptAnswer) -> list[DecidedCheck]:
@@ -147,7 +172,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
     titles = {
         "measured": f"measured: {RULE_WORDS[answer.rule.measured]}",
         "stated": f"measured otherwise: {RULE_WORDS[answer.rule.measured]}",
-        "predicted": f"predicted, F'_ior with the self error: PASS from {100 * answer.rule.sure:g} % probability; "
+        "predicted": f"predicted: PASS from {100 * answer.rule.sure:g} % probability; "
         "no decision on conformity" + (f"; measured teeth: {teeth}" if teeth else ""),
     }
     for basis, title in titles.items():
@@ -158,11 +183,9 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
 
 
 def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[Fact]:
-    """Largest influences, the next measurement, remarks and the next command, a label and a text each."""
-    if predictions and predictions.samples:
-        if (least := predictions.least_sure) and predictions.influences:
-            yield "influence", f"{influence_words(predictions.influences)} at {least.M_g_Nm:g} N·m"
-        yield "measure", measure_words(predictions.to_measure, held=True)
+    """What it would take, remarks and the next command, a label and a text each."""
+    if predictions and predictions.steps:
+        yield steps_fact(predictions.steps, drive, *_steps_at(predictions))
     codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
     yield "remarks", f"hdassist explain {codes}" if codes else ""
     first = by_severity(answer.checks)[0]
@@ -174,11 +197,11 @@ def sentence(check: DecidedCheck) -> str:
     """A check in words: value, uncertainty or range, limit, margin, how it is known."""
     _, _, value, spread, span, limit, margin, kept = (quantity.of(check) for quantity in DECISION_COLUMNS)
     if not value:
-        return f"{check.label}: no value, limit {limit} {check.unit}"
+        return f"{shown_label(check)}: no value, limit {limit} {check.unit}"
     measure = value + (f" ± {spread}" if spread else "") + (f" ({span})" if span else "")
     rest = (margin and f"margin {margin}", kept and f"kept {kept}", check.basis)
     return ", ".join(
-        [f"{check.label}: {measure} {check.unit.replace('*', '·')}", f"limit {limit}", *filter(None, rest)]
+        [f"{shown_label(check)}: {measure} {check.unit.replace('*', '·')}", f"limit {limit}", *filter(None, rest)]
     )
 
 

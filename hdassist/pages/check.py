@@ -12,15 +12,16 @@ from hdassist.design.beside_catalogue import accuracy_words
 from hdassist.design.check import DesignCheck, OperatingPoint
 from hdassist.json_parts import (
     Json,
+    as_json,
     attributes,
     influence_objects,
-    measure_objects,
     pitch_object,
     samples_object,
     unknown_objects,
 )
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.seat import wheel
+from hdassist.pages.steps import steps_fact, steps_table
 from hdassist.preset.fields import Drive
 from hdassist.preset.knowledge import SIZE_20, SMALL_ACCURACY, USUAL_ACCURACY
 from hdassist.report import Curve, Fact, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
@@ -28,21 +29,22 @@ from hdassist.terminal.wheels import heading
 from hdassist.terminal.words import (
     again,
     influence_words,
-    measure_words,
     probability_words,
     samples_words,
     thousands,
 )
 from hdassist.verdict import Verdict
 
-UNKNOWN_AT_ZERO = "F_ior_nominal_arcsec, at_max and at_min take what is not known as 0"
-LEAST_ERROR = 1e-3  # arcsec: an F'_ior below it counts as that
-LEAST_SHARE = 0.1  # of F'_ior, that another coupling takes off where it is named
+UNKNOWN_AT_ZERO = "F_ior_shown_arcsec, at_max and at_min take what is not known as 0"
 
 
-def _angle_deg(end: str, angle: str, point: OperatingPoint) -> float:
+def _angle_deg(end: str, angle: str, point: OperatingPoint) -> float | None:
     """An angle of the state with the greatest or the least error (at_max, at_min) [deg]."""
-    return float(np.degrees(getattr(point.error.states, angle)[getattr(point.error, end)]))
+    return (
+        None
+        if point.error is None
+        else float(np.degrees(getattr(point.error.states, angle)[getattr(point.error, end)]))
+    )
 
 
 def _percentile_error(percent: int, point: OperatingPoint) -> float | None:
@@ -60,7 +62,7 @@ POINT_QUANTITIES: Quantities[OperatingPoint] = (
     Quantity("F_ior_upper_arcsec", "F'_ior + self error", "″", ".2f"),
     Quantity("limit_arcsec", "limit", "″", "g"),
     Quantity("verdict", "verdict"),
-    Quantity("F_ior_nominal_arcsec", "F'_ior, numbers of the preset", "″", ".2f", "error.F_ior_arcsec"),
+    Quantity("F_ior_shown_arcsec", "F'_ior of the drive shown", "″", ".2f", "error.F_ior_arcsec"),
     *(
         Quantity(f"{end}.{angle}_deg", words, "deg", digits, partial(_angle_deg, end, angle))
         for end, label in (("at_max", "greatest at phi_h"), ("at_min", "least at phi_h"))
@@ -75,7 +77,6 @@ POINT_QUANTITIES: Quantities[OperatingPoint] = (
     Quantity("wind_up_arcsec", "mean wind-up", "″", ".1f", "error.wind_up_arcsec"),
     Quantity("tooth_phase_arcsec", "self error of tooth phase", "″", ".2f", "self_error.tooth_phase_arcsec"),
     Quantity("ball_phase_arcsec", "self error of ball phase", "″", ".2f", "self_error.ball_phase_arcsec"),
-    Quantity("F_ior_floating_arcsec", "F'_ior, self-aligning cam", "″", ".2f", "floating.first"),
 )
 BELIEF: Quantities[OperatingPoint] = (
     *(
@@ -101,7 +102,7 @@ OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of the unknow
 
 _ON_PAGE: Quantities[OperatingPoint] = (
     Quantity("M_g", "torque, N·m", "", "g"),
-    Quantity("F_ior", "F'_ior", "", ".2f", lambda p: p.belief.p50 if p.belief else p.error.F_ior_arcsec),
+    Quantity("F_ior", "F'_ior", "", ".2f", lambda p: p.F_ior_or_error),
     Quantity("belief", "5 to 95 %", "", lambda belief: f"{belief.p5:.1f} to {belief.p95:.1f}"),
     Quantity("self_error", "self error", "", ".2f", "self_error.range_arcsec"),
     Quantity("limit_arcsec", "limit", "", "g"),
@@ -112,8 +113,8 @@ _ON_PAGE: Quantities[OperatingPoint] = (
 def check_report(check: DesignCheck, seed: int) -> Report:
     """A design check; seed, of its sample that was solved again."""
     least_sure = check.points[check.least_sure]
-    first = spread_curve(check, check.samples) if check.unknown and check.samples else error_curve(check, least_sure)
-    others = [point for point in check.points if check.unknown or point is not least_sure]
+    first = spread_curve(check, check.samples) if check.samples and check.prior else error_curve(check, least_sure)
+    others = [point for point in check.points if check.samples or point is not least_sure]
     k, fixed = check.kinematics, wheel(check.drive)
     return Report(
         command="check",
@@ -122,7 +123,12 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         verdict=str(check.verdict),
         why=tuple(filter(None, map(verdict_reason, check.points))) or tuple(_undrawn(check)),
         blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
-        details=(*error_tables(check), Facts.of(_more_facts(check)), *(error_curve(check, each) for each in others)),
+        details=(
+            *steps_tables(check),
+            *error_tables(check),
+            Facts.of(_more_facts(check)),
+            *(error_curve(check, each) for each in others),
+        ),
         certificate=check.certificate,
         cross_checks=check.cross_checks,
         values=_values(check, seed),
@@ -131,6 +137,18 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         warnings=check.warnings,
         exit_code=check.verdict.exit_code,
     )
+
+
+def steps_tables(check: DesignCheck) -> tuple[Table, ...]:
+    """What it would take at the torque that decides; nothing where the limit is kept."""
+    return (steps_table(check.steps, check.drive, *_steps_at(check)),) if check.steps else ()
+
+
+def _steps_at(check: DesignCheck) -> tuple[float, float | None, str]:
+    """Torque [N*m] and limit [arcsec] that steps are for, and the answer before any, in words."""
+    point = check.points[check.least_sure]
+    now = f"{100 * point.probability.value:.0f} %" if point.probability else f"{point.F_ior_or_error:.1f}″"
+    return point.M_g, point.limit_arcsec, now
 
 
 def F_ior_table(check: DesignCheck) -> Table:
@@ -159,16 +177,11 @@ def _undrawn(check: DesignCheck) -> Iterator[str]:
 
 
 def _facts(check: DesignCheck) -> Iterator[Fact]:
-    """Largest influences, the next measurement and the next command, a label and a text each."""
-    least_sure = check.points[check.least_sure]
-    at = f" at {least_sure.M_g:g} N·m"
-    yield "influence", influence_words(check.influences) + at if check.influences else ""
-    yield "measure", measure_words(check.to_measure, least_sure.limit_arcsec is not None)
+    """What it would take, what is taken as 0, and the next command, a label and a text each."""
     if tuple(_undrawn(check)):
-        yield "measure", again("accept", check.drive, "--measured", f"{least_sure.M_g:g}=FILE")
+        yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.least_sure].M_g:g}=FILE")
+    yield steps_fact(check.steps, check.drive, *_steps_at(check))
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
-    if check.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE) and not check.unknown:
-        yield "coupling", _coupling(check)
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive)
 
@@ -178,6 +191,8 @@ def _more_facts(check: DesignCheck) -> Iterator[Fact]:
     k = check.kinematics
     yield "cycle", f"ratio {k.u:g}, {k.cycle_cam_revolutions} cam turns, {thousands(k.cycle_states)} states"
     yield "catalogue", accuracy_words(check.drive.catalogue.accuracy, check.points)
+    if check.influences:
+        yield "influence", f"{influence_words(check.influences)} at {check.points[check.least_sure].M_g:g} N·m"
     if check.samples:
         yield "accuracy", _unstated_accuracy(check.drive, check.samples)
         yield "unknown", unknown_names(check.unknown)
@@ -196,16 +211,6 @@ def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
     return f"catalogue.accuracy is not given; {kept}"
 
 
-def _coupling(check: DesignCheck) -> str:
-    """F'_ior with a cam that aligns itself, at the torque that is least sure; empty where it is no lever."""
-    point = check.points[check.least_sure]
-    now = point.error.F_ior_arcsec
-    if not point.floating or point.floating.first > (1 - LEAST_SHARE) * now or now < LEAST_ERROR:
-        return ""
-    less = f"{now:.1f} to {point.floating.first:.1f}″ at {point.M_g:g} N·m"
-    return f"a self-aligning cam (cam.coupling: oldham) would bring F'_ior, by the values as given, from {less}"
-
-
 def fitted_words(prior: DrivePrior) -> str:
     """Identified fields that samples take as exact."""
     paths = prior.fitted
@@ -214,15 +219,16 @@ def fitted_words(prior: DrivePrior) -> str:
 
 
 def error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
-    """The error over the full cycle at a torque."""
-    taken = ", unknown as 0" if check.unknown else ", as given" if check.samples else ""
-    beside = f": F'_ior {point.error.F_ior_arcsec:.1f}″, not the median" if check.samples else ""
+    """The error over the full cycle at a torque: of the drive, or of one near the median of what it may be."""
+    assert point.error
+    zero = ", unknown as 0" * bool(check.unknown and not check.samples)
+    of = f" of a drive of {point.error.F_ior_arcsec:.1f}″, near the median" if check.samples else zero
     return Curve(
         point.error.states.phi_h / (2 * np.pi),
         point.error.error_arcsec,
         x_label="cam angle phi_h, turns",
-        y_label=f"error at {point.M_g:g} N·m{taken}, ″: least and greatest around each cam turn",
-        caption=f"Error over the full cycle at {point.M_g:g} N·m{beside}{taken}",
+        y_label=f"error at {point.M_g:g} N·m{of}, ″: least and greatest around each cam turn",
+        caption=f"Error over the full cycle at {point.M_g:g} N·m{of}",
         over=1.0,
     )
 
@@ -237,6 +243,7 @@ def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
         y_label=f"F'_ior at {point.M_g:g} N·m, ″, of the drives that it may be{held}",
         caption=f"F'_ior at {point.M_g:g} N·m over all that is not known exactly{held}",
         limit=point.left_arcsec,
+        rows=4,
     )
 
 
@@ -245,16 +252,15 @@ def error_tables(check: DesignCheck) -> Iterator[Table]:
     torque, *others = (q for q in POINT_QUANTITIES if q.key not in OVER_BELIEF)
     still = "phi_b" if check.kinematics.fixed == "rigid" else "phi_g"
     shown = [q for q in others if still not in q.key]
-    yield Table.by_column(
-        f"over the full cycle{', unknown as 0' * bool(check.unknown)}", (torque, *shown), check.points
-    )
+    of = ", of a drive near the median" if check.samples else ", unknown as 0" * bool(check.unknown)
+    yield Table.by_column("over the full cycle" + of, (torque, *shown), check.points)
     yield Table.by_column("F'_ior over all that is not known exactly", (torque, *BELIEF, *MONTE_CARLO), check.points)
 
 
 def _values(check: DesignCheck, seed: int) -> Json:
     k = check.kinematics
     return {
-        "warnings": [*check.warnings, *[UNKNOWN_AT_ZERO] * bool(check.unknown)],
+        "warnings": [*check.warnings, *[UNKNOWN_AT_ZERO] * bool(check.unknown and not check.samples)],
         "kinematics": {
             "u_hg" if k.fixed == "rigid" else "u_hb": k.u,
             **attributes(k, "fixed", "cycle_states", "cycle_cam_revolutions"),
@@ -267,7 +273,7 @@ def _values(check: DesignCheck, seed: int) -> Json:
         "unknown": unknown_objects(check.unknown),
         "identified_as_exact": check.prior.fitted if check.prior else [],
         "influence": influence_objects(check.influences),
-        "to_measure": measure_objects(check.to_measure),
+        "steps": as_json(check.steps),
         "least_sure_M_g_Nm": check.points[check.least_sure].M_g,
         "samples": samples_object(check.samples),
         "seed": seed,
@@ -279,7 +285,7 @@ def _line(check: DesignCheck) -> str:
     """Torque, F'_ior, verdict."""
     return "\n".join(
         f"{p.M_g:g} N*m: F'_ior "
-        + (f"{p.belief.p5:.2f} to {p.belief.p95:.2f}" if p.belief else f"{p.error.F_ior_arcsec:.2f}")
+        + (f"{p.belief.p5:.2f} to {p.belief.p95:.2f}" if p.belief else _ON_PAGE[1].text(p))
         + f" arcsec, {p.verdict}"
         for p in check.points
     )

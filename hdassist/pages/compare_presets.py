@@ -19,7 +19,7 @@ from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
 from hdassist.preset.schema import ResolvedField, value_text
 from hdassist.report import NO_VALUE, Facts, Report, Table
 from hdassist.terminal.answers import report_object
-from hdassist.terminal.words import again, measure_words
+from hdassist.terminal.words import again
 
 NAMED_PATHS = 6  # in a line
 LARGEST_SHARE = 100.0  # of F'_ior of A: a greater one says that A has hardly any error
@@ -68,7 +68,7 @@ def sheet_warnings(sheet: DriveSheet) -> tuple[str, ...]:
 def F_ior_words(point: OperatingPoint, digits: str = ".2f") -> str:
     """F'_ior [arcsec] at a torque, or its 5th to 95th percentile over the uncertain inputs."""
     found = point.belief
-    return f"{found.p5:{digits}} to {found.p95:{digits}}" if found else f"{point.error.F_ior_arcsec:{digits}}"
+    return f"{found.p5:{digits}} to {found.p95:{digits}}" if found else f"{point.F_ior_or_error:{digits}}"
 
 
 def _lettered(result: DrivesComparison) -> dict[str, DriveSheet]:
@@ -132,7 +132,6 @@ def _facts(result: DrivesComparison) -> Iterator[tuple[str, str]]:
     """Unknown inputs, influences, differences and the next command, a label and a text each."""
     for letter, sheet in _lettered(result).items():
         yield f"{letter} unknown", unknown_names(sheet.check.unknown)
-        yield f"{letter} measure", measure_words(sheet.check.to_measure[:1], held=False)
         yield f"{letter} influence", ", ".join(each.group for each in sheet.check.influences[:3])
     yield "differs", _some([row[0].path for row in result.differing])
     if any(NOT_KNOWN in changes.F_ior_is for changes in result.changes):

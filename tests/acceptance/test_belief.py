@@ -46,7 +46,7 @@ def test_where_check_and_accept_hold_the_same_limit_they_say_the_same():
             assert belief[key] == point["belief"][key]
         assert (found["verdict"], found["limit"]) == (point["verdict"], point["limit_arcsec"])
         assert found["value"] == belief["p50"]
-    assert (mine["influence"], mine["to_measure"]) == (told["influence"], told["to_measure"])
+    assert (mine["influence"], mine["steps"]) == (told["influence"], told["steps"])
 
 
 def test_what_is_assumed_counts_as_what_is_unknown_does():
@@ -125,7 +125,7 @@ def test_without_samples_what_is_open_is_settled_by_nothing(case, tmp_path):
     assert decision.belief is None
 
 
-def test_the_page_says_what_the_answer_hangs_on_and_what_to_measure():
+def test_the_page_says_what_it_would_take_and_how_to_measure():
     asked = (
         "accept",
         TINY,
@@ -143,8 +143,8 @@ def test_the_page_says_what_the_answer_hangs_on_and_what_to_measure():
     done = run(*asked, "--draws", "8")
     page = " ".join(done.stdout.split())
     assert done.returncode == 6
-    assert page.startswith("tiny: INCONCLUSIVE F'_ior at 4 N·m: kept with a probability of ")
-    for words in ("self error: PASS from 95 % probability", "--measured 4=FILE", "influence", "tolerances.e_hb",
+    assert page.startswith("tiny: INCONCLUSIVE F'_ior + self error at 4 N·m: kept with a probability of ")
+    for words in ("predicted: PASS from 95 % probability", "--measured 4=FILE", "what it would take:",
                   "remarks hdassist explain UNKNOWN next hdassist accept "):  # fmt: skip
         assert words in page
     page = " ".join(run(*asked, "--draws", "4", "--sure", "0.96").stdout.split())

@@ -53,7 +53,7 @@ def test_it_grows_to_the_answer_of_check() -> None:
     )
     assert isinstance(page, Report)
     assert json.loads(json_text(report_object(page)))["operating_points"] == command["operating_points"]
-    assert json.loads(json_text(report_object(page)))["to_measure"] == command["to_measure"]
+    assert json.loads(json_text(report_object(page)))["steps"] == command["steps"]
 
 
 def test_where_all_is_known_every_state_is_solved_before_the_answer_of_check() -> None:

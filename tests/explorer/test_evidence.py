@@ -46,7 +46,7 @@ def test_a_drive_that_cannot_be_computed_is_said_and_the_next_one_is_computed() 
     explored(act, tiny("operation.M_g=[9000000.0]"))
 
 
-def test_from_a_limit_to_what_to_measure_every_number_is_that_of_check(tmp_path: Path) -> None:
+def test_from_a_limit_to_what_it_would_take_every_number_is_that_of_check(tmp_path: Path) -> None:
     """The path of docs/design.md: a limit, two measurements, and the preset that is saved."""
     saved = tmp_path / "saved.yaml"
 
@@ -73,8 +73,8 @@ def test_from_a_limit_to_what_to_measure_every_number_is_that_of_check(tmp_path:
         F, margin = point["belief"], point["limit_arcsec"] - point["held_arcsec"][1]
         shown = f"{F['p50_arcsec']:.2f} {F['p5_arcsec']:.1f} to {F['p95_arcsec']:.1f} {limit:.1f} {point['verdict']}"
         assert f"{shown} {margin:+.2f} {100 * F['probability']:.0f} %" in told
-        for one in answer["to_measure"][:2]:
-            assert f"{100 * one['gain']:.0f} % more sure" in told
+        for one in answer["steps"][:2]:
+            assert f"{100 * one['outcomes'][0]['probability']:.0f} %" in told
         for one in answer["influence"][:2]:
             assert f"{100 * one['share']:.0f} % " in told
 

@@ -72,6 +72,16 @@ def test_all_pages_say_the_same_numbers_and_the_same_probability():
         assert [(point["belief"], point["verdict"]) for point in each["operating_points"]] == [
             (point["belief"], point["verdict"]) for point in points
         ]
+    assert report["check"]["steps"] == checked["steps"] != []
+    assert [each["of"] for each in accepted["steps"]] == [each["of"] for each in checked["steps"]]
+    for each in (checked, report["check"]):  # one number: the median, and no other F'_ior of the preset beside it
+        for point in each["operating_points"]:
+            assert point["F_ior_arcsec"] == point["belief"]["p50_arcsec"]
+            assert point["F_ior_upper_arcsec"] == point["F_ior_arcsec"] + point["self_error_arcsec"]
+            assert point["belief"]["p5_arcsec"] < point["F_ior_shown_arcsec"] < point["belief"]["p95_arcsec"]
+    assert [each["value"] for each in accepted["checks"]] == pytest.approx(
+        [each["F_ior_upper_arcsec"] for each in points]
+    )
     for k, each in enumerate(accepted["checks"]):
         kept = {key: now[k][key] for key in ("probability", "probability_low", "probability_high")}
         assert {key: each["belief"][key] for key in kept} == kept

@@ -172,8 +172,8 @@ def test_where_no_hole_is_better_by_what_is_known_it_says_so():
     assert next(value for label, value, _ in tiles.rows if label == "position of the wheel") == "hole 0"
     ranges, *errors = [block for block in sections(report)[0].blocks if isinstance(block, Curve)]
     assert ranges.caption.endswith("over all that is not known exactly")
-    (nominal,) = (f"F'_ior {point['F_ior_nominal_arcsec']:.1f}″" for point in told["check"]["operating_points"])
-    assert [error.caption.endswith(f"{nominal}, not the median, unknown as 0") for error in errors] == [True]
+    (shown,) = (f"{point['F_ior_shown_arcsec']:.1f}″" for point in told["check"]["operating_points"])
+    assert [error.caption.endswith(f"of a drive of {shown}, near the median") for error in errors] == [True]
     assert "phases.phi_hb" in report_markdown(report, UNICODE).replace("\\", "")
 
 
