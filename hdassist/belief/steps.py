@@ -26,8 +26,8 @@ from hdassist.belief.kept import WITHOUT_EFFECT
 from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import even_rows, log_error, weighted_quantile
-from hdassist.belief.tabled import COARSE_POINTS
-from hdassist.error.error_map import GRID, Batch, error_maps, searchable
+from hdassist.error.error_map import Batch, ErrorMap, Extremes, error_maps, searchable
+from hdassist.error.sloped import drawn_extremes
 from hdassist.error.waves import WAVE_POINTS, ErrorWaves
 from hdassist.errors import HdassistError
 from hdassist.model.deviations import carried
@@ -42,7 +42,7 @@ from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.walk import walk_library
 
-SOLVED = 16  # samples that are solved again
+SOLVED = 12  # samples that are solved again
 TIGHTER = 2 / 3  # of a tolerance: a third less
 TRIED_HOLES = 4
 PHASORS = 20  # strongest waves, that a controller takes off
@@ -114,7 +114,7 @@ def steps_of(
         rows = rows[even_rows(samples.weights[rows], min(SOLVED, max(2, len(rows) // 2)))]
         shares = samples.shares[rows]
         drives = [drive.with_values(values) for values in samples.values(rows)]
-    changed = _changed(prior, drives, shares, M_g, COARSE_POINTS if samples else GRID, run)
+    changed = _changed(prior, drives, shares, M_g, bool(samples), run)
     now = np.array([each.now for each in changed])
     F_ior, weights = (samples.F_ior_arcsec[:, torque], samples.weights) if samples else (now, np.ones(1))
     judged = partial(_outcome, left=left)
@@ -197,20 +197,20 @@ def _answers(
 
 
 def _changed(
-    prior: DrivePrior, drives: Sequence[Drive], shares: Array, M_g: float, grid: int, run: Run
+    prior: DrivePrior, drives: Sequence[Drive], shares: Array, M_g: float, drawn: bool, run: Run
 ) -> list[Changed]:
     """Changes of drives at a torque [N*m], kept in the user's cache."""
     supports = _supports(prior, shares)
     depends = {
         "drives": [each.model_dump(mode="json", exclude=WITHOUT_EFFECT) for each in drives],
-        "supports": supports, "M_g": M_g, "grid": grid, "program": [*program("daqp"), walk_library()[1]],
+        "supports": supports, "M_g": M_g, "drawn": drawn, "program": [*program("daqp"), walk_library()[1]],
     }  # fmt: skip
     key = sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
     with suppress(ValueError, TypeError, KeyError):
         if keeps_answers() and (data := cached("steps", key)):
             return [Changed(now, after, Certificate(*proof)) for now, after, proof in json.loads(data)]
     every = [{name: values[k] for name, values in supports.items()} for k in range(len(drives))]
-    found = list(run.map(partial(_changed_one, M_g=M_g, grid=grid), drives, every))
+    found = list(run.map(partial(_changed_one, M_g=M_g, drawn=drawn), drives, every))
     run.solved(sum(each.proof.states for each in found))
     if keeps_answers():
         keep("steps", key, json.dumps([(each.now, each.after, astuple(each.proof)) for each in found]).encode())
@@ -237,7 +237,7 @@ def _supports(prior: DrivePrior, shares: Array) -> dict[str, list[float]]:
     return found
 
 
-def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, grid: int) -> Changed:
+def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, drawn: bool) -> Changed:
     """Changes of one drive: the wheel in other holes, tighter tolerances, another coupling, phasors taken off."""
     holes = drive.mounting.holes or FREE_HOLES
     allowed = range(holes) if drive.mounting.allowed == "all" or not drive.mounting.holes else drive.mounting.allowed
@@ -253,7 +253,7 @@ def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, gri
     paths = {path for change in changes.values() for path in change} or {"tolerances.F_i1"}
     columns = {path: np.array([c.get(path, drive.number(path)) for c in changes.values()]) for path in paths}
     (error_map,) = error_maps(drive, [M_g])
-    searched = error_map.many_extremes(Batch(drive, columns), grid=grid)
+    searched = _extremes(error_map, Batch(drive, columns), drawn)
     now, proof = searched.first, searched.certificate
     after: dict[str, float | None] = dict(zip(changes, searched.F_ior_arcsec.tolist(), strict=True))
     del after[""]
@@ -267,9 +267,14 @@ def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, gri
         after[coupling] = None
         with suppress(HdassistError):
             there = drive.with_values({SUPPORT_FIELD: C_3})
-            moved = error_maps(there, [M_g])[0].many_extremes(Batch.of(there), grid=grid)
+            moved = _extremes(error_maps(there, [M_g])[0], Batch.of(there), drawn)
             after[coupling], proof = moved.first, proof + moved.certificate
     return Changed(now, after, proof)
+
+
+def _extremes(error_map: ErrorMap, batch: Batch, drawn: bool) -> Extremes:
+    """Extremes of drives: of drawn ones as samples have them."""
+    return drawn_extremes(error_map, batch) if drawn else error_map.many_extremes(batch)
 
 
 def _range(k_g: NDArray[np.int64], k_b: NDArray[np.int64], z: NDArray[np.complex128]) -> float:
