@@ -42,13 +42,13 @@ from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.walk import walk_library
 
-SOLVED = 12  # samples that are solved again
-TIGHTER = 2 / 3  # of a tolerance: a third less
+CHANGED_SAMPLES = 12  # samples that are solved again
+THIRD_LESS = 2 / 3  # of a tolerance: a third less
 TRIED_HOLES = 4
-PHASORS = 20  # strongest waves, that a controller takes off
+PHASORS_OFF = 20  # strongest waves, that a controller takes off
 FREE_HOLES = 12  # directions where the angle of the seat is free
-LEAST_GAIN = 0.02  # of the probability, or of F'_ior without a limit: a smaller one is no step
-COUPLINGS = ("oldham", "solid")
+LEAST_STEP_GAIN = 0.02  # of the probability, or of F'_ior without a limit: a smaller one is no step
+ASKED_COUPLINGS = ("oldham", "solid")
 
 StepKind = Literal["hole", "trials", "correction", "tolerance", "coupling", "question", "torque"]
 
@@ -111,7 +111,7 @@ def steps_of(
     drives, shares = [drive], np.full((1, 1), 0.5)
     if samples:
         rows = np.argsort(samples.F_ior_arcsec[:, torque], kind="stable")
-        rows = rows[even_rows(samples.weights[rows], min(SOLVED, max(2, len(rows) // 2)))]
+        rows = rows[even_rows(samples.weights[rows], min(CHANGED_SAMPLES, max(2, len(rows) // 2)))]
         shares = samples.shares[rows]
         drives = [drive.with_values(values) for values in samples.values(rows)]
     changed = _changed(prior, drives, shares, M_g, bool(samples), run)
@@ -138,7 +138,7 @@ def steps_of(
             if before.probability is not None and each.probability is not None:
                 move = before.probability - each.probability
             gain += each.chance / total * (-move if one else abs(move))
-        if gain >= LEAST_GAIN:
+        if gain >= LEAST_STEP_GAIN:
             found.append(Step(kind, of, outcomes, gain))
 
     names = [name for name in changed[0].after if all(each.after[name] is not None for each in changed)]
@@ -152,14 +152,16 @@ def steps_of(
         tried = [tried[round(k * len(tried) / TRIED_HOLES)] for k in range(min(TRIED_HOLES, len(tried)))]
         least = np.min([now if hole == 0 else table[f"hole:{hole}"] for hole in tried], axis=0)
         add("trials", ",".join(map(str, tried)), carried_on(least))
-    couplings = [replace(carried_on(table[c]), answer=c, chance=1 / len(COUPLINGS)) for c in COUPLINGS if c in table]
-    if len(couplings) == len(COUPLINGS):
+    couplings = [
+        replace(carried_on(table[c]), answer=c, chance=1 / len(ASKED_COUPLINGS)) for c in ASKED_COUPLINGS if c in table
+    ]
+    if len(couplings) == len(ASKED_COUPLINGS):
         add("question", "cam.coupling", *couplings)
     elif couplings:
         add("coupling", couplings[0].answer, replace(couplings[0], answer="", chance=1.0))
     for name, after in table.items():
         if name == "correction":
-            add("correction", str(PHASORS), carried_on(after))
+            add("correction", str(PHASORS_OFF), carried_on(after))
         elif "." in name:
             add("tolerance", name, carried_on(after))
     for k, other in enumerate(torques):
@@ -228,7 +230,7 @@ def _supports(prior: DrivePrior, shares: Array) -> dict[str, list[float]]:
     if drive.cam.coupling == "oldham" or not drive.number(SUPPORT_FIELD):
         return {}
     found = {}
-    for coupling in COUPLINGS if is_open else COUPLINGS[:1]:
+    for coupling in ASKED_COUPLINGS if is_open else ASKED_COUPLINGS[:1]:
         cam = drive.cam.model_copy(update={"coupling": coupling})
         there = with_cam_support(drive.model_copy(update={"cam": cam}))
         support = next((each for each in prior_of(there).fields if each.path == SUPPORT_FIELD), None)
@@ -249,7 +251,7 @@ def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, dra
                 changes[f"hole:{hole}"] = {path: drive.number(path) + turn for path in carried(drive)}
     for each in DEVIATIONS:
         if each.size.startswith("tolerances.") and drive.number(each.size) > 0:
-            changes[each.size] = {each.size: TIGHTER * drive.number(each.size)}
+            changes[each.size] = {each.size: THIRD_LESS * drive.number(each.size)}
     paths = {path for change in changes.values() for path in change} or {"tolerances.F_i1"}
     columns = {path: np.array([c.get(path, drive.number(path)) for c in changes.values()]) for path in paths}
     (error_map,) = error_maps(drive, [M_g])
@@ -260,7 +262,7 @@ def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, dra
     waves = ErrorWaves(drive, M_g, UNCHECKED)
     z = waves.waves([drive])[0]
     proof += waves.certificate
-    weak = np.argsort(-np.abs(z), kind="stable")[PHASORS:]
+    weak = np.argsort(-np.abs(z), kind="stable")[PHASORS_OFF:]
     ranges = [_range(waves.k_g[some], waves.k_b[some], z[some]) for some in (np.arange(len(z)), weak)]
     after["correction"] = now * ranges[1] / ranges[0] if ranges[0] > 0 else 0.0
     for coupling, C_3 in supports.items():

@@ -24,7 +24,7 @@ QUESTIONS = {  # to the maker, the drawing or the bench
     "gears.j_n": "how thick are the teeth, over pins?",
     "operation.dT": "how much warmer than the rigid wheel do cam and flexspline run?",
 }
-ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
+COUPLING_ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
 
 
 def steps_table(steps: Sequence[Step], drive: Drive, M_g: float, limit_arcsec: float | None, now: str) -> Table:
@@ -68,7 +68,9 @@ def outcome_words(step: Step) -> str:
     if step.kind != "question":
         return _value(step.outcomes[0])
     unit = "" if step.of == "cam.coupling" else f" {field_unit(step.of)}"
-    return ", ".join(f"{ANSWERS.get(each.answer) or each.answer + unit} {_value(each)}" for each in step.outcomes)
+    return ", ".join(
+        f"{COUPLING_ANSWERS.get(each.answer) or each.answer + unit} {_value(each)}" for each in step.outcomes
+    )
 
 
 def _value(found: Outcome) -> str:
