@@ -1,4 +1,4 @@
-"""Drawings of docs/mount.md and docs/measure.md: `python -m benchmarks.bench_pictures`. Light or dark as the screen."""
+"""Drawings of a drive and of the bench, for README and docs: `python -m benchmarks.bench_pictures`. Light or dark as the screen."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ text{{fill:{ink}}} .paper{{fill:{paper}}} .solid{{fill:{ink}}} .weak{{fill:{weak
 .marked{{fill:{mark}}}
 .body{{fill:{soft};stroke:{ink}}} .hole{{fill:{paper};stroke:{ink}}} .line{{fill:none;stroke:{ink}}}
 .thin{{fill:none;stroke:{weak}}} .axis{{fill:none;stroke:{weak};stroke-dasharray:5 4}}
+.flex{{fill:{paper};stroke:{ink};stroke-width:1.3}} .zone{{fill:none;stroke:{mark};stroke-width:9;stroke-opacity:.45}}
 .go{{fill:none;stroke:{go};stroke-width:3}} .mark{{fill:none;stroke:{mark};stroke-width:2.5}}"""
 Point = tuple[float, float]
 
@@ -60,6 +61,58 @@ def turn(centre: Point, radius: float, first: float, last: float) -> Iterator[st
     wide = int(abs(last - first) > 180)
     yield f'<path class="go" d="M{x:.1f} {y:.1f}A{radius} {radius} 0 {wide} {int(sense < 0)} {u:.1f} {v:.1f}"/>'
     yield head(at(centre, last, radius), last + 90 * sense, "gone")
+
+
+def wavy(centre: Point, radius: float, wave: float, teeth: int, depth: float, kind: str) -> str:
+    """A closed line of teeth around a centre, radius + wave cos 2t, the wave greatest above and below.
+
+    A tooth stands outward above, a space where the teeth stand inward (a negative depth).
+    """
+    points = []
+    for k in range(4 * teeth):
+        angle = 90 + 90 * (k - 0.5) / teeth
+        tooth = depth if (k % 4 in (0, 1)) is (depth > 0) else 0.0
+        points.append(at(centre, angle, radius + wave * cos(radians(2 * angle - 180)) + tooth))
+    return path(kind, *points, points[0])
+
+
+def drive() -> Iterator[str]:
+    """A drive from the cam side: fixed wheel with its holes, flexspline in mesh at two places, bearing, cam."""
+    centre, teeth = (225.0, 225.0), 60
+    yield circle(centre, 205, "body") + wavy(centre, 142, 0, teeth + 2, -10, "hole")
+    for hole in range(HOLES):
+        yield circle(at(centre, 360 * hole / HOLES, 176), 11, "hole")
+    yield circle(at(centre, 0, 176), 7, "marked")
+    yield from turn(centre, 155, 4, 116)
+    yield circle(at(centre, 120, 176), 11, "hole") + circle(at(centre, 120, 176), 5, "gone")
+    yield wavy(centre, 118, 7.5, teeth, 9, "flex")
+    inner = [at(centre, k, 108 + 7.5 * cos(radians(2 * k - 180))) for k in range(0, 363, 3)]
+    yield path("hole", *inner)
+    for ball in range(24):
+        angle = 15 * ball + 7.5
+        yield circle(at(centre, angle, 97 + 7.5 * cos(radians(2 * angle - 180))), 9, "line")
+    yield path("body", *(at(centre, k, 82 + 7.5 * cos(radians(2 * k - 180))) for k in range(0, 363, 3)))
+    yield circle(centre, 20, "hole")
+    yield from turn(centre, 52, 160, 30)
+    for up in (90, 270):
+        zone = [at(centre, angle, 134) for angle in range(up - 24, up + 25, 2)]
+        yield path("zone", *zone)
+    words = (
+        (at(centre, 68, 190), 44, "fixed wheel", "circular spline, 202 teeth inside: stands still in the housing"),
+        (at(centre, 0, 176), 109, "hole 0", "where its marked screw hole is now"),
+        (None, 174, "hole 4", "bolted in here instead, the same parts are more or less"),
+        (None, 192, "", "accurate: hdassist finds the hole with the least error"),
+        (at(centre, -21, 124), 257, "flexspline", "200 teeth outside, thin and elastic: turns the output"),
+        (at(centre, -33, 91), 322, "ball bearing and cam", "the oval cam (wave generator) presses the flexspline"),
+        (None, 340, "", "into the fixed wheel above and below"),
+        (at(centre, -78, 137), 405, "two mesh zones", "only here do teeth touch; they run round with the cam"),
+    )
+    for start, y, name, role in words:
+        if start:
+            yield path("thin", start, (452, y - 5)) + circle(start, 2.5, "solid")
+        if name:
+            yield text((460, y), name, "" if start else "gone", "start", 17)
+        yield text((460, y + 20), role, "weak", "start", 13)
 
 
 def cam_side() -> Iterator[str]:
@@ -165,6 +218,7 @@ def rig() -> Iterator[str]:
 
 
 DRAWINGS = {
+    "drive": (drive, 850, 450, "A harmonic drive from the cam side: fixed wheel with holes, flexspline, bearing, cam"),
     "bench-cam-side": (cam_side, 790, 312, "Section of a drive with the side of the cam, and a turn from both sides"),
     "bench-holes": (holes, 720, 400, "Holes of the seat are counted counter-clockwise, seen from the cam side"),
     "bench-mark": (marks, 770, 360, "Directions of marks are counted counter-clockwise from hole 0"),
