@@ -1,4 +1,7 @@
-"""Drawings of a drive and of the bench, for README and docs: `python -m benchmarks.bench_pictures`. Light or dark as the screen."""
+"""Drawings of a drive and of the bench, for README and docs: `python -m benchmarks.bench_pictures`.
+
+They are light or dark as the screen is.
+"""
 
 from __future__ import annotations
 
