@@ -1,4 +1,4 @@
-"""Answers that README and start page show, as a terminal has them: `python -m benchmarks.readme_pictures`."""
+"""The answer that README and index show, as a terminal has it: `python -m benchmarks.readme_pictures`."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from rich.text import Text
 
 from hdassist.explorer.export import without_fonts
 
-PRESET = ("presets", "new", "own", "--ratio", "100", "--pitch-diameter", "63.5", "--torque", "67", "-o", "own.yaml")
-ANSWERS = {"mount": ("mount", "vzp160"), "check": ("check", "own.yaml", "--torque", "6.7", "--limit", "55")}
+COMMAND = ("mount", "vzp160")
 FIGURES = Path(__file__).parents[1] / "docs/figures"
 COLOURS = ("#24292e", "#b31d28", "#22863a", "#9a6700", "#0366d6", "#5a32a3", "#1b7c83", "#57606a")  # readable on white
 LIGHT = TerminalTheme((255, 255, 255), (36, 41, 46), [Color.parse(c).get_truecolor() for c in COLOURS])
@@ -49,15 +48,13 @@ def on_terminal(command: tuple[str, ...], folder: str) -> str:
 
 def main() -> None:
     with TemporaryDirectory() as folder:
-        on_terminal(PRESET, folder)
-        answers = {name: on_terminal(command, folder) for name, command in ANSWERS.items()}
-    for name, answer in answers.items():
-        for kind, theme in (("light", LIGHT), ("dark", DIMMED_MONOKAI)):
-            console = Console(record=True, width=COLUMNS, file=io.StringIO(), highlight=False, force_terminal=True)
-            console.print(Text(f"$ hdassist {' '.join(ANSWERS[name])}\n", style="bold"))
-            console.print(Text.from_ansi(answer.rstrip()))
-            svg = console.export_svg(title="hdassist", theme=theme, unique_id=f"{name}-{kind}")
-            (FIGURES / f"{name}-{kind}.svg").write_text(without_fonts(svg) + "\n", encoding="utf-8")
+        answer = on_terminal(COMMAND, folder)
+    for kind, theme in (("light", LIGHT), ("dark", DIMMED_MONOKAI)):
+        console = Console(record=True, width=COLUMNS, file=io.StringIO(), highlight=False, force_terminal=True)
+        console.print(Text(f"$ hdassist {' '.join(COMMAND)}\n", style="bold"))
+        console.print(Text.from_ansi(answer.rstrip()))
+        svg = console.export_svg(title="hdassist", theme=theme, unique_id=f"mount-{kind}")
+        (FIGURES / f"mount-{kind}.svg").write_text(without_fonts(svg) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
