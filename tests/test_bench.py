@@ -17,7 +17,8 @@ def direction(x: float, y: float) -> float:
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_a_drawing_is_as_it_is_made_and_shown(name: str):
     assert (FIGURES / f"{name}.svg").read_text(encoding="utf-8") == drawn(name), "python -m benchmarks.bench_pictures"
-    pages = "".join((FIGURES.parent / page).read_text(encoding="utf-8") for page in ("index.md", "mount.md", "measure.md"))
+    names = ("index.md", "mount.md", "measure.md")
+    pages = "".join((FIGURES.parent / page).read_text(encoding="utf-8") for page in names)
     assert f"](figures/{name}.svg)" in pages
 
 
