@@ -29,6 +29,11 @@ SEED = 0
 CHUNK = 10
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 640, 300, 48, 40, 30
 RED, BLUE, DASHES = "#b03a2e", "#1f618d", "6 4"
+OLIVE, GREEN, RULE = "#7d6608", "#117a65", "#ddd"
+ON_DARK = {BLUE: "#79c0ff", RED: "#ff9492", OLIVE: "#e3b341", GREEN: "#56d4bc"}
+STYLE = "<style>svg{fill:#24292e} .paper{fill:#ffffff} @media (prefers-color-scheme: dark) {svg{fill:#e6edf3} "
+STYLE += ".paper{fill:#16191d} " + "".join(f'[fill="{ink}"]{{fill:{to}}} ' for ink, to in ON_DARK.items())
+STYLE += f'[stroke="{RED}"]{{stroke:{ON_DARK[RED]}}} [stroke="{RULE}"]{{stroke:#3d444d}}}}</style>'
 INK = {
     ("as given", "as built"): (RED, ""),
     ("as given", "best hole"): (RED, DASHES),
@@ -153,7 +158,9 @@ def support_figure(lines: Mapping[float, list[float]], dots: Mapping[str, list[t
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" '
         'font-size="12">',
-        '<rect width="100%" height="100%" fill="white"/>',
+        "<title>Worst over best hole by the support of the cam and the standing offset</title>",
+        STYLE,
+        '<rect width="100%" height="100%" class="paper"/>',
     ]
     for ratio in (1, 1.5, 2, 2.5, 3, 3.5):
         y = at(SUPPORTS[1], ratio)[1]
@@ -163,7 +170,7 @@ def support_figure(lines: Mapping[float, list[float]], dots: Mapping[str, list[t
         x = at(C_3, 1)[0]
         parts.append(f'<text x="{x:.1f}" y="{HEIGHT - BOTTOM + 16}" text-anchor="middle">{C_3:g}</text>')
     for k, (name, drives) in enumerate(dots.items()):
-        ink = (BLUE, "#7d6608", "#117a65")[k]
+        ink = (BLUE, OLIVE, GREEN)[k]
         for C_3, ratio in drives:
             x, y = at(C_3, ratio)
             parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.5" fill="{ink}" fill-opacity="0.6"/>')

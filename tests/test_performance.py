@@ -29,11 +29,14 @@ def slow() -> dict:
     summary = proposals._summary("random drives", [proposals.Compared((10.0, 9.0), (20200, 3800), (0.1, 0.04))])
     sizes = [{"z_g": z, "M_g": 80.0, "states": 1, "candidates": 1, "us": z**2} for z in (100, 400)]
     stations = [{"stations": n, "M_g": 80.0, "candidates": n, "us": n} for n in (1, 5)]
+    search = {"M_g": 80.0, "searches": 12, "F_ior_arcsec": 9.0, "bias": -0.1, "rms": 0.9, "worst": 9.0, "over": 3}
+    search |= {"states": [400.0, 300.0, 99.0], "ms": [9.0, 8.0]}
     return {
         "machine": {"processor": "P", "cores": 2, "load": 0.1, "python": "3"},
         "engine": [{"M_g": 80.0, "us": us, "certificate_us": 5.0, "cvxpy_us": {"DAQP": 9000.0}}],
         "processes": {"runs": runs, "first_output_s": 9.0},
         "proposals": [summary],
+        "draws": [search],
         "growth": sizes,
         "coned": stations,
         "tolerance": [{"case": "vzp160", "value_ms": 99.0, "drives": 2, "efficiency": 0.1}],

@@ -270,10 +270,11 @@ def value_of_measurement(
     """The hole whose value is expected to bring most, and what that and further values bring; no nested solving.
 
     For each hole OUTCOMES values that may be measured there reweigh the samples, and the hole of least loss is chosen
-    anew. Further values are played through with FUTURES of the samples as the true drive, each taken where it is
-    expected to bring most. Arguments: measured_arcsec, F'_ior in the holes at the torque of the values, shape (samples,
-    holes), and now_arcsec, at rotation 0, shape (samples,); noise_arcsec, standard deviation of a value, shape
-    (samples,); steps, further values; first, rotations [deg] that are measured in any case before others.
+    anew. One value is played through with each of LOOKED_AT samples as the true drive, further ones with FUTURES of
+    them, each taken where it is expected to bring most. Arguments: measured_arcsec, F'_ior in the holes at the torque
+    of the values, shape (samples, holes), and now_arcsec, at rotation 0, shape (samples,); noise_arcsec, standard
+    deviation of a value, shape (samples,); steps, further values; first, rotations [deg] that are measured in any case
+    before others.
     """
     rng, rows = np.random.default_rng(seed), even_rows(decision.sample_weights, LOOKED_AT)
     losses, noise, F_ior = decision.losses[rows], noise_arcsec[rows], measured_arcsec[rows]
@@ -297,18 +298,23 @@ def value_of_measurement(
     even = np.full(LOOKED_AT, 1 / LOOKED_AT)
     forced = [int(np.argmin(abs((np.array(decision.rotations_deg) - r + 180) % 360 - 180))) for r in first]
     following = [*forced, int(candidates[np.argmax(gains(even))])][:1] + forced[1:]
-    expected = np.zeros(steps + 1)
-    for truth in even_rows(even, FUTURES):
+    every, further = list[list[float]](), even_rows(even, FUTURES)
+    for truth in range(LOOKED_AT):
         weights = even.copy()
         weights[truth] = 0  # the drive is none of its samples
-        expected[0] += served_arcsec[truth, np.argmin(weights @ losses)] / FUTURES
-        for step in range(steps):
+        expected = [served_arcsec[truth, np.argmin(weights @ losses)]]
+        for step in range(steps if truth in further else 1):
             place = following[step] if step < len(following) else int(candidates[np.argmax(gains(weights))])
             off_by = (F_ior[truth, place] + noise[truth] * rng.standard_normal() - F_ior[:, place]) / noise
             log = -0.5 * off_by**2 - np.log(noise)
             weights *= np.exp(log - log[weights > 0].max())
             weights /= weights.sum()
-            expected[step + 1] += served_arcsec[truth, np.argmin(weights @ losses)] / FUTURES
+            expected.append(served_arcsec[truth, np.argmin(weights @ losses)])
+        every.append(expected)
+    now, after_one = np.mean([expected[:2] for expected in every], axis=0)
+    least = served_arcsec.min(axis=1)  # of the best hole: what remains above it is small, and varies little
+    more = np.mean([np.array(every[truth][2:]) - least[truth] for truth in further], axis=0)
+    expected = [now, after_one, *(least.mean() + more)]
     return MeasurementValue(
         decision.rotations_deg[following[0]], tuple(np.minimum.accumulate(expected).tolist())
     )  # a value cannot harm

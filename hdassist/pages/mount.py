@@ -194,7 +194,8 @@ def next_value_words(advice: Advice) -> str:
         after = dict(later)
         gain = f"{now:.1f} → {after[FEWEST_VALUES]:.1f}″ is expected with four values, {after[6]:.1f} with six"
         if not advice.next:
-            return f"Measuring is not worth it: {gain}."
+            brought = f"six values are expected to bring {max(now - after[6], 0):.1f} of {now:.1f}″"
+            return f"Measuring is not worth it: {brought}."
         holes = ", ".join(hole_place(p) for p in advice.to_try)
         return f"To do better, measure F'_ior {torque} in {holes}, then where this command says: {gain}."
     one, three = (F_ior for _, F_ior in later)
@@ -234,8 +235,8 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
         else:
             yield "next", again("mount", drive, *(f"{_name(advice, p.rotation_deg)}=F_IOR" for p in advice.to_try))
     elif not carded:
-        card = "--card", "card.html"
-        yield "next", f"the same command with {' '.join(card)}" if advice.trials else again("mount", drive, *card)
+        by_preset = again("mount", drive, "--card", "card.html")
+        yield "next", "the same command with --card card.html" if advice.trials else by_preset
 
 
 def _name(advice: Advice, rotation_deg: float) -> str:
@@ -282,12 +283,15 @@ def positions_table(advice: Advice, places: Sequence[int], title: str = "") -> T
     left = f"left by {advice.correction}" if advice.correction else "F'_ior"
     heads = (f"at {M_g:g} N·m" for M_g in advice.torques)
     where = "hole" if advice.drive.mounting.holes else "turn, °"
-    of_shares = ("better, %", "good, %") * sampled
-    better = "better: than staying; good: a loss below 5 % against the best hole"
+    of_shares = ("better", "good") * sampled
+    better = "better: than staying; good: within 5 % of the best hole; both in %"
     first = f"{title}: " if title else ""
     return Table(
-        f"{first}{left}, ″{spread}", ("", where, *heads, *of_shares, "loss, %"), tuple(rows),
-        notes=((better,) if sampled else ()) + ("turns counter-clockwise from the cam side",),
+        f"{first}{left}, ″{spread}", ("", where, *heads, *of_shares, "loss"), tuple(rows),
+        notes=(
+            *((better,) if sampled else ()), "loss: expected against the best hole, %",
+            "turns counter-clockwise from the cam side",
+        ),
     )  # fmt: skip
 
 

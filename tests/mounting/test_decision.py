@@ -100,6 +100,15 @@ def test_one_more_value_brings_what_bayes_by_hand_says():
     assert found.is_worth() and not noisy.is_worth(0.1)
 
 
+def test_one_more_value_brings_the_mean_of_the_lesser_error():
+    rng = np.random.default_rng(5)
+    rows = np.stack([rng.normal(27.0, 0.3, 4000), rng.normal(28.0, 2.5, 4000)], axis=1)
+    found = value_of(decision_of(*rows.tolist()), 0.05, steps=3)
+    less = np.maximum(rows[:, 0] - rows[:, 1], 0)  # what is gained where the other hole is known
+    assert found.rotation_deg == 180.0
+    assert found.gain_arcsec == pytest.approx(less.mean(), abs=3 * less.std() / np.sqrt(512))
+
+
 def test_more_values_bring_more_and_less_each_time():
     found = value_of(waves(), 0.5, steps=3)
     now, one, _, three = found.F_ior_arcsec

@@ -14,7 +14,7 @@ NUMBERS = re.findall(r"\\tag\{(\w+)\}", THEORY)
 
 
 def test_each_number_stands_once_and_in_order():
-    assert " ".join(NUMBERS) == "1 2 2a 3 4 5 6 6a 6b 6c 7 8 8a 8b 9 10 11 12 13 14 15 16"
+    assert " ".join(NUMBERS) == "1 2 2a 3 4 5 6 6a 6b 6c 7 8 8a 8b 9 9a 10 11 12 13 14 15 16"
 
 
 @pytest.mark.parametrize("room", ["model", "solve", "error", "calibration"])
@@ -39,7 +39,7 @@ def test_an_equation_is_drawn_with_its_number_and_no_script():
 
 def test_the_drawings_of_the_theory_are_there_for_both_kinds_of_screen():
     names = re.findall(r"\]\(figures/([\w-]+)\.svg\)", THEORY)
-    assert sorted(names) == ["contact-sets", "mesh-zones", "ring-harmonics", "torus"]
+    assert sorted(names) == ["contact-sets", "drive", "mesh-zones", "ring-harmonics", "torus", "turning-support"]
     for name in names:
         drawing = (ROOT / f"docs/figures/{name}.svg").read_text("utf-8")
         assert "prefers-color-scheme: dark" in drawing and 'class="paper"' in drawing and "<title>" in drawing
