@@ -172,7 +172,7 @@ class AcceptAnswer(ClosedRecord):
 
     request: None for a row of a lot that is wrong in itself; place: of the row, None without one; certificate, unknown,
     influence, steps, samples and pitch (wheels with measured teeth): of its predictions, as `hdassist check` has
-    them. Raises ValueError for an exit code that is not that of its verdict, or of its error.
+    them. Raises ValueError for a verdict without a check, and an exit code that is not that of its verdict or error.
     """
 
     schema: Annotated[str, own_schema(ACCEPT_SCHEMA)] = ACCEPT_SCHEMA
@@ -202,6 +202,8 @@ class AcceptAnswer(ClosedRecord):
     def __post_init__(self) -> None:
         if bool(self.verdict) == bool(self.error):
             raise ValueError("expected either a verdict or an error")
+        if self.verdict and not self.checks:
+            raise ValueError("checks: expected one at least beside a verdict")
         codes = (self.verdict.exit_code,) if self.verdict else ERROR_CODES
         if self.exit_code not in codes:
             raise ValueError(f"exit_code: expected {' or '.join(map(str, codes))}, got {self.exit_code}")

@@ -46,6 +46,7 @@ ELSEWHERE = {"explore": "explorer.command", "doctor": "cli.doctor", "presets": "
 
 def module_of(name: str) -> str:
     """Module of a command, which has a class named after it, as `CheckCommand`, or a group, as `presets_app`."""
+    name = OTHER_NAMES.get(name, name)
     return f"hdassist.{ELSEWHERE.get(name, f'commands.{name}')}"
 
 

@@ -69,7 +69,7 @@ class RecordReader:
 
     def fitted(self, asked: Alignment) -> tuple[VectorFitter, VectorFit]:
         """The fit of start and zero, as far as they are free, where the file counts so."""
-        record = self._orders.read_as(asked.of_file(self.measurement.trace, self.drive))
+        record = self._orders.read_as(asked.of_file(self.measurement.trace, Kinematics.of(self.drive)))
         return VectorFitter(self.drive, record, self.torus, self._doubt, asked.fitted).doubted(self._changes)
 
     def mirrored(self, asked: Alignment, base: VectorFit) -> tuple[MirroredFile, VectorFit] | None:

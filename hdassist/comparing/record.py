@@ -52,12 +52,12 @@ class Alignment:
         ways = ((-1, 1), (1, -1), (-1, -1))
         return tuple(replace(self, sign=way * self.sign, sense=turn * self.sense) for way, turn in ways)
 
-    def of_file(self, trace: MeasuredTrace, drive: Drive) -> Alignment:
+    def of_file(self, trace: MeasuredTrace, kinematics: Kinematics) -> Alignment:
         """The alignment of a file that is asked to be read so.
 
         Of two encoders the sign is that of the error as they count: the output's counts as the model does, or against.
         """
-        way = 1 if Kinematics.of(drive).u > 0 else -1
+        way = 1 if kinematics.u > 0 else -1
         sense = self.sense * (way if trace.angle_of == "output" else 1)
         return replace(self, sense=sense, sign=self.sign * (-trace.sense * sense * way if trace.sense else 1))
 

@@ -21,8 +21,8 @@ def correction_alone(
 ) -> Correction:
     """Correction from a record at a torque M_g [N*m] that was measured with its ratio, both directions as one.
 
-    Arguments: asked, how the file counts; two encoders count alike, both seen from the cam side, and show which way the
-    output turns; of a column of errors output_turns says so: "with" the cam or "against" it. Raises UsageError for a
+    Arguments: asked, how the file counts; of two encoders that count alike their record shows which way the
+    output turns; else output_turns says so: "with" the cam or "against" it. Raises UsageError for a
     table over the output turn without that, and for angles of the output, UntrustedError for less than the full cycle.
     """
     trace, sweep, gearing = found.trace, found.directions[0], found.gearing
@@ -41,7 +41,7 @@ def correction_alone(
     if way == "with":
         kinematics = Kinematics(moving - 2, moving, "flexspline")
     none_known = ErrorLines(kinematics, np.zeros(0, dtype=np.int64), np.zeros((1, 0), dtype=complex), EMPTY)
-    sign = asked.sign * (-1 if trace.sense else 1)
-    record = RecordedError(asked.sense * sweep.bins.turns, sign * sweep.fit.error)
+    alignment = asked.of_file(trace, kinematics)
+    record = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error)
     error = recorded_belief(none_known, record, Run(seed=found.seed))
     return fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)

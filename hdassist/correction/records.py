@@ -119,7 +119,7 @@ def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> 
     Argument: asked, how the file counts.
     """
     trace, sweep = measurement.trace, measurement.directions[0]
-    alignment = asked.of_file(trace, drive)
+    alignment = asked.of_file(trace, Kinematics.of(drive))
     return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
 
 

@@ -249,10 +249,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
 def _deciding(answer: AcceptAnswer) -> str:
     """The check that decides, the worst one with the least room, and why it is not plain; or the first error."""
     if not answer.error:
-        shown = by_severity(shown_checks(answer))
-        if not shown:  # of a kept answer that was edited
-            return NO_VALUE
-        worst = shown[0]
+        worst = by_severity(shown_checks(answer))[0]
         return "; ".join(filter(None, (sentence(worst), worst.reason)))
     first, *more = answer.error.message.splitlines()
     return first + (f" (and {len(more)} more)" if more else "")

@@ -230,6 +230,7 @@ def test_an_answer_with_a_field_without_a_name_is_refused(folder, here):
         (lambda told: told | {"certificate": {"engine": 1}}, "a.json:1: an answer is not whole: certificate"),
         (lambda told: told | {"exit_code": 7}, "a.json:1: an answer is not whole: exit_code: expected 3, got 7"),
         (lambda told: told | {"verdict": None}, "a.json:1: an answer is not whole: expected either"),
+        (lambda told: told | {"checks": []}, "a.json:1: an answer is not whole: checks: expected one at least"),
         (lambda told: told | {"pitch": [{"file": "x"}]}, "a.json:1: an answer is not whole: pitch.0."),
     ],
 )
@@ -241,7 +242,7 @@ def test_an_answer_that_is_none_is_refused_by_its_first_field(folder, here, chan
     assert words in said
 
 
-@pytest.mark.parametrize("change", [{"measured": [{}]}, {"exit_code": 7}, {"samples": {"draws": "x"}}])
+@pytest.mark.parametrize("change", [{"measured": [{}]}, {"exit_code": 7}, {"checks": []}, {"samples": {"draws": "x"}}])
 def test_a_kept_answer_that_is_none_is_refused_though_its_checksum_holds(folder, here, change):
     (folder / "few.csv").write_text("".join(LOT.splitlines(keepends=True)[:2]))
     args = ("accept", "few.csv", "--preset", SMALL, *STATED, "--jsonl", "a.jsonl")

@@ -114,9 +114,9 @@ def test_two_encoders_tell_the_sign(drive, fixed):
     u = Kinematics.of(there).u
     column = recorded(np.arange(100) / 40, np.zeros(100))
     counts_alike = replace(column, sense=np.sign(u))  # both encoders counter-clockwise
-    assert Alignment().of_file(counts_alike, there).sign == -1  # output - cam/ratio = -F_kpp
-    assert Alignment().of_file(replace(column, sense=-np.sign(u)), there).sign == 1
-    assert Alignment().of_file(replace(counts_alike, angle_of="output"), there).sense == np.sign(u)
+    assert Alignment().of_file(counts_alike, Kinematics.of(there)).sign == -1  # output - cam/ratio = -F_kpp
+    assert Alignment().of_file(replace(column, sense=-np.sign(u)), Kinematics.of(there)).sign == 1
+    assert Alignment().of_file(replace(counts_alike, angle_of="output"), Kinematics.of(there)).sense == np.sign(u)
 
 
 @pytest.mark.parametrize(("cam", "output"), [(1, 1), (1, -1), (-1, 1), (-1, -1)])

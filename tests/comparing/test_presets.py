@@ -148,7 +148,7 @@ def test_fields_that_are_no_drive_alone_are_said_and_not_computed():
     assert [c.change_arcsec[0] for c in found.single if c.field == "phases.xi_b"] == [0]
 
 
-def test_what_one_preset_does_not_know_makes_ranges_and_no_verdict(files):
+def test_what_one_preset_does_not_know_makes_ranges_and_any_hole_as_good(files):
     fast = [word for text in FAST for word in ("--set", text)]
     result = run("compare", "a.yaml", "b.YML", "--torque", "3", "--draws", "4", "--json", *fast, cwd=files)
     assert result.returncode == 0, result.stderr
@@ -158,7 +158,8 @@ def test_what_one_preset_does_not_know_makes_ranges_and_no_verdict(files):
     known, open_ = told["presets"]
     assert known["operating_points"][0]["belief"]["p95_arcsec"] is None
     assert open_["operating_points"][0]["belief"]["p95_arcsec"] > 0
-    assert (open_["order"], open_["best"], known["order"]) == ("none", None, "turn")
+    assert (known["word"], known["order"]) == ("TURN", "turn")
+    assert (open_["word"], open_["order"], open_["best"]["hole"]) == ("ANY_HOLE", "leave", 0)
     [changed] = told["changes"]
     assert changed["pairs"] == 4
     assert changed["together"]["p5_arcsec"] < changed["together"]["p95_arcsec"]
@@ -181,7 +182,7 @@ def test_a_preset_is_a_name_of_the_library_or_a_yaml_file(name, preset):
     [
         (["b.YML", "run.csv"], 2, "run.csv is taken for a trace, and b.YML for a preset"),
         (["b.YML", "--drift", "linear"], 2, "how a trace is read says nothing of presets"),
-        (["size-14-100"], 2, "no torque that all presets have (small: 1, 4 N*m; "),
+        (["size-14-100"], 2, "no torque that all presets have (small: 1, 4 N·m; "),
         (["b.YML", "--torque", "0"], 2, "a torque"),
         (["b.YML", "--csv", "a.csv"], 2, "hdassist check a.yaml b.YML --csv FILE"),
         (["none.yaml"], 4, "no such file: none.yaml"),
@@ -282,7 +283,7 @@ def test_each_of_three_drives_has_as_built_mounted_best_and_its_field_on_one_scr
     assert " ".join(page.split()).startswith(f"{files}: B {share:.0f} % less; C {share:.0f} % less ")
     for letter, sheet in zip("ABC", three.sheets, strict=True):
         built = sheet.check.points[0].error.F_ior_arcsec
-        best = sheet.advice.chosen
+        best = sheet.advice.choice.target
         change = r"- +-$" if letter == "A" else rf"{share:.0f} % less +tolerances.F_i2$"
         row = rf"^{letter} +4 N·m +{built:.2f} +{best.F_ior_arcsec[0]:.2f}, hole {best.hole} +{change}"
         assert re.search(row, page, re.MULTILINE), row

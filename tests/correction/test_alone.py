@@ -174,6 +174,26 @@ def test_a_record_alone_gives_a_table_over_the_output_for_own_firmware(tmp_path:
     assert np.ptp(left) < 0.05 * np.ptp(curve(often, vectors, cam))
 
 
+@pytest.mark.parametrize("way", ["with", "against"])
+@pytest.mark.parametrize(("cam_sense", "output_sense"), [("ccw", "ccw"), ("cw", "cw"), ("ccw", "cw"), ("cw", "ccw")])
+def test_a_table_of_two_encoders_takes_off_the_error_however_they_count(tmp_path, way, cam_sense, output_sense):
+    often, vectors = hidden_lines(3)
+    turns = np.arange(round(1.02 * CYCLE * PER_TURN)) / PER_TURN
+    ahead = 1 if way == "with" else -1
+    output = ahead * 360 * turns / CYCLE + curve(often, vectors, turns) / 3600  # actual, counter-clockwise
+    cam_count, output_count = (1 if sense == "ccw" else -1 for sense in (cam_sense, output_sense))
+    columns = zip(cam_count * 360 * turns, output_count * output, strict=True)
+    (tmp_path / "run.csv").write_text("cam,out\n" + "".join(f"{x:.6f},{y:.9f}\n" for x, y in columns))
+    options = ("--angle", "cam", "--second", "out", "--angle-unit", "deg", "--cam-sense", cam_sense)
+    options += ("--output-turns", way) if cam_sense != output_sense else ()  # else the record shows it
+    asked = ("compensate", "run.csv", "--ratio", str(CYCLE), "--torque", "67", "--form", "output", "--points", "2000")
+    done = run(*asked, *options, "--write", "csv=table.h", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    cam = np.linspace(0, CYCLE, 1001)
+    error = curve(often, vectors, cam)
+    assert np.ptp(error - by_rows(tmp_path, ahead * 360 * cam / CYCLE)) < 0.05 * np.ptp(error)
+
+
 def by_compiler(folder: Path, reading):
     """The lookup of the C file as a compiler makes it."""
     compiler = shutil.which("cc")

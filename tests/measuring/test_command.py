@@ -91,7 +91,7 @@ def test_the_next_command_reads_the_file_alike(rig):
     page = run("measure", "counts.csv", "--drive", SMALL, *options, "--no-plot", cwd=rig)
     assert (page.returncode, page.stderr) == (0, "")
     _, _, following = page.stdout.partition("\nnext ")
-    assert following.split()[:2] == ["hdassist", "trials"]
+    assert following.split()[:2] == ["hdassist", "mount"]
     assert following.split()[3:9] == ["h0=counts.csv", *options]
     plain = run("measure", "run.csv", "--drive", SMALL, "--no-plot", cwd=rig).stdout
     assert plain.partition("h0=run.csv")[2].split()[0] == "more"
