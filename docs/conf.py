@@ -27,6 +27,7 @@ OUTSIDE = {
     "../CONTRIBUTING.md": "site/contributing.md",
     "../CHANGELOG.md": "site/changelog.md",
     "../.github/ISSUE_TEMPLATE/trace.md": "site/trace.md",
+    "../.github/ISSUE_TEMPLATE/experiment.md": "site/experiment-form.md",
 }
 
 
