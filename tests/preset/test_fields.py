@@ -295,7 +295,8 @@ def point(drive: Drive, M_g: float, F_ior: float, self_error: float) -> Operatin
     rotation[7] = F_ior
     kinematics = Kinematics.of(drive)
     result = KinematicError(kinematics, M_g, states, rotation, np.ones((len(states), 2)), rotation, EMPTY, None)
-    return OperatingPoint(M_g, result, SelfError(M_g, np.array([[0.0, self_error]]), EMPTY), drive.limit(M_g))
+    own = SelfError(M_g, np.array([[0.0, self_error]]), EMPTY)
+    return OperatingPoint(M_g, own, drive.limit(M_g), error=result)
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ def test_vzp160_differs_from_the_frozen_reference_where_it_was_identified_and_no
     whole = {"numerics.nominal_curve", "numerics.stations", "contact.c_t"}
     back = drive.with_values({path: reference.value(path) for path in identified | whole})
     assert {drive.value(f"harmonics.{name}") for name in type(drive.harmonics).model_fields if "a_" in name} == {0.0}
-    told = {"name", "description", "source", "harmonics"}
+    told = {"name", "description", "source", "harmonics", "fit"}
     assert back.model_dump(exclude=told) == reference.model_dump(exclude=told)
 
 
@@ -73,12 +73,17 @@ def test_identified_values_of_vzp160_are_the_unknowns_of_its_targets_and_within_
     drive = load_preset("vzp160")
     text = (ROOT / "docs/vzp160.targets.yaml").read_bytes()
     unknowns = {unknown.path: unknown for unknown in read_targets(text, "targets", drive).unknowns}
-    assert {path for path, entry in drive.source.items() if entry.kind == "identified"} == set(unknowns)
+    identified = {path for path, entry in drive.source.items() if entry.kind == "identified"}
+    assert identified == set(unknowns) | {"bearing.g_b"}  # which benchmarks.identify leaves free beside them
     others = read_yaml((ROOT / "tests/validation/vzp160_alternatives.yaml").read_bytes(), "alternatives").data
     assert others
     for path, unknown in unknowns.items():
         for value in (drive.value(path), *(other[path] for other in others)):
             assert unknown.low <= value <= unknown.high, path
+    assert identified <= set(drive.fit)
+    for path in identified:
+        low, high = drive.source[path].range or (0.0, 0.0)
+        assert low <= min(drive.fit[path]) <= drive.value(path) <= max(drive.fit[path]) <= high, path
 
 
 def test_a_path_is_read_and_named_as_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

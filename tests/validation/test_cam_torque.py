@@ -29,7 +29,8 @@ TORQUE = 80e3  # N*mm
 def share(z_g: int, stations: int) -> float:
     """Torque on the cam over M_g/u, mean over the phases: a drive like vzp160 as identified with such flanks."""
     like = whole_flanks() if stations == 1 else load_preset("vzp160")
-    given = {"gears.z_g": z_g, PITCH_DIAMETER: 160.0, "operation.rated": 800.0}
+    # the bearing without clearance, as in vzp160: a drive by similarity would have the usual one of its size
+    given = {"gears.z_g": z_g, PITCH_DIAMETER: 160.0, "operation.rated": 800.0, "bearing.g_b": like.bearing.g_b}
     required = {path: SimilarValue(value, "given", "") for path, value in given.items()}
     text = similar_preset(f"teeth-{z_g}", like, required)
     drive = changed(load_text(text, f"teeth-{z_g}"), numerics__stations=stations)
