@@ -30,7 +30,7 @@ def test_what_is_left_to_a_default_has_the_range_of_its_size():
     assert (found["gears.h_a"], found["flexspline.k_t"]) == ((0.5, 0.7), (1.0, 1.8))
     # as in drives by similarity: of the bearing as the diameter, of the teeth as the module, compliances as one over the
     # diameter; a value outside of its range is in it all the same, as the default of 0 of the bearing
-    assert found["bearing.g_b"] == pytest.approx((min(4.8 * D, 0), 24 * D))
+    assert found["bearing.g_b"] == pytest.approx((0, 24 * D))
     assert found["gears.j_n"] == pytest.approx((0, 20 * 0.5 / 0.8))
     assert found["contact.c_t"] == pytest.approx((0.3e-5 / D, 6e-5 / D))
     assert found["contact.c_ball"] == pytest.approx((min(1.25e-5 / D, 2.5e-5), 2.857e-5 / D))
