@@ -204,7 +204,7 @@ def draw_samples(
     Arguments: prior of the drive; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence on
     the drive; further, figures that each sample has beside F'_ior, and further_name, all that they depend on beside the
     drive, in words, without which draws with them are not kept; enough, whether samples suffice for their purpose;
-    effort, limits of sampling; seen, called with the samples so far.
+    effort, limits of sampling; seen, called with the samples so far once evidence allows one.
     Raises UsageError for a drive with rolling balls, UntrustedError where too few samples agree with the evidence, or
     too few draws are drives.
     """
@@ -236,7 +236,7 @@ def draw_samples(
             if stages or effective >= effort.effective:
                 stages = (*stages, samples)
             samples = replace(samples, stages=stages)
-            if seen:
+            if seen and samples.weights.any():
                 seen(samples)
             is_last = len(draws) >= effort.most_draws or (len(draws) >= HOPELESS and not len(samples.weights))
             if is_last and effective < effort.effective:
