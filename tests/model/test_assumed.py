@@ -28,8 +28,8 @@ def test_what_is_left_to_a_default_has_the_range_of_its_size():
         "gears.h_a", "gears.h_f", "gears.j_n", "flexspline.k_t", "bearing.g_b", "contact.c_t", "contact.c_ball",
     }  # fmt: skip
     assert (found["gears.h_a"], found["flexspline.k_t"]) == ((0.5, 0.7), (1.0, 1.8))
-    # as in drives by similarity: of the bearing as the diameter, of the teeth as the module, compliances as one over the
-    # diameter; a value outside of its range is in it all the same, as the default of 0 of the bearing
+    # as in drives by similarity: of the bearing as the diameter, of the teeth as the module, compliances as one over
+    # that; a value outside of its range is in it all the same, as the default of 0 of the bearing
     assert found["bearing.g_b"] == pytest.approx((0, 24 * D))
     assert found["gears.j_n"] == pytest.approx((0, 20 * 0.5 / 0.8))
     assert found["contact.c_t"] == pytest.approx((0.3e-5 / D, 6e-5 / D))
