@@ -75,7 +75,7 @@ class ExploreCommand(o.LoadedDriveOptions):
             service.close()
         if app.session.changes != session.changes:
             for words, name in (("back to it", "explore"), ("its numbers", "check")):
-                say(f"{words}: {app.session.command(name)}")
+                say(f"{words}: {app.session.command(name)}", whole=True)
         return app.return_code or 0
 
 

@@ -243,7 +243,7 @@ def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
         y_label=f"F'_ior at {point.M_g:g} N·m, ″, of the drives that it may be{held}",
         caption=f"F'_ior at {point.M_g:g} N·m over all that is not known exactly{held}",
         limit=point.left_arcsec,
-        rows=4,
+        rows=2,
     )
 
 

@@ -71,11 +71,15 @@ def silence(stream: TextIO | None = None) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), (stream or sys.stdout).fileno())
 
 
-def say(line: str) -> None:
-    """Write a line on stderr as it can show it; silent where it cannot be written: the exit code stays."""
+def say(line: str, *, whole: bool = False) -> None:
+    """Write a line on stderr as it can show it; silent where it cannot be written: the exit code stays.
+
+    whole: it is not broken between words, as it has a command to be copied.
+    """
     try:
         style = stderr_style()
-        sys.stderr.write(f"{_in_words(style.text(line), style.width) if sys.stderr.isatty() else style.text(line)}\n")
+        text = style.text(line)
+        sys.stderr.write(f"{text if whole or not sys.stderr.isatty() else _in_words(text, style.width)}\n")
         sys.stderr.flush()
     except OSError:
         silence(sys.stderr)

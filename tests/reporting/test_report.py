@@ -100,10 +100,10 @@ def test_its_drawings_are_svg(sheet, folder):
     text = (folder / "a.html").read_text(encoding="utf-8")
     drawn = [parseString(svg).documentElement for svg in re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL)]
     figures = [b for s in sections(drive_report(sheet, draws=64, seed=0)) for b in s.blocks if isinstance(b, DRAWN)]
-    assert len(drawn) == len(figures) == 4  # error, seat, positions, stiffness
+    assert len(drawn) == len(figures) == 5  # what it would take: spread; error, seat, positions, stiffness
     assert all(svg.getElementsByTagName("title") for svg in drawn)
     captions = [figure.caption for figure in figures if isinstance(figure, Curve)]
-    assert sum("line: as given; marks: median, 5 to 95 %" in caption for caption in captions) == 1
+    assert sum("; median, 5 to 95 %" in caption for caption in captions) == 1
     charts = [svg for svg in drawn if svg.getAttribute("viewBox") == "0 20 480 238"]
     texts = [each.firstChild.data for svg in charts for each in svg.getElementsByTagName("text")]
     assert texts and max(map(len, texts)) <= 60  # 480 units of 12.5 px: longer ones would reach over the next drawing
@@ -125,7 +125,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
         sheet.drive.origin.sha256,
         "; ".join(sheet.drive.origin.overrides),
         f"proof: {proof(sheet.certificate, sheet.cross_checks)}",
-        "over the samples: best, its neighbours, now",
+        "turns counter-clockwise from the cam side",
     ):
         assert words in text
 
@@ -151,7 +151,7 @@ def test_markdown_says_the_same(sheet):
                 case Seat():
                     words = [block.title, block.legend]
             assert all(each in plain for each in words)
-    assert text.count("```text") == text.count("\n```\n") == 4
+    assert text.count("```text") == text.count("\n```\n") == 5
 
 
 def test_in_seven_bits_nothing_becomes_a_sign_of_markdown(sheet):
