@@ -367,8 +367,8 @@ def _end_of(process: subprocess.Popen[str]) -> tuple[str, str, float]:
         os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
         queued = _queued(process.pid)
         out, err = streams.result(timeout=LONGEST)
-    process.wait()
-    return out, err, queued
+    with process:  # its streams are closed, and it is waited for
+        return out, err, queued
 
 
 def _queued(pid: int) -> float:
