@@ -100,7 +100,7 @@ def true_values(case: Case, seed: int, keep: Path | None):
 def judged(case: Case, seed: int, samples, keep: Path | None):
     """A row for each number of values: regrets of all rules, and what was stated."""
     from hdassist.mounting.advice import advise_after
-    from hdassist.mounting.trial import Trial
+    from hdassist.mounting.posterior import Trial
 
     rng, true = np.random.default_rng([20, seed]), true_values(case, seed, keep)
     wrong, off = rng.integers(MOST), rng.uniform(*MISREAD) * rng.choice([-1, 1])

@@ -15,8 +15,8 @@ from hdassist.model.deviations import ToothDeviations as ToothDeviations
 from hdassist.model.wheels import MeasuredTeeth as MeasuredTeeth
 from hdassist.model.wheels import MeasuredWheel as MeasuredWheel
 from hdassist.model.wheels import PitchFile as PitchFile
-from hdassist.mounting.curve import mounting_curve as mounting_curve
 from hdassist.mounting.positions import MountingCurve as MountingCurve
+from hdassist.mounting.positions import mounting_curve as mounting_curve
 from hdassist.preset.fields import Drive as Drive
 from hdassist.preset.library import preset_names as preset_names
 from hdassist.readers.pitch import read_pitch as read_pitch

@@ -8,8 +8,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hdassist.belief.influence import Influence
-    from hdassist.belief.measure import MeasurementGain
+    from hdassist.belief.influence import Influence, MeasurementGain
     from hdassist.belief.samples import Samples
     from hdassist.model.unknown import Unknown
     from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel

@@ -14,8 +14,7 @@ from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import MountingCurve
-from hdassist.mounting.posterior import TrialSetup
-from hdassist.mounting.trial import Trial
+from hdassist.mounting.posterior import Trial, TrialSetup
 from hdassist.pages.card import Card, card_of
 from hdassist.pages.mount import mount_card_facts
 from hdassist.readers.pitch import ASSUMED

@@ -9,7 +9,7 @@ from hdassist.acceptance.limits import LimitText
 from hdassist.errors import UsageError
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
-from hdassist.mounting.trial import read_trial
+from hdassist.mounting.posterior import read_trial
 from hdassist.numerals import number_of
 from hdassist.terminal.options import degrees_or_fit
 

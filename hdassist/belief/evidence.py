@@ -1,8 +1,12 @@
-"""Evidence on a drive: figures known of it, each with the likelihood of a prediction.
+"""Evidence on a drive: figures known of it, each with the likelihood of a prediction; and how measured F'_ior errs.
 
 Likelihoods are heavy-tailed (Student t with 4 degrees of freedom), so that one wrong figure does not decide alone, and
-wide enough for the misfit of the model. Measured F'_ior count together (belief/misfit.py): the model is off by about as
-much in all positions.
+wide enough for the misfit of the model. Measured F'_ior count together: no preset is the drive, and the model is off by
+about as much in all positions. Of a model whose F'_ior is f in the measured positions the drive shows
+
+(1)  y = f + SCALE u f + a GP + noise,  a = misfit mean(f),  GP ~ exp(-(2 sin(d/2) / LENGTH)^2 / 2)
+
+with u normal, d the turn between two positions, the misfit among MISFITS, and one value perhaps misread (MISREAD).
 """
 
 from __future__ import annotations
@@ -13,9 +17,10 @@ from itertools import product
 from typing import Literal
 
 import numpy as np
+from scipy.special import ive, logsumexp
 
-from hdassist.belief.misfit import kernel, log_likelihood_of_errors
 from hdassist.error.stiffness import stiffness
+from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.preset.measured import turn_of
@@ -131,3 +136,152 @@ def values_of_errors(errors: Sequence[Evidence]) -> tuple[Array, Array, Array]:
     y, spreads = np.array([(each.value, each.spread) for each in errors]).T
     torques, turns = np.array([each.M_g for each in errors]), [each.rotation_deg for each in errors]
     return y, spreads, kernel(turns, turns) * np.equal.outer(torques, torques)  # at another torque it is another one
+
+
+SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed
+LENGTH = 0.5  # rad of the seat over which a misfit is alike: of other stiffnesses, second orders, an oval wheel
+MISFITS = (0.0, 0.04, 0.08, 0.12)  # standard deviation of the misfit as a share of the mean F'_ior, all alike likely
+SMOOTH_ORDERS = 16  # of the Fourier series of a misfit over the seat: the next would be 1e-11
+SMOOTH_NUMBERS = 2 * SMOOTH_ORDERS + 1
+LEAST_SHOWN = 0.1  # of the model's F'_ior, that a drive has at least
+MISREAD = 0.05  # probability of one of the values to be misread
+MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
+UNSHOWN = 18.0  # squared standard deviations beyond which a sample does not show F'_ior as measured
+ANY_TWO = 3  # values: of no more, none is left out as misread, for the two that agree may do so by chance
+
+
+def kernel(a_deg: Sequence[float], b_deg: Sequence[float]) -> Array:
+    """Correlation of the misfit between positions [deg], shape (a, b)."""
+    apart = np.radians(np.subtract.outer(a_deg, b_deg))
+    return np.asarray(np.exp(-0.5 * np.square(2 * np.sin(apart / 2) / LENGTH)))
+
+
+def smooth_misfits(rotations_deg: Sequence[float], normals: Array) -> Array:
+    """Misfits of variance 1 in positions [deg], shape (draws, rotations), from normal numbers (draws, SMOOTH_NUMBERS).
+
+    The Fourier series of the kernel, exp((cos d - 1)/LENGTH^2) = sum of exp(-k) I_n(k) cos(n d), k = 1/LENGTH^2: so the
+    misfit in a position is the same whatever other positions are looked at.
+    """
+    order, angles = np.arange(SMOOTH_ORDERS + 1)[:, None], np.radians(rotations_deg)
+    size = np.sqrt(ive(order, LENGTH**-2) * np.where(order, 2, 1))
+    series = np.vstack([size * np.cos(order * angles), (size * np.sin(order * angles))[1:]])
+    return np.asarray((normals[:, :, None] * series).sum(axis=1))  # one position after the other, to the last digit
+
+
+def errors_of_drive(
+    f: Array, y: Array, variance: Array, spreads: Array, correlation: Array, drawn: tuple[Array, Array, Array]
+) -> tuple[Array, Array]:
+    """F'_ior of the drive [arcsec], shape (draws, positions), of which y was measured, and its scale over the model's.
+
+    Drawn without the values, then moved by the difference of these from their own draw (Matheron's rule). Arguments: f
+    of the model in positions and where it was measured, shape (draws, positions + values); variance of the misfit
+    [arcsec^2], shape (draws,), spreads of the values, shape (draws, values), correlation of the misfit over positions
+    and values; drawn, of variance 1: deviation of the scale, misfit, and noise of the values.
+    """
+    of_scale, misfit, noise = drawn
+    count = f.shape[1] - len(y)
+    scale = 1 + SCALE * of_scale
+    F_ior = f * scale[:, None] + np.sqrt(variance)[:, None] * misfit
+    there, seen = f[:, count:], F_ior[:, count:] + spreads * noise
+    both = variance[:, None, None] * correlation[:, count:] + SCALE**2 * f[:, :, None] * there[:, None, :]
+    moved = np.linalg.solve(both[:, count:] + np.square(spreads)[:, :, None] * np.eye(len(y)), (y - seen)[..., None])
+    # a normal distribution has no end, an error has
+    F_ior = np.maximum(F_ior + (both * moved[:, None, :, 0]).sum(axis=2), LEAST_SHOWN * f)[:, :count]
+    return F_ior, scale + SCALE**2 * (there * moved[..., 0]).sum(axis=1)
+
+
+@dataclass(frozen=True)
+class ErrorKind:
+    """How measured values err: misfit as a share of the mean F'_ior, noise over the stated one, the misread value.
+
+    misread: place of that value, -1 where none is; log_share: logarithm of how probable the kind is before any value.
+    """
+
+    misfit: float = 0.0
+    noise: float = 1.0
+    misread: int = -1
+    log_share: float = 0.0
+
+    def spreads(self, stated: Array, y: Array) -> Array:
+        """Standard deviations of values y [arcsec], shape (values,), from those that are stated."""
+        misread = np.arange(len(y)) == self.misread
+        return self.noise * np.where(misread, np.hypot(stated, MISREAD_SHARE * y), stated)
+
+
+def error_kinds(values: int, log_noises: Mapping[float, float]) -> list[ErrorKind]:
+    """Kinds of error that so many values may have; of misread ones the noise is as stated.
+
+    Argument: log_noises, logarithm of how probable a noise over the stated one is, but for a factor.
+    """
+    whole = logsumexp(list(log_noises.values())) + np.log(len(MISFITS) / (1 - MISREAD))
+    plain = [ErrorKind(s, noise, -1, log - whole) for s in MISFITS for noise, log in log_noises.items()]
+    misread = np.log(MISREAD / max(values, 1) / len(MISFITS))
+    return plain + [ErrorKind(s, 1.0, k, misread) for k in range(values) for s in MISFITS]
+
+
+def log_likelihoods(
+    kinds: Sequence[ErrorKind],
+    f: Array,
+    y: Array,
+    stated: Array,
+    correlation: Array,
+    mean: Array,
+    read_error: float = 0.0,
+) -> Array:
+    """Log likelihood of measured F'_ior of each kind of error and sample, shape (kinds, samples).
+
+    Arguments: stated, standard deviations of y; mean F'_ior of the samples [arcsec], shape (samples,), and read_error,
+    relative error of f; the others as those of likelihood_of_errors.
+    """
+    rows = []
+    for each in kinds:
+        variance = (each.misfit**2 + read_error**2) * mean**2
+        rows.append(each.log_share + likelihood_of_errors(f, y, each.spreads(stated, y), variance, correlation)[1])
+    return np.array(rows)
+
+
+def likelihood_of_errors(
+    f: Array, y: Array, spreads: Array, variance: Array, correlation: Array
+) -> tuple[Array, Array]:
+    """How far measured F'_ior lies off that of samples, squared, in standard deviations, and the log likelihood.
+
+    Arguments: f of the samples there, y measured [arcsec], shape (samples, values) and (values,); spreads, standard
+    deviations of y; variance of the misfit [arcsec^2], shape (samples,), and its correlation, shape (values, values).
+    In the eigenvectors of the correlation, whitened by the spreads, the covariance is diagonal, but for the scale's,
+    which has rank one.
+    """
+    own, basis = np.linalg.eigh(correlation / np.multiply.outer(spreads, spreads))
+    f, off = f / spreads @ basis, (y - f) / spreads @ basis
+    each = 1 + variance[:, None] * np.maximum(own, 0)
+    more = 1 + SCALE**2 * (f**2 / each).sum(axis=1)
+    squares = (off**2 / each).sum(axis=1) - (SCALE * (f * off / each).sum(axis=1)) ** 2 / more
+    return squares, -0.5 * (squares + np.log(each).sum(axis=1) + np.log(more)) - np.log(spreads).sum()
+
+
+def log_likelihood_of_errors(f: Array, y: Array, spreads: Array, correlation: Array, read_error: float = 0.0) -> Array:
+    """Log likelihood of measured F'_ior over misfits and misread values, less that of samples with just these values.
+
+    Arguments: read_error, relative error of f; the others as those of likelihood_of_errors. Result of shape (samples,).
+    """
+    both, kinds = np.vstack([f, y]), error_kinds(len(y), {1.0: 0.0})
+    log = logsumexp(log_likelihoods(kinds, both, y, spreads, correlation, both.mean(axis=1), read_error), axis=0)
+    return np.asarray(log[:-1] - log[-1])
+
+
+def require_shown(names: Sequence[str], f: Array, y: Array, spreads: Array, correlation: Array, hint: str) -> None:
+    """Raise UntrustedError where no sample comes near F'_ior as measured: of equally bad ones all weigh the same.
+
+    Any one of more than ANY_TWO values may be misread. Arguments: names of the values, and the remedy, for the message;
+    the others as those of likelihood_of_errors.
+    """
+    variance, every = np.square(MISFITS[-1] * f.mean(axis=1)), range(len(y))
+
+    def nearest(some: list[int]) -> float:
+        own = correlation[np.ix_(some, some)]
+        return float(likelihood_of_errors(f[:, some], y[some], spreads[some], variance, own)[0].min())
+
+    without = [[k for k in every if k != left] for left in every] if len(y) > ANY_TWO else [list(every)]
+    if min(map(nearest, without)) > UNSHOWN:
+        rows = zip(names, y, f.min(axis=0), f.max(axis=0), strict=True)
+        words = "; ".join(f"{name} = {value:g}, drawn {low:.4g} to {high:.4g}" for name, value, low, high in rows)
+        raise UntrustedError(f"no draw shows F'_ior as measured, ″: {words}", hint)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from hdassist.belief.sobol import sobol_points
+from hdassist.belief.statistics import sobol_points
 from hdassist.model.assumed import assumptions
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array

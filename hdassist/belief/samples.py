@@ -18,29 +18,27 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
+from hdassist.belief.draws import Draw, KeptDraws, errors_by_turn
 from hdassist.belief.evidence import (
     ACCURACY,
     ACCURACY_LOAD,
+    SMOOTH_NUMBERS,
     SOFT_EDGE,
     STIFFNESS_FIGURES,
     Evidence,
-    log_likelihood,
-    stiffness_figures,
-    values_of_errors,
-)
-from hdassist.belief.kept import Draw, KeptDraws
-from hdassist.belief.meshing import meshing_shift
-from hdassist.belief.misfit import (
-    SMOOTH_NUMBERS,
     error_kinds,
     errors_of_drive,
     kernel,
+    log_likelihood,
     log_likelihoods,
     require_shown,
     smooth_misfits,
+    stiffness_figures,
+    values_of_errors,
 )
+from hdassist.belief.meshing import meshing_shift
 from hdassist.belief.prior import DrivePrior
-from hdassist.belief.proposal import PILOT_DRAWS, proposed_draws
+from hdassist.belief.proposals import PILOT_DRAWS, DeviationProposal, open_deviations, proposed_draws
 from hdassist.belief.statistics import (
     Probability,
     effective_number,
@@ -48,8 +46,6 @@ from hdassist.belief.statistics import (
     probability_of,
     weighted_quantile,
 )
-from hdassist.belief.tabled import DeviationProposal, open_deviations
-from hdassist.belief.turned import errors_by_turn
 from hdassist.error.error_map import error_maps
 from hdassist.error.stiffness import rated_torque
 from hdassist.errors import HdassistError, UntrustedError
@@ -341,7 +337,7 @@ def errors_shown(
 ) -> tuple[Array, Array]:
     """F'_ior [arcsec] of the drive, where the model of a draw has F_ior and turned, by F'_ior as measured on it.
 
-    A draw of its scale, misfit, noise and misread value (belief/misfit.py), the same whatever else is asked for.
+    A draw of its scale, misfit, noise and misread value (belief/evidence.py), the same whatever else is asked for.
     Arguments: there, F'_ior of the model as measured, shape (errors,); the others as results of errors_by_turn.
     """
     y, stated, correlation = values_of_errors(errors)

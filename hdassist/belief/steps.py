@@ -21,8 +21,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from hdassist.belief.draws import WITHOUT_EFFECT
 from hdassist.belief.influence import influences
-from hdassist.belief.kept import WITHOUT_EFFECT
 from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import even_rows, log_error, weighted_quantile

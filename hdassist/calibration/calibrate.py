@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from hdassist.belief.prior import FieldPrior
-from hdassist.belief.sobol import sobol_points
+from hdassist.belief.statistics import sobol_points
 from hdassist.calibration.quantities import predictions
 from hdassist.calibration.targets import INSIDE, Targets
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError

@@ -13,7 +13,7 @@ from hdassist.verdict import SURE
 
 if TYPE_CHECKING:
     from hdassist.mounting.advice import Advice
-    from hdassist.mounting.trial import Trial
+    from hdassist.mounting.posterior import Trial
     from hdassist.preset.fields import Drive
     from hdassist.readers.wheels import WheelFiles
 
@@ -67,7 +67,7 @@ class MountCommand(
 
     def run(self) -> int:
         """Find the hole; returns the exit code."""
-        from hdassist.mounting.trial import read_trial_or_record
+        from hdassist.mounting.posterior import read_trial_or_record
         from hdassist.terminal.wheels import pitch_files
 
         out = self.open()

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from hdassist.belief.draws import errors_by_turn
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
-from hdassist.belief.turned import errors_by_turn
 from hdassist.comparing.drives import differing_fields
 from hdassist.design.check import DesignCheck, check
 from hdassist.error.cycle import kinematic_error

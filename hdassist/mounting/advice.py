@@ -27,7 +27,6 @@ from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.mounting.curve import is_searched, mounting_curve
 from hdassist.mounting.decision import (
     FEWEST_VALUES,
     LEAST_GAIN,
@@ -43,21 +42,24 @@ from hdassist.mounting.positions import (
     MountingCurve,
     Position,
     hole_of,
+    is_searched,
+    mounting_curve,
     phase_deg,
     rotated,
     usable_positions,
 )
 from hdassist.mounting.posterior import (
+    TRIAL_HINT,
     HolePosterior,
     HoleSamples,
     TableSampling,
+    Trial,
     TrialSetup,
     hole_samples,
     likelier_torque,
     posterior_of,
     table_states,
 )
-from hdassist.mounting.trial import TRIAL_HINT, Trial
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate

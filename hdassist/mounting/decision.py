@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from hdassist.belief.misfit import LEAST_SHOWN, MISFITS, SCALE, SMOOTH_NUMBERS, smooth_misfits
+from hdassist.belief.evidence import LEAST_SHOWN, MISFITS, SCALE, SMOOTH_NUMBERS, smooth_misfits
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import Probability, effective_number, even_rows, probability_of, weighted_quantile
 from hdassist.model.geometry import Array
@@ -321,7 +321,7 @@ def value_of_measurement(
 
 
 def as_measured(decision: Decision, number: int = LOOKED_AT, seed: int = 0) -> Decision:
-    """The decision over drives like the samples, as belief/misfit.py has them: another scale, and a smooth misfit.
+    """The decision over drives like the samples, as belief/evidence.py has them: another scale, and a smooth misfit.
 
     Samples of a belief are drives of the model; what is measured differs from those. Where no hole can be told from
     another, the samples stand in all directions.

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from hdassist.belief.measure import MeasurementGain
+from hdassist.belief.influence import MeasurementGain
 from hdassist.json_parts import attributes, measure_objects
 from hdassist.pages.tolerance import MORE_DRIVES, law_warnings, yield_range
 from hdassist.report import Facts, Report, Table

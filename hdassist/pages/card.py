@@ -8,7 +8,7 @@ from hdassist.belief.statistics import Probability
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.decision import Word
 from hdassist.mounting.positions import Choice, Position, hole_of
-from hdassist.mounting.trial import Trial
+from hdassist.mounting.posterior import Trial
 from hdassist.pages.seat import after_trials, hole_place, instruction, place_at, seat_of, turn, wheel
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import origin_counts

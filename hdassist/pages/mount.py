@@ -14,7 +14,7 @@ from hdassist.model.unknown import unknown_names
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
 from hdassist.mounting.decision import FEWEST_VALUES
 from hdassist.mounting.positions import bare, hole_of, hole_words
-from hdassist.mounting.trial import Trial
+from hdassist.mounting.posterior import Trial
 from hdassist.pages.card import WHEELS, CardFacts, warnings_of
 from hdassist.pages.seat import ENGLISH, TRADE, after_trials, hole_place, instruction, place_at, seat_of
 from hdassist.preset.yamltext import shown

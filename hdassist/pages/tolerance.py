@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from hdassist.belief.measure import MeasurementGain
+from hdassist.belief.influence import MeasurementGain
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
 from hdassist.json_parts import Json, attributes, measure_objects

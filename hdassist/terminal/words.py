@@ -15,8 +15,7 @@ from hdassist.textfile import STDIN
 from hdassist.verdict import Verdict, percent_text
 
 if TYPE_CHECKING:
-    from hdassist.belief.influence import Influence
-    from hdassist.belief.measure import MeasurementGain
+    from hdassist.belief.influence import Influence, MeasurementGain
     from hdassist.belief.samples import Samples
     from hdassist.belief.statistics import Probability
     from hdassist.report import ReportProof

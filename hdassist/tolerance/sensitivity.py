@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdassist.belief.influence import Influence, influences
-from hdassist.belief.measure import MeasurementGain, measurements
+from hdassist.belief.influence import Influence, MeasurementGain, influences, measurements
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import weighted_quantile
 from hdassist.errors import UntrustedError

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
+from hdassist.belief.draws import Draw, KeptDraws
 from hdassist.belief.evidence import STIFFNESS_FIGURES, Evidence
-from hdassist.belief.kept import Draw, KeptDraws
 from hdassist.belief.prior import prior_of
-from hdassist.belief.proposal import PILOT_DRAWS, proposed_draws
+from hdassist.belief.proposals import PILOT_DRAWS, proposed_draws
 from hdassist.comparing.pairs import differently_open
 from hdassist.loading.load import load_text
 from hdassist.loading.write import with_found_values

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.belief import kept, samples
+from hdassist.belief import draws, samples
 from hdassist.belief.evidence import Evidence, stiffness_figures
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
@@ -114,7 +114,7 @@ def test_other_questions_have_other_samples(folder, solved, monkeypatch):
     for number, options in enumerate(asked, 2):
         drawn(*options.pop("overrides", ()), **options)
         assert len(list(folder.glob("samples-*"))) == number
-    monkeypatch.setattr(kept, "program", lambda *_: ["another"])
+    monkeypatch.setattr(draws, "program", lambda *_: ["another"])
     drawn()
     assert len(list(folder.glob("samples-*"))) == number + 1
     count = len(solved)

@@ -5,9 +5,19 @@ import pytest
 
 from benchmarks.evidence import EVIDENCE, FIGURE, drawn, rows_of_page
 from hdassist import load_preset
-from hdassist.belief.evidence import Evidence, evidence_of, log_likelihood, stiffness_figures
-from hdassist.belief.measure import measurements
-from hdassist.belief.misfit import MISFITS, MISREAD, MISREAD_SHARE, SCALE, kernel, log_likelihood_of_errors
+from hdassist.belief.evidence import (
+    MISFITS,
+    MISREAD,
+    MISREAD_SHARE,
+    SCALE,
+    Evidence,
+    evidence_of,
+    kernel,
+    log_likelihood,
+    log_likelihood_of_errors,
+    stiffness_figures,
+)
+from hdassist.belief.influence import measurements
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.belief.statistics import weighted_quantile

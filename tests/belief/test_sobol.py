@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from hdassist.belief import sobol
+from hdassist.belief import statistics
 
 
 def digits(points):
@@ -30,14 +30,14 @@ def require_scrambled(points, dimensions):
 @pytest.mark.parametrize(("count", "dimensions", "seed"), [(64, 1, 0), (100, 7, 3), (1, 4, 1), (256, 40, 2)])
 def test_points_are_a_scrambled_sequence_of_sobol(count, dimensions, seed):
     """Whatever scipy's version: how it draws the scrambling is its own affair."""
-    points = sobol.sobol_points(count, dimensions, seed)
+    points = statistics.sobol_points(count, dimensions, seed)
     require_scrambled(points, dimensions)
-    assert not np.array_equal(points, sobol.sobol_points(count, dimensions, seed + 1))
+    assert not np.array_equal(points, statistics.sobol_points(count, dimensions, seed + 1))
 
 
 def test_points_are_drawn_where_scipy_keeps_its_numbers_elsewhere(monkeypatch, tmp_path):
-    monkeypatch.setattr(sobol, "DIRECTION_NUMBERS", tmp_path / "none.npz")
-    require_scrambled(sobol.sobol_points(20, 5, 4), 5)
+    monkeypatch.setattr(statistics, "DIRECTION_NUMBERS", tmp_path / "none.npz")
+    require_scrambled(statistics.sobol_points(20, 5, 4), 5)
 
 
 def test_the_shares_of_a_prior_import_no_scipy_stats():

@@ -29,7 +29,7 @@ with atheris.instrument_imports(include=["hdassist"]):
     from hdassist.measuring.measure import measure
     from hdassist.measuring.orders import parse_orders
     from hdassist.measuring.uncertainty import parse_stated
-    from hdassist.mounting.trial import read_trial
+    from hdassist.mounting.posterior import read_trial
     from hdassist.readers.pitch import read_pitch
     from hdassist.readers.trace import TraceForm, read_trace
 

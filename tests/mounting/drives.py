@@ -5,13 +5,12 @@ from functools import cache
 import numpy as np
 
 from hdassist import load_preset
-from hdassist.belief.tabled import TableEffort
+from hdassist.belief.proposals import TableEffort
 from hdassist.error.error_map import ErrorMap
 from hdassist.error.table import Mesh
 from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import rotated, usable_positions
-from hdassist.mounting.posterior import HolePosterior, HoleSamples, TableSampling, TrialSetup, posterior_of
-from hdassist.mounting.trial import Trial
+from hdassist.mounting.posterior import HolePosterior, HoleSamples, TableSampling, Trial, TrialSetup, posterior_of
 from hdassist.preset.fields import Drive
 from tests.process import SMALL
 

@@ -5,9 +5,8 @@ import pytest
 
 from hdassist import kinematic_error, load_preset
 from hdassist.errors import UsageError
-from hdassist.mounting import curve as making
-from hdassist.mounting.curve import mounting_curve
-from hdassist.mounting.positions import MountingCurve, phase_deg, rotated
+from hdassist.mounting import positions as making
+from hdassist.mounting.positions import MountingCurve, mounting_curve, phase_deg, rotated
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
 from tests.process import SMALL

@@ -7,13 +7,12 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from hdassist import load_preset
-from hdassist.belief.misfit import MISFITS, MISREAD, MISREAD_SHARE, SCALE, ErrorKind, kernel
+from hdassist.belief.evidence import MISFITS, MISREAD, MISREAD_SHARE, SCALE, ErrorKind, kernel
 from hdassist.error.error_map import ErrorMap
 from hdassist.mounting.advice import advise_after
 from hdassist.mounting.decision import value_of_measurement
 from hdassist.mounting.positions import rotated
-from hdassist.mounting.posterior import LOG_NOISES, HoleSamples, TrialSetup, likelier_torque, posterior_of
-from hdassist.mounting.trial import Trial
+from hdassist.mounting.posterior import LOG_NOISES, HoleSamples, Trial, TrialSetup, likelier_torque, posterior_of
 from tests.mounting.drives import (
     HOLES,
     M_G,
@@ -53,7 +52,7 @@ def test_a_known_direction_is_bayes_on_a_grid_of_directions() -> None:
     exact = np.exp(-0.5 * (((y[:, None] - at) / 1.5) ** 2).sum(axis=0))
     exact /= exact.sum()
     with pytest.MonkeyPatch.context() as patch:
-        for module in ("hdassist.belief.misfit", "hdassist.mounting.posterior"):
+        for module in ("hdassist.belief.evidence", "hdassist.mounting.posterior"):
             patch.setattr(f"{module}.SCALE", 0.0)
         found = posterior_of(fine, [Trial(t, v) for t, v in zip(tried, y, strict=True)], [0.0, 60.0], [ErrorKind()])
     sample, direction = np.divmod(found.places, HOLES)

@@ -10,8 +10,7 @@ from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
 from hdassist.measuring.reading import Reading
 from hdassist.mounting.advice import advise_after
-from hdassist.mounting.posterior import TrialSetup, hole_samples, posterior_of
-from hdassist.mounting.trial import Trial, read_trial_or_record
+from hdassist.mounting.posterior import Trial, TrialSetup, hole_samples, posterior_of, read_trial_or_record
 from hdassist.readers.trace import read_trace
 from tests.mounting.drives import COARSE, M_G, told
 from tests.process import SMALL, run

@@ -7,12 +7,11 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.belief.evidence import stiffness_figures
-from hdassist.belief.tabled import TableEffort
+from hdassist.belief.proposals import TableEffort
 from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.mounting.positions import rotated, usable_positions
-from hdassist.mounting.posterior import HoleSamples, TableSampling, hole_samples, open_prior, posterior_of
-from hdassist.mounting.trial import Trial
+from hdassist.mounting.posterior import HoleSamples, TableSampling, Trial, hole_samples, open_prior, posterior_of
 from hdassist.preset.fields import Drive
 from tests.mounting.drives import COARSE, COARSE_MESH, FEW, M_G, POSITIONS, SETUP, direction_of, learnt, told
 from tests.process import ASSUMED, SMALL

@@ -6,8 +6,7 @@ from hdassist import load_preset
 from hdassist.errors import UsageError
 from hdassist.measuring.reading import Reading
 from hdassist.mounting.positions import usable_positions
-from hdassist.mounting.posterior import TrialSetup
-from hdassist.mounting.trial import Trial, read_trial, read_trial_or_record
+from hdassist.mounting.posterior import Trial, TrialSetup, read_trial, read_trial_or_record
 from tests.process import SMALL
 
 

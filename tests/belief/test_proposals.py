@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.belief import proposal, samples
+from hdassist.belief import proposals, samples
+from hdassist.belief.draws import Draw
 from hdassist.belief.evidence import STIFFNESS_FIGURES, Evidence, log_likelihood, stiffness_figures
-from hdassist.belief.kept import Draw
 from hdassist.belief.prior import prior_of
-from hdassist.belief.proposal import PILOT_DRAWS, Proposal, proposal_of
+from hdassist.belief.proposals import PILOT_DRAWS, Proposal, proposal_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.belief.statistics import weighted_quantile
 from tests.process import TINY
@@ -44,7 +44,7 @@ def test_the_field_that_decides_is_drawn_where_the_evidence_is():
     found = proposal_of(shares, (K_1,), draws)
     assert found.field == 3
     assert np.mean(found.density) == pytest.approx(1)
-    assert min(found.density) >= proposal.LEAST_DENSITY * (1 - 1e-12)
+    assert min(found.density) >= proposals.LEAST_DENSITY * (1 - 1e-12)
     assert found.density[7] > 1.3 > 0.7 > found.density[0]
 
 
