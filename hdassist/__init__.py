@@ -14,7 +14,7 @@ _HOMES = {
     "KinematicError": "error.cycle",
     "kinematic_error": "error.cycle",
     "MountingCurve": "mounting.positions",
-    "mounting_curve": "mounting.curve",
+    "mounting_curve": "mounting.positions",
     "SelfError": "error.self_error",
     "self_error": "error.self_error",
     "Stiffness": "error.stiffness",
