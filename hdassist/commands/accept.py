@@ -25,8 +25,7 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
 
     def replaces(self, path: str) -> bool:
         """Whether an existing file may be replaced: a lot that goes on replaces figures and suites of its last run."""
-        from hdassist.pages.accept import FIGURES_HEAD
-        from hdassist.pages.accept_junit import SUITES_HEAD
+        from hdassist.pages.accept import FIGURES_HEAD, SUITES_HEAD
         from hdassist.terminal.files import begins_with
 
         return self.force or (self.resume and begins_with(path, (FIGURES_HEAD, SUITES_HEAD)))

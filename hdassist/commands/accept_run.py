@@ -16,7 +16,7 @@ from hdassist.design.check import check_states
 from hdassist.errors import HdassistError, UsageError
 from hdassist.json_parts import Json
 from hdassist.pages import accept as page
-from hdassist.pages.accept_junit import junit
+from hdassist.pages.accept import junit
 from hdassist.report import Report
 from hdassist.run.kept import Kept, KeptOwner, open_kept
 from hdassist.run.run import Run, stream

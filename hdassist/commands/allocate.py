@@ -40,7 +40,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         with out.progress(preset):  # words before numpy is imported
             from hdassist.error.self_error import self_error
             from hdassist.errors import UsageError
-            from hdassist.pages.allocate import allocate_report
+            from hdassist.pages.tolerance import allocate_report
             from hdassist.tolerance.allocation import Allocator
             from hdassist.tolerance.production import Production
             from hdassist.tolerance.sensitivity import to_measure

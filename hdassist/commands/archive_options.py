@@ -44,7 +44,7 @@ class ArchiveOptions(o.OptionGroup):
     def history_report(self, serial: str) -> "Report":
         """How a drive of the archive has changed."""
         from hdassist.measuring.archive import is_cut_off, read_archive
-        from hdassist.pages.history import history_report
+        from hdassist.pages.measure import history_report
 
         archive = str(self.archive)
         report = history_report(serial, archive, read_archive(archive, serial))

@@ -68,7 +68,7 @@ class CardFile:
     def text(self, facts: CardFacts) -> str:
         """The card as its file has it."""
         from hdassist.pages.card import card_of
-        from hdassist.pages.documents import card_html, card_text
+        from hdassist.pages.report import card_html, card_text
 
         card = card_of(facts, self.say, serial=self.serial, made=date.today())
         return card_html(card) if self.kind == ".html" else card_text(card, ascii=self.ascii)

@@ -86,7 +86,7 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.SignOptions, o.TraceO
         Raises UsageError where traces stand among presets, or options are asked for that belong to traces.
         """
         from hdassist.comparing.drives import at_common_torques, compare_drives, estimate_comparison
-        from hdassist.pages.compare_presets import comparison_warnings, drives_report
+        from hdassist.pages.compare import comparison_warnings, drives_report
         from hdassist.terminal.answers import failure
         from hdassist.terminal.output import warn
         from hdassist.terminal.runs import give, run_each

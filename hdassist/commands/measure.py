@@ -46,8 +46,7 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
         from hdassist.loading.load import load_preset
         from hdassist.measuring.bench import bench_record
         from hdassist.measuring.cycle import gearing_of
-        from hdassist.pages.bench import bench_report
-        from hdassist.pages.measure import measure_report, repeats
+        from hdassist.pages.measure import bench_report, measure_report, repeats
         from hdassist.readers.trace import read_record
         from hdassist.terminal.answers import failure
         from hdassist.terminal.runs import give, run_each

@@ -40,7 +40,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
         kind, out = self._kind(), self.open()
         [report] = run_each("report", [self.preset], partial(self.report, out), self)
         code = give("report", [replace(report, head="")], self, out)  # its warnings: the page is a document
-        from hdassist.pages.documents import report_html, report_markdown
+        from hdassist.pages.report import report_html, report_markdown
 
         if kind == ".html":
             page = report_html(report)

@@ -34,7 +34,7 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
             from dataclasses import replace
             from functools import partial
 
-            from hdassist.pages.sensitivity import sensitivity_report
+            from hdassist.pages.tolerance import sensitivity_report
             from hdassist.tolerance.production import Production
             from hdassist.tolerance.sensitivity import sensitivities
 

@@ -33,7 +33,7 @@ class StiffnessCommand(o.PlotOptions, o.DriveOptions):
         """The twist over torque."""
         with out.progress(preset) as progress:  # words before numpy is imported
             from hdassist.error.stiffness import stiffness, stiffness_states
-            from hdassist.pages.stiffness import stiffness_report
+            from hdassist.pages.curves import stiffness_report
 
             drive = self.load(preset)
             with out.run(drive.name, stiffness_states(), self, progress) as run:

@@ -50,7 +50,7 @@ class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
         from hdassist.design.vary import read_axes
         from hdassist.errors import UsageError
         from hdassist.loading.load import load_text
-        from hdassist.pages import sweep as page
+        from hdassist.pages import curves as page
         from hdassist.preset.library import read_preset
         from hdassist.run.kept import KeptOwner, open_kept
         from hdassist.run.stops import at_stop
@@ -116,7 +116,7 @@ def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], options: SweepComman
 
 def _printed(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
     """The same records, each written to standard output as CSV when it comes."""
-    from hdassist.pages.sweep import cells, columns
+    from hdassist.pages.curves import cells, columns
     from hdassist.terminal.answers import csv_text
     from hdassist.terminal.files import write_text
 

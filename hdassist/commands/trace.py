@@ -38,7 +38,7 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.DriveOptions):
         """The trace of a drive."""
         from hdassist.error.trace import trace
         from hdassist.model.kinematics import Kinematics
-        from hdassist.pages.trace import trace_report
+        from hdassist.pages.curves import trace_report
         from hdassist.terminal.wheels import pitch_files, read_teeth
 
         files = pitch_files([preset], self)

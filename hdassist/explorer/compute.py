@@ -30,8 +30,8 @@ from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.mounting.posterior import TrialSetup
 from hdassist.pages.check import check_report
+from hdassist.pages.curves import trace_report
 from hdassist.pages.mount import mount_report
-from hdassist.pages.trace import trace_report
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.kinds import kind_of
 from hdassist.run.processes import workers

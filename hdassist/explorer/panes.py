@@ -18,7 +18,7 @@ from hdassist.explorer.compute import SURE_PROVEN, SURE_RANGE, SURE_REFINED, Lev
 from hdassist.explorer.levers import SETTING_SECTIONS
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
-from hdassist.pages.seat import seat_holes
+from hdassist.pages.card import seat_holes
 from hdassist.preset.kinds import text_of
 from hdassist.preset.schema import ResolvedField, resolved_fields
 from hdassist.report import Block, Seat, SeatMark

@@ -1,14 +1,26 @@
-"""A measured trace as a report."""
+"""A measured trace, approached positions or torque loops, and the history of a drive, as reports."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from datetime import date
 from typing import Any
 
 import numpy as np
 
-from hdassist.json_parts import Json
+from hdassist.acceptance.checks import CHECKS
+from hdassist.json_parts import Json, as_json
+from hdassist.measuring.archive import ArchiveEntry, DriveHistory, histories
+from hdassist.measuring.bench import (
+    LoopRecord,
+    PlaceLoop,
+    PositionRecord,
+    StatedQuantity,
+    loop_quantities,
+    place_loops,
+    position_quantities,
+)
 from hdassist.measuring.cycle import FULL_SHARE, Gearing
 from hdassist.measuring.fit import SLOWEST_ORDER
 from hdassist.measuring.measure import Measurement, SweepResult
@@ -16,9 +28,9 @@ from hdassist.measuring.orders import MeasuredOrder
 from hdassist.measuring.range import GAP_PERIODS
 from hdassist.measuring.slopes import RecordedTorque
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED, UncertaintySource
-from hdassist.pages.trace import curve_of_turns
+from hdassist.pages.curves import curve_of_turns
 from hdassist.preset.fields import Drive
-from hdassist.report import NO_VALUE, CsvTable, Curve, Facts, Quantity, Report, ReportSection, Table, as_object
+from hdassist.report import NO_VALUE, CsvTable, Curve, Facts, Lines, Quantity, Report, ReportSection, Table, as_object
 from hdassist.terminal.words import again
 from hdassist.textfile import STDIN
 
@@ -271,3 +283,147 @@ def repeats(results: Sequence[Measurement]) -> tuple[Json, list[str]]:
     found = {"files": len(values), "mean_arcsec": mean, "standard_deviation_arcsec": spread}
     line = f"{len(values)} files: F'_ior {mean:.2f}″ on the mean, standard deviation {spread:.2f}"
     return {"repeat_runs": found}, [line]
+
+
+_CHECKS = {check.field: check for check in CHECKS}
+
+
+def _interval(found: StatedQuantity) -> list[float] | None:
+    reach = _expanded(found)
+    return None if found.uncertainty_arcsec is None else [max(0.0, found.arcsec - reach), found.arcsec + reach]
+
+
+_QUANTITIES: tuple[Quantity[StatedQuantity], ...] = (
+    Quantity("name", "quantity", "", ""),
+    Quantity("value_arcsec", "value", "″", ".2f", "arcsec"),
+    Quantity("standard_uncertainty_arcsec", "u", "″", ".2f", "uncertainty_arcsec"),
+    Quantity("interval_arcsec", "95 %", "″", ends_text, _interval),
+    Quantity("of", "of", "", ""),
+)
+_STATED_COLUMNS = (Quantity("", "", "", "", lambda q: _CHECKS[q.name].words), *_QUANTITIES[1:2], *_QUANTITIES[3:])
+_PLACES: tuple[Quantity[PlaceLoop], ...] = (
+    Quantity("place", "place", "", "g"),
+    Quantity("hysteresis_loss_arcsec", "hysteresis loss", "″", ".2f", lambda p: p.hysteresis[0]),
+    Quantity("hysteresis_loss_uncertainty_arcsec", "u", "″", ".2f", lambda p: p.hysteresis[1]),
+    Quantity("lost_motion_arcsec", "lost motion", "″", ".2f", lambda p: p.lost_motion[0]),
+    Quantity("lost_motion_uncertainty_arcsec", "u", "″", ".2f", lambda p: p.lost_motion[1]),
+)
+
+
+def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed: int) -> Report:
+    """Quantities of approached positions, or of torque loops; drive, None where unknown, for the rated torque."""
+    table = record.table
+    places: tuple[PlaceLoop, ...] = ()
+    if isinstance(record, PositionRecord):
+        found = position_quantities(record, seed=seed)
+    else:
+        greatest = float(abs(record.torque_Nm).max())
+        rated, by = drive.operation.rated if drive else None, "the preset"
+        if rated is None:
+            hint = f"{drive.name} has no operation.rated" if drive else "--drive PRESET for its own"
+            rated, by = greatest, f"the greatest of the loop; {hint}"
+        table.notes.append(f"rated torque {rated:g} N·m: {by}")
+        places = place_loops(record, rated)
+        found = loop_quantities(places)
+    first, unsure = found[0], [each for each in found if each.uncertainty_arcsec is not None]
+    once = "one approach a position: no uncertainty, and scatter widens the range by an unknown part"
+    words = [word for q in unsure for word in ("--value", f"{q.name}={q.arcsec:.3g}±{_expanded(q):.2g}")]
+    unlimited = [q.name for q in unsure if drive is None or getattr(drive.acceptance, q.name) is None]
+    words += [word for name in unlimited for word in ("--limit", f"{name}=LIMIT")]
+    return Report(
+        command="measure",
+        drive=drive,
+        head=f"{table.file}, {len(table.lines)} rows" + (f", {drive.name}" if drive else ""),
+        verdict=f"{_CHECKS[first.name].words} {first.arcsec:.2f}″",
+        blocks=(
+            Table.by_row("", _STATED_COLUMNS, found, words=(0, 3)),
+            *(Table.by_row("places", _PLACES, each, words=()) for each in [places] * (len(places) > 1)),
+            Facts.of([
+                ("read as", "; ".join(table.notes)),
+                ("next", again("accept", drive, *words) if words and table.file != STDIN else ""),
+            ]),
+        ),
+        details=(Lines("what they are", tuple(f"{_CHECKS[q.name].words}: {_CHECKS[q.name].tests}" for q in found)),),
+        values={
+            "file": {"name": table.file, "sha256": table.sha256, "rows": len(table.lines)},
+            "notes": list(table.notes),
+            "quantities": [as_object(_QUANTITIES, q) for q in found],
+            "places": [as_object(_PLACES, place) for place in places],
+            "seed": seed,
+        },
+        line=", ".join(
+            f"{q.name} {q.arcsec:.2f}{f' +- {_expanded(q):.2f}' if q in unsure else ''}″" for q in found
+        ),
+        about=table.file,
+        warnings=(once,) * (len(unsure) < len(found)),
+    )  # fmt: skip
+
+
+def _expanded(found: StatedQuantity) -> float:
+    return COVERAGE_FACTOR * (found.uncertainty_arcsec or 0.0)
+
+
+ENTRY_COLUMNS: tuple[Quantity[ArchiveEntry], ...] = (
+    Quantity("date", "date", "", ""),
+    Quantity("hole", "hole", "", ""),
+    Quantity("M_g_Nm", "torque", "", "g"),
+    Quantity("direction", "cam angle", "", DIRECTION_NAMES.__getitem__),
+    Quantity(
+        "F_ior_arcsec",
+        "F'_ior",
+        "",
+        "",
+        lambda e: f"≥ {e.low_arcsec:.2f}" if e.F_ior_is_lower_bound else f"{e.F_ior_arcsec:.2f}",
+    ),
+    Quantity("interval", "95 %", "", "", lambda e: f"{e.low_arcsec:.2f} to {e.high_arcsec:.2f}"),
+    Quantity("temperature_C", "at °C", "", "g"),
+)
+
+
+def history_report(serial: str, archive: str, entries: Sequence[ArchiveEntry]) -> Report:
+    """How F'_ior of a drive changed, by its entries in an archive, and whether that is more than its uncertainty."""
+    found = histories(entries)
+    verdict = "no change beyond its uncertainty" if found else "nothing to compare"
+    verdict = "changed by more than its uncertainty" if any(each.is_changed for each in found) else verdict
+    objects = [as_json(each) for each in entries]
+    return Report(
+        command="measure-history",
+        drive=None,
+        head=f"{serial} in {archive}, measured {len(entries)} times",
+        verdict=verdict,
+        why=tuple(map(_sentence, found)),
+        blocks=(
+            Table.by_row("F'_ior in ″, torque in N·m", ENTRY_COLUMNS, entries, words=(0, 1, 3)),
+            Facts.of(_history_facts(entries)),
+            *(_history_curve(each) for each in sorted(found, key=lambda each: -len(each.entries))[:1]),
+        ),
+        values={"serial": serial, "archive": archive, "verdict": verdict, "entries": objects, "histories": found},
+        csv=([*objects[0]], [[*(each | {"unstated": " ".join(each["unstated"])}).values()] for each in objects]),
+        line=verdict,
+    )
+
+
+def _sentence(found: DriveHistory) -> str:
+    """The change of a history in words."""
+    values, (first, *_) = [each.F_ior_arcsec for each in found.entries], found.entries
+    hole, torque = (quantity.text(first) for quantity in ENTRY_COLUMNS[1:3])
+    where = f"hole {hole}, {torque} N·m, {DIRECTION_NAMES[first.direction]} cam angle"
+    spread = f"unchanged drives spread so in {100 * found.probability:.2g} % of cases"
+    return f"{where}: {min(values):.2f} to {max(values):.2f}″; {spread}"
+
+
+def _history_facts(entries: Sequence[ArchiveEntry]) -> Iterator[tuple[str, str]]:
+    """The parts left out of the comparison and of the uncertainty, a label and a text each."""
+    parts = sum(each.F_ior_is_lower_bound for each in entries)
+    yield "left out", f"{parts} of a part of the cycle: lower bounds" if parts else ""
+    missing = dict.fromkeys(name for each in entries for name in each.unstated)
+    yield "not in u", f"{', '.join(missing)}: a change may be theirs (--budget NAME=U)" if missing else ""
+
+
+def _history_curve(found: DriveHistory) -> Curve:
+    """F'_ior over the days since the first measurement, with intervals."""
+    first, *_ = dates = [date.fromisoformat(each.date) for each in found.entries]
+    days = np.array([(each - first).days for each in dates], dtype=float)
+    ends = [(day, each.low_arcsec, each.high_arcsec) for day, each in zip(days, found.entries, strict=True)]
+    y, label = np.array([each.F_ior_arcsec for each in found.entries]), "F'_ior, ″"
+    return Curve(days, y, f"days since {first}", label, whiskers=tuple(ends), points=True, rows=6)

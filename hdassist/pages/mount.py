@@ -15,8 +15,18 @@ from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
 from hdassist.mounting.decision import FEWEST_VALUES
 from hdassist.mounting.positions import bare, hole_of, hole_words
 from hdassist.mounting.posterior import Trial
-from hdassist.pages.card import WHEELS, CardFacts, warnings_of
-from hdassist.pages.seat import ENGLISH, TRADE, after_trials, hole_place, instruction, place_at, seat_of
+from hdassist.pages.card import (
+    ENGLISH,
+    TRADE,
+    WHEELS,
+    CardFacts,
+    after_trials,
+    hole_place,
+    instruction,
+    place_at,
+    seat_of,
+    warnings_of,
+)
 from hdassist.preset.yamltext import shown
 from hdassist.readers.pitch import ASSUMED
 from hdassist.report import CsvTable, Curve, CurveMark, Facts, Figure, Report, Table, csv_columns

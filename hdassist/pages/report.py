@@ -1,22 +1,39 @@
-"""Everything about a drive as one report."""
+"""Everything about a drive as one report, and reports and cards as files: HTML, Markdown, text."""
 
-from collections.abc import Iterator
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from math import cos, radians, sin
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from rich.console import Group
+from rich.text import Text
 
 from hdassist.comparing.sheet import DriveSheet
+from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names
+from hdassist.pages.card import TRADE, Card, hole_place
 from hdassist.pages.check import check_report
-from hdassist.pages.compare_presets import F_ior_words, sheet_warnings
+from hdassist.pages.compare import F_ior_words, sheet_warnings
+from hdassist.pages.curves import ARCMIN, stiffness_report
 from hdassist.pages.mount import WORDS, mount_report
-from hdassist.pages.seat import TRADE, hole_place
-from hdassist.pages.stiffness import ARCMIN, stiffness_report
 from hdassist.preset.fields import Drive
 from hdassist.preset.schema import origin_counts, resolved_fields, value_text
-from hdassist.report import Block, Facts, Paragraph, Report, ReportSection, Table, Tiles
+from hdassist.report import BLANK, Block, Curve, Facts, Figure, Paragraph, Report, ReportSection, Table, Tiles
 from hdassist.terminal.answers import report_object
-from hdassist.terminal.words import named, samples_words
+from hdassist.terminal.console import Style
+from hdassist.terminal.output import Output
+from hdassist.terminal.page import block_on_page, in_characters
+from hdassist.terminal.plot import least_and_greatest, ticks
+from hdassist.terminal.words import named, proof, samples_words
 from hdassist.verdict import Verdict
 from hdassist.version import __version__
+from hdassist.visible import visible
 
 INPUT_HEADS = ("input", "share, %", "preset", "drawn from", "unit", "where from")
 VERDICT_WORDS = {
@@ -112,3 +129,131 @@ def _provenance(drive: Drive, draws: int, seed: int) -> Facts:
         ("made by", f"hdassist {__version__}, seed {seed}, at least {draws} effective samples of uncertain inputs"),
     )
     return Facts(rows)
+
+
+CARD_COLUMNS = 78  # of the card as plain text
+LINES_BESIDE = 45  # of the card as text: drawing, checks and empty lines, which stand side by side on paper
+CYRILLIC = range(0x400, 0x500)
+UNICODE = Style(ascii=False, codes=False, width=80)
+
+
+def report_html(report: Report) -> str:
+    """A report as one HTML file: everything inside it, no scripts."""
+    return _html("report.html", report=report, proof=proof(report.certificate, report.cross_checks))
+
+
+def report_markdown(report: Report, style: Style) -> str:
+    """A report as Markdown, with the tables of GitHub's dialect and figures in characters; style: of its texts."""
+
+    def safe(value: Any) -> Any:
+        return markdown_safe(value if isinstance(value, Markup) else style.text(str(value)))
+
+    page = _environment(safe, style).get_template("report.md")
+    return page.render(report=report, proof=proof(report.certificate, report.cross_checks))
+
+
+def card_html(card: Card) -> str:
+    """The card as one HTML file that prints on an A4 page: everything inside it, no scripts."""
+    return _html("card.html", card=card, lines=lines_on_paper(card))
+
+
+def card_text(card: Card, *, ascii: bool = False) -> str:
+    """The card as text; ascii: with 7-bit characters only, but for Cyrillic letters."""
+    style = Style(ascii, codes=False, width=CARD_COLUMNS, beyond_ascii=CYRILLIC)
+    parts = [part for block in (Paragraph(card.title), *card.blocks) for part in block_on_page(block, style)]
+    return Output(style).page(Group(*[line for part in parts for line in (part, Text(""))]))
+
+
+def lines_on_paper(card: Card) -> int:
+    """About how many lines a card has beside its drawing, rows to write in counted by their height.
+
+    By that the style sheet chooses letters with which the card is one page.
+    """
+    return len(card_text(card).splitlines()) - LINES_BESIDE + len(card.torques.rows)
+
+
+def _html(name: str, **parts: Any) -> str:
+    page = _environment(html_safe, UNICODE, autoescape=True)
+    return page.get_template(name).render(**parts)
+
+
+def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bool = False) -> Environment:
+    """Where templates are found, how what they print is made safe, and what they know of blocks.
+
+    Lines of a tag alone leave none.
+    """
+    found = Environment(
+        loader=PackageLoader("hdassist.pages"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True, autoescape=autoescape, finalize=finalize,
+    )  # fmt: skip
+    plain = replace(style, codes=False, width=UNICODE.width)
+
+    def drawn(figure: Figure) -> str:
+        """A figure in characters; in a fenced block of Markdown only the fence is a sign."""
+        text = visible(in_characters(figure, plain))
+        return text if autoescape else Markup(text.replace("```", "'''"))
+
+    found.filters.update(drawn=drawn, kind=lambda block: type(block).__name__)
+    found.tests["figure"] = lambda block: isinstance(block, Figure)
+    found.globals.update(
+        BLANK=BLANK, CENTRE=CENTRE, HOLE_CIRCLE=HOLE_CIRCLE, CHART_BOX=CHART_BOX, ENVELOPE_COLUMNS=ENVELOPE_COLUMNS,
+        ChartAxes=ChartAxes, at=at, outline=outline,
+    )  # fmt: skip
+    return found
+
+
+def html_safe(value: Any) -> Any:
+    """Text with hidden characters escaped (jinja2 does the rest); numbers of the drawing need no more digits."""
+    if isinstance(value, float):
+        return round(value, 2)
+    return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
+def markdown_safe(value: Any) -> Any:
+    """The text with what Markdown or HTML would take for a sign of their own behind a backslash."""
+    if isinstance(value, Markup):
+        return value
+    return re.sub(r"([\\`*_\[\]<>|~&#])", r"\\\1", visible(str(value)).replace("\n", "\\n"))
+
+
+CENTRE = (210.0, 146.0)  # of the seat
+HOLE_CIRCLE = 112.0  # radius of the circle of holes
+CHART_BOX = (50.0, 34.0, 466.0, 214.0)  # of the axes: left, top, right, bottom
+ENVELOPE_COLUMNS = 400  # of a curve of many points, drawn from least to greatest
+
+
+def at(angle_deg: float, distance: float) -> tuple[float, float]:
+    """Where a direction lies on the drawing of a seat: counter-clockwise from the right, y downwards."""
+    return CENTRE[0] + distance * cos(radians(angle_deg)), CENTRE[1] - distance * sin(radians(angle_deg))
+
+
+@dataclass(frozen=True)
+class ChartAxes:
+    """Axes of a chart: numbers at them, the first and the last of y being its ends, and the two ends of x."""
+
+    columns: list[float]
+    rows: list[float]
+    ends: tuple[float, float]
+
+    @classmethod
+    def around(cls, figure: Curve) -> ChartAxes:
+        """Axes that hold a figure of more than one point, its limit and its whiskers."""
+        ends = float(figure.x[0]), float(figure.x[-1])
+        columns = [tick for tick in ticks(*ends, 8) if ends[0] <= tick <= ends[1]]
+        return cls(columns, ticks(*figure.ends, 5), ends)
+
+    def right(self, x: float) -> float:
+        """Where x lies in the drawing."""
+        return CHART_BOX[0] + (x - self.ends[0]) / (self.ends[1] - self.ends[0]) * (CHART_BOX[2] - CHART_BOX[0])
+
+    def down(self, y: float) -> float:
+        """Where y lies in the drawing."""
+        return CHART_BOX[3] - (y - self.rows[0]) / (self.rows[-1] - self.rows[0]) * (CHART_BOX[3] - CHART_BOX[1])
+
+
+def outline(figure: Curve, y: Array) -> list[tuple[float, float]]:
+    """Points of a line; of many points corners around them, along the greatest values and back along the least."""
+    if len(figure.x) <= 2 * ENVELOPE_COLUMNS:
+        return list(zip(figure.x.tolist(), y.tolist(), strict=True))
+    (x, low), (_, high) = least_and_greatest(figure.x, y, ENVELOPE_COLUMNS, figure.over)
+    return [*zip(x, high, strict=True), *zip(x[::-1], low[::-1], strict=True)]

@@ -1,7 +1,7 @@
-"""Yield and F'_ior of random drives as a report."""
+"""Random drives as reports: yield and F'_ior, the tolerance to tighten first, the cheapest tolerances for a yield."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -9,11 +9,13 @@ import numpy as np
 from hdassist.belief.influence import MeasurementGain
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
-from hdassist.json_parts import Json, attributes, measure_objects
+from hdassist.json_parts import Json, attributes, influence_objects, measure_objects, samples_object
 from hdassist.report import Curve, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
-from hdassist.terminal.words import again, field_unit, measure_words, probability_words
+from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words, named, probability_words
+from hdassist.tolerance.allocation import Allocation, Allocator
 from hdassist.tolerance.law import ProductionLaw, TolerancedSize
-from hdassist.tolerance.sensitivity import to_measure
+from hdassist.tolerance.production import TIGHTER_STEP
+from hdassist.tolerance.sensitivity import Sensitivities, Tightened, to_measure
 from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief
 from hdassist.verdict import Verdict
 
@@ -233,3 +235,230 @@ def yield_range(found: YieldBelief) -> Json:
     """A yield with 5 and 95 % of its range over the designs."""
     low, high = found.range
     return {"share": found.share, "low": low, "high": high}
+
+
+LISTED = (5, 3)  # on the first screen: fields with a tolerance, and others
+NO_SHARE = "no variance: a share too small to be told from chance by so many drives (-n)"
+STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
+
+
+@dataclass(frozen=True)
+class FieldEffect:
+    """A field at a torque: its share of the variance of ln F'_ior, and its tolerance's effect; None without any."""
+
+    M_g: float
+    path: str
+    share: float | None
+    tightened: Tightened | None
+
+
+EFFECT_CSV: Quantities[FieldEffect] = (
+    Quantity("M_g_Nm", "torque", "N·m", "g", "M_g"),
+    Quantity("field", "field", value="path"),
+    Quantity("share", "variance, %", "", lambda share: f"{100 * share:.0f}", "share"),
+    Quantity("now_arcsec", "95th percentile", "", ".2f", "tightened.now"),
+    Quantity("tighter_arcsec", STEP_WORDS, "", ".2f", "tightened.then"),
+)
+EFFECT_COLUMNS: Quantities[FieldEffect] = (
+    *EFFECT_CSV[1:3],
+    Quantity(
+        "gain",
+        "takes off, ″",
+        "",
+        lambda way: f"{'' if way.proven else '≤ '}{way.gain:.2f}",
+        "tightened",
+    ),
+)
+
+
+def sensitivity_report(found: Sensitivities) -> Report:
+    """The sensitivities of a drive."""
+    law, samples, torques = found.law, found.samples, found.samples.torques
+    effects = [_effects(found, t) for t in range(len(torques))]
+    verdict, reason = _answer(found)
+    drawn = f"{len(samples.weights)} random drives, each of a design of its own, seed {samples.seed}"
+    limited = all(law.drive.limit(M_g) is not None for M_g in torques)
+    next_ = again("allocate", law.drive, *(() if limited else ("--limit", "LIMIT")))
+    facts = [("measure", measure_words(found.to_measure, False)), ("next", next_)]
+    return Report(
+        command="sensitivity",
+        drive=law.drive,
+        head=f"{law.drive.name}, tighten first at {torques[found.worst]:g} N·m",
+        verdict=verdict,
+        why=(reason,),
+        blocks=(_table(effects[found.worst], *LISTED), Facts.of(facts)),
+        details=(Facts((("drawn", drawn),)), *(_table(each, len(each), len(each)) for each in effects)),
+        certificate=found,
+        values={
+            "operating_points": [
+                {
+                    "M_g_Nm": M_g,
+                    "F_ior_arcsec": {f"p{p}": samples.percentile(p / 100, t) for p in (5, 50, 95)},
+                    "influence": influence_objects(found.influences[t]),
+                    "tighter": [
+                        {"field": way.path, **attributes(way, "now", "then", "low", "high", "proven")}
+                        for way in found.tightened[t]
+                    ],
+                }
+                for t, M_g in enumerate(torques)
+            ],
+            "tighter_factor": TIGHTER_STEP,
+            "tighten_first": found.first.path if found.is_worth_tightening else None,
+            "to_measure": measure_objects(found.to_measure),
+            "samples": samples_object(samples),
+            "drives": found.drives,
+            "seed": samples.seed,
+        },
+        csv=csv_table(law.drive.name, EFFECT_CSV, [each for at_torque in effects for each in at_torque]),
+        line=f"tighten first: {verdict}; {reason}",
+        warnings=law_warnings(law),
+    )
+
+
+def _answer(found: Sensitivities) -> tuple[str, str]:
+    """The tolerance to tighten first and the gain of a step; or why there is none, and the remedy."""
+    first, largest = found.first, found.largest
+    percentile = f"the 95th percentile of F'_ior, {first.now:.2f}″"
+    if found.is_worth_tightening:
+        gain = f"{first.gain:.2f}″ ({first.now - first.high:.2f} to {first.now - first.low:.2f})"
+        return named(first.path), f"made {STEP_WORDS} it takes {gain} off {percentile}"
+    reason = f"a tolerance {STEP_WORDS} takes at most {max(first.gain, 0):.2f}″ off {percentile}"
+    if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
+        share = f"{100 * largest.share:.0f} % of the variance of ln F'_ior"
+        return f"no tolerance, measure {named(largest.group)}", f"{share}; {reason}"
+    return f"no tolerance, more drives are needed (-n {4 * len(found.samples.weights)})", reason
+
+
+def _effects(found: Sensitivities, torque: int) -> list[FieldEffect]:
+    """All fields that do something at a torque, the greatest shares of the variance first."""
+    shares = {each.group: each.share for each in found.influences[torque]}
+    ways = {way.path: way for way in found.tightened[torque]}
+    M_g = found.samples.torques[torque]
+    return [FieldEffect(M_g, p, shares.get(p), ways.get(p)) for p in dict.fromkeys((*shares, *ways))]
+
+
+def _table(effects: Sequence[FieldEffect], tolerances: int, others: int) -> Table:
+    """So many fields with a tolerance, the greatest gain first, and so many others."""
+    tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
+    rest = [e for e in effects if not e.tightened]
+    title = f"at {effects[0].M_g:g} N·m: share of the variance of ln F'_ior; gain of a tolerance {STEP_WORDS}"
+    shown = [*tight[:tolerances], *rest[:others]]
+    empty = {"share"} if all(each.share is None for each in shown) else set()
+    columns = [q for q in EFFECT_COLUMNS if q.key not in empty]
+    table = Table.by_row(title, columns, shown)
+    return replace(table, notes=(NO_SHARE,) * any(each.share is None for each in shown))
+
+
+def allocate_report(
+    found: Allocator, ways: Sequence[Allocation], self_errors: Sequence[float], to_measure: Sequence[MeasurementGain]
+) -> Report:
+    """The cheapest tolerances of a drive.
+
+    Arguments: the search, ways to build the drive that it found tolerances for, self errors [arcsec] at each torque,
+    and what of the design to measure.
+    """
+    law, choices = found.production.law, found.choices
+    drive, verdicts = law.drive, {way.verdict for way in ways}
+    verdict = next(each for each in (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.FAIL) if each in verdicts)
+    held = [(M_g, drive.limit(M_g), own) for M_g, own in zip(found.production.torques, self_errors, strict=True)]
+    limits = ", ".join(f"{limit:g}″ at {M_g:g} N·m" for M_g, limit, _ in held)
+    assumed = [choice.path for choice in choices if choice.assumed_law]
+    costs = f"costs are assumed, 1 now and growing as 1/tolerance: {', '.join(assumed)} (preset: cost)"
+    reasons = [_words(way, found) for way in ways]
+    facts = []
+    if verdict is not Verdict.PASS:
+        taken = ", ".join(f"{own:.1f} of {limit:g}″ at {M_g:g} N·m" for M_g, limit, own in held)
+        facts.append(("self error", f"takes {taken}; no tolerance changes that"))
+    if verdict is Verdict.INCONCLUSIVE:
+        facts.append(("measure", measure_words(to_measure, False) or MORE_DRIVES))
+    facts.append(("next", _next(found, ways, verdict, is_to_measure=bool(to_measure))))
+    return Report(
+        command="allocate",
+        drive=drive,
+        head=f"{drive.name}, tolerances for {100 * found.wanted:g} % of drives within {limits}",
+        verdict=str(verdict),
+        why=tuple(reasons),
+        blocks=(_tolerances_table(found, ways), Facts.of(facts)),
+        values={
+            "sure": found.sure,
+            "seed": found.production.seed,
+            "verdict": verdict,
+            "yield_wanted": found.wanted,
+            "to_measure": measure_objects(to_measure),
+            "limits": [
+                {"M_g_Nm": M_g, "limit_arcsec": limit, "self_error_arcsec": own} for M_g, limit, own in held
+            ],
+            "laws": [
+                {
+                    **attributes(choice, "now", "least", "most"),
+                    **attributes(choice.law, "share", "k"),
+                    "field": choice.path,
+                    "unit": field_unit(choice.path),
+                    "assumed": choice.assumed_law,
+                }
+                for choice in choices
+            ],
+            "allocations": [
+                {
+                    **attributes(way, "turned", "fits", "cost", "probability", "verdict"),
+                    "tolerances": way.values,
+                    "yield": yield_range(way.tried),
+                    "drives": way.tried.drives.sum(),
+                }
+                for way in ways
+            ],
+        },
+        csv=(
+            ["preset", "wheel", "fits", "field", "now", "tolerance", "cost_of_all"],
+            [
+                [drive.name, _column(way), way.fits, choice.path, choice.now, way.values[choice.path], way.cost]
+                for way in ways
+                for choice in choices
+            ],
+        ),
+        line="\n".join(reasons),
+        warnings=(*law_warnings(law), *[costs] * bool(assumed)),
+        exit_code=verdict.exit_code,
+    )  # fmt: skip
+
+
+def _words(way: Allocation, found: Allocator) -> str:
+    """Whether a way to build reaches the yield, at which cost, and how sure that is."""
+    how = "with the wheel in its best hole" if way.turned else "as built"
+    none = "no tolerances reach it" if way.verdict is Verdict.FAIL else "none recommended: not sure enough"
+    return (
+        f"{how}: {f'cost {way.cost:.2f}' if way.fits else none}; {100 * way.tried.share:.1f} % of "
+        f"{way.tried.drives.sum()} drives drawn anew pass, probability that {100 * found.wanted:g} % do: "
+        f"{probability_words(way.probability, found.sure)}"
+    )
+
+
+def _next(found: Allocator, ways: Sequence[Allocation], verdict: Verdict, *, is_to_measure: bool) -> str:
+    """The command to type next; is_to_measure: whether a measurement is worth more than drives."""
+    drive = found.production.drive
+    if verdict is Verdict.PASS:
+        cheapest = min((way for way in ways if way.fits), key=lambda way: way.cost)
+        values = [f"{path}={value:.3g}" for path, value in cheapest.values.items()]
+        return again("tolerance", drive, *(word for value in values for word in ("--set", value)))
+    if verdict is Verdict.INCONCLUSIVE and not is_to_measure:
+        asked = ("--yield", f"{found.wanted:g}", "--sure", f"{found.sure:g}", "-n", str(MORE_DRAWS * found.drives))
+        return again("allocate", drive, *asked)
+    return again("sensitivity", drive)
+
+
+def _tolerances_table(found: Allocator, ways: Sequence[Allocation]) -> Table:
+    rows = [
+        (
+            f"{choice.path}, {field_unit(choice.path)}",
+            f"{choice.now:g} ({choice.law.share:.2f})",
+            *(f"{way.values[choice.path]:.3g} ({choice.cost(way.values[choice.path]):.2f})" for way in ways),
+        )
+        for choice in found.choices
+    ]
+    now = sum(choice.law.share for choice in found.choices)
+    rows.append(("cost", f"{now:.2f}", *(f"{way.cost:.2f}" for way in ways)))
+    return Table("tolerances (cost of each)", ("field", "preset", *map(_column, ways)), tuple(rows))
+
+
+def _column(way: Allocation) -> str:
+    return "best hole" if way.turned else "as built"

@@ -13,7 +13,7 @@ from hdassist.acceptance.answer import AcceptAnswer, lot_summary
 from hdassist.acceptance.lot import read_lot
 from hdassist.acceptance.request import Request
 from hdassist.acceptance.work import answer_rows
-from hdassist.pages.accept_junit import junit
+from hdassist.pages.accept import junit
 
 SMALL = str(Path(__file__).parents[1] / "data/small.yaml")
 ROWS = """\

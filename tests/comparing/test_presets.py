@@ -16,7 +16,7 @@ from hdassist.commands.compare import is_preset
 from hdassist.comparing.drives import compare_drives, differing_fields, differing_rows, drive_changes
 from hdassist.comparing.pairs import DrivePairs, drawn_pairs
 from hdassist.design.check import check
-from hdassist.pages.compare_presets import drives_report
+from hdassist.pages.compare import drives_report
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.answers import report_object
 from tests.paper import on_paper

@@ -15,8 +15,7 @@ from hdassist.explaining.lookup import entries, explained
 from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS
 from hdassist.explorer.panes import MARKS
 from hdassist.pages import check as check_page
-from hdassist.pages import stiffness as stiffness_page
-from hdassist.pages import trace as trace_page
+from hdassist.pages import curves as curves_page
 from hdassist.preset.fields import field_table, sections
 from hdassist.terminal.output import with_code
 from hdassist.verdict import Verdict
@@ -24,8 +23,8 @@ from tests.conftest import ROOT
 from tests.process import SMALL, on_terminal, run
 
 REPORTED = (
-    *check_page.POINT_QUANTITIES, *check_page.BELIEF, *trace_page.ORDER_QUANTITIES,
-    *stiffness_page.WHOLE_QUANTITIES,
+    *check_page.POINT_QUANTITIES, *check_page.BELIEF, *curves_page.ORDER_QUANTITIES,
+    *curves_page.WHOLE_QUANTITIES,
 )  # fmt: skip
 
 

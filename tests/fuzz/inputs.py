@@ -96,7 +96,7 @@ def _import_all() -> None:
     from hdassist.mounting import advice  # noqa: F401
     from hdassist.pages import (
         card,  # noqa: F401
-        trace,  # noqa: F401
+        curves,  # noqa: F401
     )
     from hdassist.pages import compare as compared  # noqa: F401
     from hdassist.pages import measure as measured  # noqa: F401

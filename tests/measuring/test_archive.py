@@ -22,7 +22,7 @@ from hdassist.measuring.archive import (
     read_conditions,
 )
 from hdassist.measuring.measure import Measurement, measure
-from hdassist.pages.history import history_report
+from hdassist.pages.measure import history_report
 from hdassist.run.kept import RecordKind, open_kept
 from tests.paper import on_paper
 from tests.process import run

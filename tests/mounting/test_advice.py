@@ -7,8 +7,8 @@ from hdassist import load_preset
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import MountingCurve, seat_positions
+from hdassist.pages.card import instruction, seat_of, turn
 from hdassist.pages.mount import mount_report
-from hdassist.pages.seat import instruction, seat_of, turn
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.plot import seat_in_characters
 from hdassist.terminal.texts import texts

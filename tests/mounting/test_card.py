@@ -12,11 +12,9 @@ import pytest
 
 from hdassist.errors import UsageError
 from hdassist.model.unknown import Unknown
-from hdassist.pages.card import Card, warnings_of
-from hdassist.pages.documents import card_html, card_text
-from hdassist.pages.drawings import CENTRE, HOLE_CIRCLE
+from hdassist.pages.card import Card, instruction, seat_of, warnings_of
 from hdassist.pages.mount import mount_warnings
-from hdassist.pages.seat import instruction, seat_of
+from hdassist.pages.report import CENTRE, HOLE_CIRCLE, card_html, card_text
 from hdassist.terminal.plot import seat_in_characters
 from hdassist.terminal.texts import Texts, languages, texts
 from hdassist.version import __version__

@@ -8,7 +8,7 @@ import subprocess
 
 import pytest
 
-from hdassist.pages.documents import card_html, lines_on_paper
+from hdassist.pages.report import card_html, lines_on_paper
 from hdassist.terminal.texts import languages
 from tests.advices import card, cards, crowded
 

@@ -19,7 +19,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from hdassist.pages import documents
+from hdassist.pages import report as documents
 from hdassist.report import (
     Curve,
     CurveMark,

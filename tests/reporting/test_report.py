@@ -15,10 +15,8 @@ import pytest
 from hdassist import load_preset
 from hdassist.comparing.sheet import DriveSheet, sheet_of
 from hdassist.pages.check import check_report
-from hdassist.pages.documents import report_html, report_markdown
-from hdassist.pages.drawings import ENVELOPE_COLUMNS, outline
 from hdassist.pages.mount import instruction_of, mount_report
-from hdassist.pages.report import drive_report
+from hdassist.pages.report import ENVELOPE_COLUMNS, drive_report, outline, report_html, report_markdown
 from hdassist.preset.schema import origin_counts
 from hdassist.report import Curve, Facts, Lines, Paragraph, ReportSection, Seat, Table, Tiles
 from hdassist.terminal.answers import report_object

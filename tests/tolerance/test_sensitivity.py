@@ -7,7 +7,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.belief.statistics import weighted_quantile
-from hdassist.pages.sensitivity import sensitivity_report
+from hdassist.pages.tolerance import sensitivity_report
 from hdassist.tolerance.law import production_law
 from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive
 from hdassist.tolerance.sensitivity import Sensitivities, sensitivities

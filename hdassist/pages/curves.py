@@ -1,0 +1,267 @@
+"""Answers that are a curve as reports: the error over cam turns, the twist over torque, F'_ior over a varied field."""
+
+from collections.abc import Iterable, Iterator
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from hdassist.design.beside_catalogue import SegmentBeside, ends_elsewhere, off, segments_beside, stiffness_object
+from hdassist.design.sweep import Sweep, SweepRow, Swept
+from hdassist.design.vary import Axis
+from hdassist.error.orders import Order, order_legend
+from hdassist.error.stiffness import LOST_MOTION_SHARE, Segment, Stiffness
+from hdassist.error.trace import Trace
+from hdassist.json_parts import attributes, pitch_object, unknown_objects
+from hdassist.model.unknown import unknown_notes, unknowns
+from hdassist.preset.fields import Drive, Measured
+from hdassist.preset.overrides import is_overridden
+from hdassist.report import (
+    Curve,
+    Fact,
+    Facts,
+    Paragraph,
+    Quantities,
+    Quantity,
+    Report,
+    Series,
+    Table,
+    as_object,
+    csv_columns,
+)
+from hdassist.terminal.wheels import heading
+from hdassist.terminal.words import again, not_known, on_what
+from hdassist.verdict import worst_exit_code
+
+_LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
+MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
+
+ORDER_QUANTITIES: Quantities[Order] = (
+    Quantity("per_cam_rev", "order", "", ".2f"),
+    Quantity("amplitude_arcsec", "amplitude", "″", ".3f"),
+    Quantity("phase_deg", "phase", "deg", ".1f"),
+    Quantity("cause", "cause"),
+)
+_ON_PAGE: Quantity[Order] = Quantity("amplitude_arcsec", "″", "", ".2f")
+
+
+def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
+    """The error of a drive over cam turns; seed, of its sample that was solved again."""
+    error = trace.error
+    cycle = error.kinematics.cycle_cam_revolutions
+    is_part, nominal = trace.revolutions < cycle, drive.measured != Measured.of_defaults()
+    whole = ("-n", str(cycle), "--phi-g0", f"{trace.start_deg:g}")
+    next_ = again("trace", drive, *whole) if is_part else again("mount", drive)
+    turns = f"{error.M_g:g} N·m, {trace.revolutions} cam turn{'s' * (trace.revolutions != 1)}"
+    moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
+    start = f"{turns} from {moving} = {trace.start_deg:g}°"
+    title = "orders: amplitude·cos(order·phi_h + phase)"
+    order, _, _, cause = ORDER_QUANTITIES
+    orders = sorted(trace.orders, key=lambda o: -o.amplitude_arcsec)
+    listed = sorted(orders[:_LISTED_ORDERS], key=lambda o: o.per_cam_rev)
+    words = f"error F_kpp, ″, at {error.M_g:g} N·m"
+    angles = {f"{name}_deg": np.degrees(getattr(error.states, name)) for name in ("phi_h", "phi_g", "phi_b")}
+    return Report(
+        command="trace",
+        drive=drive,
+        head=f"{drive.name}{', nominal' * nominal}, {start}{heading(trace.measured)}",
+        verdict=f"range {error.range_arcsec:.2f}″",
+        why=(
+            *("values of the preset: what was measured on the drive is not weighed here",) * nominal,
+            *(f"{trace.revolutions} of the {cycle} cam turns of the full cycle: F'_ior is at least as large",)
+            * is_part,
+        ),
+        blocks=(
+            Table.by_row("", [order, _ON_PAGE, cause], orders[:_NAMED_ORDERS], words=(2,)),
+            Facts.of([("assumed", on_what(drive)), ("unknown", not_known(drive)), ("next", next_)]),
+            curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, words),
+        ),
+        details=(
+            Table.by_row(f"{title}, the {_LISTED_ORDERS} greatest", ORDER_QUANTITIES, listed, words=(3,)),
+            Paragraph(order_legend(drive)),
+        ),
+        certificate=error.certificate,
+        cross_checks=(error.cross_check,),
+        values={
+            "unknown": unknown_objects(unknowns(drive)),
+            "pitch": pitch_object(trace.measured),
+            "M_g_Nm": error.M_g,
+            f"{moving}_deg": trace.start_deg,
+            "cam_revolutions": trace.revolutions,
+            "phi_h_deg": angles["phi_h_deg"],
+            **attributes(error, "error_arcsec", "range_arcsec"),
+            "orders": trace.orders,
+            "seed": seed,
+        },
+        csv=csv_columns(**angles, **attributes(error, "error_arcsec", "rotation_arcsec")),
+        line=f"{error.range_arcsec:.2f} arcsec",
+        warnings=(*drive.origin.warnings, *unknown_notes(drive)),
+    )
+
+
+def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
+    """The error over cam turns; words: of the error, with its unit."""
+    over = float(np.ptp(turns) > MANY_TURNS)
+    around = ": least and greatest around each cam turn" if over else ""
+    return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over)
+
+
+ARCMIN = pi / 10800  # rad
+TWIST_CAPTION = "Twist of the drive without deviations, the cam held"
+
+
+def _scaled(stiffness: float) -> str:
+    return f"{stiffness / 1e4:.3g}"
+
+
+def _percent(percent: float) -> str:
+    return f"{percent:+.0f} %"
+
+
+WHOLE_QUANTITIES: Quantities[Stiffness] = (
+    Quantity("rated_Nm", "rated torque", "N·m", "g", "rated"),
+    Quantity("lost_motion_arcsec", f"lost motion, +-{LOST_MOTION_SHARE:.0%} of rated", "″", ".2f"),
+    Quantity("play_arcsec", "play", "″", ".2f"),
+)
+SEGMENT_QUANTITIES: Quantities[Segment] = (
+    Quantity("from_Nm", value="start"),
+    Quantity("to_Nm", value="end"),
+    Quantity("stiffness_Nm_per_rad", value="stiffness"),
+)
+_SEGMENT_COLUMNS: Quantities[SegmentBeside] = (
+    Quantity("name", "", "", lambda name: name.replace("_", "")),
+    Quantity("segment", "torque, N·m", "", lambda segment: f"{segment.start:.4g} to {segment.end:.4g}"),
+    Quantity("K", "K, 1e4 N·m/rad", "", _scaled, "segment.stiffness"),
+    Quantity("catalogue", "catalogue", "", _scaled),
+    Quantity("off_percent", "off by", "", _percent),
+    Quantity("by_arcmin", "K, N·m/arcmin", "", ".4g", lambda each: each.segment.stiffness * ARCMIN),
+)
+
+
+def stiffness_report(drive: Drive, found: Stiffness) -> Report:
+    """The stiffness of a drive: twist over torque, K1, K2, K3, lost motion."""
+    curve = {"torque_Nm": found.torque, **attributes(found, "twist_arcsec", "contact_arcsec", "tube_arcsec")}
+    sides = {"positive": found.positive, "negative": found.negative}
+    rows = [each for side in sides.values() for each in segments_beside(drive.catalogue, side)]
+    lines = [f"K{k}: {_scaled(segment.stiffness)}e4 N*m/rad" for k, segment in enumerate(found.positive, 1)]
+    return Report(
+        command="stiffness",
+        drive=drive,
+        head=f"{drive.name}: torsional stiffness without deviations, the cam held",
+        blocks=(
+            Table.by_row("torsional stiffness in both directions", _SEGMENT_COLUMNS, rows),
+            Facts.of(_facts(drive, found)),
+            Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, ″", TWIST_CAPTION),
+        ),
+        certificate=found.certificate,
+        cross_checks=(found.cross_check,),
+        values={
+            **as_object(WHOLE_QUANTITIES, found),
+            "catalogue": stiffness_object(drive.catalogue, found),
+            **{name: [as_object(SEGMENT_QUANTITIES, each) for each in side] for name, side in sides.items()},
+            "curve": curve,
+        },
+        csv=csv_columns(**curve),
+        line="\n".join([*lines, f"lost motion: {found.lost_motion_arcsec:.2f} arcsec"]),
+        warnings=stiffness_warnings(drive, found),
+    )
+
+
+def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
+    """Warnings beside the numbers."""
+    if drive.operation.rated is not None:
+        return drive.origin.warnings
+    asked = is_overridden("operation.M_g", drive.origin.overrides)
+    whose = "the greatest torque asked for" if asked else "the greatest of operation.M_g"
+    stands = f"no operation.rated in the preset: {result.rated:g} N*m, {whose}, stands for it"
+    return (*drive.origin.warnings, f"{stands} in lost motion; --set operation.rated=T tells it" if asked else stands)
+
+
+def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:
+    """Facts beside the segments, a label and a text each."""
+    elsewhere = ends_elsewhere(drive.catalogue, found.positive)
+    yield "segments", "end at other torques than the catalogue's, so K is not compared" * elsewhere
+    ends = f"±{100 * LOST_MOTION_SHARE:.0f} % of {found.rated:g} N·m"
+    yield "lost motion", f"{found.lost_motion_arcsec:.2f}″ between {ends}; play {found.play_arcsec:.2f}″"
+    theirs = drive.catalogue.lost_motion
+    percent = _percent(off(found.lost_motion_arcsec, theirs) or 0.0)
+    yield "  catalogue", f"{theirs:g}″, with friction; ours is off by {percent}" if theirs else ""
+    yield "assumed", on_what(drive)
+    yield "next", again("check", drive)
+
+
+ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")
+
+
+def columns(sweep: Sweep) -> list[str]:
+    """Names of the columns of the rows: a field in its own unit, then the result."""
+    return [*(axis.path for axis in sweep.varied), *ROW_COLUMNS]
+
+
+def cells(record: SweepRow) -> list[Any]:
+    """A record as a row of those columns."""
+    return [*record.values.values(), *attributes(record, *ROW_COLUMNS).values()]
+
+
+def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:
+    """A sweep; records of its rows, where they are wanted."""
+    sweep, drive, ends, figures = swept.sweep, swept.drive, swept.ends, list(_figures(swept))
+    line = " to ".join(f"{F_ior:.2f}" for _, F_ior in ends.values()) + " arcsec" if ends else "no answer"
+    values = ((axis, min(axis.values), max(axis.values)) for axis in sweep.varied)
+    spans = (_of(axis, f"{low:g}" if low == high else f"{low:g} to {high:g}", " (") + ")" for axis, low, high in values)
+    found = {end: {"row": row, "F_ior_arcsec": F_ior} for end, (row, F_ior) in ends.items()}
+    return Report(
+        command="sweep",
+        drive=drive,
+        head=f"{drive.name}, F'_ior over {' and '.join(spans)}, {sweep.rows} rows",
+        verdict=line,
+        blocks=(Facts.of(_sweep_facts(swept)), *figures[:1]),
+        details=tuple(figures[1:]),
+        certificate=swept,
+        values={
+            "unknown": unknown_objects(unknowns(swept.largest)),
+            "vary": [{"field": axis.path, **attributes(axis, "unit", "values")} for axis in sweep.varied],
+            **{end: found.get(end) for end in ("least", "greatest")},
+            "rows": list(records),
+            "rows_without_answer": swept.failed,
+        },
+        line=line,
+        warnings=tuple(swept.warnings),
+        exit_code=0 if ends else worst_exit_code(swept.exit_codes),
+    )
+
+
+def _sweep_facts(swept: Swept) -> Iterator[Fact]:
+    """Least and greatest F'_ior, rows without an answer, and the next command."""
+    sweep, ends = swept.sweep, swept.ends
+    for end, (row, F_ior) in ends.items():
+        values = sweep.values(row)
+        yield end, f"{F_ior:.2f}″ at " + ", ".join(_of(axis, f"{values[axis.path]:g}", " = ") for axis in sweep.axes)
+    if swept.failed:
+        yield "no answer", f"{swept.failed} of {sweep.rows} rows; the first: {swept.reason}"
+    if ends:
+        values = sweep.values(ends["least"][0])
+        sets = [f"{axis.path}={values[axis.path]!r}".removesuffix(".0") for axis in sweep.varied]
+        yield "next", again("check", swept.drive, *(word for text in sets for word in ("--set", text)))
+
+
+def _of(axis: Axis, values: str, sign: str) -> str:
+    """Values along an axis, in its unit."""
+    return f"{axis.path}{sign}{values} {axis.unit.replace('*', '·')}".rstrip()
+
+
+def _figures(swept: Swept) -> Iterator[Curve]:
+    """F'_ior over one field at each torque; none of more fields, or of fewer than two rows with an answer."""
+    axis, *others = swept.sweep.varied
+    torques = [f" at {M_g:g} N·m" for further in swept.sweep.further for M_g in further.values] or [""]
+    order = np.argsort(axis.values)
+    values = np.array(axis.values, dtype=float)[order]
+    if others:
+        return
+    curves = swept.F_ior_arcsec.reshape(len(values), -1)[order].T
+    for torque, F_ior in zip(torques, curves, strict=True):
+        solved = np.isfinite(F_ior)
+        gaps = "" if solved.all() else f", {np.sum(~solved)} points without an answer left out"
+        if solved.sum() > 1:
+            label = _of(axis, "", ",").rstrip(",")
+            yield Curve(values[solved], F_ior[solved], label, f"F'_ior{torque}, ″{gaps}")
