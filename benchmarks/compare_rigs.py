@@ -15,8 +15,7 @@ import numpy as np
 
 from hdassist import load_preset, trace
 from hdassist.comparing.compare import compare
-from hdassist.comparing.record import Alignment
-from hdassist.comparing.vectors import VECTORS, size_and_direction, vectors_of, with_vectors
+from hdassist.comparing.record import VECTORS, Alignment, size_and_direction, vectors_of, with_vectors
 from hdassist.measuring.measure import measure
 from hdassist.run.run import UNCHECKED
 from tests.rigs import recorded, slow_noise

@@ -53,8 +53,7 @@ class Drawn:
 def production(case: str, drives: int, executor: Executor | None = None) -> Production:
     from hdassist import load_preset
     from hdassist.run.run import Run
-    from hdassist.tolerance.law import production_law
-    from hdassist.tolerance.production import Production
+    from hdassist.tolerance.production import Production, production_law
 
     drive = load_preset("vzp160", [f"{path}={value}" for path, value in CASES[case].items()])
     made = Production(production_law(drive), drive.operation.M_g, seed=SEED, per_design=10)

@@ -50,8 +50,7 @@ def chunk(task: tuple[Production, int, int]) -> list[RandomDrive]:
 def drives(preset: str, finer: bool, count: int, executor: Executor) -> tuple[tuple[float, ...], list[RandomDrive]]:
     from hdassist import load_preset
     from hdassist.run.run import Run
-    from hdassist.tolerance.law import production_law
-    from hdassist.tolerance.production import Production
+    from hdassist.tolerance.production import Production, production_law
 
     drive = load_preset(preset)
     teeth = {path: drive.number(path) / 2**0.5 for path in ("tolerances.F_i1", "tolerances.F_i2")}

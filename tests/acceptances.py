@@ -7,9 +7,8 @@ from typing import Any
 
 from hdassist.acceptance import accept as acceptance
 from hdassist.acceptance.answer import AcceptAnswer
-from hdassist.acceptance.decision import AcceptedValue
+from hdassist.acceptance.decision import AcceptedValue, Predictions, predict
 from hdassist.acceptance.limits import Limit
-from hdassist.acceptance.predictions import Predictions, predict
 from hdassist.acceptance.request import Inputs, Request
 from hdassist.measuring.measure import Measurement
 from hdassist.model.wheels import MeasuredTeeth

@@ -22,7 +22,7 @@ def test_a_check_is_added_as_the_page_says(tmp_path):
         "preset/fields.py": ("    order_amplitude: ", textwrap.indent(field, "    ") + "    order_amplitude: "),
         "preset/fields.toml": ("order_amplitude = ", declared + "order_amplitude = "),
         "acceptance/checks.toml": ("[checks.ORDER]\n", check + "\n[checks.ORDER]\n"),
-        "acceptance/checks.py": ('    "ORDER": lambda', textwrap.indent(value, "    ") + '    "ORDER": lambda'),
+        "acceptance/decision.py": ('    "ORDER": lambda', textwrap.indent(value, "    ") + '    "ORDER": lambda'),
     }
     for name, (old, new) in changes.items():
         file = tmp_path / "hdassist" / name

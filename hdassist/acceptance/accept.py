@@ -1,13 +1,30 @@
-"""Acceptance of a drive: each limit compared with the measured value, or else with the predicted one."""
+"""Acceptance of a drive, and of the rows of a lot: each limit with the measured value, or else with the predicted one.
 
+Rows are work for `run/run.stream`: the answer of each is that of its drive alone.
+"""
+
+from __future__ import annotations
+
+import traceback
 from collections.abc import Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from dataclasses import replace
+from functools import lru_cache
 
-from hdassist.acceptance.answer import ANSWER, AcceptAnswer, Note, PresetRecord, RuleRecord, now, of_predictions
-from hdassist.acceptance.decision import GUARD, AcceptedValue, DecidedCheck, decide
+from hdassist.acceptance.answer import (
+    ANSWER,
+    AcceptAnswer,
+    ErrorRecord,
+    Note,
+    PresetRecord,
+    RuleRecord,
+    now,
+    of_predictions,
+)
+from hdassist.acceptance.decision import GUARD, AcceptedValue, DecidedCheck, Predictions, decide
 from hdassist.acceptance.limits import Limit, limits_of
-from hdassist.acceptance.predictions import Predictions
-from hdassist.acceptance.request import Inputs, Request
-from hdassist.errors import DataError
+from hdassist.acceptance.request import Inputs, LotRow, Request
+from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.json_parts import attributes
 from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.unknown import unknown_names
@@ -46,9 +63,9 @@ def accept(
             found = (AcceptedValue.measured(limit, direction) for direction in measured[limit.M_g_Nm or 0.0].directions)
             values = sorted((each for each in found if each.value is not None), key=lambda each: -(each.value or 0.0))
             values = values or [AcceptedValue()]
-        elif predictions and limit.check.predicted:
+        elif predictions and limit.check.needs:
             values = [AcceptedValue.predicted(limit, predictions)]
-        elif not request.measured_only and not limit.check.predicted:
+        elif not request.measured_only and not limit.check.needs:
             values = [AcceptedValue()]  # only a given value decides it
         else:
             continue
@@ -131,3 +148,47 @@ def _of_decisions(
         yield Note("UNKNOWN", f"not known: {unknown_names(predictions.unknown)}")
     if left_out:
         yield Note("NOT_TESTED", "; ".join(limit.label for limit in left_out))
+
+
+def answer_rows(rows: Sequence[LotRow], debug: bool, first: int, last: int) -> list[AcceptAnswer]:
+    """Answers to the rows first ... last - 1; debug: whether a bug in a row is raised, and no answer."""
+    return [answer_row(row, debug=debug) for row in rows[first:last]]
+
+
+def answer_row(row: LotRow, *, debug: bool = False) -> AcceptAnswer:
+    """The answer of a row; whatever is wrong with it is its answer."""
+    try:
+        if row.fault:
+            raise row.fault
+        drive = row.request.load()
+        inputs = row.request.read(drive)
+        alike = replace(row.request, serial="", measured=(), values=())
+        predictions = predicted(alike, inputs.unmeasured)
+        return accept(row.request, inputs, predictions, row.place)
+    except HdassistError as error:
+        return failure_of(row, error)
+    except (MemoryError, OSError, BrokenExecutor):  # a refusal of the system, or a lost process, is no row's
+        raise
+    except Exception as bug:  # that row's answer, with the exit code of a bug: the others go on
+        if debug:
+            raise
+        where = traceback.extract_tb(bug.__traceback__)[-1]
+        words = f"internal error: {type(bug).__name__}: {bug} ({where.name})"
+        return failure_of(row, HdassistError(words, "this is a bug in hdassist; --debug shows where"))
+
+
+@lru_cache(maxsize=2)
+def predicted(request: Request, limits: tuple[Limit, ...]) -> Predictions | None:
+    """Predictions for limits of a drive, kept for the next row in this process that needs the same."""
+    drive = request.load()
+    return request.predict(drive, limits, request.read_wheels(drive))
+
+
+def failure_of(row: LotRow, error: HdassistError) -> AcceptAnswer:
+    """The answer of a row with an error; the fault of a row is wrong data, not wrong usage."""
+    kind, request = DataError if isinstance(error, UsageError) else error, row.request
+    return AcceptAnswer(
+        version=__version__, preset=PresetRecord(request.preset), exit_code=kind.exit_code, serial=request.serial,
+        seed=request.seed, request=None if row.fault else request, time=now(), place=row.place,
+        error=ErrorRecord(row.message(error), error.hint, kind.fault),
+    )  # fmt: skip

@@ -1,15 +1,17 @@
-"""Answers of `hdassist accept`: the records that it works with, writes and reads back."""
+"""Answers of `hdassist accept`: the records that it works with, writes, reads back, and compares on a replay."""
 
+from __future__ import annotations
+
+import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from hdassist.acceptance.decision import DecidedCheck, Rule
-from hdassist.acceptance.predictions import Predictions
+from hdassist.acceptance.decision import DecidedCheck, Predictions, Rule
 from hdassist.acceptance.request import Request
 from hdassist.belief.statistics import CONFIDENCE, probability_by_share
 from hdassist.belief.steps import Step
@@ -26,15 +28,25 @@ from hdassist.json_parts import (
 )
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.kinds import OneLine
+from hdassist.preset.library import read_preset
+from hdassist.readers.trace import MAX_TRACE_BYTES
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, RecordKind, own_schema, read_kept, why_invalid
-from hdassist.textfile import PART, STDIN, opened
+from hdassist.textfile import PART, STDIN, opened, read_bytes
 from hdassist.verdict import Verdict
+from hdassist.version import __version__
 
 MOST_ANSWER_BYTES = 1_000_000_000
 ACCEPT_SCHEMA = schema_of("accept")
 NO_VERDICT = "DATA_ERROR"  # in place of a verdict, of a drive without an answer
 ERROR_CODES = tuple(kind.exit_code for kind in (HdassistError, DataError, UntrustedError))  # of a drive without one
 LOT_VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE", NO_VERDICT)
+RELATIVE = 1e-6  # of the greatest number of its object: how far a number may lie off that agrees
+ROUNDING = 1e-12  # how far in any case: residuals of another processor
+# of the run and not of the drive; residuals are proven anew, each engine has its own
+NOT_COMPARED = (
+    "version", "time", "request", "place", "message", "hint", "max_difference_arcsec", "engine", "max_residual",
+    "residuals", "fallbacks",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -215,6 +227,8 @@ class AcceptAnswer(ClosedRecord):
 
 
 ANSWER = TypeAdapter(AcceptAnswer)
+
+
 ANSWERS = RecordKind(ANSWER)
 
 
@@ -301,3 +315,82 @@ def _read(fields: Any, place: str) -> AcceptAnswer:
     except ValidationError as error:
         words = f"{place}: an answer is not whole: {why_invalid(error)}"
         raise DataError(words, "it was changed, or another version wrote it") from None
+
+
+def changed_file(answer: AcceptAnswer) -> DataError | None:
+    """The fault of the first file of an answer that is not as it was, or was standard input.
+
+    An answer of an error never got as far as its hashes.
+    """
+    if answer.request is None:
+        return None
+    recorded: dict[str, str | None] = {each.file: each.sha256 for each in answer.measured}
+    recorded |= {each.file: each.sha256 for each in answer.pitch}
+    recorded[answer.request.preset] = answer.preset.sha256
+    for file in answer.request.files():
+        if file == "-":
+            words = "the preset or a file was read from standard input, which is gone"
+            return DataError(words, "save it, and accept it as a file")
+        if answer.error:
+            continue
+        try:
+            data = read_preset(file)[0] if file == answer.request.preset else read_bytes(file, MAX_TRACE_BYTES + 1)[0]
+        except DataError:
+            words = "paths count from the folder in which the answer was made"
+            return DataError(f"{file} cannot be read", words)
+        if (now := hashlib.sha256(data).hexdigest()) != recorded.get(file):
+            then = f"sha256 {str(recorded.get(file))[:12]}... when the answer was made, {now[:12]}... now"
+            return DataError(f"{file} has changed: {then}", "hdassist accept makes a new answer")
+    return None
+
+
+def still_stands(answer: AcceptAnswer, request: Request) -> bool:
+    """Whether an answer is that which a request would get again: same version, options and files, and no error."""
+    same = (answer.version, answer.request, answer.error) == (__version__, request, None)
+    return same and changed_file(answer) is None
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A value that came out otherwise: its place in the answer, the value then and now."""
+
+    key: str
+    recorded: Any
+    now: Any
+
+    def __str__(self) -> str:
+        values = ("none" if each is None else each for each in (self.recorded, self.now))
+        then, now = (f"{each:.9g}" if isinstance(each, float) else each for each in values)
+        return f"{self.key}: {then} then, {now} now"
+
+
+def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[Difference]:
+    """Differences of two answers, with the names of their checks; of one without an answer that alone."""
+    if bool(recorded.error) != bool(now.error):
+        errors = (each.error and each.error.message for each in (recorded, now))
+        return [Difference("verdict", recorded.status, now.status), Difference("error", *errors)]
+    return list(differences(_by_check(recorded), _by_check(now)))
+
+
+def _by_check(answer: AcceptAnswer) -> Json:
+    """An answer with its checks by name."""
+    names = (f"{place} {check.label}" for place, check in enumerate(answer.checks, 1))
+    found = answer_json(answer)
+    return found | {"checks": dict(zip(names, found["checks"], strict=True))}
+
+
+def differences(recorded: Any, now: Any, key: str = "", allowed: float = ROUNDING) -> Iterator[Difference]:
+    """Differences of two JSON values, but for NOT_COMPARED; key, of both; allowed, how far numbers may lie apart."""
+    then, comes = (dict(enumerate(each)) if isinstance(each, list) else each for each in (recorded, now))
+    if isinstance(then, dict) and isinstance(comes, dict):
+        numbers = [abs(each) for each in (*then.values(), *comes.values()) if isinstance(each, float)]
+        within = max([ROUNDING, *(RELATIVE * each for each in numbers)])
+        for name in dict.fromkeys([*then, *comes]):
+            if name not in NOT_COMPARED:
+                inner = f"{key}.{name}".removeprefix(".")
+                yield from differences(then.get(name), comes.get(name), inner, within)
+    elif isinstance(recorded, float) and isinstance(now, float):
+        if abs(recorded - now) > allowed:
+            yield Difference(key, recorded, now)
+    elif recorded != now:
+        yield Difference(key, recorded, now)

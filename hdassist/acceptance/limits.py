@@ -1,32 +1,86 @@
-"""Limits of a drive, and how the command line and lots write them: 30, F_ior@80=30, order_2=5, F_ior@80=28.1±1.2."""
+"""The checks of an acceptance and the limits that they hold, and how the command line and lots write these.
+
+Checks stand in checks.toml: names of limits, columns of lots, reports, `hdassist explain`, docs and tests read these
+declarations. A limit is written 30, F_ior@80=30 or order_2=5, a measured value F_ior@80=28.1±1.2.
+"""
 
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Literal, TypeVar
 
-from hdassist.acceptance.checks import CHECKS, CODES, F_IOR, ORDER_CHECK, Check
 from hdassist.errors import DataError, UsageError
 from hdassist.loading.load import Asked, load_preset
 from hdassist.model.geometry import Array
 from hdassist.numerals import NUMBER
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import Acceptance, Drive
+from hdassist.preset.kinds import FieldKind, kind_of, unit_of
 from hdassist.preset.yamltext import OVERRIDE
 from hdassist.run.kept import ClosedRecord
+
+Need = Literal["cycle", "self error", "stiffness"]
+Extent = Literal["whole", "at least", "part", "not known"]
+Option = Literal["--limit", "--value"]
+ValueT = TypeVar("ValueT", float, Array)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explained:
+    """An entry with a code: its name, its test, the fault, and its remedy."""
+
+    code: str
+    words: str
+    tests: str
+    wrong: str
+    change: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check(Explained):
+    """A value held against a limit of the preset.
+
+    field: of the preset's section acceptance, which has the limit; its kind says whom the limit is for. needs: figures
+    of the drive that the value is predicted from (decision.PREDICTED); without any only a stated value counts.
+    of_trace: whether a trace has the value (decision.MEASURED). of_part: what such a value is where the record visited
+    a part of the cycle. upper: whether the limit is the greatest value allowed, not the least.
+    """
+
+    field: str
+    needs: Sequence[Need] = ()
+    of_trace: bool = False
+    of_part: Extent = "at least"
+    upper: bool = True
+
+    @property
+    def kind(self) -> FieldKind:
+        """Kind of its limits: "limits", one for each torque; "orders", at every torque; "number", the drive."""
+        return kind_of(Acceptance.model_fields[self.field])
+
+    @property
+    def unit(self) -> str:
+        """Unit of its value and limit, as JSON has it."""
+        return unit_of(Acceptance.model_fields[self.field])
+
+
+_TABLE = tomllib.loads(files("hdassist.acceptance").joinpath("checks.toml").read_text("utf-8"))
+CHECKS = tuple(Check(code=code, **declared) for code, declared in _TABLE["checks"].items())
+CODES: dict[str, Explained] = {check.code: check for check in CHECKS} | {
+    code: Explained(code=code, **words) for code, words in _TABLE["remarks"].items()
+}
+F_IOR, ORDER_CHECK = (next(check for check in CHECKS if check.code == code) for code in ("F_IOR", "ORDER"))
 
 ORDER_PREFIX = "order_"
 LIMIT_KINDS = {check.field: check.kind for check in CHECKS if check != ORDER_CHECK}
 HINT = f"NAME one of {', '.join(LIMIT_KINDS)}, or order_2 and so on"
+USE: dict[Option, str] = {"--limit": "[NAME[@TORQUE]=]VALUE", "--value": "NAME[@TORQUE]=VALUE±U"}
 _PER_TORQUE = "|".join(name for name, kind in LIMIT_KINDS.items() if kind == "limits")
 _OF_DRIVE = "|".join(name for name, kind in LIMIT_KINDS.items() if kind == "number")
 LIMIT_NAME = re.compile(rf"(?:{ORDER_PREFIX}({NUMBER})|{_PER_TORQUE})(?:@({NUMBER}))?|{_OF_DRIVE}")
 _OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: (?:\S+: )?", re.MULTILINE)
-
-Option = Literal["--limit", "--value"]
-ValueT = TypeVar("ValueT", float, Array)
-USE: dict[Option, str] = {"--limit": "[NAME[@TORQUE]=]VALUE", "--value": "NAME[@TORQUE]=VALUE±U"}
 
 
 @dataclass(frozen=True)
@@ -57,7 +111,7 @@ class Limit(ClosedRecord):
     def option(self) -> str:
         """The option of `hdassist accept` that gives its measured value."""
         torque = "" if self.M_g_Nm is None else f"{self.M_g_Nm:g}"
-        if self.check.measured and torque:
+        if self.check.of_trace and torque:
             return f"--measured {torque}=FILE"
         name = self.check.field if self.per_cam_rev is None else f"{ORDER_PREFIX}{self.per_cam_rev:g}"
         return f"--value {name}{torque and f'@{torque}'}=VALUE±U"
@@ -100,7 +154,7 @@ def _limits_of(check: Check, drive: Drive) -> Iterator[Limit]:
 
 
 def torques_of(limits: Iterable[Limit], need: str) -> tuple[float, ...]:
-    """Torques [N*m] at which limits need something of a drive (checks.Need), each once."""
+    """Torques [N*m] at which limits need something of a drive (Need), each once."""
     return tuple(dict.fromkeys(each.M_g_Nm for each in limits if need in each.check.needs and each.M_g_Nm is not None))
 
 

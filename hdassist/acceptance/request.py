@@ -1,30 +1,53 @@
-"""The request of an acceptance as plain data: kept beside the answer, it can be carried out again."""
+"""Requests of an acceptance as plain data, of one drive or of each row of a lot; what a request names, read.
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+A request is kept beside its answer, and can be carried out again. Columns of a lot: serial, preset, measured or
+measured@80 (a file), pitch_b, pitch_g (files of measured teeth), mark_b, mark_g (directions of their marks),
+NAME[@TORQUE] (a value with its uncertainty, measured otherwise), limit NAME[@TORQUE], section.key (an override of the
+preset). Names that begin with # or note are not used. A column is a field of the request, its cells add to that as the
+option would, and their faults are reported with their places.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from math import isnan
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 from pydantic import Field
 
-from hdassist.acceptance.decision import AcceptedValue
-from hdassist.acceptance.limits import Limit, LimitText, limits_of, load_limited
-from hdassist.acceptance.predictions import Predictions, order_place, predict
+from hdassist.acceptance.decision import AcceptedValue, Predictions, order_place, predict
+from hdassist.acceptance.limits import LIMIT_NAME, Limit, LimitText, limits_of, load_limited, named_overrides
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
-from hdassist.errors import DataError, UsageError
+from hdassist.errors import DataError, Finding, HdassistError, PresetError, UsageError
 from hdassist.loading.load import Asked
 from hdassist.measuring.measure import Measurement
 from hdassist.measuring.reading import Reading
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.numerals import number_of
-from hdassist.preset.fields import Drive
-from hdassist.preset.kinds import OneLine
-from hdassist.preset.overrides import is_overridden
+from hdassist.preset.fields import REMOVED, Drive, field_table
+from hdassist.preset.kinds import OneLine, is_number
+from hdassist.preset.library import preset_names
+from hdassist.preset.overrides import is_overridden, path_of
+from hdassist.preset.yamltext import InvalidValueError, near_miss, shown
+from hdassist.readers.table import CellTable, read_texts
 from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
+from hdassist.textfile import STDIN
 from hdassist.verdict import SURE
+
+TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
+MARK_COLUMNS = ("mark_b", "mark_g")
+FILE_COLUMNS = ("preset", "pitch_b", "pitch_g", "measured")
+PLAIN_COLUMNS = ("serial", *FILE_COLUMNS[:3], *MARK_COLUMNS)
+LISTS = ("overrides", "limits", "measured", "values")  # fields of a request that cells are added to
+_LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)
+_MEASURED = re.compile(r"measured(?:\s*@\s*(.+))?", re.IGNORECASE)
+_UNUSED = re.compile(r"#|note", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -51,7 +74,7 @@ class Inputs:
                 if is_overridden("acceptance.order_amplitude", drive.origin.overrides):
                     raise
                 raise DataError(f"{drive.name}: acceptance.order_amplitude: {error.message}", error.hint) from None
-        by_trace = [each for each in limits if each.check.measured and each.M_g_Nm in self.measurements]
+        by_trace = [each for each in limits if each.check.of_trace and each.M_g_Nm in self.measurements]
         if without := set(self.measurements) - {each.M_g_Nm for each in by_trace}:
             words = f"{drive.name}: measured at {min(without):g} N*m, where it has no limit"
             raise DataError(words, f"--limit F_ior@{min(without):g}=30")
@@ -141,7 +164,7 @@ class Request(ClosedRecord):
 
         Raises UntrustedError: no answer to be trusted.
         """
-        limits = tuple(limit for limit in limits if limit.check.predicted)
+        limits = tuple(limit for limit in limits if limit.check.needs)
         if self.measured_only or not limits:
             return None
         run = replace(run, seed=self.seed, cross_check=self.cross_check)
@@ -166,3 +189,154 @@ def stated_values(texts: Sequence[str], drive: Drive) -> dict[Limit, AcceptedVal
             raise UsageError(f"--value {given}: given twice")
         found[limit] = AcceptedValue.stated(given, limit)
     return found
+
+
+@dataclass(frozen=True)
+class LotRow:
+    """One drive to accept: its request, its place (FILE:LINE; None: no row of a lot).
+
+    fault: of the row itself; then the request is not to be carried out. cells: those that set options, their names in
+    messages (FILE:LINE:COLUMN: heading) and texts by how messages call the values that they set.
+    """
+
+    request: Request
+    place: str | None = None
+    fault: HdassistError | None = None
+    cells: Mapping[str, tuple[str, str]] = field(default_factory=dict, compare=False)
+
+    def message(self, error: HdassistError) -> str:
+        """The message of an error, naming cells of the row in place of options."""
+        if self.place is None or error is self.fault:
+            return error.message
+        message = named_overrides(error.message, [f"--set {text}" for text in self.request.overrides])
+        message = "\n".join(map(self._in_cell, message.splitlines()))
+        return message if self.place in message else f"{self.place}: {message}"
+
+    def _in_cell(self, line: str) -> str:
+        """A line of a message, with the cell in place of the option that it names."""
+        called = max((each for each in self.cells if each in line), key=len, default="")
+        if not called:
+            return line
+        name, text = self.cells[called]
+        rest = line.partition(f"{called}: ")[2]
+        got = "" if not rest or "(got " in rest else f" (got {shown(text)})"
+        return f"{name}: {rest or line}{got}"
+
+
+@dataclass(frozen=True)
+class Lot:
+    """Drives to accept: file that names them with its SHA-256, rows in its order."""
+
+    file: str
+    sha256: str
+    rows: tuple[LotRow, ...]
+
+
+Column = tuple[str, str]  # the field of a request (or of its wheels) that a column gives, and the text before a cell
+
+
+def is_lot(path: str) -> bool:
+    """Whether an argument is a lot: a file with the name of a table."""
+    return path.lower().endswith(TABLES)
+
+
+def read_lot(path: str, base: Request) -> Lot:
+    """Read a lot.
+
+    Arguments: path of a table; base, the request of every drive, its preset empty or that of rows without one. A row
+    adds its cells.
+    Raises DataError: a file that cannot be read or has no drive; PresetError: names of columns that cannot be meant.
+    The fault of a row is kept with it.
+    """
+    table = read_texts(path)
+    columns = _columns(table)
+    first: dict[str, int] = {}
+    rows = [_row(table, columns, place, base, first) for place in range(len(table.rows))]
+    return Lot(table.file, table.sha256, tuple(rows))
+
+
+def _columns(table: CellTable) -> list[Column | None]:
+    """Columns of a table; None for those that are not used. Raises PresetError: every name that cannot be meant."""
+    findings: list[Finding] = []
+    columns: list[Column | None] = []
+    for name in table.names:
+        try:
+            column = _column(name.text) if name.text and not _UNUSED.match(name.text) else None
+            if column and column in columns:
+                raise InvalidValueError(f"column {columns.index(column) + 1} is the same")
+        except InvalidValueError as fault:
+            column = None
+            place = table.file, table.names_line, name.column, name.text
+            findings.append(Finding(*place, fault.message, hint=fault.hint))
+        columns.append(column)
+    if findings:
+        raise PresetError(findings)
+    return columns
+
+
+def _column(name: str) -> Column:
+    """The field that a column gives. Raises InvalidValueError: none."""
+    if name.lower() in PLAIN_COLUMNS:
+        return name.lower(), ""
+    if at := _MEASURED.fullmatch(name):
+        if at[1] and not is_number(at[1]):
+            raise InvalidValueError("no such column", "like measured@80")
+        return "measured", f"{float(at[1]):g}=" if at[1] else ""
+    limit = _LIMIT.fullmatch(name)
+    for gives, text in (("limits", limit[1] if limit else ""), ("values", name)):
+        if LIMIT_NAME.fullmatch(text.strip()):
+            return gives, f"{text.strip()}="
+    if ".".join(map(str, path_of(name)[:2])) in field_table():
+        return "overrides", f"{name}="
+    known = [*PLAIN_COLUMNS, "measured", *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
+    hint = REMOVED.get(name) or near_miss(name, known) or "section.key, limit NAME@TORQUE, or note for what is not used"
+    raise InvalidValueError("no such column", hint)
+
+
+def _row(
+    table: CellTable, columns: Sequence[Column | None], place: int, base: Request, first: dict[str, int]
+) -> LotRow:
+    """One row by its place; first: line in which each serial stood first, which is added to."""
+    line, cells = table.rows[place]
+    folder = Path() if table.file == STDIN else Path(table.file).parent
+    given: dict[str, Any] = {"serial": "" if ("serial", "") in columns else f"line {line}"}
+    named: dict[str, tuple[str, str]] = {}
+    faults = []
+
+    def wrong(column: int, path: str, message: str, got: str = "", hint: str = "") -> None:
+        faults.append(Finding(table.file, line, column, path, message, shown(got), hint))
+
+    for index, cell in enumerate(cells):
+        name, column = (table.names[index].text, columns[index]) if index < len(columns) else ("", None)
+        if cell.text and not name:
+            wrong(cell.column, "", "a cell in a column without a name", cell.text, "quotes around a comma?")
+        if not cell.text or column is None:
+            continue
+        gives, start = column
+        text = cell.text if gives in ("serial", *FILE_COLUMNS) else table.with_points(cell.text)
+        if gives == "measured" and not start:
+            torque, text = torque_and_file(text)
+            start = f"{torque}=" if torque else ""
+        if gives in FILE_COLUMNS:
+            if text == "-":
+                wrong(cell.column, name, "a row cannot read standard input", "-", "name a file")
+            elif gives != "preset" or text not in preset_names():
+                text = str(folder / text)
+        elif gives in MARK_COLUMNS and not is_number(text):
+            wrong(cell.column, name, "must be an angle in deg", cell.text)
+            continue
+        given[gives] = (*given.get(gives, getattr(base, gives)), start + text) if gives in LISTS else text
+        called = text if gives in FILE_COLUMNS else f"--{gives.replace('_', '-')}" if not start else start + text
+        named.setdefault(called, (f"{table.file}:{line}:{cell.column}: {shown(name)}", cell.text))
+    if not given["serial"]:
+        wrong(1, "serial", "missing", hint="each drive needs its serial; without the column its line is its name")
+        given["serial"] = f"line {line}"
+    elif first.setdefault(given["serial"], line) != line:
+        words = f"stands in line {first[given['serial']]} too"
+        wrong(1, "serial", words, given["serial"], "one row for each drive")
+    given |= {mark: float(given[mark]) for mark in MARK_COLUMNS if mark in given}
+    wheels = {each.name: given.pop(each.name) for each in fields(WheelFiles) if each.name in given}
+    request = replace(base, **given, wheels=replace(base.wheels, **wheels))
+    if not request.preset:
+        wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")
+    return LotRow(request, f"{table.file}:{line}", PresetError(faults) if faults else None, named)

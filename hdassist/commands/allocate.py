@@ -41,9 +41,8 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
             from hdassist.error.self_error import self_error
             from hdassist.errors import UsageError
             from hdassist.pages.tolerance import allocate_report
-            from hdassist.tolerance.allocation import Allocator
             from hdassist.tolerance.production import Production
-            from hdassist.tolerance.sensitivity import to_measure
+            from hdassist.tolerance.tightening import Allocator, to_measure
 
             drive = self.load(preset)
             law, torques, limits = self.law(drive, chosen=True), drive.operation.M_g, require_limits(drive)

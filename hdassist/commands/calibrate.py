@@ -45,8 +45,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
 
     def report(self, out: o.Output, preset: str) -> o.Report:
         """The values, found and written where that is asked for."""
-        from hdassist.calibration.calibrate import calibrate, estimate_drives
-        from hdassist.calibration.targets import read_targets
+        from hdassist.calibration import calibrate, estimate_drives, read_targets
         from hdassist.errors import UsageError
         from hdassist.loading.write import with_found_values
         from hdassist.pages.calibrate import calibrate_report

@@ -9,8 +9,7 @@ from hdassist.terminal import options as o
 if TYPE_CHECKING:
     from hdassist.belief.samples import Samples
     from hdassist.preset.fields import Drive
-    from hdassist.tolerance.law import ProductionLaw
-    from hdassist.tolerance.production import Production, RandomDrive
+    from hdassist.tolerance.production import Production, ProductionLaw, RandomDrive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +28,7 @@ class DrawOptions(o.LimitedDriveOptions):
         Raises UsageError for invalid options.
         """
         from hdassist.preset.deviations import DEVIATION_FIELDS
-        from hdassist.tolerance.law import production_law
+        from hdassist.tolerance.production import production_law
 
         found = production_law(drive, self.distribution, chosen=chosen, known=self.known)
         if not any(each.path == each.group and each.path in DEVIATION_FIELDS for each in found.own):

@@ -52,7 +52,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
     def report(self, out: o.Output, preset: str) -> o.Report:
         """All about a drive."""
         with out.progress(preset) as progress:  # words before numpy is imported
-            from hdassist.comparing.sheet import sheet_of, sheet_states
+            from hdassist.comparing.drives import sheet_of, sheet_states
             from hdassist.pages.report import drive_report
 
             drive = self.load(preset)

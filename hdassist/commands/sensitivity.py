@@ -36,7 +36,7 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
 
             from hdassist.pages.tolerance import sensitivity_report
             from hdassist.tolerance.production import Production
-            from hdassist.tolerance.sensitivity import sensitivities
+            from hdassist.tolerance.tightening import sensitivities
 
             drive = self.load(preset)
             law = self.law(drive)

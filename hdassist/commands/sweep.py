@@ -46,8 +46,7 @@ class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
 
     def report(self, out: o.Output, preset: str) -> o.Report:
         """The rows, computed and written."""
-        from hdassist.design.sweep import Sweep, collect
-        from hdassist.design.vary import read_axes
+        from hdassist.design.sweep import Sweep, collect, read_axes
         from hdassist.errors import UsageError
         from hdassist.loading.load import load_text
         from hdassist.pages import curves as page

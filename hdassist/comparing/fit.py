@@ -14,9 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space
 
-from hdassist.comparing.doubt import SLOPE_WAVE_POINTS
-from hdassist.comparing.record import RecordedOrders, rms
-from hdassist.comparing.vectors import VECTOR_ORDERS, VECTORS, vectors_of, with_vectors
+from hdassist.comparing.record import (
+    SLOPE_WAVE_POINTS,
+    VECTOR_ORDERS,
+    VECTORS,
+    RecordedOrders,
+    rms,
+    vectors_of,
+    with_vectors,
+)
 from hdassist.error.waves import WAVE_POINTS, Complex, ErrorWaves
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive

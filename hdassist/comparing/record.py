@@ -1,11 +1,18 @@
-"""Coefficients of the orders of a measured trace, their covariance, and those that a model predicts.
+"""The orders of a measured trace, and what a model predicts of them: deviation vectors, waves, doubts of the model.
 
 A predicted curve goes through the same least squares, with the same levels and drift, at the same angles as the
-measured one, so both have the same resolution.
+measured one, so both have the same resolution. Deviations are fitted as vectors, size and direction as a complex
+number; those that look like another one in a single position of the wheel are left out: order 3 (on two opposite zones
+it looks like a first harmonic), the offset e_b of the rigid wheel, and the ovality a_s2 of its seat. No shop measures
+the stiffness of a support: a comparison that takes the preset as exact explains such a difference by deviations, with
+far too small uncertainties, so doubts of stiffnesses and clearances widen the covariance of the orders, (14) of
+docs/theory.md.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -14,21 +21,83 @@ import numpy as np
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import extremes_of
 from hdassist.error.waves import Complex, ErrorWaves
+from hdassist.errors import UntrustedError
 from hdassist.measuring.fit import order_columns
 from hdassist.measuring.measure import SweepResult
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.preset.deviations import DEVIATIONS
 from hdassist.preset.fields import Drive
 from hdassist.readers.trace import MeasuredTrace
-from hdassist.run.run import UNCHECKED
+from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 
+VECTORS = tuple(d for d in DEVIATIONS if d.order != 3 and d.kind not in ("centre", "seat"))
+VECTOR_ORDERS = np.array([vector.order for vector in VECTORS])
+# um, in which each is counted, so that all weigh about alike: first harmonics nearly cancel on two opposite zones
+VECTOR_UNITS = np.where(VECTOR_ORDERS > 1, 0.1, 1.0)
+DOUBTED_SHARES = {"supports.C_2": 0.3, "supports.C_3": 0.3, "contact.c_t": 0.3, "cam.W_0": 0.02}
+SLOPE_WAVE_POINTS = 24  # around each wheel, for slopes
+DOUBTED_CLEARANCE = 1.0  # um, of gears.j_n
 EXACT = 2e-4  # of F'_ior, in each coefficient: as far as a predicted curve counts as exact
 MODEL_ERROR = 0.03  # of each order: standard deviation of all else that a model may have wrong
 CHI_SQUARE_CLEAR = 4.0  # standard deviations of a chi-square
 ERROR_SIGNS = {1.0: "cam-output", -1.0: "output-cam"}  # of the error of a file, as F_kpp or against it
 SENSES = {1.0: "ccw", -1.0: "cw"}  # of its cam angle, seen from the cam side
 SCANNED = {1: 72, 2: 48}  # places of each angle of the alignment that is scanned, where so many are
+
+
+def vectors_of(drive: Drive) -> Complex:
+    """Deviations of a drive as complex numbers in their units, shape (vectors,); the angle is order x direction."""
+    sizes, directions = np.array([[drive.number(v.size), drive.number(v.direction)] for v in VECTORS]).T
+    return np.asarray(sizes / VECTOR_UNITS * np.exp(1j * np.radians(VECTOR_ORDERS * directions)))
+
+
+def size_and_direction(drive: Drive, vectors: Complex, k: int) -> tuple[float, float]:
+    """Size [um] and direction [deg] of one of the vectors, in the turn nearest to the direction that the drive has."""
+    near, turn = drive.number(VECTORS[k].direction), 360 / VECTORS[k].order
+    away = float(np.degrees(np.angle(vectors[k]))) / VECTORS[k].order - near
+    return float(abs(vectors[k]) * VECTOR_UNITS[k]), near + (away + turn / 2) % turn - turn / 2
+
+
+def with_vectors(drive: Drive, vectors: Complex, fitted: Iterable[int]) -> Drive:
+    """The drive with those of its deviation vectors changed that were fitted, by their places in VECTORS."""
+    values: dict[str, float] = {}
+    for k in fitted:
+        values[VECTORS[k].size], values[VECTORS[k].direction] = size_and_direction(drive, vectors, k)
+    return drive.with_values(values)
+
+
+def doubts_of(drive: Drive) -> dict[str, float]:
+    """Standard deviations of doubtful fields of a drive by path, in their units."""
+    shares = {path: drive.number(path) * share for path, share in DOUBTED_SHARES.items() if drive.number(path)}
+    return shares | {"gears.j_n": DOUBTED_CLEARANCE}
+
+
+def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()) -> Complex:
+    """Changes of a drive's waves [arcsec] for a standard deviation of each doubtful field, shape (changes, waves).
+
+    Two changes a field: half the difference of both ways, and the distance of their mean from the drive as it is. A
+    field that cannot have such values in the drive is left out. Arguments: torque M_g [N*m]; torus, waves at M_g, to
+    whose certificate the states solved here are added.
+    """
+    (own,) = torus.waves([drive], SLOPE_WAVE_POINTS)
+
+    def moved(path: str, value: float) -> Complex:
+        other = drive.with_values({path: value})
+        case = ErrorWaves(other, M_g, run)
+        (waves,) = case.waves([other], SLOPE_WAVE_POINTS)
+        torus.certificate += case.certificate
+        return np.asarray(waves - own)
+
+    changes = []
+    for path, deviation in doubts_of(drive).items():
+        values = [drive.number(path) + way * deviation for way in (-1, 1)]
+        if all(drive.allows(path, value) for value in values):
+            with suppress(UntrustedError):
+                less, more = (moved(path, value) for value in values)
+                changes += [(more - less) / 2, (more + less) / 2]
+    return np.reshape(changes, (len(changes), len(own)))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.special import ndtr, ndtri
 
 from hdassist.belief.prior import prior_of
-from hdassist.comparing.doubt import doubts_of
+from hdassist.comparing.record import doubts_of
 from hdassist.correction.records import RecordedError, solved_error
 from hdassist.correction.table import between_points
 from hdassist.errors import UntrustedError

@@ -204,6 +204,16 @@ class DesignCheck:
         return (*self.drive.origin.warnings, *remarks)
 
 
+def accuracy_words(accuracy: float | None, points: Sequence[OperatingPoint]) -> str:
+    """F'_ior at the least load beside an accuracy [arcsec], measured without any; empty where none is given."""
+    if accuracy is None:
+        return ""
+    point = min(points, key=lambda each: abs(each.M_g))
+    compared = " to ".join(dict.fromkeys(f"{100 * end / accuracy:.0f}" for end in point.range_arcsec or ()))
+    words = f"F'_ior at {point.M_g:g} N·m is {compared} % of it" if compared else "F'_ior is not known"
+    return f"accuracy {accuracy:g}″ (no load); {words}"
+
+
 def check_states(drive: Drive, measured: MeasuredTeeth | None = None, draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a check solves, for a progress bar."""
     drawn = draws if not measured and searchable(drive) and prior_of(drive).fields else 0

@@ -6,9 +6,11 @@ the curve is the same on the way up and on the way down: there is no hysteresis 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from hdassist.errors import UsageError
 from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Array
 from hdassist.model.rings import shell_twist_stiffness
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import Catalogue, Drive
 from hdassist.run.run import Progress, Run
 from hdassist.solve.answers import ARCSEC, N_MM, Certificate
 from hdassist.solve.formulation import formulate
@@ -182,3 +184,48 @@ class Twist:
 
 def _place(torques: Array, k: int) -> str:
     return f"M_g = {torques[k]:g} N*m, without deviations"
+
+
+STIFFNESSES = ("K_1", "K_2", "K_3")
+CATALOGUE_UNITS = {**dict.fromkeys(STIFFNESSES, "Nm_per_rad"), "T_1": "Nm", "T_2": "Nm", "lost_motion": "arcsec"}
+
+
+@dataclass(frozen=True)
+class SegmentBeside:
+    """A segment of the model's curve beside the stiffness of the catalogue [N*m/rad], None where it gives none.
+
+    off_percent: how far the model is off; None without a catalogue, or where its segments end at other torques.
+    """
+
+    name: str
+    segment: Segment
+    catalogue: float | None
+    off_percent: float | None
+
+
+def segments_beside(catalogue: Catalogue, side: Sequence[Segment]) -> list[SegmentBeside]:
+    """The segments of one side, each beside the catalogue's."""
+    comparable = not ends_elsewhere(catalogue, side)
+    rows = [(name, segment, getattr(catalogue, name)) for name, segment in zip(STIFFNESSES, side, strict=False)]
+    return [SegmentBeside(*row, off(row[1].stiffness, row[2]) if comparable else None) for row in rows]
+
+
+def ends_elsewhere(catalogue: Catalogue, side: Sequence[Segment]) -> bool:
+    """Whether segments end at other torques than the catalogue's: chords between them are other stiffnesses."""
+    given = zip(side, (catalogue.T_1, catalogue.T_2), strict=False)
+    return any(T is not None and abs(segment.end) != T for segment, T in given)
+
+
+def off(ours: float, theirs: float | None) -> float | None:
+    """How far a value is off that of a catalogue, in per cent of the catalogue's."""
+    return None if theirs is None else 100 * (ours / theirs - 1)
+
+
+def stiffness_object(catalogue: Catalogue, result: Stiffness) -> dict[str, Any] | None:
+    """Figures of a catalogue and how far the model is off, for JSON; None where it gives none."""
+    given = {f"{name}_{unit}": getattr(catalogue, name) for name, unit in CATALOGUE_UNITS.items()}
+    percents = dict.fromkeys(STIFFNESSES) | {
+        each.name: each.off_percent for each in segments_beside(catalogue, result.positive)
+    }
+    percents["lost_motion"] = off(result.lost_motion_arcsec, catalogue.lost_motion)
+    return {**given, "off_percent": percents} if any(given.values()) else None

@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic.fields import FieldInfo
 
-from hdassist.acceptance.checks import CODES, Check
+from hdassist.acceptance.limits import CODES, Check
 from hdassist.errors import UsageError
 from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS, WORDS_OF_PAGES
 from hdassist.preset.fields import field_table, sections

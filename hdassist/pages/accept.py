@@ -6,13 +6,17 @@ from dataclasses import asdict, fields, replace
 from math import floor, log10
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from hdassist.acceptance.answer import LOT_VERDICTS, AcceptAnswer, answer_json, lot_summary, provenance
-from hdassist.acceptance.checks import F_IOR
-from hdassist.acceptance.decision import GUARD, DecidedCheck
-from hdassist.acceptance.limits import Limit, LimitText
-from hdassist.acceptance.lot import Lot
-from hdassist.acceptance.predictions import Belief, Predictions
-from hdassist.acceptance.replay import answer_differences
+from hdassist.acceptance.answer import (
+    LOT_VERDICTS,
+    AcceptAnswer,
+    answer_differences,
+    answer_json,
+    lot_summary,
+    provenance,
+)
+from hdassist.acceptance.decision import GUARD, Belief, DecidedCheck, Predictions
+from hdassist.acceptance.limits import F_IOR, Limit, LimitText
+from hdassist.acceptance.request import Lot
 from hdassist.errors import DataError
 from hdassist.json_parts import attributes
 from hdassist.pages.check import fitted_words, steps_fact, steps_table

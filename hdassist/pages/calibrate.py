@@ -4,8 +4,7 @@ import shlex
 from collections.abc import Iterator
 from math import isfinite
 
-from hdassist.calibration.calibrate import Calibration, Fit, FoundValue
-from hdassist.calibration.targets import Targets
+from hdassist.calibration import Calibration, Fit, FoundValue, Targets
 from hdassist.json_parts import Json, attributes
 from hdassist.model.unknown import unknown_notes
 from hdassist.report import Facts, Quantities, Quantity, Report, Table

@@ -11,8 +11,7 @@ from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
 from hdassist.belief.steps import Outcome, Step
-from hdassist.design.beside_catalogue import accuracy_words
-from hdassist.design.check import DesignCheck, OperatingPoint
+from hdassist.design.check import DesignCheck, OperatingPoint, accuracy_words
 from hdassist.json_parts import (
     Json,
     as_json,

@@ -8,11 +8,9 @@ from string import ascii_uppercase
 
 import numpy as np
 
-from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison
-from hdassist.comparing.drives import DriveChanges, DrivesComparison, ErrorChange
-from hdassist.comparing.explanations import Explanation, VectorChange, equally_good
+from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison, Explanation, VectorChange, equally_good
+from hdassist.comparing.drives import DriveChanges, DrivesComparison, DriveSheet, ErrorChange
 from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmplitude, OrderPair
-from hdassist.comparing.sheet import DriveSheet
 from hdassist.design.check import OperatingPoint
 from hdassist.json_parts import Json
 from hdassist.model.kinematics import Kinematics

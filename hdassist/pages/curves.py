@@ -6,11 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.design.beside_catalogue import SegmentBeside, ends_elsewhere, off, segments_beside, stiffness_object
-from hdassist.design.sweep import Sweep, SweepRow, Swept
-from hdassist.design.vary import Axis
+from hdassist.design.sweep import Axis, Sweep, SweepRow, Swept
 from hdassist.error.orders import Order, order_legend
-from hdassist.error.stiffness import LOST_MOTION_SHARE, Segment, Stiffness
+from hdassist.error.stiffness import (
+    LOST_MOTION_SHARE,
+    Segment,
+    SegmentBeside,
+    Stiffness,
+    ends_elsewhere,
+    off,
+    segments_beside,
+    stiffness_object,
+)
 from hdassist.error.trace import Trace
 from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns

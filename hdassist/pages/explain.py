@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from hdassist.acceptance.checks import CODES
+from hdassist.acceptance.limits import CODES
 from hdassist.explaining.lookup import Entry, entries
 from hdassist.json_parts import attributes
 from hdassist.report import Facts, Paragraph, Report, ReportSection

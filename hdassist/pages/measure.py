@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.acceptance.checks import CHECKS
+from hdassist.acceptance.limits import CHECKS
 from hdassist.json_parts import Json, as_json
 from hdassist.measuring.archive import ArchiveEntry, DriveHistory, histories
 from hdassist.measuring.bench import (

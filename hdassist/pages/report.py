@@ -13,7 +13,7 @@ from markupsafe import Markup
 from rich.console import Group
 from rich.text import Text
 
-from hdassist.comparing.sheet import DriveSheet
+from hdassist.comparing.drives import DriveSheet
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names

@@ -12,10 +12,8 @@ from hdassist.belief.statistics import shares_below
 from hdassist.json_parts import Json, attributes, influence_objects, measure_objects, samples_object
 from hdassist.report import Curve, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
 from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words, named, probability_words
-from hdassist.tolerance.allocation import Allocation, Allocator
-from hdassist.tolerance.law import ProductionLaw, TolerancedSize
-from hdassist.tolerance.production import TIGHTER_STEP
-from hdassist.tolerance.sensitivity import Sensitivities, Tightened, to_measure
+from hdassist.tolerance.production import TIGHTER_STEP, ProductionLaw, TolerancedSize
+from hdassist.tolerance.tightening import Allocation, Allocator, Sensitivities, Tightened, to_measure
 from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief
 from hdassist.verdict import Verdict
 

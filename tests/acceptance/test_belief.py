@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from hdassist.acceptance.answer import answer_json
+from hdassist.acceptance.decision import predict, quantities
 from hdassist.acceptance.limits import limits_of
-from hdassist.acceptance.predictions import estimated_cycle, predict, quantities
 from hdassist.design.check import check
 from hdassist.error.cycle import kinematic_error
+from hdassist.error.waves import estimated_cycle
 from hdassist.loading.load import load_preset
 from hdassist.model.kinematics import Kinematics
 from hdassist.pages.check import check_report

@@ -10,11 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.acceptance.answer import AcceptAnswer, answer_json, read_answers
-from hdassist.acceptance.lot import LotRow, read_lot
-from hdassist.acceptance.replay import answer_differences
-from hdassist.acceptance.request import Request
-from hdassist.acceptance.work import answer_row
+from hdassist.acceptance.accept import answer_row
+from hdassist.acceptance.answer import AcceptAnswer, answer_differences, answer_json, read_answers
+from hdassist.acceptance.request import LotRow, Request, read_lot
 from hdassist.errors import Fault
 from tests.process import SMALL, run
 

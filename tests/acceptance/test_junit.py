@@ -9,10 +9,9 @@ from xml.parsers import expat
 import pytest
 from junitparser import JUnitXml
 
+from hdassist.acceptance.accept import answer_rows
 from hdassist.acceptance.answer import AcceptAnswer, lot_summary
-from hdassist.acceptance.lot import read_lot
-from hdassist.acceptance.request import Request
-from hdassist.acceptance.work import answer_rows
+from hdassist.acceptance.request import Request, read_lot
 from hdassist.pages.accept import junit
 
 SMALL = str(Path(__file__).parents[1] / "data/small.yaml")

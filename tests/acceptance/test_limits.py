@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdassist.acceptance.checks import CHECKS, CODES
-from hdassist.acceptance.limits import Limit, LimitText, limits_of
+from hdassist.acceptance.limits import CHECKS, CODES, Limit, LimitText, limits_of
 from hdassist.acceptance.request import stated_values
 from hdassist.errors import PresetError, UsageError
 from hdassist.loading.load import load_text

@@ -16,12 +16,10 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from hdassist.acceptance import work as lotwork
-from hdassist.acceptance.answer import ANSWERS, read_answers
-from hdassist.acceptance.replay import answer_differences
+from hdassist.acceptance import accept as lotwork
+from hdassist.acceptance.answer import ANSWERS, answer_differences, read_answers
 from hdassist.acceptance.request import Request
-from hdassist.commands.accept import AcceptOptions
-from hdassist.commands.accept_run import ACCEPT_OWNER, accept_lot
+from hdassist.commands.accept import AcceptOptions, accept_lot
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from tests.process import CLEAN, COMMAND, SMALL, TINY, run
 from tests.rigs import drive_error, text
@@ -248,9 +246,9 @@ def test_a_kept_answer_that_is_none_is_refused_though_its_checksum_holds(folder,
     args = ("accept", "few.csv", "--preset", SMALL, *STATED, "--jsonl", "a.jsonl")
     assert here(*args)[0] == 0
     path = str(folder / "a.jsonl")
-    with open_kept(path, ACCEPT_OWNER, ANSWERS) as kept:
+    with open_kept(path, KeptOwner(command="accept", inputs={}), ANSWERS) as kept:
         (fields,) = (json.loads(ANSWERS.adapter.dump_json(each)) for each in kept.records())
-    with open_kept(path, ACCEPT_OWNER, RecordKind(TypeAdapter(dict)), force=True) as kept:
+    with open_kept(path, KeptOwner(command="accept", inputs={}), RecordKind(TypeAdapter(dict)), force=True) as kept:
         kept.append([fields | change])
     for again in ((*args, "--resume"), ("accept", "--replay", "a.jsonl")):
         code, out, said = here(*again)

@@ -15,13 +15,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.special import betaincinv
 
+from hdassist.acceptance import accept as lotwork
 from hdassist.acceptance import request as requests
-from hdassist.acceptance import work as lotwork
-from hdassist.acceptance.answer import answer_json, lot_summary, read_answers
-from hdassist.acceptance.lot import LotRow, is_lot, read_lot
-from hdassist.acceptance.replay import RELATIVE, answer_differences, still_stands
-from hdassist.acceptance.request import Request
-from hdassist.acceptance.work import answer_row, answer_rows, failure_of, predicted
+from hdassist.acceptance.accept import answer_row, answer_rows, failure_of, predicted
+from hdassist.acceptance.answer import (
+    RELATIVE,
+    answer_differences,
+    answer_json,
+    lot_summary,
+    read_answers,
+    still_stands,
+)
+from hdassist.acceptance.request import LotRow, Request, is_lot, read_lot
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.measuring.reading import Reading
 from hdassist.pages.accept import csv as figures

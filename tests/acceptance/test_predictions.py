@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from hdassist.acceptance.answer import answer_json
-from hdassist.acceptance.checks import CHECKS, ORDER_CHECK
-from hdassist.acceptance.limits import limits_of
-from hdassist.acceptance.lot import read_lot
-from hdassist.acceptance.predictions import predict
-from hdassist.acceptance.request import Request, stated_values
+from hdassist.acceptance.decision import predict
+from hdassist.acceptance.limits import CHECKS, ORDER_CHECK, limits_of
+from hdassist.acceptance.request import Request, read_lot, stated_values
 from hdassist.design.check import check
 from hdassist.error.orders import orders
 from hdassist.error.stiffness import stiffness
@@ -118,7 +116,7 @@ def test_a_declaration_is_all_that_a_check_takes(check, predicted, tmp_path):
     drive = tiny(f"{name}=7")
     (limit,) = [limit for limit in limits_of(drive) if limit.M_g_Nm in (4.0, None)]
     assert (limit.check, limit.limit, limit.per_cam_rev) == (check, 7.0, 2.0 if check == ORDER_CHECK else None)
-    assert (predicted[1].quantities.value(limit) > 0) == (check.predicted is not None)
+    assert (predicted[1].quantities.value(limit) > 0) == bool(check.needs)
     assert limits_of(tiny(f"{name}=7 {check.unit}")) == limits_of(drive)
     columns = f"serial,preset,limit {name},{name if check != ORDER_CHECK else 'order_2@4'}\n1,{TINY},7,6±0.1\n"
     (tmp_path / "lot.csv").write_text(columns)

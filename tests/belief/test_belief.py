@@ -19,8 +19,7 @@ from hdassist.belief.statistics import (
     probability_of,
     weighted_quantile,
 )
-from hdassist.calibration.quantities import predictions
-from hdassist.calibration.targets import CalibrationTarget
+from hdassist.calibration import CalibrationTarget, predictions
 from hdassist.error.error_map import extremes_of
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError

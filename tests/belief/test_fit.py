@@ -11,7 +11,7 @@ from hdassist.belief.draws import Draw, KeptDraws
 from hdassist.belief.evidence import STIFFNESS_FIGURES, Evidence
 from hdassist.belief.prior import prior_of
 from hdassist.belief.proposals import PILOT_DRAWS, proposed_draws
-from hdassist.comparing.pairs import differently_open
+from hdassist.comparing.drives import differently_open
 from hdassist.loading.load import load_text
 from hdassist.loading.write import with_found_values
 from tests.process import TINY, run

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.calibration.calibrate import calibrate
-from hdassist.calibration.quantities import F_ior_at_phases, phase_scan, predictions
-from hdassist.calibration.targets import read_targets
+from hdassist.calibration import F_ior_at_phases, calibrate, phase_scan, predictions, read_targets
 from hdassist.error.error_map import ErrorMap
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError

@@ -3,7 +3,7 @@
 import pytest
 
 from hdassist import load_preset
-from hdassist.calibration.targets import read_targets
+from hdassist.calibration import read_targets
 from hdassist.errors import PresetError
 from tests.process import SMALL
 

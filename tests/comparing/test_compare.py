@@ -10,8 +10,7 @@ import pytest
 from hdassist import kinematic_error, load_preset, trace
 from hdassist.comparing import compare as comparing
 from hdassist.comparing.compare import Comparison, torque_of, zero_of
-from hdassist.comparing.record import Alignment, RecordedOrders, SolvedStates
-from hdassist.comparing.vectors import VECTORS
+from hdassist.comparing.record import VECTORS, Alignment, RecordedOrders, SolvedStates
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
 from hdassist.measuring.measure import measure

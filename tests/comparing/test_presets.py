@@ -13,8 +13,14 @@ import pytest
 from hdassist import kinematic_error, load_preset, mounting_curve, stiffness
 from hdassist.belief.statistics import weighted_quantile
 from hdassist.commands.compare import is_preset
-from hdassist.comparing.drives import compare_drives, differing_fields, differing_rows, drive_changes
-from hdassist.comparing.pairs import DrivePairs, drawn_pairs
+from hdassist.comparing.drives import (
+    DrivePairs,
+    compare_drives,
+    differing_fields,
+    differing_rows,
+    drawn_pairs,
+    drive_changes,
+)
 from hdassist.design.check import check
 from hdassist.pages.compare import drives_report
 from hdassist.run.run import UNCHECKED

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.comparing.vectors import VECTORS, vectors_of, with_vectors
+from hdassist.comparing.record import VECTORS, vectors_of, with_vectors
 from hdassist.preset.fields import Drive
 from tests.process import SMALL
 

@@ -20,8 +20,7 @@ import pytest
 from pydantic import ValidationError
 
 from hdassist import load_preset
-from hdassist.design.sweep import Sweep, collect
-from hdassist.design.vary import read_axes
+from hdassist.design.sweep import Sweep, collect, read_axes
 from hdassist.errors import DataError
 from hdassist.preset.library import read_preset
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept

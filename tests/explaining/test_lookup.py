@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from hdassist.acceptance.checks import CHECKS, CODES
+from hdassist.acceptance.limits import CHECKS, CODES
 from hdassist.errors import Fault, HdassistError, UsageError
 from hdassist.explaining.lookup import entries, explained
 from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS

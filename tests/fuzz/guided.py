@@ -21,9 +21,8 @@ import numpy as np
 with atheris.instrument_imports(include=["hdassist"]):
     from hdassist.acceptance.answer import read_answers
     from hdassist.acceptance.limits import LimitText
-    from hdassist.acceptance.lot import read_lot
-    from hdassist.acceptance.request import Request
-    from hdassist.calibration.targets import read_targets
+    from hdassist.acceptance.request import Request, read_lot
+    from hdassist.calibration import read_targets
     from hdassist.errors import HdassistError
     from hdassist.loading.load import load_text
     from hdassist.measuring.measure import measure

@@ -91,8 +91,8 @@ def _import_all() -> None:
     for args in (("check", "-h"), ("presets", "list")):
         run(*args)
     # unused here: they are only to be loaded
+    from hdassist.acceptance import accept  # noqa: F401
     from hdassist.calibration import calibrate  # noqa: F401
-    from hdassist.commands import accept_run  # noqa: F401
     from hdassist.mounting import advice  # noqa: F401
     from hdassist.pages import (
         card,  # noqa: F401

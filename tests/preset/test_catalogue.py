@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.catalogue import MM_A_SIZE, PAGE, ROOT, SIZES, files, presets
 from hdassist import load_preset, stiffness
-from hdassist.calibration.targets import read_targets
+from hdassist.calibration import read_targets
 from hdassist.loading.load import load_text
 from hdassist.preset.knowledge import CATALOGUE_K3, REFERENCE, TORQUE_DENSITY
 from hdassist.run.run import UNCHECKED

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.calibration.targets import read_targets
+from hdassist.calibration import read_targets
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.loading.load import load_preset
 from hdassist.preset.fields import field_table, measures

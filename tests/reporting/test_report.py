@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.comparing.sheet import DriveSheet, sheet_of
+from hdassist.comparing.drives import DriveSheet, sheet_of
 from hdassist.pages.check import check_report
 from hdassist.pages.mount import instruction_of, mount_report
 from hdassist.pages.report import ENVELOPE_COLUMNS, drive_report, outline, report_html, report_markdown

@@ -5,9 +5,8 @@ import pytest
 
 from hdassist import Drive, load_preset
 from hdassist.preset.knowledge import F_p
-from hdassist.tolerance.allocation import Allocator, tolerances
-from hdassist.tolerance.law import production_law
-from hdassist.tolerance.production import Production, RandomDrive
+from hdassist.tolerance.production import Production, RandomDrive, production_law
+from hdassist.tolerance.tightening import Allocator, tolerances
 from hdassist.verdict import Verdict
 from tests.process import TINY
 

@@ -6,7 +6,7 @@ import pytest
 from hdassist import Drive, load_preset
 from hdassist.belief.prior import prior_of
 from hdassist.errors import UsageError
-from hdassist.tolerance.law import RAYLEIGH_TAIL, TolerancedSize, production_law
+from hdassist.tolerance.production import RAYLEIGH_TAIL, TolerancedSize, production_law
 from tests.process import ASSUMED, TINY
 
 

@@ -11,8 +11,7 @@ from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.mounting.positions import merit, rotated
 from hdassist.run.run import Run
-from hdassist.tolerance.law import production_law
-from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive
+from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive, production_law
 from tests.process import ASSUMED, SMALL, TINY
 
 TORQUES = (1.0, 4.0)

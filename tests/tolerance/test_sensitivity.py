@@ -8,9 +8,8 @@ import pytest
 from hdassist import load_preset
 from hdassist.belief.statistics import weighted_quantile
 from hdassist.pages.tolerance import sensitivity_report
-from hdassist.tolerance.law import production_law
-from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive
-from hdassist.tolerance.sensitivity import Sensitivities, sensitivities
+from hdassist.tolerance.production import TIGHTER_STEP, Production, RandomDrive, production_law
+from hdassist.tolerance.tightening import Sensitivities, sensitivities
 from tests.process import TINY
 
 SOFT = "source.supports.C_3={kind: assumed, range: [50, 80000], ref: judged}"

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from hdassist import Drive, load_preset
-from hdassist.calibration.targets import read_targets
+from hdassist.calibration import read_targets
 from hdassist.error.error_map import Batch, ErrorMap
 from hdassist.model.geometry import Array
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import spearmanr
 
 from hdassist import Drive, kinematic_error, load_preset
-from hdassist.calibration.quantities import PhaseScan, phase_scan
+from hdassist.calibration import PhaseScan, phase_scan
 from hdassist.error.cycle import KinematicError
 from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.trace import trace

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.acceptance.predictions import estimated_cycle, turn_range_arcsec
+from hdassist.error.waves import estimated_cycle, turn_range_arcsec
 from hdassist.run.run import UNCHECKED
 from tests.process import SMALL
 

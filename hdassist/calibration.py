@@ -1,0 +1,472 @@
+"""Values of a preset found from targets: least squares from the best, distant points of a Sobol set.
+
+Targets are few and unknowns many, so there is seldom one answer: every set that meets the targets and lies far
+from the others is kept, and each value has an interval that says whether the targets have determined it. A text of
+targets is YAML with the values to find, and the measured values of the drive:
+
+schema: hdassist.targets/1
+name: acceptance rig, drive 17
+unknowns:
+  gears.j_n: {low: 0, high: 20}
+  supports.C_2:                     # between the ends of its range in the preset's source
+targets:
+  - {quantity: F_ior, M_g: 80, phase: 180, value: 20.1, tolerance: 0.5}
+  - {quantity: K_1, value: 50e4, tolerance: 10 %}
+  - {quantity: self_error, M_g: 80, low: 0.25, high: 2.0}
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from math import inf, isfinite
+from typing import Any, Literal
+
+import numpy as np
+from scipy.optimize import OptimizeResult, least_squares, minimize_scalar
+
+from hdassist.belief.prior import LOGARITHMIC, FieldPrior, owner_of
+from hdassist.belief.statistics import sobol_points
+from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.self_error import self_error
+from hdassist.error.stiffness import Twist, stiffness
+from hdassist.errors import DataError, Fault, HdassistError, PresetError, UntrustedError
+from hdassist.model.geometry import Array
+from hdassist.model.rules import first_conflict
+from hdassist.mounting.positions import phase_deg
+from hdassist.preset import yamltext
+from hdassist.preset.fields import Drive, field_table, measures
+from hdassist.preset.kinds import plain, range_of, short, unit_of
+from hdassist.preset.units import read_number
+from hdassist.preset.yamltext import Document, InvalidValueError, Path, near_miss, ordered_findings
+from hdassist.run.run import UNCHECKED, Run
+
+TARGETS_SCHEMA = "hdassist.targets/1"
+RANGE_TOLERANCE = "10 %"  # of its greater end: how far outside a range counts as much as a tolerance does
+INSIDE = 0.5  # tolerances that a fit is to lie inside a range, for its last step may end beside it
+TEXT = "text"  # in place of a unit
+KEY_UNITS = {"M_g": "N*m", "phase": "deg", "T_1": "N*m", "T_2": "N*m"}
+# unit of each quantity, the keys that it needs and those that it takes
+TARGET_KINDS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
+    "F_ior": ("arcsec", ("M_g",), ("phase",)),
+    "F_ior_max": ("arcsec", ("M_g",), ()),  # over the mounting phase
+    "F_ior_min": ("arcsec", ("M_g",), ()),
+    "self_error": ("arcsec", ("M_g",), ()),
+    **{f"K_{k}": ("N*m/rad", (), ("T_1", "T_2")) for k in (1, 2, 3)},  # on the weaker side
+    "lost_motion": ("arcsec", (), ("M_g",)),  # by default at 4 % of the rated torque
+}
+PARTS: dict[str, tuple[type, str]] = {
+    "unknowns": (dict, "gears.j_n: {low: 0, high: 20}"),
+    "targets": (list, "- {quantity: F_ior_max, M_g: 80, value: 31, tolerance: 7 %}"),
+}
+PHASE_STEP = 20.0  # deg between the phases of which the extremes are located from
+PHASE_TOLERANCE = 0.1  # deg, of an extreme
+DISTANT = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
+DIFFERENCE_STEP = 0.02  # of the range: step of difference quotients, above the roughness of a search for extremes
+VALUE_DIGITS = 4  # of a found value
+INDISTINCT = 0.95  # correlation from which on two unknowns cannot be separated
+RANGE_SHARES = np.linspace(0, 1, 1001)  # of a field's range, at which a value is looked up
+IMPOSSIBLE = 1e6  # tolerances, each residual of a drive that cannot be computed
+
+
+@dataclass(frozen=True)
+class CalibrationTarget:
+    """A quantity that should lie in low..high, in its unit; tolerance is a deviation that counts as one.
+
+    asked: values of the keys of its kind; value: the best one, None where any value in the range is.
+    """
+
+    quantity: str
+    asked: Mapping[str, float]
+    value: float | None
+    low: float
+    high: float
+    tolerance: float
+
+    @property
+    def unit(self) -> str:
+        """Unit of the quantity."""
+        return TARGET_KINDS[self.quantity][0]
+
+    def deviation(self, predicted: float, inside: float = 0.0) -> float:
+        """Deviation of a predicted quantity in tolerances; 0 in a range made narrower by so many of them."""
+        margin = min(inside * self.tolerance, (self.high - self.low) / 2)
+        nearest = min(max(predicted, self.low + margin), self.high - margin)
+        return (predicted - (nearest if self.value is None else self.value)) / self.tolerance
+
+    @property
+    def wanted(self) -> str:
+        """The value with its tolerance, or the range, in words."""
+        if self.value is not None:
+            return f"{plain(self.value)} ± {self.tolerance:.3g}"
+        return f"{plain(self.low)} to {plain(self.high)}".replace("-inf to", "at most").replace(" to inf", " or more")
+
+    @property
+    def words(self) -> str:
+        """The target in short: quantity and its arguments."""
+        return ", ".join([self.quantity, *(f"{key} {value:g} {KEY_UNITS[key]}" for key, value in self.asked.items())])
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Fields to find, even between their bounds, and targets to meet; name and SHA-256 of the text that states them."""
+
+    name: str
+    sha256: str
+    unknowns: tuple[FieldPrior, ...]
+    targets: tuple[CalibrationTarget, ...]
+
+    def by_path(self, values: Iterable[float]) -> dict[str, float]:
+        """Values of the unknowns, in their order, by the path of each."""
+        return {unknown.path: value for unknown, value in zip(self.unknowns, values, strict=True)}
+
+    def deviations(self, predictions: Sequence[float], inside: float = 0.0) -> list[float]:
+        """Deviation of the prediction from each target, as that target's own deviation has it."""
+        return [target.deviation(each, inside) for target, each in zip(self.targets, predictions, strict=True)]
+
+    def met(self, predictions: Sequence[float]) -> list[bool]:
+        """Which targets are met by their predictions."""
+        return [target.low <= each <= target.high for target, each in zip(self.targets, predictions, strict=True)]
+
+
+def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
+    """Read and validate a targets text for a drive.
+
+    Arguments: text; file, its name in messages; drive, the ranges of whose source are bounds where none are given.
+    Raises PresetError with every finding.
+    """
+    document = yamltext.read_yaml(text, file)
+    if document.findings:
+        raise PresetError(ordered_findings(document.findings))
+    data = {"name": ""} | _numbers(document, (), document.data, {"schema": None, "name": TEXT, **dict.fromkeys(PARTS)})
+    if data.get("schema") != TARGETS_SCHEMA:
+        document.add(("schema",), f"must be {TARGETS_SCHEMA}")
+    for key, (kind, example) in PARTS.items():
+        if not (isinstance(data.get(key), kind) and data[key]):
+            document.add((key,), "needs at least one entry", f"like {example}")
+            data[key] = kind()
+    unknowns = [each for key, value in data["unknowns"].items() for each in _unknown(document, key, value, drive)]
+    targets = [each for number, item in enumerate(data["targets"]) for each in _target(document, number, item)]
+    if document.findings:
+        raise PresetError(ordered_findings(document.findings))
+    return Targets(data["name"], hashlib.sha256(text).hexdigest(), tuple(unknowns), tuple(targets))
+
+
+def _numbers(
+    document: Document, path: Path, table: Any, units: Mapping[str, str | None], needs: Iterable[str] = ()
+) -> dict[str, Any]:
+    """Values of the keys of a table that can be read; faults are added to the findings.
+
+    Arguments: units by key, TEXT for a text and None for a value as it stands; needs, keys that must be given.
+    """
+    if not isinstance(table, dict):
+        document.add(path, "must be a table of keys", f"known keys: {', '.join(units)}")
+        return {}
+    for key in needs:
+        if key not in table:
+            document.add((*path, key), "missing key", got="")
+    values: dict[str, Any] = {}
+    for key, value in table.items():
+        at, unit = (*path, key), units.get(key)
+        if unit in (TEXT, None):
+            values[key] = value
+        elif (number := document.read(at, read_number, value, unit)) is not None:
+            values[key] = number
+        if key not in units:
+            document.add(at, "unknown key", near_miss(key, units) or f"known: {', '.join(units)}", "", key=True)
+        elif unit == TEXT and not isinstance(value, str):
+            document.add(at, "must be text")
+    return values
+
+
+def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator[FieldPrior]:
+    path, source = ("unknowns", key), drive.source.get(key)
+    if key not in measures():
+        document.add(path, "names no measure of a preset", near_miss(key, measures()) or "like gears.j_n", "", key=True)
+        return
+    plausible = dict(zip(("low", "high"), source.range, strict=True)) if source and source.range else {}
+    units = dict.fromkeys(("low", "high"), unit_of(measures()[key]))
+    bounds = plausible | _numbers(
+        document, path, {} if value is None else value, units, [end for end in units if end not in plausible]
+    )
+    if bounds.keys() != units.keys():
+        return
+    low, high = bounds["low"], bounds["high"]
+    if not low < high or not (drive.allows(key, low) and drive.allows(key, high)):
+        document.add(path, f"low must be below high, both within {range_of(measures()[key])}", got=f"{low:g}, {high:g}")
+    scale: Literal["logarithmic", "even"] = "logarithmic" if low > 0 and high / low > LOGARITHMIC else "even"
+    yield FieldPrior(key, scale, low, high, owner_of(drive, key), key, "bounds of the calibration")
+
+
+def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationTarget]:
+    path: Path = ("targets", number)
+    quantity = item.get("quantity") if isinstance(item, dict) else None
+    if not isinstance(quantity, str) or quantity not in TARGET_KINDS:
+        hint = near_miss(str(quantity), TARGET_KINDS) or f"known: {', '.join(TARGET_KINDS)}"
+        document.add((*path, "quantity"), "names no quantity", hint)
+        return
+    unit, needs, takes = TARGET_KINDS[quantity]
+    units = {"quantity": TEXT, **{key: KEY_UNITS[key] for key in (*needs, *takes)}, "tolerance": None}
+    faults = len(document.findings)
+    given = _numbers(document, path, item, units | dict.fromkeys(("value", "low", "high"), unit), needs)
+    for key in ("M_g", "T_1", "T_2"):
+        if given.get(key) == 0:
+            document.add((*path, key), "a torque of 0 leaves the rotation undetermined")
+    if len(document.findings) > faults:
+        return
+    value, low, high = given.get("value"), given.get("low", -inf), given.get("high", inf)
+    if (value is None) == given.keys().isdisjoint(("low", "high")) or not low < high:
+        document.add(path, "needs either a value with its tolerance, or low, high or both, low below high", got="")
+        return
+    ends = (low, high) if value is None else (value, value)
+    whole = max(abs(end) for end in ends if isfinite(end))  # the base of a share
+    stated = given.get("tolerance", RANGE_TOLERANCE if value is None else None)
+    is_share = isinstance(stated, str) and stated.strip().endswith("%")
+    try:
+        tolerance = read_number(stated, "%" if is_share else unit) * (whole / 100 if is_share else 1)
+    except InvalidValueError:
+        tolerance = 0.0
+    if not 0 < tolerance < inf:
+        document.add((*path, "tolerance"), "must be above 0: a number, or a share like 5 %")
+        return
+    low, high = ends if value is None else (value - tolerance, value + tolerance)
+    yield CalibrationTarget(
+        quantity, {key: given[key] for key in KEY_UNITS if key in given}, value, low, high, tolerance
+    )
+
+
+@dataclass(frozen=True)
+class PhaseScan:
+    """Extremes of F'_ior over the mounting phase: least and greatest [arcsec], and the phases [deg] of both."""
+
+    least: float
+    best_deg: float
+    greatest: float
+    worst_deg: float
+
+
+def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[float, ...]:
+    """The quantity of each target in its unit. Raises UntrustedError where one cannot be trusted."""
+    scan = cache(partial(phase_scan, drive))
+    torques = sorted({target.asked["M_g"] for target in targets if target.quantity == "self_error"})
+    self_errors = dict(zip(torques, self_error(drive, torques) if torques else (), strict=True))
+    chords = cache(partial(stiffness, drive, points=0, run=UNCHECKED))
+
+    def predicted(target: CalibrationTarget) -> float:
+        asked, quantity = target.asked, target.quantity
+        M_g = asked.get("M_g", 0.0)
+        if quantity == "F_ior":
+            return float(F_ior_at_phases(ErrorMap(drive, M_g), [asked.get("phase", phase_deg(drive))])[0])
+        if quantity.startswith("F_ior"):
+            return scan(M_g).greatest if quantity == "F_ior_max" else scan(M_g).least
+        if quantity == "self_error":
+            return self_errors[M_g].range_arcsec
+        if M_g:  # lost motion
+            return Twist(drive).between(-M_g, M_g)
+        found = chords(T_1=asked.get("T_1"), T_2=asked.get("T_2"))
+        return found.lost_motion_arcsec if quantity == "lost_motion" else found.weaker(int(quantity[-1]))
+
+    return tuple(map(predicted, targets))
+
+
+def F_ior_at_phases(error_map: ErrorMap, phases: Iterable[float]) -> Array:
+    """F'_ior [arcsec] of a map's drive at mounting phases [deg], shape (phases,)."""
+    own = phase_deg(error_map.drive)
+    return error_map.many_extremes(Batch.turned(error_map.drive, [phase - own for phase in phases])).F_ior_arcsec
+
+
+def phase_scan(drive: Drive, M_g: float) -> PhaseScan:
+    """Extremes of F'_ior over the mounting phase at a torque [N*m]."""
+    error_map, phases = ErrorMap(drive, M_g), np.arange(0, 360, PHASE_STEP)
+    F_ior = F_ior_at_phases(error_map, phases)
+
+    def least(sign: int) -> tuple[float, float]:
+        """The least sign * F'_ior [arcsec] and its phase [deg]."""
+        middle = phases[(sign * F_ior).argmin()]
+        found = minimize_scalar(
+            lambda phase: sign * F_ior_at_phases(error_map, [phase])[0],
+            bounds=(middle - PHASE_STEP, middle + PHASE_STEP),
+            method="bounded",
+            options={"xatol": PHASE_TOLERANCE},
+        )
+        return float(found.fun), float(found.x) % 360
+
+    (low, best), (high, worst) = least(+1), least(-1)
+    return PhaseScan(low, best, -high, worst)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One set of found values, in the order of the unknowns.
+
+    predictions: the quantity of each target in its unit, NaN of a drive without an answer; fault: why it has none.
+    """
+
+    values: tuple[float, ...]
+    predictions: tuple[float, ...]
+    fault: str = ""
+
+
+@dataclass(frozen=True)
+class FoundValue:
+    """A value of the best set, in the unit of its field, by path; start, of the preset; low and high, its bounds.
+
+    half_width: of its interval, in the sense in which the tolerances are half-widths; determined: share of the bounds'
+    width by which the targets have narrowed the interval, 0..1; held_at: the bound at which it stands, None elsewhere.
+    """
+
+    path: str
+    unit: str
+    start: float | None
+    found: float
+    half_width: float
+    low: float
+    high: float
+    determined: float
+    held_at: float | None
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Found values, the best set first, then others, far from it, that meet every target too.
+
+    values: of the best set; shortfall: targets that it misses and bounds that hold it back, in words, empty where all
+    are met; indistinct: pairs of unknowns that the targets cannot separate, with their correlation; evaluations:
+    drives computed.
+    """
+
+    drive: Drive
+    targets: Targets
+    fits: tuple[Fit, ...]
+    values: tuple[FoundValue, ...]
+    shortfall: str
+    indistinct: tuple[tuple[str, str, float], ...]
+    evaluations: int
+    seed: int
+
+
+def estimate_drives(targets: Targets, points: int, starts: int = 4, iterations: int = 12) -> int:
+    """Number of drives that a calibration computes, about, for a progress bar."""
+    return points + starts * iterations // 2 * (len(targets.unknowns) + 2)
+
+
+def calibrate(
+    drive: Drive, targets: Targets, *, points: int = 64, starts: int = 4, iterations: int = 12, run: Run = Run()
+) -> Calibration:
+    """Find the unknowns of a drive from its targets.
+
+    Arguments: points of the Sobol set; starts, its best points, far from each other, that least squares starts from;
+    iterations of a least-squares run at most. Raises UntrustedError where no drive could be computed or least squares
+    did not come to rest.
+    """
+    unknowns, search = targets.unknowns, _Search(drive, targets, run)
+    sobol = sobol_points(points, len(unknowns), run.seed)
+    sobol[0] = places_of(unknowns, {u.path: drive.number(u.path) for u in unknowns})
+    costs = (search.residuals(sobol) ** 2).sum(axis=1)
+    order = [k for k in np.argsort(costs, kind="stable") if costs[k] < IMPOSSIBLE**2]
+    if not order:
+        words = f"no drive within the bounds could be computed; as the preset has it: {search.fits(sobol[:1])[0].fault}"
+        raise UntrustedError(words, "look at the bounds, and check the preset", Fault.FIT_UNSETTLED)
+    runs = [search.settled(sobol[order[k]], iterations) for k in _distant(sobol[order])[:starts]]
+    first, *others = sorted(runs, key=lambda each: each.cost)
+    places = [first.x, *(each.x for each in others if all(targets.met(search.fits([each.x])[0].predictions)))]
+    fits = search.fits(places[k] for k in _distant(places))
+    # equation (12) of docs/theory.md; half the bounds' width is the half-width of a value that no target sees
+    covariance = np.linalg.inv(first.jac.T @ first.jac + 4 * np.eye(len(unknowns)))
+    deviation = np.sqrt(np.diag(covariance))
+    values = [
+        FoundValue(
+            u.path, unit_of(field_table()[u.path]), drive.value(u.path), found,
+            float(u.value(x + d) - u.value(x - d)) / 2, u.low, u.high, 1 - 2 * float(d),
+            None if not side else u.low if side < 0 else u.high,
+        )
+        for u, found, x, d, side in zip(unknowns, fits[0].values, first.x, deviation, first.active_mask, strict=True)
+    ]  # fmt: skip
+    missed = _shortfall(targets, fits[0], values)
+    if first.status <= 0 and np.abs(first.fun).max() > 1:
+        words = missed or "its nearest set meets the targets all the same"
+        raise UntrustedError(f"the fit did not come to rest: {words}", "more --evaluations", Fault.FIT_UNSETTLED)
+    correlation = covariance / np.outer(deviation, deviation)
+    alike = np.argwhere(np.triu(np.abs(correlation), 1) > INDISTINCT).tolist()
+    indistinct = tuple((unknowns[i].path, unknowns[k].path, float(correlation[i, k])) for i, k in alike)
+    return Calibration(drive, targets, tuple(fits), tuple(values), missed, indistinct, len(search.known), run.seed)
+
+
+class _Search:
+    """Fits of a drive to targets at points of the unit cube, shape (unknowns,); each drive is computed once."""
+
+    def __init__(self, drive: Drive, targets: Targets, run: Run) -> None:
+        self.drive, self.targets, self.run = drive, targets, run
+        self.known: dict[tuple[float, ...], Fit] = {}
+
+    def fits(self, points: Iterable[Array]) -> list[Fit]:
+        """Sets of values at points, and their predictions."""
+        sets = [rounded_values(self.targets.unknowns, point) for point in points]
+        fresh = [values for values in dict.fromkeys(sets) if values not in self.known]
+        self.known |= zip(fresh, self.run.map(partial(_fit, self.drive, self.targets), fresh), strict=True)
+        self.run.solved(len(fresh))  # drives here
+        return [self.known[values] for values in sets]
+
+    def residuals(self, points: Iterable[Array]) -> Array:
+        """Deviations of fits [tolerances], shape (points, targets)."""
+        found = [self.targets.deviations(fit.predictions, INSIDE) for fit in self.fits(points)]
+        return np.asarray(np.nan_to_num(found, nan=IMPOSSIBLE))
+
+    def settled(self, point: Array, iterations: int) -> OptimizeResult:
+        """Least squares (11) from a point; status above 0 where it came to rest."""
+        return least_squares(
+            lambda p: self.residuals([p])[0],
+            np.clip(point, DIFFERENCE_STEP, 1 - DIFFERENCE_STEP),
+            jac=self._jacobian,
+            bounds=(0.0, 1.0),
+            xtol=3e-3,  # of the bounds' width
+            ftol=0.03,  # of the sum of squares: better is not worth the time
+            gtol=1e-3,
+            max_nfev=iterations,
+        )
+
+    def _jacobian(self, point: Array) -> Array:
+        """Change of the residuals over the cube, shape (residuals, unknowns), by differences towards its middle."""
+        steps = np.where(point < 0.5, DIFFERENCE_STEP, -DIFFERENCE_STEP)
+        center, *ends = self.residuals([point, *(point + np.diag(steps))])
+        return np.stack([(end - center) / step for end, step in zip(ends, steps, strict=True)], axis=1)
+
+
+def places_of(unknowns: Sequence[FieldPrior], values: Mapping[str, float]) -> Array:
+    """Place of the value of each field, by path, between its bounds, 0..1, shape (unknowns,)."""
+    return np.array([np.interp(values[u.path], u.value(RANGE_SHARES), RANGE_SHARES) for u in unknowns])
+
+
+def rounded_values(unknowns: Sequence[FieldPrior], point: Array) -> tuple[float, ...]:
+    """Values of fields at their places between the bounds, shape (unknowns,), as they are printed and written."""
+    return tuple(float(f"{u.value(x):.{VALUE_DIGITS}g}") for u, x in zip(unknowns, point, strict=True))
+
+
+def _distant(points: Iterable[Array]) -> list[int]:
+    """Places of the points, in their order, that lie far from those before them."""
+    chosen: dict[int, Array] = {}
+    for k, point in enumerate(points):
+        if all(np.abs(point - other).max() > DISTANT for other in chosen.values()):
+            chosen[k] = point
+    return list(chosen)
+
+
+def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
+    """Predictions of a drive with other values."""
+    there = drive.with_values(targets.by_path(values))
+    try:
+        if (conflict := first_conflict(there)) is not None:
+            raise DataError(f"{conflict.path}: {conflict.message}", conflict.hint)
+        return Fit(values, predictions(there, targets.targets))
+    except HdassistError as error:
+        return Fit(values, (np.nan,) * len(targets.targets), error.message)
+
+
+def _shortfall(targets: Targets, fit: Fit, values: Sequence[FoundValue]) -> str:
+    """Targets that a fit misses and bounds that hold its values back, in words; empty where all targets are met."""
+    found = zip(targets.targets, fit.predictions, targets.met(fit.predictions), strict=True)
+    missed = [f"{each.words} is {short(is_)} {each.unit}, wanted {each.wanted}" for each, is_, met in found if not met]
+    at = [f"{each.path} stands at its bound {plain(each.held_at)}" for each in values if each.held_at is not None]
+    return "; ".join([*missed, *(at or ["no bound is in the way"])]) if missed else ""

@@ -1,1 +1,0 @@
-"""Stiffnesses and clearances from measurements."""
