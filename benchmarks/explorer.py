@@ -27,8 +27,7 @@ def measured(name: str, rounds: int) -> dict[str, Any]:
     from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, drive_answers, still_typical
     from hdassist.explorer.levers import stepped
     from hdassist.explorer.state import edited, opened_state
-    from hdassist.run.processes import workers
-    from hdassist.run.run import Run
+    from hdassist.run.run import Run, workers
 
     session = opened_state(name)
     effort = Effort(jobs=1)

@@ -37,8 +37,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.mounting.positions import phase_deg
 from hdassist.preset import yamltext
-from hdassist.preset.fields import Drive, field_table, measures
-from hdassist.preset.kinds import plain, range_of, short, unit_of
+from hdassist.preset.fields import Drive, field_table, measures, plain, range_of, short, unit_of
 from hdassist.preset.units import read_number
 from hdassist.preset.yamltext import Document, InvalidValueError, Path, near_miss, ordered_findings
 from hdassist.run.run import UNCHECKED, Run

@@ -72,7 +72,7 @@ class InProcess(Executor):
 @contextlib.contextmanager
 def no_processes() -> Iterator[None]:
     """Do in this process what would be shared among others: beginning these takes longer than the tiny drive."""
-    with mock.patch("hdassist.run.processes.Processes", InProcess):
+    with mock.patch("hdassist.run.run.Processes", InProcess):
         yield
 
 

@@ -10,7 +10,7 @@ from hdassist.errors import UsageError
 from hdassist.measuring.orders import parse_orders
 from hdassist.measuring.uncertainty import parse_stated
 from hdassist.mounting.posterior import read_trial
-from hdassist.numerals import number_of
+from hdassist.plaintext import number_of
 from hdassist.terminal.options import degrees_or_fit
 
 READERS: dict[str, tuple[Callable[[str], object], str]] = {

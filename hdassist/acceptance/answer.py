@@ -16,6 +16,7 @@ from hdassist.acceptance.request import Request
 from hdassist.belief.statistics import CONFIDENCE, probability_by_share
 from hdassist.belief.steps import Step
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError
+from hdassist.files import PART, STDIN, opened, read_bytes
 from hdassist.json_parts import (
     Json,
     as_json,
@@ -27,11 +28,10 @@ from hdassist.json_parts import (
     unknown_objects,
 )
 from hdassist.model.wheels import MeasuredTeeth
-from hdassist.preset.kinds import OneLine
+from hdassist.preset.fields import OneLine
 from hdassist.preset.library import read_preset
 from hdassist.readers.trace import MAX_TRACE_BYTES
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, RecordKind, own_schema, read_kept, why_invalid
-from hdassist.textfile import PART, STDIN, opened, read_bytes
 from hdassist.verdict import Verdict
 from hdassist.version import __version__
 

@@ -16,9 +16,8 @@ from typing import Literal, TypeVar
 from hdassist.errors import DataError, UsageError
 from hdassist.loading.load import Asked, load_preset
 from hdassist.model.geometry import Array
-from hdassist.numerals import NUMBER
-from hdassist.preset.fields import Acceptance, Drive
-from hdassist.preset.kinds import FieldKind, kind_of, unit_of
+from hdassist.plaintext import NUMBER
+from hdassist.preset.fields import Acceptance, Drive, FieldKind, kind_of, unit_of
 from hdassist.preset.yamltext import OVERRIDE
 from hdassist.run.kept import ClosedRecord
 

@@ -23,7 +23,7 @@ from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.preset.measured import turn_of
+from hdassist.preset.rules import turn_of
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import Certificate
 

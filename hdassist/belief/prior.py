@@ -15,10 +15,7 @@ from hdassist.model.assumed import assumptions
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknowns
-from hdassist.preset.deviations import DEVIATIONS
-from hdassist.preset.fields import Drive, deviation_sizes, field_table, measures
-from hdassist.preset.kinds import least_of
-from hdassist.preset.overrides import is_overridden
+from hdassist.preset.fields import DEVIATIONS, Drive, deviation_sizes, field_table, is_overridden, least_of, measures
 from hdassist.solve.answers import ARCSEC
 
 RIGID_SHIFT = "gears.x_b"

@@ -33,9 +33,8 @@ from hdassist.errors import HdassistError
 from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import no_hole_better, unknown_turn
-from hdassist.preset.coupling import SUPPORT_FIELD, with_cam_support
-from hdassist.preset.deviations import DEVIATIONS
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import DEVIATIONS, Drive
+from hdassist.preset.knowledge import SUPPORT_FIELD, with_cam_support
 from hdassist.run.cache import cached, keep, keeps_answers, program
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run

@@ -10,8 +10,7 @@ from dataclasses import asdict, astuple, dataclass
 from typing import Literal
 
 from hdassist.errors import HdassistError, UntrustedError
-from hdassist.run.processes import count
-from hdassist.run.run import UNCHECKED
+from hdassist.run.run import UNCHECKED, count
 from hdassist.terminal import options as o
 from hdassist.version import __version__
 

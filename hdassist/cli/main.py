@@ -11,7 +11,7 @@ import typer
 
 from hdassist.cli.commands import REMOVED_OPTIONS, RootCommands
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
-from hdassist.runfiles import begin_run
+from hdassist.files import begin_run
 from hdassist.version import __version__
 
 # The error of a wrong command line, click's or typer's own copy of it: only its subclasses are public.

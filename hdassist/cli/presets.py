@@ -45,9 +45,8 @@ class PresetsListCommand(o.PageOptions):
         """The presets."""
         from hdassist.loading.load import load_preset
         from hdassist.model.kinematics import Kinematics
-        from hdassist.preset.kinds import plain
+        from hdassist.preset.fields import origin_counts, plain
         from hdassist.preset.library import preset_names
-        from hdassist.preset.schema import origin_counts
         from hdassist.report import NO_VALUE, Report, Table
         from hdassist.terminal.answers import envelope
 
@@ -110,7 +109,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
 
     def report(self, _out: o.Output, preset: str) -> o.Report:
         """All values of the preset."""
-        from hdassist.preset.schema import resolved_fields, value_text
+        from hdassist.preset.fields import resolved_fields, value_text
         from hdassist.report import Report, Table
 
         drive = self.load(preset)
@@ -149,7 +148,7 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
 
     def _report(self, name: str) -> o.Report:
         """The verdict on a preset, which a bad --set has too. Raises all other errors of loading it."""
-        from hdassist.preset.schema import origin_counts
+        from hdassist.preset.fields import origin_counts
         from hdassist.report import Report
         from hdassist.terminal.output import complain
 
@@ -208,7 +207,7 @@ class PresetsSchemaCommand(o.OptionGroup):
 
     def run(self) -> int:
         """Write the schema; returns the exit code."""
-        from hdassist.preset.schema import preset_schema
+        from hdassist.loading.write import preset_schema
         from hdassist.terminal.answers import json_text
         from hdassist.terminal.files import write_text
 
@@ -248,7 +247,7 @@ class PresetsNewCommand(WishOptions):
         """Write the preset; returns the exit code."""
         from hdassist.loading.load import load_preset
         from hdassist.loading.write import similar_preset
-        from hdassist.preset.requirements import read_requirements
+        from hdassist.preset.similarity import read_requirements
         from hdassist.terminal.files import write_text
 
         wish = asdict(self.only(WishOptions))

@@ -188,10 +188,10 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
     """
     from hdassist.acceptance.answer import ANSWERS
     from hdassist.acceptance.request import read_lot
+    from hdassist.files import note_input
     from hdassist.pages.accept import lot_report, title
     from hdassist.run.kept import KeptOwner, open_kept
     from hdassist.run.stops import at_stop
-    from hdassist.runfiles import note_input
     from hdassist.terminal.answers import failure
     from hdassist.terminal.output import complain, note
     from hdassist.terminal.runs import run_each

@@ -47,12 +47,12 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         """The values, found and written where that is asked for."""
         from hdassist.calibration import calibrate, estimate_drives, read_targets
         from hdassist.errors import UsageError
+        from hdassist.files import read_bytes
         from hdassist.loading.write import with_found_values
         from hdassist.pages.calibrate import calibrate_report
         from hdassist.preset.fields import IDENTIFIED_WITH
         from hdassist.preset.library import READ_AT_MOST, read_preset
         from hdassist.terminal.files import take_output, write_text
-        from hdassist.textfile import read_bytes
 
         o.stdin_once(preset, str(self.targets))
         if self.write is not None:

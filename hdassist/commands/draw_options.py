@@ -27,7 +27,7 @@ class DrawOptions(o.LimitedDriveOptions):
 
         Raises UsageError for invalid options.
         """
-        from hdassist.preset.deviations import DEVIATION_FIELDS
+        from hdassist.preset.fields import DEVIATION_FIELDS
         from hdassist.tolerance.production import production_law
 
         found = production_law(drive, self.distribution, chosen=chosen, known=self.known)

@@ -48,12 +48,12 @@ class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
         """The rows, computed and written."""
         from hdassist.design.sweep import Sweep, collect, read_axes
         from hdassist.errors import UsageError
+        from hdassist.files import claim_output
         from hdassist.loading.load import load_text
         from hdassist.pages import curves as page
         from hdassist.preset.library import read_preset
         from hdassist.run.kept import KeptOwner, open_kept
         from hdassist.run.stops import at_stop
-        from hdassist.runfiles import claim_output
         from hdassist.terminal.answers import csv_text
         from hdassist.terminal.output import note
 

@@ -43,11 +43,11 @@ class ToleranceCommand(o.PlotOptions, DrawOptions):
         with out.progress(preset):  # words before numpy is imported
             from hdassist.error.self_error import self_error
             from hdassist.errors import UntrustedError
+            from hdassist.files import claim_output
             from hdassist.pages.tolerance import tolerance_report
             from hdassist.run.kept import KeptOwner, open_kept
             from hdassist.run.run import stream
             from hdassist.run.stops import at_stop, until_interrupted
-            from hdassist.runfiles import claim_output
             from hdassist.terminal.output import note
             from hdassist.tolerance.production import Production
             from hdassist.tolerance.yields import AtTorque, Summary, rooms

@@ -30,9 +30,7 @@ from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import unknowns
 from hdassist.mounting.advice import Advice, advice_states, advise
 from hdassist.mounting.positions import seat_positions
-from hdassist.preset.fields import Drive
-from hdassist.preset.kinds import UNKNOWN
-from hdassist.preset.schema import ResolvedField, resolved_fields
+from hdassist.preset.fields import UNKNOWN, Drive, ResolvedField, resolved_fields
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck

@@ -26,8 +26,7 @@ from hdassist.measuring.fit import order_columns
 from hdassist.measuring.measure import SweepResult
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from hdassist.preset.deviations import DEVIATIONS
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.readers.trace import MeasuredTrace
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate

@@ -31,8 +31,7 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
-from hdassist.run.processes import apart
-from hdassist.run.run import CROSS_SOLVER, Run
+from hdassist.run.run import CROSS_SOLVER, Run, apart
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck, require_solver
 from hdassist.verdict import SURE, Verdict, verdict_by_probability, worst

@@ -16,12 +16,10 @@ from pydantic.fields import FieldInfo
 from hdassist.error.error_map import extremes_of
 from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
 from hdassist.json_parts import attributes
-from hdassist.loading.load import load_text
+from hdassist.loading.load import OVERRIDE_PLACE, load_text
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.kinds import kind_of, unit_of
-from hdassist.preset.overrides import OVERRIDE_PLACE, is_overridden, path_of
+from hdassist.preset.fields import Drive, field_table, is_overridden, kind_of, path_of, unit_of
 from hdassist.preset.units import read_count, read_number
 from hdassist.preset.yamltext import InvalidValueError, near_miss, scalar_value, shown
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind

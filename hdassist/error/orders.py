@@ -10,8 +10,7 @@ import numpy as np
 from hdassist.model.deviations import is_half_turn_symmetric
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
-from hdassist.preset.deviations import DEVIATIONS
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import DEVIATIONS, Drive
 
 DEGREE = 4  # products of up to so many deviations are named
 UNEXPLAINED_ORDERS = 12  # orders without a known cause that are kept all the same

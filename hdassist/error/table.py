@@ -27,8 +27,7 @@ from hdassist.model.deviations import (
     is_half_turn_symmetric,
 )
 from hdassist.model.geometry import Array
-from hdassist.preset.deviations import DEVIATIONS
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate
 
 TABLE_TORQUE_STEP = (

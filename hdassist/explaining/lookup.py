@@ -12,8 +12,7 @@ from pydantic.fields import FieldInfo
 from hdassist.acceptance.limits import CODES, Check
 from hdassist.errors import UsageError
 from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS, WORDS_OF_PAGES
-from hdassist.preset.fields import field_table, sections
-from hdassist.preset.kinds import choices_of, kind_of, may_be_unknown, plain, range_of, unit_of
+from hdassist.preset.fields import choices_of, field_table, kind_of, may_be_unknown, plain, range_of, sections, unit_of
 
 EntryKind = Literal["check", "remark", "quantity or word", "symbol", "field", "section", "error", "option"]
 GREEK = {

@@ -35,11 +35,10 @@ from hdassist.explorer.screens import EXPLAINED, Form, Notice
 from hdassist.explorer.state import Session
 from hdassist.model.unknown import unknowns
 from hdassist.mounting.positions import hole_words, usable_positions
-from hdassist.preset.kinds import text_of
-from hdassist.preset.schema import ResolvedField, resolved_fields
+from hdassist.plaintext import visible
+from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
 from hdassist.report import Paragraph
 from hdassist.run.stops import end_at_stops
-from hdassist.visible import visible
 
 LINES = ("head", "headline", "tabs", "looked-at", "next", "command", "keys", "about")
 NO_BREAK = "\N{NO-BREAK SPACE}"

@@ -28,11 +28,11 @@ from hdassist.explorer.compute import (
 from hdassist.explorer.service import Question, Service
 from hdassist.explorer.state import Session
 from hdassist.mounting.advice import Advice
+from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive
 from hdassist.report import Report
 from hdassist.terminal.console import PLAIN_CHARACTERS
 from hdassist.terminal.words import again
-from hdassist.visible import visible
 
 REST = 0.7  # s without a key before the cam turn and the steps of levers are asked for
 THEMES = ("textual-light", "textual-dark")

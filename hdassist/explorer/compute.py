@@ -32,10 +32,8 @@ from hdassist.mounting.posterior import TrialSetup
 from hdassist.pages.check import check_report
 from hdassist.pages.curves import trace_report
 from hdassist.pages.mount import mount_report
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.kinds import kind_of
-from hdassist.run.processes import workers
-from hdassist.run.run import UNCHECKED, Run
+from hdassist.preset.fields import Drive, field_table, kind_of
+from hdassist.run.run import UNCHECKED, Run, workers
 
 FEWEST_SEEN = 8  # effective samples: the range of fewer is none
 SEED = 0  # of samples and of states solved again, as the commands have it

@@ -15,10 +15,10 @@ from hdassist.explorer.words import why_no_card
 from hdassist.loading.write import with_changes
 from hdassist.pages.mount import mount_card_facts
 from hdassist.pages.report import report_html, report_markdown
+from hdassist.plaintext import visible
 from hdassist.terminal.console import Style
 from hdassist.terminal.files import put_text, require_writable
 from hdassist.terminal.texts import texts
-from hdassist.visible import visible
 
 
 class Exporting(Asking):

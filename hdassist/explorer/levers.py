@@ -6,9 +6,7 @@ from math import floor, inf, log10
 
 from pydantic.fields import FieldInfo
 
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.kinds import bounds_of, kind_of, range_of, text_of, unit_of
-from hdassist.preset.schema import ResolvedField
+from hdassist.preset.fields import Drive, ResolvedField, bounds_of, field_table, kind_of, range_of, text_of, unit_of
 
 SETTING_SECTIONS = (
     "mounting",

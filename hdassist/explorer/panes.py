@@ -19,13 +19,12 @@ from hdassist.explorer.levers import SETTING_SECTIONS
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
 from hdassist.pages.card import seat_holes
-from hdassist.preset.kinds import text_of
-from hdassist.preset.schema import ResolvedField, resolved_fields
+from hdassist.plaintext import visible
+from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
 from hdassist.report import Block, Seat, SeatMark
 from hdassist.terminal.console import Style
 from hdassist.terminal.page import block_on_page
 from hdassist.terminal.plot import seat_in_characters, ticks
-from hdassist.visible import visible
 
 MARKS = {SURE_REFINED: "○", SURE_PROVEN: "●", SURE_RANGE: "◌"}  # else ○
 INK = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one

@@ -6,6 +6,6 @@ It ends with the screen, in whatever way that ends, and with it all that it fork
 import os
 
 import hdassist.explorer.compute  # noqa: F401 (so that forked processes have it)
-from hdassist.run.processes import begin_worker
+from hdassist.run.run import begin_worker
 
 begin_worker(os.getppid())

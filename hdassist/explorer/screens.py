@@ -12,7 +12,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
 from hdassist.errors import HdassistError
-from hdassist.visible import visible
+from hdassist.plaintext import visible
 
 EXPLAINED = """\
 WHAT YOU SEE

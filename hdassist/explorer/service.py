@@ -13,7 +13,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from hdassist.errors import HdassistError
-from hdassist.run.processes import begin_worker
+from hdassist.run.run import begin_worker
 
 Question = Callable[[Callable[[str, object], None]], None]  # a function of explorer.compute with its arguments
 PRELOADED = ["__main__", "hdassist.cli.main", "hdassist.explorer.preloaded"]

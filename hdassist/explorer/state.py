@@ -9,15 +9,14 @@ from dataclasses import dataclass, replace
 from hdassist.belief.evidence import measured_errors
 from hdassist.errors import UsageError
 from hdassist.explorer.levers import TEETH_FIELDS
-from hdassist.loading.load import load_text
+from hdassist.loading.load import OVERRIDE_PLACE, load_text
 from hdassist.measuring.cycle import gearing_of
 from hdassist.measuring.measure import measure
 from hdassist.model.deviations import carried
 from hdassist.mounting.positions import hole_of
-from hdassist.numerals import number_of
+from hdassist.plaintext import number_of
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.library import read_preset
-from hdassist.preset.overrides import OVERRIDE_PLACE
 from hdassist.readers.trace import TraceForm, read_trace
 from hdassist.terminal.options import TrialOptions
 from hdassist.terminal.words import again

@@ -16,10 +16,10 @@ from hdassist.explorer.panes import INK, MARKS, torque_style
 from hdassist.explorer.state import Session
 from hdassist.mounting.positions import bare
 from hdassist.pages.check import F_ior_table, steps_tables
+from hdassist.plaintext import visible
 from hdassist.report import Block, Curve, Facts, Lines, Report, Table
 from hdassist.terminal.words import named, proof
 from hdassist.verdict import Verdict
-from hdassist.visible import visible
 
 VERDICT_STYLES: dict[str, str] = {
     Verdict.PASS: f"{INK[3]} bold",

@@ -1,59 +1,63 @@
-"""Preset text to a validated `Drive`, with all findings at once, each with line and column."""
+"""Preset text, with overrides on top, to a validated `Drive`: all findings at once, each with line and column."""
 
 import hashlib
 import re
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from math import isfinite
 from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from hdassist.errors import PresetError, UsageError
+from hdassist.errors import Finding, PresetError, UsageError
 from hdassist.model.rules import conflicts
-from hdassist.numerals import number_of
-from hdassist.preset import coupling, library
-from hdassist.preset import overrides as sets
+from hdassist.plaintext import number_of
 from hdassist.preset.fields import (
     BY_PATH,
     IDENTIFIED_WITH,
+    KEYED_TABLES,
     PATH_TABLES,
     PRESET_SCHEMA,
     REMOVED,
     Drive,
     Origin,
-    deviation_sizes,
-    field_table,
-    measures,
-    sections,
-)
-from hdassist.preset.kinds import (
-    KEYED_TABLES,
     Section,
     UncertainReading,
+    deviation_sizes,
+    field_table,
     in_range,
     kind_of,
+    measures,
+    path_of,
     plain,
     range_of,
     read_measure,
     read_reading,
     read_value,
+    sections,
     unit_of,
 )
-from hdassist.preset.knowledge import implausible
+from hdassist.preset.knowledge import COUPLING_FIELDS, SUPPORT_FIELD, implausible, with_cam_support
+from hdassist.preset.library import read_preset
 from hdassist.preset.units import is_spread, read_number, read_spread
 from hdassist.preset.yamltext import (
     MAX_FINDINGS,
     OVERRIDE,
     Document,
     InvalidValueError,
+    Mark,
     Path,
+    SourceSpan,
     near_miss,
     ordered_findings,
+    path_text,
     read_yaml,
     shown,
 )
 
+OVERRIDE_PLACE = re.compile(rf"^{OVERRIDE}:\d+:\d+: ", re.MULTILINE)  # in a message, of an override that nobody typed
+PER_TORQUE = [tuple(path.split(".")) for path, info in field_table().items() if kind_of(info) == "limits"]
 Asked = tuple[tuple[str, str], ...]  # options by name, which the next command on a drive is to have too
 
 
@@ -65,7 +69,7 @@ def load_preset(name_or_path: str, overrides: Sequence[str] = (), asked: Asked =
     Raises DataError: no such preset, or a file that cannot be read; PresetError: an invalid preset;
     UsageError: a bad override.
     """
-    text, file = library.read_preset(name_or_path)
+    text, file = read_preset(name_or_path)
     return load_text(text, file, overrides, asked)
 
 
@@ -78,7 +82,7 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
     """
     document = read_yaml(text, file)
     for index, override in enumerate(overrides, 1):
-        sets.set_override(document, override, index)
+        set_override(document, override, index)
     drive = _drive(document)
     if document.findings or drive is None:
         findings = ordered_findings(document.findings)
@@ -102,6 +106,43 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
     return drive
 
 
+def set_override(document: Document, text: str, index: int) -> None:
+    """Put an override "section.key=VALUE" on top of a document.
+
+    Arguments: text; index, its number from 1, which findings bear as their line.
+    Raises UsageError: no "=", a key that is empty or has hidden characters, or a value that is no YAML.
+    """
+    key, equals, value = text.partition("=")
+    whole = path_of(key)
+    if not equals or not all(whole) or not key.strip().isprintable():  # YAML has no such keys either
+        raise UsageError(
+            f"{OVERRIDE}:{index}:1: not of the form section.key=VALUE (got {shown(text) or 'nothing'})",
+            f"like {OVERRIDE} gears.j_n=6",
+        )
+    at_key, start = Mark(index, 1), len(key) + 1
+    read = read_yaml(value, OVERRIDE, whole, lambda line, column: Mark(index, (column if line == 1 else 1) + start))
+    if read.findings:
+        raise UsageError("\n".join(map(str, read.findings)))
+    own = replace(read.places.get(whole, SourceSpan(OVERRIDE, at_key, Mark(index, start + 1))), key=at_key)
+    table, path = document.data, tuple[str | int, ...]()
+    for part in whole[:-1] if isinstance(table, dict) else ():
+        path, inner = (*path, part), table.get(part)
+        if inner is not None and not isinstance(inner, dict):
+            if path not in PER_TORQUE:
+                message = f"{path_text(path)} is no table of keys"
+                document.findings.append(Finding(OVERRIDE, *at_key, path_text(whole), message))
+                return
+            inner = {"all": inner}  # one entry on top of a bare number, which is the limit for all torques
+            document.places[(*path, "all")] = document.places[path]
+        document.places.setdefault(path, own)
+        table[part] = table = {} if inner is None else inner
+    if isinstance(table, dict):
+        table[whole[-1]] = read.data
+        kept = {path: place for path, place in document.places.items() if path[: len(whole)] != whole}
+        document.places = kept | read.places | {whole: own}
+        document.bad = {path for path in document.bad if path[: len(whole)] != whole}
+
+
 def _drive(document: Document) -> Drive | None:
     """The drive of a document, None where there is none; faults are added to its findings."""
     if () in document.bad:
@@ -120,10 +161,10 @@ def _drive(document: Document) -> Drive | None:
     tables = _read_table(document, (), data, Drive)
     drive = Drive.model_validate(tables) if document.bad <= {("schema",)} else None
     if drive:  # the cam's support is that of its coupling: not given, or the coupling alone is on the command line
-        fields = [tuple(path.split(".")) for path in (coupling.SUPPORT_FIELD, *coupling.COUPLING_FIELDS)]
+        fields = [tuple(path.split(".")) for path in (SUPPORT_FIELD, *COUPLING_FIELDS)]
         own, *tried = (path in document.places and document.is_override(path) for path in fields)
         if drive.supports.C_3 is None or (any(tried) and not own):
-            drive = coupling.with_cam_support(drive)
+            drive = with_cam_support(drive)
     bad, valid = {path[:2] for path in document.bad}, dict[str, Any]()  # fields without a finding, by path
     for path, info in field_table().items():
         section, name = path.split(".")
@@ -328,7 +369,7 @@ def _warn_of_limits(drive: Drive, document: Document) -> None:
     narrowed = document.is_override(("operation", "M_g"))
     torques = shown(", ".join(map(plain, drive.operation.M_g[:20])))
     message = "a limit for a torque that is not in operation.M_g: accept looks at it, check does not"
-    for section, name in sets.PER_TORQUE:
+    for section, name in PER_TORQUE:
         for key in drive.value(f"{section}.{name}"):
             path = (section, name, key)
             counts = not narrowed or document.is_override(path)

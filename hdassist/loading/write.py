@@ -1,4 +1,4 @@
-"""Texts of presets: one of a drive like another, one with other values put into it."""
+"""Texts of presets: one of a drive like another, one with other values put into it, and the JSON Schema of all."""
 
 from __future__ import annotations
 
@@ -12,11 +12,25 @@ from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.loading.load import load_text
-from hdassist.preset import coupling
-from hdassist.preset.fields import PRESET_SCHEMA, Drive, Source, field_table, sections
-from hdassist.preset.kinds import MAX_NAME, UNKNOWN, Section, may_be_unknown, text_of, unit_of
-from hdassist.preset.overrides import path_of
-from hdassist.preset.schema import SCHEMA_FILE, origin_counts
+from hdassist.plaintext import NUMBER
+from hdassist.preset.fields import (
+    MAX_NAME,
+    PRESET_SCHEMA,
+    UNKNOWN,
+    Drive,
+    Section,
+    Source,
+    deviation_sizes,
+    field_table,
+    may_be_unknown,
+    measures,
+    origin_counts,
+    path_of,
+    sections,
+    text_of,
+    unit_of,
+)
+from hdassist.preset.knowledge import COUPLING_FIELDS
 from hdassist.preset.similarity import Requirements, SimilarValue, similar
 from hdassist.preset.yamltext import scalar_value
 
@@ -134,7 +148,7 @@ def with_changes(text: bytes, file: str, overrides: Sequence[str]) -> str:
             ref = f"changed by hand; was {source.kind}"
             _table(tables, "source")[path] = _source("assumed", ref, source, value)
     # the support follows from the coupling, on the command line too
-    if "supports.C_3" not in changes and changes & {*coupling.COUPLING_FIELDS}:
+    if "supports.C_3" not in changes and changes & {*COUPLING_FIELDS}:
         _table(tables, "source").pop("supports.C_3", None)
         _table(tables, "supports")["C_3"] = None
     return _written(tables, file, wanted)
@@ -192,3 +206,56 @@ def _written(tables: Any, file: str, wanted: Drive, model: Mapping[str, str | in
         if same and read.uncertainty == wanted.uncertainty:
             return text
     raise DataError(f"{file} cannot be changed in place", "change it by hand; hdassist presets new shows the form")
+
+
+SCHEMA_FILE = "hdassist-preset.schema.json"  # that the first line of a new preset names
+NUMBER_TEXT = {"type": "string", "pattern": rf"^\s*{NUMBER}"}  # with a unit, or an uncertainty
+LIMITS = {"ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum"}
+SEVERAL = ("type", "items", "prefixItems", "minItems", "maxItems", "additionalProperties")  # of a list or table
+
+
+def preset_schema() -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of presets: names, types, ranges, units and meanings of the fields as declared.
+
+    Units within texts, keys of tables and rules between fields are left to `hdassist presets validate`.
+    """
+    schema: dict[str, Any] = _as_written(Drive.model_json_schema(), {})
+    properties = schema["properties"]
+    by_path = {"source": field_table(), "cost": deviation_sizes(), "uncertainty": measures(), "fit": measures()}
+    for table, paths in by_path.items():
+        properties[table]["anyOf"][0]["propertyNames"] = {"enum": list(paths)}
+    schema["$defs"]["UncertainReading"] = NUMBER_TEXT
+    properties["schema"] = {"const": PRESET_SCHEMA, "description": "form of this file"}
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "hdassist preset"}
+    return schema | head | {"required": ["schema", *schema["required"]]}
+
+
+def _as_written(part: Any, limits: dict[str, float]) -> Any:
+    """A schema of pydantic as presets are written: texts for numbers, one item for a list, a number for a table.
+
+    limits: range of the field that it is a part of, by the words of a schema.
+    """
+    if isinstance(part, list):
+        return [_as_written(each, limits) for each in part]
+    if not isinstance(part, dict):
+        return part
+    part = dict(part)
+    if "properties" in part:  # by names of fields, that may be words of schemas too
+        names = ("properties", "$defs")
+        return part | {n: {name: _as_written(each, {}) for name, each in part[n].items()} for n in names if n in part}
+    limits = {LIMITS[name]: bound for name, bound in part.pop("bounds", {}).items()} or limits
+    unit, is_open = part.pop("unit", ""), part.pop(UNKNOWN, False)
+    part = {key: each if key == "default" else _as_written(each, limits) for key, each in part.items()}
+    if unit and "description" in part:
+        part["description"] += f" [{unit}]"
+    if part.get("type") in ("number", "integer"):
+        part["anyOf"] = [{"type": part.pop("type")} | limits, NUMBER_TEXT]
+    elif part.get("type") == "array" or "additionalProperties" in part:
+        several = {key: part.pop(key) for key in SEVERAL if key in part}
+        one = several.get("items") or several.get("additionalProperties", {})
+        part["anyOf"] = [several] if "$ref" in one or "prefixItems" in several else [several, one]
+    elif "$ref" in part and "default" in part:  # a section that may be left out may be empty
+        part["anyOf"] = [{"$ref": part.pop("$ref")}, {"type": "null"}]
+    if is_open:
+        part["anyOf"] = [*part["anyOf"], {"const": UNKNOWN}]
+    return part

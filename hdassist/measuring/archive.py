@@ -18,11 +18,11 @@ from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationE
 from scipy.special import chdtrc
 
 from hdassist.errors import DataError, UsageError
+from hdassist.files import read_bytes
 from hdassist.json_parts import Json
 from hdassist.measuring.measure import Measurement
-from hdassist.preset.kinds import OneLine
+from hdassist.preset.fields import OneLine
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept, own_schema, read_kept, why_invalid
-from hdassist.textfile import read_bytes
 from hdassist.version import __version__
 
 ARCHIVE_SCHEMA = "hdassist.archive/1"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import isfinite, sqrt
 
 from hdassist.errors import UsageError
-from hdassist.numerals import number_of
+from hdassist.plaintext import number_of
 from hdassist.readers.trace import MeasuredTrace
 
 STATED = {  # sources that a single record cannot show

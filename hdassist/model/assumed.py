@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from hdassist.model.unknown import Unknown
-from hdassist.preset.fields import Drive, measures
+from hdassist.preset.fields import Drive, is_overridden, measures
 from hdassist.preset.knowledge import LAWS
-from hdassist.preset.overrides import is_overridden
 
 
 def assumptions(drive: Drive) -> tuple[Unknown, ...]:

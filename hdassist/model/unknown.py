@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from hdassist.model.deviations import fixed_part, standing_offset
-from hdassist.preset.deviations import COMPOSITES, DEVIATIONS, Deviation
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import COMPOSITES, DEVIATIONS, Deviation, Drive
 from hdassist.preset.knowledge import (
     CENTRE_OFFSET,
     COARSEST_CLASS,

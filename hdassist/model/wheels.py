@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
 from hdassist.model.deviations import ToothDeviations, fixed_part
-from hdassist.preset.deviations import IN_TEETH
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import IN_TEETH, Drive
 
 MAJOR = 90.0  # deg from x: the major axis of the cam at phi_h = 0, where tooth 0 stands
 

@@ -19,8 +19,7 @@ from hdassist.model.deviations import ToothDeviations, carried, tooth_phases
 from hdassist.model.geometry import Array
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
-from hdassist.run.processes import apart
-from hdassist.run.run import Run
+from hdassist.run.run import Run, apart
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
 

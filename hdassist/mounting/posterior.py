@@ -58,9 +58,9 @@ from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
 from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import hole_of
-from hdassist.numerals import number_of
+from hdassist.plaintext import number_of
 from hdassist.preset.fields import Drive, measures
-from hdassist.preset.measured import position_fault, turn_of
+from hdassist.preset.rules import position_fault, turn_of
 from hdassist.preset.yamltext import shown
 from hdassist.readers.trace import LARGEST_ERROR
 from hdassist.run.run import Run

@@ -20,6 +20,7 @@ from hdassist.acceptance.request import Lot
 from hdassist.errors import DataError
 from hdassist.json_parts import attributes
 from hdassist.pages.check import fitted_words, steps_fact, steps_table
+from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive
 from hdassist.preset.units import convert
 from hdassist.preset.yamltext import shown
@@ -29,7 +30,6 @@ from hdassist.terminal.wheels import WHEEL_WORDS
 from hdassist.terminal.words import again, influence_words, samples_words
 from hdassist.verdict import SEVERITY, percent_text, worst_exit_code
 from hdassist.version import __version__
-from hdassist.visible import visible
 
 RULE_WORDS = {
     "guard": f"guard bands of {GUARD:g} u on each side of a limit",

@@ -9,8 +9,7 @@ from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.decision import Word
 from hdassist.mounting.positions import Choice, Position, hole_of
 from hdassist.mounting.posterior import Trial
-from hdassist.preset.fields import Drive
-from hdassist.preset.schema import origin_counts
+from hdassist.preset.fields import Drive, origin_counts
 from hdassist.preset.yamltext import shown
 from hdassist.report import Block, Facts, Hole, Lines, Paragraph, Seat, SeatMark, Table
 from hdassist.terminal.texts import HOME, Texts, texts

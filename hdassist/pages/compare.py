@@ -12,6 +12,7 @@ from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison, Explana
 from hdassist.comparing.drives import DriveChanges, DrivesComparison, DriveSheet, ErrorChange
 from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmplitude, OrderPair
 from hdassist.design.check import OperatingPoint
+from hdassist.files import STDIN
 from hdassist.json_parts import Json
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names, unknown_notes
@@ -19,12 +20,11 @@ from hdassist.pages.card import hole_place
 from hdassist.pages.check import check_report
 from hdassist.pages.curves import stiffness_warnings
 from hdassist.pages.mount import mount_warnings
-from hdassist.preset.kinds import UNKNOWN as NOT_KNOWN
-from hdassist.preset.schema import ResolvedField, value_text
+from hdassist.preset.fields import UNKNOWN as NOT_KNOWN
+from hdassist.preset.fields import ResolvedField, value_text
 from hdassist.report import NO_VALUE, Curve, Facts, Quantity, Report, Table, as_object, csv_columns
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.words import again, named, not_known, on_what
-from hdassist.textfile import STDIN
 
 _PLOTTED_ROWS = 6
 PLOTTED_TURNS = 1.0  # of the cam, to either side of the largest difference

@@ -21,8 +21,7 @@ from hdassist.error.stiffness import (
 from hdassist.error.trace import Trace
 from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
-from hdassist.preset.fields import Drive, Measured
-from hdassist.preset.overrides import is_overridden
+from hdassist.preset.fields import Drive, Measured, is_overridden
 from hdassist.report import (
     Curve,
     Fact,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hdassist.acceptance.limits import CHECKS
+from hdassist.files import STDIN
 from hdassist.json_parts import Json, as_json
 from hdassist.measuring.archive import ArchiveEntry, DriveHistory, histories
 from hdassist.measuring.bench import (
@@ -32,7 +33,6 @@ from hdassist.pages.curves import curve_of_turns
 from hdassist.preset.fields import Drive
 from hdassist.report import NO_VALUE, CsvTable, Curve, Facts, Lines, Quantity, Report, ReportSection, Table, as_object
 from hdassist.terminal.words import again
-from hdassist.textfile import STDIN
 
 _NAMED_SLOW = 0.1  # of F'_ior: least slow terms in a line
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 3  # in the table, and in a line: the greatest

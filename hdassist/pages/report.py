@@ -22,8 +22,8 @@ from hdassist.pages.check import check_report
 from hdassist.pages.compare import F_ior_words, sheet_warnings
 from hdassist.pages.curves import ARCMIN, stiffness_report
 from hdassist.pages.mount import WORDS, mount_report
-from hdassist.preset.fields import Drive
-from hdassist.preset.schema import origin_counts, resolved_fields, value_text
+from hdassist.plaintext import visible
+from hdassist.preset.fields import Drive, origin_counts, resolved_fields, value_text
 from hdassist.report import BLANK, Block, Curve, Facts, Figure, Paragraph, Report, ReportSection, Table, Tiles
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.console import Style
@@ -33,7 +33,6 @@ from hdassist.terminal.plot import least_and_greatest, ticks
 from hdassist.terminal.words import named, proof, samples_words
 from hdassist.verdict import Verdict
 from hdassist.version import __version__
-from hdassist.visible import visible
 
 INPUT_HEADS = ("input", "share, %", "preset", "drawn from", "unit", "where from")
 VERDICT_WORDS = {

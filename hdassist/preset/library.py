@@ -8,7 +8,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from hdassist.errors import DataError, Fault
-from hdassist.textfile import is_file, near_files, read_bytes
+from hdassist.files import is_file, near_files, read_bytes
 
 READ_AT_MOST = 1024 * 1024  # more than a preset may have, so that it is refused with the reason
 

@@ -1,4 +1,4 @@
-"""Rules on several fields together that need no geometry: numbers of teeth, supports, torques, holes.
+"""Rules on several fields together that need no geometry: numbers of teeth, supports, torques, holes, positions.
 
 Lengths in mm as the fields are, angles in deg, torques in N*m.
 """
@@ -7,10 +7,10 @@ import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import nan
 from typing import Any
 
-from hdassist.numerals import number_of
-from hdassist.preset.measured import position_fault
+from hdassist.plaintext import number_of
 
 LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
 FARTHEST_MEASURED = 100.0  # times the greatest torque, of a measured F'_ior: beyond, the number is mistyped
@@ -158,3 +158,29 @@ FIELD_RULES = (
         lambda n_2, n_max: n_2 < 2 * n_max and f"n_2 {n_2}, n_max {n_max}; at least 2 n_max = {2 * n_max}",
     ),
 )  # fmt: skip
+
+
+FARTHEST_TURN = 3600.0  # deg that a wheel can be meant to be turned by
+
+
+def turn_of(where: str, holes: int) -> float:
+    """Turn [deg] of the fixed wheel to a hole of its seat ("h4"), or by an angle ("120"); NaN for any other text."""
+    number = number_of(where.removeprefix("h"))
+    turn = number * 360 / holes if where.startswith("h") and holes else number
+    return turn if where.startswith("h") or abs(turn) <= FARTHEST_TURN else nan
+
+
+def position_fault(where: str, holes: int) -> tuple[str, str] | None:
+    """Why a position ("h4", "120") is none of a seat with so many holes, 0 for a free angle, and a hint."""
+    number = number_of(where.removeprefix("h"))
+    if where.startswith("h"):
+        if not holes:
+            return "names a hole of a seat that has none", "mounting.holes says how many"
+        return None if number in range(holes) else (f"the seat's holes are h0 to h{holes - 1}", "")
+    turned = number * holes / 360
+    if not holes or abs(turned - round(turned)) < 1e-9:
+        return None
+    return (
+        f"{number:g} deg is no hole of the seat, whose holes are {360 / holes:g} deg apart",
+        f"was hole {round(number) % holes} meant? h{round(number) % holes}",
+    )

@@ -11,7 +11,7 @@ from importlib.resources import files
 from math import isfinite, isinf
 from typing import Any
 
-from hdassist.numerals import NUMBER
+from hdassist.plaintext import NUMBER
 from hdassist.preset.yamltext import InvalidValueError, near_miss, shown
 
 _TABLE = tomllib.loads(files("hdassist.preset").joinpath("units.toml").read_text("utf-8"), parse_float=Decimal)

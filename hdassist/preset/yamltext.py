@@ -14,8 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 import yaml
 
 from hdassist.errors import Finding, PresetError
-from hdassist.numerals import NUMBER
-from hdassist.visible import escaped
+from hdassist.plaintext import NUMBER, escaped
 
 MOST_PRESET_BYTES = 256 * 1024
 MAX_DEPTH = 20

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from itertools import chain
 from typing import NamedTuple
 
-from hdassist.numerals import NUMBER
+from hdassist.plaintext import NUMBER
 
 _QUOTED = r'"(?:[^"]|"")*"'
 _LIKE = r"[-+]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?"

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from math import cos, isfinite, nan, radians
 
 from hdassist.errors import DataError, Finding, PresetError
-from hdassist.numerals import number_of
-from hdassist.textfile import TextFile
+from hdassist.files import TextFile
+from hdassist.plaintext import number_of
 
 SIDEREAL = 15.041067  # arcsec/s: of a telescope's axis that follows the sky
 PROGRAMS = {  # words in the first lines, and the file that they are of

@@ -34,6 +34,7 @@ from typing import Literal, NamedTuple, cast, get_args
 import numpy as np
 
 from hdassist.errors import UsageError
+from hdassist.files import Readable
 from hdassist.model.geometry import Array
 from hdassist.model.wheels import PitchFile
 from hdassist.preset.units import UnitError
@@ -49,7 +50,6 @@ from hdassist.readers.words import (
     names_teeth,
     plain_unit,
 )
-from hdassist.textfile import Readable
 
 LEAST_RANGE, LARGEST_RANGE = 0.5, 1000.0  # um: range of the deviations of a wheel
 CLOSING = 0.2  # of the range: greatest sum of the single deviations

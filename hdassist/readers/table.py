@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import Finding, PresetError
+from hdassist.files import MAX_LINE, Readable, TextFile
 from hdassist.preset.yamltext import MAX_FINDINGS, ordered_findings, shown
 from hdassist.readers.cells import (
     Cell,
@@ -32,7 +33,6 @@ from hdassist.readers.cells import (
 )
 from hdassist.readers.foreign import program_of, readable_parts
 from hdassist.readers.words import ANGLES, TIMES, TORQUES, unit_in
-from hdassist.textfile import MAX_LINE, Readable, TextFile
 
 MOST_TABLE_BYTES = 5_000_000
 SAMPLED_LINES = 300  # lines that settle how rows are written

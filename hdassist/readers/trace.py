@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import DataError, UsageError
+from hdassist.files import Readable
 from hdassist.model.geometry import Array
 from hdassist.preset.units import UnitError
 from hdassist.readers.sweeps import AngleError, AngleSweep, guessed_wrap, leaping, sweeps, unwrapped
 from hdassist.readers.table import NumberTable, read_numbers, shortened
 from hdassist.readers.words import ANGLES, COUNTS, angle_size, plain_unit, role_in, unit_in
-from hdassist.textfile import Readable
 
 MAX_TRACE_BYTES = 100_000_000
 ARCSEC_PER_DEG = 3600.0

@@ -7,9 +7,7 @@ from math import isfinite
 
 from hdassist.errors import UsageError
 from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
-from hdassist.preset.deviations import IN_TEETH
-from hdassist.preset.fields import Drive
-from hdassist.preset.overrides import is_overridden
+from hdassist.preset.fields import IN_TEETH, Drive, is_overridden
 from hdassist.readers.pitch import Flank, PitchForm, Sense, read_pitch
 
 WHEEL_NAMES = ("b", "g")

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterable
 from importlib.resources import files
 
-from hdassist.numerals import number_of
+from hdassist.plaintext import number_of
 from hdassist.preset.units import UnitError, convert
 from hdassist.preset.yamltext import near_miss
 

@@ -25,10 +25,10 @@ from typing import Annotated, Any, Generic, Literal, TypeVar
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from hdassist.errors import DataError, Fault, UsageError
+from hdassist.files import in_place_of, is_file, is_there, os_reason
+from hdassist.plaintext import printable
 from hdassist.run.stops import at_stop
-from hdassist.textfile import in_place_of, is_file, is_there, os_reason
 from hdassist.version import __version__
-from hdassist.visible import printable
 
 KEPT_SCHEMA: Literal["hdassist.kept/1"] = "hdassist.kept/1"
 LONGEST_LINE = 1 << 26  # bytes of a line

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError
 from hdassist.json_parts import Json, as_json, certificate_object, schema_of
-from hdassist.numerals import NUMBER
+from hdassist.plaintext import NUMBER, printable, visible
 from hdassist.verdict import worst_exit_code
 from hdassist.version import __version__
-from hdassist.visible import printable, visible
 
 if TYPE_CHECKING:
     from hdassist.preset.fields import Drive

@@ -14,7 +14,7 @@ from typing import TextIO, TypeVar
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
-from hdassist.visible import visible
+from hdassist.plaintext import visible
 
 PIPE_WIDTH = 80
 STRICT = "HDASSIST_STRICT"

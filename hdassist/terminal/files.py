@@ -8,11 +8,10 @@ from functools import partial
 from pathlib import Path
 
 from hdassist.errors import DataError, Fault, UsageError
+from hdassist.files import claim_output, in_place_of, is_claimed, is_file, is_there, note_written
+from hdassist.plaintext import visible
 from hdassist.run.stops import at_stop
-from hdassist.runfiles import claim_output, is_claimed, note_written
 from hdassist.terminal.console import say, silence
-from hdassist.textfile import in_place_of, is_file, is_there
-from hdassist.visible import visible
 
 
 def write_text(path: str, text: str, force: bool) -> None:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_origin
 import typer
 
 from hdassist.errors import UsageError
-from hdassist.numerals import number_of
+from hdassist.plaintext import number_of
 
 if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
@@ -328,7 +328,7 @@ def torque_overrides(texts: Sequence[str | None]) -> list[str]:
 
     Raises UsageError: any other text, or 0.
     """
-    from hdassist.preset.requirements import option_value
+    from hdassist.preset.similarity import option_value
 
     given = [text for text in texts if text is not None]
     torques = [option_value("--torque", text, "N*m") for text in given]

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import Fault, HdassistError
+from hdassist.plaintext import visible
 from hdassist.run.stops import at_stop
 from hdassist.terminal.console import Style, console, say, stderr_style
 from hdassist.terminal.files import write_text
-from hdassist.visible import visible
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -101,7 +101,7 @@ class Output:
     @contextmanager
     def workers(self, options: object) -> Iterator[Executor]:
         """The executor that the options of a command name, or processes of its own on this machine."""
-        from hdassist.run.processes import workers
+        from hdassist.run.run import workers
 
         with self.engine(options) as engine:
             if engine:

@@ -8,9 +8,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError, UsageError
+from hdassist.files import is_written
 from hdassist.json_parts import Json
 from hdassist.report import Report
-from hdassist.runfiles import is_written
 from hdassist.terminal.answers import combine, csv_text, failure, json_text, report_object
 from hdassist.terminal.console import made_or
 from hdassist.terminal.files import write_text

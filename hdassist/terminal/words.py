@@ -7,11 +7,10 @@ import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from hdassist.files import STDIN
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknown_names, unknowns
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.kinds import unit_of
-from hdassist.textfile import STDIN
+from hdassist.preset.fields import Drive, field_table, unit_of
 from hdassist.verdict import Verdict, percent_text
 
 if TYPE_CHECKING:

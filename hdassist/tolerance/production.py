@@ -33,8 +33,7 @@ from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.mounting.positions import merit, seat_positions
-from hdassist.preset.deviations import DEVIATION_FIELDS, DEVIATIONS
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import DEVIATION_FIELDS, DEVIATIONS, Drive
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate

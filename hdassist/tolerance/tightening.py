@@ -21,8 +21,7 @@ from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import Probability, weighted_quantile
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
-from hdassist.preset.deviations import DEVIATION_FIELDS
-from hdassist.preset.fields import CostLaw, Drive
+from hdassist.preset.fields import DEVIATION_FIELDS, CostLaw, Drive
 from hdassist.tolerance.production import TIGHTER_STEP, Production, ProductionLaw, RandomDrive
 from hdassist.tolerance.yields import AtTorque, Summary, YieldBelief
 from hdassist.verdict import Verdict

@@ -17,9 +17,9 @@ from hdassist.belief.evidence import evidence_of
 from hdassist.cli import presets
 from hdassist.errors import DataError, HdassistError, PresetError, UsageError
 from hdassist.loading.load import load_text
-from hdassist.preset.fields import Drive, field_table
+from hdassist.loading.write import SCHEMA_FILE
+from hdassist.preset.fields import Drive, field_table, origin_counts
 from hdassist.preset.library import preset_names, read_preset
-from hdassist.preset.schema import SCHEMA_FILE, origin_counts
 from hdassist.version import __version__
 from tests.process import on_terminal
 

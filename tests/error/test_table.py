@@ -8,8 +8,7 @@ from hdassist.error.error_map import ErrorMap
 from hdassist.error.table import ErrorTable, Mesh, Reach, error_table
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import contact_system
-from hdassist.preset.deviations import DEVIATION_FIELDS
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import DEVIATION_FIELDS, Drive
 from hdassist.solve.answers import EMPTY
 from tests.process import SMALL
 from tests.support import rotation

@@ -5,9 +5,7 @@ import pytest
 from hdassist.explorer.levers import about_field, step_of, stepped
 from hdassist.explorer.state import opened_state
 from hdassist.loading.load import load_text
-from hdassist.preset.fields import field_table
-from hdassist.preset.kinds import text_of
-from hdassist.preset.schema import resolved_fields
+from hdassist.preset.fields import field_table, resolved_fields, text_of
 from tests.explorer.rig import tiny
 from tests.process import TINY
 

@@ -12,7 +12,7 @@ from hdassist.explorer.app import Explorer
 from hdassist.explorer.asking import REST
 from hdassist.explorer.screens import Notice
 from hdassist.explorer.state import opened_state
-from hdassist.preset.schema import resolved_fields
+from hdassist.preset.fields import resolved_fields
 from tests.explorer.rig import FEW, explored, known_is, screen, settled, tiny, to_lever
 from tests.process import TINY
 

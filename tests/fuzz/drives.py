@@ -27,8 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.preset.fields import field_table
-from hdassist.preset.kinds import bounds_of, choices_of, kind_of
+from hdassist.preset.fields import bounds_of, choices_of, field_table, kind_of
 from hdassist.preset.yamltext import read_yaml
 from hdassist.solve.certificate import TOLERANCE
 from tests.process import SMALL, run
@@ -193,7 +192,7 @@ def outcomes(changes: Iterable[Change], longest: float = LONGEST, jobs: int = 1)
     from hdassist.loading import load  # noqa: F401
     from hdassist.pages import check as check_page  # noqa: F401
     from hdassist.preset import library  # noqa: F401
-    from hdassist.run import processes  # noqa: F401
+    from hdassist.run import run  # noqa: F401
     from hdassist.terminal import wheels  # noqa: F401
 
     context = multiprocessing.get_context("fork")

@@ -10,8 +10,7 @@ import pytest
 from hdassist.belief.prior import EVIDENCE
 from hdassist.errors import PresetError, UsageError
 from hdassist.loading.load import load_text
-from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.kinds import is_optional, may_be_unknown
+from hdassist.preset.fields import Drive, field_table, is_optional, may_be_unknown
 
 BASE = """\
 schema: hdassist.preset/1

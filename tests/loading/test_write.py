@@ -12,9 +12,7 @@ from hdassist import load_preset
 from hdassist.errors import DataError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.loading.write import with_changes, with_found_values
-from hdassist.preset.fields import field_table
-from hdassist.preset.kinds import unit_of
-from hdassist.preset.schema import resolved_fields
+from hdassist.preset.fields import field_table, resolved_fields, unit_of
 from tests.process import SMALL
 from tests.support import fresh_preset
 

@@ -10,9 +10,7 @@ from hdassist.model.unknown import (
     unknown_turn,
     unknowns,
 )
-from hdassist.preset.deviations import DEVIATIONS
-from hdassist.preset.fields import field_table
-from hdassist.preset.kinds import may_be_unknown
+from hdassist.preset.fields import DEVIATIONS, field_table, may_be_unknown
 from hdassist.preset.knowledge import F_p
 from tests.process import SMALL
 

@@ -19,8 +19,7 @@ from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Geometry
 from hdassist.model.kinematics import Kinematics, ball_phase, pitch_locked_states
 from hdassist.mounting.positions import MountingCurve, seat_positions
-from hdassist.preset.fields import Acceptance, Drive, field_table
-from hdassist.preset.kinds import is_optional, kind_of
+from hdassist.preset.fields import Acceptance, Drive, field_table, is_optional, kind_of
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
 from hdassist.verdict import Verdict

@@ -10,9 +10,9 @@ from jsonschema import Draft202012Validator
 
 from hdassist.errors import UsageError
 from hdassist.loading.load import load_text
-from hdassist.preset.fields import field_table, sections
+from hdassist.loading.write import preset_schema
+from hdassist.preset.fields import ResolvedField, field_table, resolved_fields, sections
 from hdassist.preset.library import preset_names, read_preset
-from hdassist.preset.schema import ResolvedField, preset_schema, resolved_fields
 from hdassist.preset.yamltext import read_yaml
 from tests.support import fresh_preset
 

@@ -15,9 +15,8 @@ from hdassist.loading.load import load_text
 from hdassist.loading.write import similar_preset
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.model.rules import conflicts
-from hdassist.preset.fields import Drive, field_table, measures
+from hdassist.preset.fields import Drive, field_table, measures, origin_counts, resolved_fields
 from hdassist.preset.knowledge import LAWS, F_p
-from hdassist.preset.schema import origin_counts, resolved_fields
 from hdassist.preset.similarity import PITCH_DIAMETER, STIFFNESS, SimilarValue, rated_of, similar
 from hdassist.run.run import UNCHECKED
 

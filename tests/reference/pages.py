@@ -11,8 +11,16 @@ import typer
 
 from hdassist.cli.main import app
 from hdassist.explaining.words import GROUPS, SYMBOLS
-from hdassist.preset.fields import BY_PATH, sections
-from hdassist.preset.kinds import choices_of, is_optional, kind_of, may_be_unknown, range_of, unit_of
+from hdassist.preset.fields import (
+    BY_PATH,
+    choices_of,
+    is_optional,
+    kind_of,
+    may_be_unknown,
+    range_of,
+    sections,
+    unit_of,
+)
 
 ROOT: Any = typer.main.get_command(app)
 WIDTH = 68  # of help texts: what man has room for on a terminal of 80 columns

@@ -17,7 +17,7 @@ from hdassist.comparing.drives import DriveSheet, sheet_of
 from hdassist.pages.check import check_report
 from hdassist.pages.mount import instruction_of, mount_report
 from hdassist.pages.report import ENVELOPE_COLUMNS, drive_report, outline, report_html, report_markdown
-from hdassist.preset.schema import origin_counts
+from hdassist.preset.fields import origin_counts
 from hdassist.report import Curve, Facts, Lines, Paragraph, ReportSection, Seat, Table, Tiles
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.console import Style

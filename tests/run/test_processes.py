@@ -16,13 +16,13 @@ import pytest
 
 from hdassist.cli.main import THREADS
 from hdassist.errors import DataError, UntrustedError
-from hdassist.run.processes import apart, count, workers
+from hdassist.run.run import apart, count, workers
 from tests.process import CLEAN, SMALL
 
 BEGUN = """
 import os, threading
 import hdassist.solve.loadcase
-from hdassist.run.processes import workers
+from hdassist.run.run import workers
 
 if {thread}:
     threading.Thread(target=threading.Event().wait, daemon=True).start()
@@ -34,7 +34,7 @@ with workers(1) as executor:
 
 AT_WORK = """
 import os, threading
-from hdassist.run.processes import workers
+from hdassist.run.run import workers
 
 threading.Thread(target=threading.Event().wait, daemon=True).start()
 with workers(1) as executor:
@@ -47,7 +47,7 @@ SOLVED = """
 import numpy as np
 from hdassist import kinematic_error, load_preset
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from hdassist.run.processes import workers
+from hdassist.run.run import workers
 from hdassist.run.run import Run
 
 drive = load_preset({small!r})
@@ -116,7 +116,7 @@ def refuse(error: Exception) -> None:
 APART = """
 import os, sys
 from hdassist.errors import UntrustedError
-from hdassist.run.processes import apart, workers
+from hdassist.run.run import apart, workers
 
 with workers(1) as executor:
     worker = executor.submit(os.getpid).result()
@@ -181,6 +181,6 @@ def test_where_one_process_is_lost_no_other_is_waited_for():
 
 @pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), RuntimeError("can't start new thread")])
 def test_processes_that_cannot_begin_are_a_data_error(monkeypatch, fault):
-    monkeypatch.setattr("hdassist.run.processes.Processes.begin", lambda *_: refuse(fault))
+    monkeypatch.setattr("hdassist.run.run.Processes.begin", lambda *_: refuse(fault))
     with pytest.raises(DataError, match=r"cannot begin the processes.*(No space left|new thread)"), workers(1):
         pass

@@ -14,11 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdassist.json_parts import as_json
+from hdassist.plaintext import visible
 from hdassist.report import Quantity
 from hdassist.terminal.answers import FORMULA, csv_text, json_text
 from hdassist.verdict import Verdict
-from hdassist.visible import visible
-from tests.test_visible import EVERY_HIDDEN, hidden
+from tests.test_plaintext import EVERY_HIDDEN, hidden
 
 HOSTILE = st.text(st.sampled_from(EVERY_HIDDEN + "=+-@\t\n,;\"' a1.") | st.characters(), max_size=8)
 

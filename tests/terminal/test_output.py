@@ -19,7 +19,7 @@ from hdassist.terminal import output
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output, complain
 from tests.process import SMALL, TINY, on_terminal, run
-from tests.test_visible import EVERY_HIDDEN, hidden
+from tests.test_plaintext import EVERY_HIDDEN, hidden
 
 NAME = "a\x1b]0;owned\x07\u202e[/bold]b"
 TOLD = "a\\x1b]0;owned\\x07\\u202e[/bold]b"

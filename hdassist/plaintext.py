@@ -1,6 +1,7 @@
-"""Text of unknown origin with control and hidden characters escaped as in Python."""
+"""Texts of unknown origin: hidden characters escaped as in Python, and numbers in ASCII digits with a decimal point."""
 
 import re
+from math import nan
 
 # Controls but for newline and tab, marks that turn the writing's direction or have no width, line and paragraph
 # separators, halves of surrogate pairs, and noncharacters; all characters that XML 1.0 does not have are among them.
@@ -23,3 +24,12 @@ def escaped(character: str) -> str:
 def printable(json: str) -> str:
     """JSON of 7 bits with DEL escaped as well, the one control character that JSON allows as it is."""
     return json.replace("\x7f", "\\u007f")
+
+
+UNSIGNED = r"(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+NUMBER = rf"[-+]?{UNSIGNED}"
+
+
+def number_of(text: str) -> float:
+    """Value of a number, spaces around it allowed; NaN for any other text, infinity beyond the range of floats."""
+    return float(text) if re.fullmatch(NUMBER, text.strip()) else nan

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.errors import UsageError
-from hdassist.runfiles import begin_run, claim_output, note_input
+from hdassist.files import begin_run, claim_output, note_input
 from tests.process import CLEAN, TINY, run
 
 TRACE = "cam_deg,error_arcsec\n" + "".join(f"{k},{15 * sin(radians(k)):.4f}\n" for k in range(721))
