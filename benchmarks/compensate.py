@@ -49,8 +49,7 @@ def corrected(number: int, draws: int, seed: int, span: float) -> dict[str, Corr
     from hdassist.errors import HdassistError
     from hdassist.measuring.measure import measure
     from hdassist.model.rules import first_conflict
-    from hdassist.readers.sweeps import sweeps
-    from hdassist.readers.trace import MeasuredTrace
+    from hdassist.readers.trace import MeasuredTrace, sweeps
     from hdassist.run.run import UNCHECKED, Run
 
     rng = np.random.default_rng([seed, number])

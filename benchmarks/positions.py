@@ -42,7 +42,7 @@ def tested(number: int, seed: int, asked: int, draws: int) -> Tested:
     """The tests of a hidden drive, by its number; of the first so many asked the plan too."""
     from hdassist.error.cycle import kinematic_error
     from hdassist.model.kinematics import Kinematics
-    from hdassist.planning.plan import choose_plan
+    from hdassist.planning import choose_plan
     from hdassist.run.run import UNCHECKED, Run
 
     rng = np.random.default_rng([seed, number])

@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.readers.sweeps import sweeps
-from hdassist.readers.trace import MeasuredTrace
+from hdassist.readers.trace import MeasuredTrace, sweeps
 
 Array = NDArray[np.float64]
 Curve = Callable[[Array], Array]

@@ -26,7 +26,7 @@ from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.request import Inputs, LotRow, Request
 from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.json_parts import attributes
-from hdassist.measuring.uncertainty import COVERAGE_FACTOR
+from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.model.unknown import unknown_names
 from hdassist.verdict import SEVERITY, worst
 from hdassist.version import __version__

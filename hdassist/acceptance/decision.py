@@ -35,8 +35,8 @@ from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.table import TABLE_SECTIONS
 from hdassist.error.waves import EstimatedCycle, estimated_cycle, turn_range_arcsec
 from hdassist.errors import UsageError
+from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import SweepResult
-from hdassist.measuring.uncertainty import COVERAGE_FACTOR
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, unknowns

@@ -24,16 +24,15 @@ from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.errors import DataError, Finding, HdassistError, PresetError, UsageError
 from hdassist.files import STDIN
 from hdassist.loading.load import Asked
-from hdassist.measuring.measure import Measurement
-from hdassist.measuring.reading import Reading
+from hdassist.measuring.measure import Measurement, Reading
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.plaintext import number_of
 from hdassist.preset.fields import REMOVED, Drive, OneLine, field_table, is_number, is_overridden, path_of
 from hdassist.preset.library import preset_names
 from hdassist.preset.yamltext import InvalidValueError, near_miss, shown
+from hdassist.readers.pitch import WheelFiles
 from hdassist.readers.table import CellTable, read_texts
-from hdassist.readers.wheels import WheelFiles
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
 from hdassist.verdict import SURE

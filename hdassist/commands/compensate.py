@@ -91,7 +91,7 @@ class CompensateCommand(
 
     def of_record(self, file: str) -> Report:
         """Correction of a record without a preset. Raises UsageError for options that need one."""
-        from hdassist.correction.alone import correction_alone
+        from hdassist.correction.correct import correction_alone
         from hdassist.pages.compensate import compensate_report
         from hdassist.preset.similarity import option_value
 
@@ -120,8 +120,7 @@ class CompensateCommand(
 
     def report(self, out: o.Output, preset: str) -> Report:
         """Corrections of the drive, or of a record alone."""
-        from hdassist.correction.correct import correct
-        from hdassist.correction.verified import verify
+        from hdassist.correction.correct import correct, verify
         from hdassist.design.check import check_states
         from hdassist.pages.compensate import compensate_report, verified_report
 

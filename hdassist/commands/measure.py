@@ -45,7 +45,7 @@ class MeasureCommand(o.FigureOptions, o.TraceOptions, ArchiveOptions):
         """Measure the traces; returns the exit code."""
         from hdassist.loading.load import load_preset
         from hdassist.measuring.bench import bench_record
-        from hdassist.measuring.cycle import gearing_of
+        from hdassist.measuring.orders import gearing_of
         from hdassist.pages.measure import bench_report, measure_report, repeats
         from hdassist.readers.trace import read_record
         from hdassist.terminal.answers import failure

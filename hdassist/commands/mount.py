@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from hdassist.mounting.advice import Advice
     from hdassist.mounting.posterior import Trial
     from hdassist.preset.fields import Drive
-    from hdassist.readers.wheels import WheelFiles
+    from hdassist.readers.pitch import WheelFiles
 
 
 @dataclass(frozen=True, kw_only=True)

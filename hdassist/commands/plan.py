@@ -9,7 +9,7 @@ from hdassist.errors import UsageError
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
-    from hdassist.planning.plan import ReadingPlan
+    from hdassist.planning import ReadingPlan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
     def plan(self) -> ReadingPlan | None:
         """The test to judge, None where none was asked about. Raises UsageError for options without one."""
-        from hdassist.planning.plan import ReadingPlan
+        from hdassist.planning import ReadingPlan
 
         if self.positions is not None:
             return ReadingPlan.positions(self.positions, self.turns, self.both)
@@ -56,7 +56,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
         with out.progress(preset) as progress:  # words before numpy is imported
             from hdassist.design.check import check_states
             from hdassist.pages.plan import plan_report
-            from hdassist.planning.plan import PlanDemands, choose_plan
+            from hdassist.planning import PlanDemands, choose_plan
 
             asked, demands = self.plan(), PlanDemands(self.wrong, self.noise, self.corrected)
             drive = self.load(preset)

@@ -1,4 +1,4 @@
-"""How much of a drive's error a stored correction takes off, over all that is not known of the drive."""
+"""Error of a drive that a correction takes off, over all that is not known of it, and whether a record keeps that."""
 
 from __future__ import annotations
 
@@ -10,24 +10,37 @@ from numpy.typing import NDArray
 
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
-from hdassist.correction.agreeing import agreeing_drives
-from hdassist.correction.forms import TRIED_POINTS, USUAL_TABLES, CorrectionForm, line_orders
+from hdassist.comparing.record import Alignment
+from hdassist.correction.forms import (
+    TRIED_POINTS,
+    USUAL_TABLES,
+    CorrectionForm,
+    CorrectionTable,
+    ExpectedResidual,
+    Phasors,
+    RepeatTurn,
+    between_points,
+    line_orders,
+)
 from hdassist.correction.records import (
     RECORDED_DRAWS,
     RecordedError,
+    agreeing_drives,
     alike_lines,
     recorded_lines,
     solved_error,
     with_more_lines,
 )
-from hdassist.correction.table import CorrectionTable, ExpectedResidual, Phasors, RepeatTurn, between_points
 from hdassist.design.check import drive_samples
+from hdassist.error.waves import POINTS_A_TURN, ErrorLines, error_lines
+from hdassist.errors import UntrustedError, UsageError
+from hdassist.measuring.measure import Measurement
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
-from hdassist.planning.lines import POINTS_A_TURN, ErrorLines, error_lines
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
+from hdassist.verdict import Verdict
 
 REPORTED_SHARES = (0.05, 0.5, 0.95)
 PHASORS = CorrectionForm(None)  # as many as are enough
@@ -39,6 +52,9 @@ STRONG_LINES = 3  # that are named
 ANY_PHASE_DEG = 180 / 3**0.5  # standard deviation of a phase that is not known
 LEAST_AMPLITUDE = 1e-300  # arcsec: a line without any is not divided by
 HALVED = 0.5  # of the range: a correction that leaves more is called weak
+EXPLAINED_RMS_SHARE = 0.5  # of what is left in place, root mean square: a cause that leaves more is none
+ALIKE = 1.05  # times the least that a cause leaves: the nearest zero of such is named
+IN_ZERO_DEG = 3.0  # of the cam, as far as a zero counts as right
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,3 +369,105 @@ def percentiles(values: Array) -> tuple[float, float, float]:
     """5th, 50th and 95th percentile of values of equal weight."""
     low, middle, high = np.quantile(values, REPORTED_SHARES, method="weibull").tolist()
     return low, middle, high
+
+
+def correction_alone(
+    found: Measurement, asked: Alignment, M_g: float, form: CorrectionForm, output_turns: str | None = None
+) -> Correction:
+    """Correction from a record at a torque M_g [N*m] that was measured with its ratio, both directions as one.
+
+    Arguments: asked, how the file counts; of two encoders that count alike their record shows which way the
+    output turns; else output_turns says so: "with" the cam or "against" it. Raises UsageError for a
+    table over the output turn without that, and for angles of the output, UntrustedError for less than the full cycle.
+    """
+    trace, sweep, gearing = found.trace, found.directions[0], found.gearing
+    way = output_turns or {1: "with", -1: "against"}.get(trace.sense)
+    if gearing is None or (form.turn == "output" and not way) or trace.angle_of == "output":
+        raise UsageError(
+            "a record alone does not tell whether cam and output turn the same way",
+            "say it: --output-turns against (a fixed rigid wheel) or with, beside cam angles; or take a preset",
+        )
+    if sweep.is_bound:
+        share = f"{100 * sweep.coverage.share:.0f} % of the full cycle" if sweep.coverage else "no full cycle"
+        words = f"{trace.file}: {share}, in which lines that lie close together are not told apart"
+        raise UntrustedError(words, "record the full cycle, or with a preset: hdassist compensate PRESET FILE")
+    moving = round(2 * gearing.ratio)
+    kinematics = Kinematics(moving, moving + 2, "rigid")
+    if way == "with":
+        kinematics = Kinematics(moving - 2, moving, "flexspline")
+    none_known = ErrorLines(kinematics, np.zeros(0, dtype=np.int64), np.zeros((1, 0), dtype=complex), EMPTY)
+    alignment = asked.of_file(trace, kinematics)
+    record = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error)
+    error = recorded_belief(none_known, record, Run(seed=found.seed))
+    return fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)
+
+
+@dataclass(frozen=True)
+class VerifiedCorrection:
+    """A record with the correction on, at the torque that it is for.
+
+    F_ior_arcsec: of its lines, and its interval, without an upper end of part of the cycle;
+    promised; parts: of the error as promised and as it came, of the full cycle only; cause: words for why it does not
+    do as was promised.
+    """
+
+    F_ior_arcsec: float
+    interval_arcsec: tuple[float, float | None]
+    promised: ExpectedResidual
+    promised_parts: tuple[ErrorPart, ...]
+    parts: tuple[ErrorPart, ...]
+    cause: str
+    verdict: Verdict
+
+
+def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorrection:
+    """What a record with the correction on shows, and what was promised.
+
+    Its interval is all that noise leaves open. PASS where that is within the promise at 95 %, FAIL where none of it is.
+    """
+    promised, error = result.chosen.residuals[0], result.errors[result.M_g]
+    lines = recorded_lines(error.lines, record, run)
+    F_ior_arcsec = float(np.ptp(lines.mean.curves))
+    *_, most = percentiles(np.ptp(lines.curves, axis=1))  # what noise leaves open added, which may have added before
+    low = max(0.0, 2 * F_ior_arcsec - most)
+    high = None if record.is_part else most
+    is_kept = high is not None and high <= promised.p95
+    verdict = Verdict.PASS if is_kept else Verdict.FAIL if low > promised.p95 else Verdict.INCONCLUSIVE
+    taken = correction_curve(result.correction, error.lines.kinematics).reshape(-1)
+    spectrum = np.fft.rfft(taken)[error.lines.per_cycle] * (2 / len(taken))
+    left = replace(error.lines, amplitude=error.lines.amplitude + spectrum)
+    parts = [error_parts({result.M_g: replace(error, lines=each)}) for each in (left, lines)]
+    promised_parts, parts_that_came = ((), ()) if record.is_part else parts
+    cause = likely_cause(error.actual.mean(axis=0), taken, record, lines) if verdict is Verdict.FAIL else ""
+    return VerifiedCorrection(F_ior_arcsec, (low, high), promised, promised_parts, parts_that_came, cause, verdict)
+
+
+def likely_cause(before: Array, taken: Array, record: RecordedError, lines: ErrorLines) -> str:
+    """Words for the sign and zero with which a correction acts that explain a record best; empty where none does.
+
+    Arguments: error before and correction [arcsec] over the full cycle, shape (points,) each. The square of before less
+    after less the correction is least where their correlation is greatest.
+    """
+    count, points = len(taken), record.points(lines)
+    applied = before[points] + record.error_arcsec  # F_kpp is the opposite of the actual error
+    applied -= applied.mean()
+
+    def correlation(read: Array, curve: Array) -> Array:
+        """Sum over readings by the points that the zero is off, shape (points,)."""
+        return np.fft.irfft(np.conj(np.fft.rfft(np.bincount(points, read, count))) * np.fft.rfft(curve), count)
+
+    product, power = correlation(applied, taken), correlation(np.ones(len(points)), taken**2)
+    left = applied @ applied + np.stack([power - 2 * product, power + 2 * product, 0 * power])  # as it is, flipped, off
+    if left.min() > EXPLAINED_RMS_SHARE**2 * left[0, 0]:
+        return ""
+    near = np.fft.fftfreq(count, 1 / count)
+    way, place = min(np.argwhere(left <= ALIKE * left.min()).tolist(), key=lambda each: (abs(near[each[1]]), each[0]))
+    off_turns = float(near[place]) / POINTS_A_TURN
+    turns = round(off_turns)
+    off_deg = 360 * (off_turns - turns)
+    if way == 2:
+        return "the correction is not on"
+    found = ["its sign is flipped"] * (way == 1)
+    found += [f"its zero is off by {abs(off_deg):.0f}° of the cam"] * (abs(off_deg) > IN_ZERO_DEG)
+    found += [f"{abs(turns)} turns of the cam are lost"] * bool(turns)
+    return ", ".join(found)

@@ -1,22 +1,143 @@
-"""Forms in which a correction is stored, each fitted to the lines of an error by least squares over the full cycle."""
+"""Stored corrections as a controller evaluates them, tables and phasors, each fitted to an error by least squares.
+
+Signs: the error is the actual less the ideal angle of the output [arcsec], counted counter-clockwise seen from the cam
+side as every angle; a controller takes it off its set-point. F_kpp, which is the ideal less the actual angle, is its
+opposite. Zero: cam and output stand where phi_h = 0 and the output's angle is 0 in the preset.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from hdassist.correction.table import CorrectionTable, Phasors, RepeatTurn, periods_a_cam_turn
+from hdassist.error.waves import Complex, ErrorLines
 from hdassist.model.geometry import Array
-from hdassist.planning.lines import ErrorLines
 
+RepeatTurn = Literal["output", "cam", "half-cam"]
 TRIED_POINTS: Mapping[RepeatTurn | None, Sequence[int]] = {  # of tables, and numbers of phasors
     None: (20, 80, 320, 1280),
     "output": (32, 64, 100, 128, 180, 256, 360, 512, 720, 1024, 1500, 2048, 4096),
 }
 USUAL_POINTS = 1500  # of a table over an output turn
 CAM_POINTS = 256  # of a table over a turn of the cam, or half of one
+
+
+@dataclass(frozen=True)
+class ExpectedResidual:
+    """Range [arcsec] of the error over the full cycle at a torque M_g [N*m], without a correction and with it.
+
+    Percentiles over all that is not known of the drive: uncorrected_p50, p5, p50, p95. case: in place, or with the zero
+    of the correction off, or a turn of the cam lost.
+    """
+
+    M_g: float
+    uncorrected_p50: float
+    p5: float
+    p50: float
+    p95: float
+    case: str = "in place"
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectionTable:
+    """Error over a turn, at even steps with straight lines between; after the last point the first comes again.
+
+    turn: after which it repeats; error_arcsec, shape (..., points): to be taken off, at angles_deg of that turn;
+    u: cam turns in a turn of the output, negative where they turn apart; M_g [N*m]: torque that it is for;
+    other_direction_arcsec, shape (points,): for the other direction of motion, None where both share the first, and
+    other_M_g, the torque of that; preset: name of the drive; expected: residuals with it.
+    """
+
+    turn: RepeatTurn
+    error_arcsec: Array
+    u: float
+    M_g: float
+    other_direction_arcsec: Array | None = None
+    other_M_g: float | None = None
+    preset: str = ""
+    expected: tuple[ExpectedResidual, ...] = ()
+
+    @property
+    def points(self) -> int:
+        """Number of its points."""
+        return int(self.error_arcsec.shape[-1])
+
+    @property
+    def period_deg(self) -> float:
+        """Angle of the cam or of the output after which the table repeats [deg]."""
+        return 180.0 if self.turn == "half-cam" else 360.0
+
+    @property
+    def angles_deg(self) -> Array:
+        """Angles of the points [deg], of the output or of the cam, rising from 0, shape (points,)."""
+        return np.asarray(np.arange(self.points) * (self.period_deg / self.points))
+
+    def error_at(self, cam_turns: Array, *, other_direction: bool = False) -> Array:
+        """Error to take off [arcsec] where the cam has turned so far from zero, shape (..., turns)."""
+        values = self.error_arcsec
+        if other_direction and self.other_direction_arcsec is not None:
+            values = self.other_direction_arcsec
+        return between_points(values, np.asarray(cam_turns) * periods_a_cam_turn(self.turn, self.u))
+
+
+def periods_a_cam_turn(turn: RepeatTurn, u: float) -> float:
+    """Periods of a table in a turn of the cam; negative where the output turns against it."""
+    return {"output": 1 / u, "cam": 1.0, "half-cam": 2.0}[turn]
+
+
+def between_points(values: Array, periods: Array) -> Array:
+    """Values at even steps over a period, shape (..., points), straight between them, at periods from the first."""
+    points = values.shape[-1]
+    place = np.mod(periods, 1.0) * points
+    first = np.floor(place).astype(np.int64)
+    rest = place - first
+    return np.asarray(values[..., first % points] * (1 - rest) + values[..., (first + 1) % points] * rest)
+
+
+@dataclass(frozen=True, eq=False)
+class Phasors:
+    """Error as lines: the sum of amplitude cos(2 pi per_cam_turn x + phase), x the turns of the cam from zero.
+
+    per_output_turn, per_cam_turn: how often each line comes, shape (lines,); amplitude_arcsec; phase_deg, shape
+    (..., lines) each; M_g, preset and expected as of a table; standard uncertainties of amplitude and phase, shape
+    (lines,), of a record alone: two of them hold 95 %.
+    """
+
+    per_output_turn: Array
+    per_cam_turn: Array
+    amplitude_arcsec: Array
+    phase_deg: Array
+    M_g: float
+    preset: str = ""
+    expected: tuple[ExpectedResidual, ...] = ()
+    amplitude_uncertainty_arcsec: Array | None = None
+    phase_uncertainty_deg: Array | None = None
+
+    @property
+    def vectors(self) -> Complex:
+        """Amplitudes with their phases [arcsec], shape (..., lines)."""
+        return np.asarray(self.amplitude_arcsec * np.exp(1j * np.radians(self.phase_deg)))
+
+    def error_at(self, cam_turns: Array) -> Array:
+        """Error to take off [arcsec] where the cam has turned so far from zero, shape (..., turns)."""
+        waves = np.exp(2j * np.pi * self.per_cam_turn[:, None] * np.asarray(cam_turns))
+        return np.asarray((self.vectors @ waves).real)
+
+
+def correction_columns(correction: CorrectionTable | Phasors) -> dict[str, Array]:
+    """Columns of a correction by their names, of the same length each: points of a table, or lines."""
+    if isinstance(correction, CorrectionTable):
+        shaft = "output" if correction.turn == "output" else "cam"
+        columns = {f"{shaft}_deg": correction.angles_deg, "error_arcsec": correction.error_arcsec}
+        other = correction.other_direction_arcsec
+        return columns if other is None else {**columns, "other_direction_arcsec": other}
+    names = ("per_output_turn", "per_cam_turn", "amplitude_arcsec", "phase_deg")
+    unsure = ("amplitude_uncertainty_arcsec", "phase_uncertainty_deg")
+    every = {name: getattr(correction, name) for name in (*names, *unsure)}
+    return {name: column for name, column in every.items() if column is not None}
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import cast
 import numpy as np
 
 from hdassist.correction.correct import Correction, percentiles, ranges_left
-from hdassist.correction.table import CorrectionTable, ExpectedResidual, RepeatTurn
+from hdassist.correction.forms import CorrectionTable, ExpectedResidual, RepeatTurn
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 from hdassist.version import __version__

@@ -10,8 +10,8 @@ from hdassist.belief.evidence import measured_errors
 from hdassist.errors import UsageError
 from hdassist.explorer.levers import TEETH_FIELDS
 from hdassist.loading.load import OVERRIDE_PLACE, load_text
-from hdassist.measuring.cycle import gearing_of
 from hdassist.measuring.measure import measure
+from hdassist.measuring.orders import gearing_of
 from hdassist.model.deviations import carried
 from hdassist.mounting.positions import hole_of
 from hdassist.plaintext import number_of

@@ -19,8 +19,8 @@ import numpy as np
 from hdassist.errors import DataError
 from hdassist.measuring.range import BIAS_SHARE
 from hdassist.model.geometry import Array
-from hdassist.readers.sweeps import WHOLE_TURN_DEG, AngleError, sweeps
 from hdassist.readers.table import NumberTable
+from hdassist.readers.trace import WHOLE_TURN_DEG, AngleError, sweeps
 from hdassist.readers.words import TURN_ARCSEC, role_in
 
 LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the lost motion

@@ -53,7 +53,7 @@ from hdassist.error.error_map import error_maps, searchable
 from hdassist.error.sloped import DRAWN_STATES
 from hdassist.error.table import Mesh
 from hdassist.errors import HdassistError, UntrustedError, UsageError
-from hdassist.measuring.reading import Reading
+from hdassist.measuring.measure import Reading
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
 from hdassist.mounting.decision import Decision

@@ -7,14 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.correction.correct import HALVED, IN_PLACE, Correction, ErrorPart, FormResiduals, correction_curve
-from hdassist.correction.forms import line_orders
-from hdassist.correction.table import ExpectedResidual, correction_columns
-from hdassist.correction.verified import VerifiedCorrection
+from hdassist.correction.correct import (
+    HALVED,
+    IN_PLACE,
+    Correction,
+    ErrorPart,
+    FormResiduals,
+    VerifiedCorrection,
+    correction_curve,
+)
+from hdassist.correction.forms import ExpectedResidual, correction_columns, line_orders
+from hdassist.error.waves import POINTS_A_TURN
 from hdassist.json_parts import samples_object
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes, unknowns
-from hdassist.planning.lines import POINTS_A_TURN
 from hdassist.report import Curve, Facts, Report, Table, csv_columns
 from hdassist.terminal.words import again
 from hdassist.verdict import Verdict

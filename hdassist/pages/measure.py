@@ -22,13 +22,10 @@ from hdassist.measuring.bench import (
     place_loops,
     position_quantities,
 )
-from hdassist.measuring.cycle import FULL_SHARE, Gearing
-from hdassist.measuring.fit import SLOWEST_ORDER
-from hdassist.measuring.measure import Measurement, SweepResult
-from hdassist.measuring.orders import MeasuredOrder
-from hdassist.measuring.range import GAP_PERIODS
-from hdassist.measuring.slopes import RecordedTorque
-from hdassist.measuring.uncertainty import COVERAGE_FACTOR, STATED, UncertaintySource
+from hdassist.measuring.fit import COVERAGE_FACTOR, SLOWEST_ORDER
+from hdassist.measuring.measure import Measurement, RecordedTorque, SweepResult
+from hdassist.measuring.orders import FULL_SHARE, Gearing, MeasuredOrder
+from hdassist.measuring.range import GAP_PERIODS, STATED, UncertaintySource
 from hdassist.pages.curves import curve_of_turns
 from hdassist.preset.fields import Drive
 from hdassist.report import NO_VALUE, CsvTable, Curve, Facts, Lines, Quantity, Report, ReportSection, Table, as_object

@@ -8,7 +8,7 @@ import numpy as np
 from hdassist.belief.samples import ErrorBelief
 from hdassist.json_parts import samples_object
 from hdassist.model.unknown import unknown_notes
-from hdassist.planning.plan import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgement
+from hdassist.planning import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgement
 from hdassist.report import Curve, CurveMark, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
 from hdassist.terminal.words import more_draws, preset_argument
 from hdassist.verdict import Verdict

@@ -29,6 +29,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Literal, NamedTuple, cast, get_args
 
 import numpy as np
@@ -36,7 +38,8 @@ import numpy as np
 from hdassist.errors import UsageError
 from hdassist.files import Readable
 from hdassist.model.geometry import Array
-from hdassist.model.wheels import PitchFile
+from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
+from hdassist.preset.fields import IN_TEETH, Drive, is_overridden
 from hdassist.preset.units import UnitError
 from hdassist.preset.yamltext import near_miss
 from hdassist.readers.table import NumberTable, read_numbers, shortened
@@ -56,11 +59,9 @@ CLOSING = 0.2  # of the range: greatest sum of the single deviations
 NOISE = 1e-9  # of the summed deviations: a closing error that is rounding of the sum
 _CODE_PAGE = re.compile("[\x80-\xff]{3}")  # in Latin-1: letters of another code page
 _SENSES = {"clockwise": "cw", "counterclockwise": "ccw", "anticlockwise": "ccw"}
-
 PitchForm = Literal["cumulative", "single"]
 Sense = Literal["ccw", "cw"]
 Flank = Literal["left", "right"]
-
 CHOICES = {  # by key: values, and their names for messages
     "form": (get_args(PitchForm), "cumulative or single"),
     "sense": (get_args(Sense), "ccw or cw, seen from the cam side"),
@@ -77,6 +78,7 @@ COLUMNS_HINT = (
     "left [um]; right [um] above the rows, and one flank or form asked for; decimal commas need ; between columns"
 )
 FORM_HINT = 'write a comment line above the rows, like "# form: cumulative" or "# form: single"'
+WHEEL_NAMES = ("b", "g")
 
 
 def read_pitch(
@@ -279,3 +281,66 @@ def _cumulative(
         hint = "is it mm?" if name != "mm" else "is it um? no wheel is that good"
         table.add_at(0, column, f"{reach:.3g} um over the whole wheel", f"unit {name}", hint)
     return values
+
+
+@dataclass(frozen=True)
+class WheelFiles:
+    """Pitch files of the rigid wheel (b) and the flexspline (g), directions [deg] of their marks, and their form."""
+
+    pitch_b: str | None = None
+    pitch_g: str | None = None
+    mark_b: float | None = None
+    mark_g: float | None = None
+    pitch_form: PitchForm | None = None
+    pitch_sense: Sense | None = None
+    pitch_flank: Flank | None = None
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The given files by wheel."""
+        return {name: file for name in WHEEL_NAMES if (file := getattr(self, f"pitch_{name}")) is not None}
+
+    @property
+    def marks(self) -> dict[str, float]:
+        """The given directions of marks [deg] by wheel."""
+        return {name: mark for name in WHEEL_NAMES if (mark := getattr(self, f"mark_{name}")) is not None}
+
+    def require_sound(self) -> None:
+        """Raise UsageError for a mark or a form without a file, and for a mark that is not finite."""
+        for name, mark in self.marks.items():
+            if name not in self.files:
+                raise UsageError(
+                    f"--mark-{name} is the mark of a measured wheel", f"--pitch-{name} FILE names its file"
+                )
+            if not isfinite(mark):
+                raise UsageError(f"invalid --mark-{name} {mark}: expected an angle in deg")
+        if not self.files and (self.pitch_form or self.pitch_sense or self.pitch_flank):
+            raise UsageError("--pitch-form, --pitch-sense and --pitch-flank say how to read --pitch-b and --pitch-g")
+
+    def read(self, drive: Drive) -> MeasuredTeeth | None:
+        """The measured wheels of a drive, with the assumptions made in their notes; None without a file.
+
+        Raises PresetError with the faults of a file, DataError for a file that cannot be read, UsageError where the
+        direction of a mark is unknown.
+        """
+        wheels = {}
+        for name, file in self.files.items():
+            teeth = drive.gears.z_b if name == "b" else drive.gears.z_g
+            pitch = read_pitch(file, teeth, form=self.pitch_form, sense=self.pitch_sense, flank=self.pitch_flank)
+            mark, notes = self.marks.get(name), list(pitch.notes)
+            if mark is None:
+                if (given := drive.value(f"phases.xi_{name}")) is None:
+                    raise UsageError(f"unknown direction of the mark of {file}", f"like --mark-{name} 30, in deg")
+                mark = float(given)
+                words = f"the mark stands at {mark:g} deg, as phases.xi_{name} of the preset"
+                notes.append(f"{words}; --mark-{name} says otherwise")
+            if name == "b" and drive.value("tolerances.e_b"):
+                notes.append(
+                    "tolerances.e_b is added to the measured teeth: right only where their own centre was the datum"
+                )
+            composite, *harmonics = IN_TEETH[name]
+            replaced = [composite] if is_overridden(composite, drive.origin.overrides) else []
+            without_effect = (*replaced, *filter(drive.number, harmonics))
+            notes += [f"{path} has no effect, the teeth are measured" for path in without_effect]
+            wheels[name] = MeasuredWheel(replace(pitch, notes=tuple(notes)), mark % 360)
+        return MeasuredTeeth(**wheels) if wheels else None

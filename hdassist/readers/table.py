@@ -20,7 +20,11 @@ from numpy.typing import NDArray
 from hdassist.errors import Finding, PresetError
 from hdassist.files import MAX_LINE, Readable, TextFile
 from hdassist.preset.yamltext import MAX_FINDINGS, ordered_findings, shown
-from hdassist.readers.cells import (
+from hdassist.readers.foreign import program_of, readable_parts
+from hdassist.readers.words import (
+    ANGLES,
+    TIMES,
+    TORQUES,
     Cell,
     TableLine,
     cells_of,
@@ -30,9 +34,8 @@ from hdassist.readers.cells import (
     names_in,
     row_text,
     separator_of,
+    unit_in,
 )
-from hdassist.readers.foreign import program_of, readable_parts
-from hdassist.readers.words import ANGLES, TIMES, TORQUES, unit_in
 
 MOST_TABLE_BYTES = 5_000_000
 SAMPLED_LINES = 300  # lines that settle how rows are written

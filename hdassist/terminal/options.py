@@ -25,9 +25,9 @@ from hdassist.plaintext import number_of
 if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
     from hdassist.comparing.record import Alignment
-    from hdassist.measuring.reading import Reading
+    from hdassist.measuring.measure import Reading
     from hdassist.preset.fields import Drive
-    from hdassist.readers.wheels import WheelFiles
+    from hdassist.readers.pitch import WheelFiles
     from hdassist.report import Report as Report  # named by the methods of commands too
     from hdassist.terminal.output import Output as Output
 
@@ -239,7 +239,7 @@ class PitchOptions(OptionGroup):
 
     def wheels(self) -> WheelFiles:
         """The files and how they are read."""
-        from hdassist.readers.wheels import WheelFiles
+        from hdassist.readers.pitch import WheelFiles
 
         return self.only(WheelFiles)
 
@@ -262,7 +262,7 @@ class TraceOptions(OptionGroup):
 
     def reading(self) -> Reading:
         """How files are read and looked at."""
-        from hdassist.measuring.reading import Reading
+        from hdassist.measuring.measure import Reading
 
         return replace(self.only(Reading), budget=tuple(self.budget))
 

@@ -13,7 +13,7 @@ from hdassist.terminal.output import note
 if TYPE_CHECKING:
     from hdassist.model.wheels import MeasuredTeeth
     from hdassist.preset.fields import Drive
-    from hdassist.readers.wheels import WheelFiles
+    from hdassist.readers.pitch import WheelFiles
 
 WHEEL_WORDS = {"b": "rigid wheel", "g": "flexspline"}
 

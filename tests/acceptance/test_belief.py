@@ -17,7 +17,7 @@ from hdassist.error.waves import estimated_cycle
 from hdassist.loading.load import load_preset
 from hdassist.model.kinematics import Kinematics
 from hdassist.pages.check import check_report
-from hdassist.readers.wheels import WheelFiles
+from hdassist.readers.pitch import WheelFiles
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.answers import report_object
 from hdassist.verdict import Verdict

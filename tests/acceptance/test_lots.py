@@ -28,10 +28,10 @@ from hdassist.acceptance.answer import (
 )
 from hdassist.acceptance.request import LotRow, Request, is_lot, read_lot
 from hdassist.errors import DataError, PresetError, UsageError
-from hdassist.measuring.reading import Reading
+from hdassist.measuring.measure import Reading
 from hdassist.pages.accept import csv as figures
 from hdassist.pages.accept import lot_report, title
-from hdassist.readers.wheels import WheelFiles
+from hdassist.readers.pitch import WheelFiles
 from hdassist.verdict import Verdict
 from hdassist.version import __version__
 from tests.paper import on_paper

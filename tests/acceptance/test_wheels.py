@@ -12,7 +12,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.acceptance.answer import ANSWERS
-from hdassist.readers.wheels import WheelFiles
+from hdassist.readers.pitch import WheelFiles
 from hdassist.run.kept import KeptOwner, open_kept
 from tests.acceptances import accept
 from tests.process import TINY, run

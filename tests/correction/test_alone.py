@@ -14,12 +14,11 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.comparing.record import Alignment
-from hdassist.correction.alone import correction_alone
-from hdassist.correction.forms import CorrectionForm
-from hdassist.correction.table import Phasors
+from hdassist.correction.correct import correction_alone
+from hdassist.correction.forms import CorrectionForm, Phasors
 from hdassist.error.cycle import kinematic_error
+from hdassist.error.waves import POINTS_A_TURN, error_lines
 from hdassist.measuring.measure import measure
-from hdassist.planning.lines import POINTS_A_TURN, error_lines
 from hdassist.run.run import UNCHECKED
 from tests.process import TINY, run
 from tests.rigs import recorded

@@ -9,10 +9,16 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.correction.correct import IN_PLACE, TURN_LOST, correct
-from hdassist.correction.forms import CorrectionForm, phasors_of, table_values
-from hdassist.correction.table import CorrectionTable, between_points, periods_a_cam_turn
+from hdassist.correction.forms import (
+    CorrectionForm,
+    CorrectionTable,
+    between_points,
+    periods_a_cam_turn,
+    phasors_of,
+    table_values,
+)
 from hdassist.error.cycle import kinematic_error
-from hdassist.planning.lines import POINTS_A_TURN, error_lines
+from hdassist.error.waves import POINTS_A_TURN, error_lines
 from hdassist.run.run import UNCHECKED
 from tests.process import SMALL, TINY
 

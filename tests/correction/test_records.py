@@ -14,9 +14,9 @@ from hdassist.correction.correct import IN_PLACE, correct
 from hdassist.correction.forms import CorrectionForm
 from hdassist.correction.records import RecordedError, recorded_error, shrunk, solved_error
 from hdassist.error.cycle import kinematic_error
+from hdassist.error.waves import POINTS_A_TURN, error_lines
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
-from hdassist.planning.lines import POINTS_A_TURN, error_lines
 from hdassist.run.run import UNCHECKED
 from tests.process import TINY, run
 from tests.rigs import recorded

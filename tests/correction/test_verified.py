@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.planning.lines import POINTS_A_TURN, error_lines
+from hdassist.error.waves import POINTS_A_TURN, error_lines
 from tests.process import TINY, run
 
 HIDDEN = ("phases.xi_b=130", "supports.C_2=8.0e3", "gears.j_n=18.7")

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from hdassist.correction.table import CorrectionTable, ExpectedResidual
+from hdassist.correction.forms import CorrectionTable, ExpectedResidual
 from hdassist.correction.writers import CONTROLLER_FORMATS, ControllerAxis, controller_file, stored_table
 from hdassist.errors import UsageError
 from tests.correction import controllers

@@ -7,8 +7,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.errors import UntrustedError
-from hdassist.measuring.measure import measure
-from hdassist.measuring.reading import Reading
+from hdassist.measuring.measure import Reading, measure
 from hdassist.mounting.advice import advise_after
 from hdassist.mounting.posterior import Trial, TrialSetup, hole_samples, posterior_of, read_trial_or_record
 from hdassist.readers.trace import read_trace

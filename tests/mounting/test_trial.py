@@ -4,7 +4,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.errors import UsageError
-from hdassist.measuring.reading import Reading
+from hdassist.measuring.measure import Reading
 from hdassist.mounting.positions import usable_positions
 from hdassist.mounting.posterior import Trial, TrialSetup, read_trial, read_trial_or_record
 from tests.process import SMALL

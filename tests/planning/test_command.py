@@ -12,7 +12,7 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.pages.plan import seen_curve
-from hdassist.planning.plan import choose_plan
+from hdassist.planning import choose_plan
 from tests.process import TINY, run
 
 OPEN = ("--set", "phases.xi_b=unknown", "--draws", "8")

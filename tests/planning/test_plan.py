@@ -7,8 +7,8 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.error.cycle import kinematic_error
-from hdassist.planning.lines import error_lines
-from hdassist.planning.plan import DrivesUnderTest, PlanDemands, ReadingPlan, choose_plan
+from hdassist.error.waves import error_lines
+from hdassist.planning import DrivesUnderTest, PlanDemands, ReadingPlan, choose_plan
 from hdassist.run.run import UNCHECKED
 from hdassist.verdict import Verdict
 from tests.process import SMALL, TINY

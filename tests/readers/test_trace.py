@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from hdassist.errors import DataError, UsageError
-from hdassist.readers.sweeps import sweeps
-from hdassist.readers.trace import MeasuredTrace, TraceForm, read_trace
+from hdassist.readers.trace import MeasuredTrace, TraceForm, read_trace, sweeps
 from hdassist.readers.words import role_in, unit_in
 from tests.rigs import text
 

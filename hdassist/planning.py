@@ -14,9 +14,9 @@ from hdassist.belief.statistics import Probability, probability_of, weighted_qua
 from hdassist.design.check import drive_samples
 from hdassist.error.error_map import searchable
 from hdassist.error.self_error import limits_left
+from hdassist.error.waves import POINTS_A_TURN, ErrorLines, error_lines
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
-from hdassist.planning.lines import POINTS_A_TURN, ErrorLines, error_lines
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import Certificate

@@ -1,0 +1,239 @@
+"""Residuals of a fit beside its orders: lines of other orders, single readings far off, steps of the level.
+
+Lines are ball passes, cages, vibration of the rig. A line that is left out makes the range too small, never too large.
+So the residuals are searched for lines, the strongest first, and each is taken into the fit with an order of its own,
+until none is significant: its power over the mean of its neighbours has to be one that noise alone brings once in
+1/LINE_FALSE_ALARM records. For a noise power even over the neighbourhood that ratio has an F distribution with 2 and
+2 m degrees of freedom, m resolved places. Slow noise is not even but falls with the order: the side of the neighbours
+counts that makes the line less significant.
+
+Single readings and steps are faults of the reading, none of the drive: a shaft does not leap there and back between two
+readings. Such readings are refused, or left out where that is asked or where the shaft turns back, and named; many of
+them are a fault of the rig that an answer must not hide. A step stays: a coupling has slipped, an encoder has lost
+counts. Behind it the level of the error is another one, which is fitted; the orders go on.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import binary_opening, median_filter
+
+from hdassist.errors import Fault, UntrustedError
+from hdassist.measuring.fit import (
+    BINS_PER_COLUMN,
+    RESOLVED_GAP,
+    TraceFit,
+    distance,
+    fit_orders,
+    order_columns,
+    residual_power,
+)
+from hdassist.measuring.orders import LINE_WIDTH
+from hdassist.model.geometry import Array
+from hdassist.readers.table import shortened
+from hdassist.readers.trace import MeasuredTrace
+
+LINE_FALSE_ALARM = 0.01  # of a record without lines
+PROBES_PER_PLACE = 2.5  # places probed, for each resolved place, so that peaks between these are found
+NEIGHBOURHOOD = 32  # resolved places on each side that stand for the noise
+FEWEST_NEIGHBOURS = 2  # of them
+CLOSEST_ORDERS = 0.4  # of the resolution: no order is fitted nearer to another
+FEWEST_PERIODS = 3.0  # periods in the record: below, it drifts
+HIGHEST_LINE = 4.0  # times the highest order: beyond, averages over bins make lines smaller
+SMALLEST_LINE = 0.01  # of the greatest amplitude: a smaller line is left in the noise
+MAX_LINES = 8  # lines
+ORDER_ITERATIONS = 2  # of Gauss and Newton for the order of a line
+SPIKE_SIGMAS = 6.0  # robust standard deviations of the readings around the fit
+SPIKE_RANGE_SHARE = 0.1  # of the fitted curve: a smaller spike has no effect
+LONGEST_SPIKE = 2  # readings: a longer one may be the drive
+BESIDE_SPIKE = 7  # readings around one, of whose departures the median is taken
+TO_SIGMA = 1.4826  # standard deviation of normal readings over their median departure
+MAX_SPIKE_SHARE = 1 / 20  # of the readings: with more of them the rig is at fault
+NAMED_LINES = 3  # lines in a message
+STEP_TURNS = 0.5  # of the cam, to each side of a step
+FEWEST_BESIDE_STEP = 8  # readings there
+SHARP = 0.7  # of a step: what a quarter of the readings beside it show, at least
+STEP_SIGMAS = 8.0  # robust standard deviations of such differences
+STEP_RANGE_SHARE = 0.1  # of the fitted curve: a smaller step is left to the noise
+MOST_BREAKS = 3  # of more the rig is at fault, or the drive
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A peak of the residuals: its order per cam turn, amplitude [arcsec], and how often noise has such a one."""
+
+    order: float
+    amplitude: float
+    chance: float
+
+
+def with_lines(fit: TraceFit, finest: float) -> TraceFit:
+    """A fit with the significant lines of its residuals; finest: the highest order that the readings resolve."""
+    bins, orders = fit.bins, fit.orders
+    while len(fit.lines) < MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
+        peak = highest_peak(fit, min(finest, HIGHEST_LINE * float(orders[-1])))
+        if peak is None or peak.chance > LINE_FALSE_ALARM or peak.amplitude < SMALLEST_LINE * fit.amplitude.max():
+            break
+        try:
+            fit = _settled(fit, orders, peak.order)
+        except UntrustedError:  # too near to a fitted order
+            break
+    return fit
+
+
+def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
+    """The peak of the residuals, up to an order, that stands out most from its neighbours; None: there is no room."""
+    bins = fit.bins
+    variance = float((bins.weight * fit.residual**2).mean())
+    if not variance:
+        return None
+    probes, power = residual_power(bins, fit.residual, variance)
+    resolution = 1 / bins.span
+    per_probe = bins.per_turn * bins.span / len(probes) / 2  # resolved places for each probe
+    free = (distance(probes, fit.orders) >= RESOLVED_GAP * resolution) & (probes <= highest)
+    free &= probes >= fit.design.slow.periods * resolution
+    if not (free & (probes >= FEWEST_PERIODS * resolution)).any():
+        return None
+    place, tail = _least_likely(probes[free], power[free], power[free], resolution, per_probe)
+    order = float(probes[free][place])
+    # in a short record side lobes of a line reach its neighbours: they are looked at without it
+    own, pair = fit.beside(order_columns(bins.turns, np.array([order])))
+    _, others = residual_power(bins, fit.residual - own @ pair, variance)
+    near = np.abs(probes[free] - order) < LINE_WIDTH * resolution
+    _, alone = _least_likely(probes[free], np.where(near, power[free], 0.0), others[free], resolution, per_probe)
+    chance = PROBES_PER_PLACE * int(free.sum()) * per_probe * float(np.exp(min(tail, alone)))
+    top = 2 * np.sqrt(power[free][place] * variance * float((bins.weight**2).sum())) / float(bins.weight.sum())
+    return Peak(order, float(top), chance)
+
+
+def _least_likely(probes: Array, power: Array, others: Array, resolution: float, per_probe: float) -> tuple[int, float]:
+    """The place whose power noise has least often, and the logarithm of the chance; others: power of its neighbours.
+
+    per_probe: resolved places for each of them.
+    """
+    total = np.concatenate([[0.0], np.cumsum(others)])
+    reach, at = max(1, int(NEIGHBOURHOOD / per_probe)), np.arange(len(probes))
+    below, above = (np.searchsorted(probes, probes + side * resolution) for side in (-LINE_WIDTH, LINE_WIDTH))
+    sides = ((np.maximum(at - reach, 0), below), (above, np.minimum(at + reach, len(probes))))
+    tails = []
+    for first, last in sides:
+        places = np.maximum(last - first, 0) * per_probe
+        ratio = power / np.maximum((total[np.maximum(first, last)] - total[first]) * per_probe, 1e-300)
+        tails.append(np.where(places >= FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
+    # above the last place there is no neighbour, and no more noise than below
+    tail = np.where(at + reach < len(probes), np.max(tails, axis=0), tails[0])
+    tail = np.where(probes >= FEWEST_PERIODS * resolution, tail, np.inf)
+    best = int(tail.argmin())
+    return best, float(tail[best])
+
+
+def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
+    """A fit with one line more, the orders of the lines moved to where they fit best.
+
+    Where a line comes so near to a fitted order that the record does not resolve them, it is put halfway between two of
+    them, or half the resolution beside one, where it takes most of the residuals: together they fit the error there.
+    Raises UntrustedError where there is no room.
+    """
+    bins, slow, resolution = fit.bins, fit.design.slow, 1 / fit.bins.span
+    held = fit.unresolved[np.searchsorted(fit.orders, fit.lines)]
+    with suppress(UntrustedError):  # it came to where an order is
+        trial = fit_orders(bins, orders, slow, np.append(fit.lines, order))
+        for _ in range(ORDER_ITERATIONS):
+            free = ~np.isin(trial.lines, fit.lines[held])
+            a, b = trial.coefficients.reshape(2, -1)[:, np.searchsorted(trial.orders, trial.lines)]
+            phase = (2 * np.pi) * bins.turns[:, None] * trial.lines
+            slopes = (2 * np.pi) * (bins.turns - bins.turns.mean())[:, None] * (b * np.cos(phase) - a * np.sin(phase))
+            step = np.clip(trial.beside(slopes)[1], -resolution / 2, resolution / 2)  # to first order
+            trial = fit_orders(bins, orders, slow, trial.lines + free * step)
+        if trial.unresolved.sum() <= fit.unresolved.sum():
+            return trial
+    every = fit.orders
+    gaps = np.diff(every) < 2 * RESOLVED_GAP * resolution
+    places = np.concatenate([(every[1:] + every[:-1])[gaps] / 2, every - resolution / 2, every + resolution / 2])
+    places = np.unique(places[(np.abs(places - order) < 0.5) & (distance(places, every) > CLOSEST_ORDERS * resolution)])
+    if not len(places):
+        raise UntrustedError("no room for a line", "")
+    pairs = [fit.beside(order_columns(bins.turns, place[None])) for place in places]
+    squares = [bins.weight @ (own @ pair) ** 2 for own, pair in pairs]
+    return fit_orders(bins, orders, slow, np.append(fit.lines, places[int(np.argmax(squares))]))
+
+
+def with_step(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, str] | None:
+    """A trace with a level of its own behind the greatest step of what a fit leaves, and the warning; None without any.
+
+    A step is the difference of the means over STEP_TURNS before and behind a reading, far above that of all readings,
+    and no less over a quarter of that, where a slope would be.
+    """
+    if len(trace.breaks) == MOST_BREAKS:
+        return None
+    bins, fitted = fit.bins, fit.curve(fit.bins.turns)
+    sizes, rows = [], []
+    for k, sweep in enumerate(trace.sweeps):
+        own = bins.sweep == k
+        turns, error = trace.cam_deg[sweep.rows] / 360, trace.error_arcsec[sweep.rows]
+        apart = error - np.interp(turns, bins.turns[own], fitted[own])
+        reach = int(STEP_TURNS * len(turns) / max(float(np.ptp(turns)), STEP_TURNS))
+        if reach < FEWEST_BESIDE_STEP or len(turns) < 4 * reach:
+            continue
+        total, at = np.cumsum(np.append(0.0, apart)), np.arange(reach, len(turns) - reach)
+        near = max(reach // 4, FEWEST_BESIDE_STEP)
+        far, close = ((total[at + r] - 2 * total[at] + total[at - r]) / r for r in (reach, near))
+        sizes.append(np.where(close / np.where(far, far, 1.0) > SHARP, far, 0.0))
+        rows.append(sweep.start + at)
+    if not sizes:
+        return None
+    size, row = np.concatenate(sizes), np.concatenate(rows)
+    usual = TO_SIGMA * float(np.median(np.abs(size[size != 0]))) if size.any() else 0.0
+    place = int(np.abs(size).argmax())
+    step, line = float(size[place]), int(trace.line[row[place]])
+    if abs(step) < max(STEP_SIGMAS * usual, STEP_RANGE_SHARE * float(np.ptp(fitted))) or line in trace.breaks:
+        return None
+    there = trace.cam_deg[row[place]] / 360
+    k = next(k for k, each in enumerate(trace.sweeps) if each.start <= row[place] < each.stop)
+    behind = (bins.sweep == k) & ((bins.turns - there) * trace.sweeps[k].direction >= 0)
+    columns = [
+        behind.astype(float),
+        bins.travel / fit.design.reach,
+    ]  # a cycle that does not close has a step at its end
+    (own, (step,)), (drift, (slope,)) = (fit.beside(column[:, None]) for column in columns)
+    if step**2 * (bins.weight @ own**2)[0] < slope**2 * (bins.weight @ drift**2)[0]:
+        return None
+    words = f"the error steps by {step:.3g}″ at line {line}, as where a coupling slips or counts are lost: taken off"
+    return replace(trace, breaks=tuple(sorted((*trace.breaks, line)))), words
+
+
+def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, str] | None:
+    """A trace without the spikes beside a fit to its sweeps, and the warning that names them; None without any.
+
+    Raises UntrustedError: spikes where the trace is not to be read without them, or too many to leave out.
+    """
+    bins, fitted = fit.bins, fit.bins.error - fit.residual
+    rows, moves = trace.rows, zip(*map(trace.by_sweep, (trace.cam_deg, trace.error_arcsec)), strict=True)
+    apart = [
+        error - np.interp(cam / 360, bins.turns[bins.sweep == k], fitted[bins.sweep == k])
+        for k, (cam, error) in enumerate(moves)
+    ]
+    size = np.abs(np.concatenate(apart))
+    beside = np.concatenate([np.abs(each - median_filter(each, BESIDE_SPIKE, mode="mirror")) for each in apart])
+    # a spike draws the fit to it, and so its neighbours off: only the farthest are looked at
+    noise = TO_SIGMA * float(np.median(size))
+    far = size > max(SPIKE_SIGMAS * noise, SPIKE_RANGE_SHARE * float(np.ptp(fitted)), float(size.max()) / 2)
+    short = far & ~binary_opening(far, np.ones(LONGEST_SPIKE + 1))
+    # the misfit, greatest at the ends of a record, is smooth: noise alone stands off the readings beside it
+    spikes = np.flatnonzero(short & (beside > np.maximum(size / 2, SPIKE_SIGMAS * TO_SIGMA * np.median(beside))))
+    if not len(spikes):
+        return None
+    lines = shortened(trace.line[rows[spikes]].tolist(), NAMED_LINES)
+    words = f"lines {lines}: {size[spikes].max():.3g}″ off the others"
+    if len(spikes) > MAX_SPIKE_SHARE * len(rows):
+        hint = "check the encoders' cables and counters"
+        raise UntrustedError(f"{trace.file}: {words}: too many to leave out", hint, Fault.ORDERS_UNTOLD)
+    inside = np.concatenate([np.minimum(np.arange(len(each)), np.arange(len(each))[::-1]) for each in apart])
+    if not trace.robust and (inside[spikes] >= LONGEST_SPIKE).any():  # a shaft that turns back has play and a lag
+        hint = "check the encoders' cables and counters, or leave out these rows: --robust"
+        raise UntrustedError(f"{trace.file}: {words}, no readings of a shaft", hint, Fault.ORDERS_UNTOLD)
+    words += f", left out; else the curve would span {np.ptp(fit.curve(bins.turns)):.1f}″"
+    return trace.without(rows[spikes]), words

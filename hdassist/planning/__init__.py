@@ -1,1 +1,0 @@
-"""Acceptance tests before they are made: the share of F'_ior that readings at some positions see."""
