@@ -21,6 +21,7 @@ ALWAYS_ACTIVE = 5  # sense of an equality row
 ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
 # In the programme's own units forces are of order 0.1 to 100 and gaps of order 1 to 1000.
 DAQP_SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
+HEAVIER = (1e4, 1e2, 1.0)  # times the load of a state: ways down to it
 ITERATIONS = 10  # for each row, after which daqp is stopped: states that it solves take one or two
 
 
@@ -76,7 +77,12 @@ class OneByOne:
         for contact in (none,) if self.contact.all() else (self.contact, none):
             if answer := self._solve_near(self._formulation, gaps, right, contact):
                 return self._formulation.answer(*answer)
-        return None
+        contact = none  # teeth that hardly hold the parts come and go: a load that presses them together leads to theirs
+        for load in HEAVIER:
+            if not (answer := self._solve_near(self._formulation, gaps, load * right, contact)):
+                return None
+            contact = answer[0] > 0
+        return self._formulation.answer(*answer)
 
     def _by_daqp(self, delta_p: Array, torque: float) -> tuple[Array, Array] | None:
         formulation, right, n = self._formulation, -self._formulation.load(torque), len(delta_p)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
+from hdassist.belief.meshing import meshing_shift
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.solve import walk
 from hdassist.solve.certificate import residuals
@@ -90,6 +91,20 @@ def test_a_state_that_no_way_from_all_contacts_leads_to_needs_no_model(monkeypat
         forces, free, fallbacks = OneByOne(formulate(system), compiled=compiled).solve(system.delta_p[None], 6.7e3)
         assert fallbacks == 0
         assert residuals(system, system.delta_p[None], 6.7e3, forces, free).worst.max() < 1e-10
+
+
+JAMMED = [  # drawn from the sheet of size 17, its teeth pushed into each other, hardly loaded
+    {"gears.j_n": 4.48, "flexspline.b_w": 9.42, "flexspline.l": 24.4, "flexspline.k_t": 1.17, "cam.W_0": 0.223,
+     "contact.c_bore": 4.38e-07},
+    {"gears.h_a": 0.522, "gears.j_n": 5.79, "material.nu": 0.281, "flexspline.h_1": 0.42, "flexspline.h_3": 0.334,
+     "flexspline.l": 23.8, "bearing.ring_h": 1.18, "bearing.g_b": 6.24, "cam.W_0": 0.22, "contact.k_face": 7.46},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("values", JAMMED)
+def test_teeth_that_hardly_hold_the_parts_are_found_from_a_heavier_load(values, monkeypatch):
+    monkeypatch.setattr(OneByOne, "_by_daqp", lambda *_: pytest.fail("two seconds each"))
+    meshing_shift(load_preset("size-17-100").with_values(values))
 
 
 def test_no_states_have_no_answers_and_leave_the_contacts_as_they_were(formulation, system):
