@@ -78,7 +78,7 @@ def test_start(tmp_path: Path):
     output_of("start.md", tmp_path)
     card = words_of(tmp_path / "card.txt")
     assert "Turn the rigid wheel by 3 holes (90°) clockwise" in card
-    assert "Values of the preset: 4 given, 0 identified, 30 assumed." in card
+    assert "Values of the preset: 4 given, 0 identified, 31 assumed." in card
     assert "By the trials this position loses less than 5 % against the best one with a probability of" in card
     assert "hole 9: 22.1″" in card
 
