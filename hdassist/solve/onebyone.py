@@ -77,12 +77,11 @@ class OneByOne:
         for contact in (none,) if self.contact.all() else (self.contact, none):
             if answer := self._solve_near(self._formulation, gaps, right, contact):
                 return self._formulation.answer(*answer)
-        contact = none  # teeth that hardly hold the parts come and go: a load that presses them together leads to theirs
-        for load in HEAVIER:
-            if not (answer := self._solve_near(self._formulation, gaps, load * right, contact)):
-                return None
-            contact = answer[0] > 0
-        return self._formulation.answer(*answer)
+        # teeth that hardly hold the parts come and go: a load that presses them together leads to theirs
+        answer = self._solve_near(self._formulation, gaps, HEAVIER[0] * right, none)
+        for times in HEAVIER[1:]:
+            answer = answer and self._solve_near(self._formulation, gaps, times * right, answer[0] > 0)
+        return answer and self._formulation.answer(*answer)
 
     def _by_daqp(self, delta_p: Array, torque: float) -> tuple[Array, Array] | None:
         formulation, right, n = self._formulation, -self._formulation.load(torque), len(delta_p)
