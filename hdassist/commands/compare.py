@@ -32,8 +32,9 @@ class CompareCommand(o.FigureOptions, o.SamplingOptions, o.SignOptions, o.TraceO
     then all together, through the contact model; the page names causes that the record cannot separate.
 
     A FILE that is a name of the library, or ends in .yaml or .yml, is a preset; anything else is a trace (./NAME for
-    one that is called like a preset). Presets are compared with the first: fields that differ, F'_ior, best hole;
-    which field does most, each changed alone. --torque, --set, --draws, --seed, --jobs are theirs too.
+    one that is called like a preset). Presets: which one to take, and how sure that is; F'_ior and best hole of each,
+    at torques that all have, else at the same shares of their rated torques; fields that differ, and which of them does
+    most, each changed alone. --torque, --set, --draws, --seed, --jobs are theirs too.
     Exit codes: 0, 4 bad file, 5 orders or a range that the record does not tell, or no trustworthy answer.
     """
 

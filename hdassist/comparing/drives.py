@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -23,8 +23,8 @@ from hdassist.design.check import DesignCheck, check, check_states
 from hdassist.error.error_map import Batch, error_maps, extremes_of, searchable
 from hdassist.error.hills import Indices
 from hdassist.error.sloped import DRAWN_STATES, drawn_extremes
-from hdassist.error.stiffness import Stiffness, stiffness, stiffness_states
-from hdassist.errors import HdassistError, UntrustedError, UsageError
+from hdassist.error.stiffness import Stiffness, rated_torque, stiffness, stiffness_states
+from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import unknowns
@@ -40,6 +40,7 @@ DRAWN_PAIRS = 64
 LEAST_EFFECTIVE = 0.5  # of the pairs: where fewer agree with the evidence on the second drive, samples are independent
 LEAST_WEIGHT = 1e-300  # where a sample has none it is not divided by
 SAME_ERROR = 0.005  # arcsec: a change that is less counts as none
+EQUAL_SHARE = 0.01  # of F'_ior: drives that are no further apart are equally good
 SINGLE_PAIRS = 16  # in which single fields are changed: the first, as Sobol points lie evenly from the start
 SCREENED_PAIRS = 2  # of them on which every field is tried, before the largest are searched on all
 REPORTED_FIELDS = 3
@@ -110,8 +111,15 @@ class DrivePairs:
 
     def senses(self) -> tuple[str, ...]:
         """Whether F'_ior is less, more or the same in the second drive, by torque; unknown where that is not sure."""
-        change = self.after_arcsec - self.before_arcsec[:, None]  # (samples, samples of the second, torques)
-        return tuple(self._sense(change[..., k]) for k in range(change.shape[-1]))
+        return tuple(map(self._sense, self._changes()))
+
+    def probabilities_less(self) -> tuple[float, ...]:
+        """Probability that F'_ior is less in the second drive, by torque."""
+        return tuple(float(np.average(change < -SAME_ERROR, weights=self.weights)) for change in self._changes())
+
+    def _changes(self) -> Array:
+        """Changes of F'_ior [arcsec], shape (torques, samples, samples of the second)."""
+        return np.asarray(self.after_arcsec.T[:, None, :] - self.before_arcsec.T[:, :, None])
 
     def _sense(self, change: Array) -> str:
         if np.all(np.abs(change[self.weights > 0]) < SAME_ERROR):
@@ -264,12 +272,14 @@ class DriveChanges:
     """Changes of F'_ior from a first drive to a second one.
 
     pairs: that were drawn, alike in what both leave open in the same way; F_ior_is: less, more or the same at each
-    torque, unknown where unknown inputs could reverse it; single: fields changed alone, the greatest first; not_alone:
-    paths of those that, alone, make no drive that can be computed, or leave more unknown.
+    torque, unknown where unknown inputs could reverse it; probability_better: that F'_ior is less, by torque, None
+    where inputs are unknown and were not drawn; single: fields changed alone, the greatest first; not_alone: paths of
+    those that, alone, make no drive that can be computed, or leave more unknown.
     """
 
     pairs: int
     F_ior_is: tuple[str, ...]
+    probability_better: tuple[float | None, ...]
     together: ErrorChange
     single: tuple[ErrorChange, ...]
     not_alone: tuple[str, ...]
@@ -279,8 +289,8 @@ class DriveChanges:
 class DrivesComparison:
     """Drives beside the first of them.
 
-    sheets, all at the same torques; differing, the fields in which they differ; changes from the first drive to each of
-    the others; certificate of all states.
+    sheets, all at the same torques, or at the same shares of their rated torques; differing, the fields in which they
+    differ; changes from the first drive to each of the others; certificate of all states.
     """
 
     sheets: tuple[DriveSheet, ...]
@@ -290,19 +300,54 @@ class DrivesComparison:
 
     @property
     def torques(self) -> tuple[float, ...]:
-        """Torques [N*m] of all drives."""
+        """Torques [N*m] of the first drive."""
         return self.sheets[0].drive.operation.M_g
+
+    @property
+    def rated_shares(self) -> tuple[float, ...] | None:
+        """Shares of the rated torque of each drive at which all are compared; None where their torques are the same."""
+        if all(sheet.drive.operation.M_g == self.torques for sheet in self.sheets):
+            return None
+        return tuple(M_g / rated_torque(self.sheets[0].drive) for M_g in self.torques)
+
+    @cached_property
+    def best(self) -> int:
+        """Place of the drive whose median of F'_ior is least, as a share of the first one's at the torque served worst.
+
+        The first one where no other is better by EQUAL_SHARE.
+        """
+        medians = np.array([[point.F_ior_or_error for point in sheet.check.points] for sheet in self.sheets])
+        shares = (medians / np.maximum(medians[0], RESOLVED_ERROR)).max(axis=1)
+        return int(shares.argmin()) if shares.min() < 1 - EQUAL_SHARE else 0
+
+    @property
+    def probability_best(self) -> float | None:
+        """Probability that F'_ior of the best drive is less than that of the first, at the torque where this is least.
+
+        Of the first one, that no other is less; None where inputs are unknown and were not drawn.
+        """
+        found = [self.changes[self.best - 1]] if self.best else self.changes
+        odds = [each for changes in found for each in changes.probability_better]
+        known = [each for each in odds if each is not None]
+        if len(known) < len(odds):
+            return None
+        return min(known) if self.best else 1 - max(known)
 
 
 def at_common_torques(drives: Sequence[Drive]) -> list[Drive]:
-    """Drives at the torques that all of them have, in the order of the first. Raises UsageError: there is none."""
-    first, *others = (drive.operation.M_g for drive in drives)
-    torques = tuple(M_g for M_g in first if all(M_g in other for other in others))
-    if not torques:
-        lists = "; ".join(f"{d.name}: {', '.join(f'{M_g:g}' for M_g in d.operation.M_g)} N*m" for d in drives)
-        raise UsageError(f"no torque that all presets have ({lists})", "--torque says at which to compare them")
-    changed = {"M_g": torques}
-    return [d.model_copy(update={"operation": d.operation.model_copy(update=changed)}) for d in drives]
+    """Drives at the torques that all of them have, in the order of the first.
+
+    Where there is none, at the shares of their rated torques that the torques of the first one are.
+    """
+    first = drives[0]
+    common = tuple(M_g for M_g in first.operation.M_g if all(M_g in each.operation.M_g for each in drives))
+    shares = [M_g / rated_torque(first) for M_g in first.operation.M_g]
+    found = []
+    for drive in drives:
+        torques = common or tuple(float(f"{share * rated_torque(drive):.6g}") for share in shares)
+        changed = {"M_g": torques}
+        found.append(drive.model_copy(update={"operation": drive.operation.model_copy(update=changed)}))
+    return found
 
 
 def differing_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
@@ -329,7 +374,7 @@ def estimate_comparison(drives: Sequence[Drive], draws: int = EFFECTIVE_SAMPLES)
 
 
 def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()) -> DrivesComparison:
-    """Compare two drives or more with the first of them, all at the same torques.
+    """Compare two drives or more with the first of them, at torques of at_common_torques.
 
     Argument: draws, of each from what is not known of it. Raises UntrustedError where an answer cannot be trusted,
     KeyboardInterrupt.
@@ -347,11 +392,13 @@ def drive_changes(
 ) -> tuple[DriveChanges, Certificate]:
     """Changes of F'_ior from a first drive to a second one at their torques, of all fields and of single ones alone.
 
+    Single fields are changed at the torques of the first.
     Argument: pairs of their samples that are drawn. Raises UntrustedError where one of both drives has no answer that
     can be trusted.
     """
     differing = differing_fields((first.drive, second.drive))
-    same = not differing and evidence_of(first.drive) == evidence_of(second.drive)
+    loads = [each.drive.operation.M_g for each in (first, second)]
+    same = not differing and loads[0] == loads[1] and evidence_of(first.drive) == evidence_of(second.drive)
     found = drawn_pairs(first, second, same=same, count=pairs, run=run)
     proof, drives = found.certificate, found.drives[:SINGLE_PAIRS]
     # bounds of what is unknown hang on other fields
@@ -397,6 +444,7 @@ def drive_changes(
     changes = DriveChanges(
         len(found.drives),
         (UNKNOWN,) * len(first.points) if undrawn and not same else found.senses(),
+        (None,) * len(first.points) if undrawn and not same else found.probabilities_less(),
         ErrorChange.of("", found.before_arcsec[rows], found.after_arcsec[columns], found.weights[rows, columns]),
         tuple(single),
         tuple(path for path in paths if path not in screened),

@@ -260,7 +260,7 @@ def _values(result: Comparison) -> Json:
 
 NAMED_PATHS = 6  # in a line
 LARGEST_SHARE = 100.0  # of F'_ior of A: a greater one says that A has hardly any error
-DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "most by")
+DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "better", "most by")
 
 
 def drives_report(result: DrivesComparison, seed: int) -> Report:
@@ -275,7 +275,10 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
         verdict=verdict,
         blocks=(
             Table(
-                "F'_ior, ″; 5 to 95 % where inputs are unknown", DRIVE_HEADS, tuple(_drive_rows(result)), words=(0, 5)
+                "F'_ior, ″: median (5 to 95 %); better: probability of less than A",
+                DRIVE_HEADS,
+                tuple(_drive_rows(result)),
+                words=(0, 6),
             ),
             Facts.of(_drives_facts(result)),
         ),
@@ -303,9 +306,9 @@ def sheet_warnings(sheet: DriveSheet) -> tuple[str, ...]:
 
 
 def F_ior_words(point: OperatingPoint, digits: str = ".2f") -> str:
-    """F'_ior [arcsec] at a torque, or its 5th to 95th percentile over the uncertain inputs."""
+    """F'_ior [arcsec] at a torque, the median with its 5th and 95th percentile where inputs are unknown."""
     found = point.belief
-    return f"{found.p5:{digits}} to {found.p95:{digits}}" if found else f"{point.F_ior_or_error:{digits}}"
+    return f"{point.F_ior_or_error:{digits}}" + (f" ({found.p5:{digits}}-{found.p95:{digits}})" if found else "")
 
 
 def _lettered(result: DrivesComparison) -> dict[str, DriveSheet]:
@@ -315,35 +318,49 @@ def _lettered(result: DrivesComparison) -> dict[str, DriveSheet]:
 
 def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
     """A cell for each of DRIVE_HEADS of each drive at each torque."""
-    for k, M_g in enumerate(result.torques):
+    for k in range(len(result.torques)):
         for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
-            change = _change(changes, k) if changes else (NO_VALUE, NO_VALUE)
-            best = sheet.advice.choice.target
-            mounted = f"{best.F_ior_arcsec[k]:.2f}, {hole_place(best)}"
-            yield letter, f"{M_g:g} N·m", F_ior_words(sheet.check.points[k]), mounted, *change
+            change, most = _change(changes, k) if changes else (NO_VALUE, NO_VALUE)
+            better = changes.probability_better[k] if changes else None
+            percent = NO_VALUE if better is None else f"{100 * better:.0f} %"
+            best, point = sheet.advice.choice.target, sheet.check.points[k]
+            mounted = f"{best.F_ior_arcsec[k]:.1f}, {hole_place(best)}"
+            yield letter, f"{point.M_g:g} N·m", F_ior_words(point, ".1f"), mounted, change, percent, most
 
 
 def _change(changes: DriveChanges, k: int) -> tuple[str, str]:
     """How F'_ior changes from A at a torque by its place, and the field that alone does most."""
     most = max(changes.single, key=lambda change: abs(change.change_arcsec[k]), default=None)
     sense, share = changes.F_ior_is[k], changes.together.share[k]
+    if sense == NOT_KNOWN and changes.probability_better[k] is not None:
+        sense = "less" if changes.together.change_arcsec[k] < 0 else "more"
     plain = sense == "the same" or share > LARGEST_SHARE
     words = "open" if sense == NOT_KNOWN else sense if plain else f"{100 * share:.0f} % {sense}"
     return words, most.field if most else NO_VALUE
 
 
+def _loads(result: DrivesComparison) -> list[str]:
+    """Torques at which the drives are compared, or shares of the rated torque, in words."""
+    if shares := result.rated_shares:
+        return [f"{100 * share:.3g} % of rated" for share in shares]
+    return [f"{M_g:g} N·m" for M_g in result.torques]
+
+
 def _verdict(result: DrivesComparison) -> str:
-    """The change of each drive but A, at each torque where there are several."""
-    verdicts = []
-    for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
-        loads = [f" at {M_g:g} N·m" * (len(result.torques) > 1) for M_g in result.torques]
+    """The drive to take, how sure that is, and the change of each but A, at each of several torques."""
+    letters, verdicts = [*_lettered(result)], []
+    loads = [f" at {load}" * (len(result.torques) > 1) for load in _loads(result)]
+    for letter, changes in zip(letters[1:], result.changes, strict=True):
         verdicts.append(f"{letter} " + ", ".join(_change(changes, k)[0] + load for k, load in enumerate(loads)))
-    return "; ".join(verdicts)
+    odds = result.probability_best
+    drawn = odds is not None and any(sheet.check.samples for sheet in result.sheets)
+    sure = f", {100 * (odds or 0.0):.0f} % sure" * drawn
+    return f"{'take' if result.best else 'keep'} {letters[result.best]}{sure}: {'; '.join(verdicts)}"
 
 
 def _changes(result: DrivesComparison) -> Iterator[Table]:
     """The change that each field that differs makes alone, by drive."""
-    torques = [f"{M_g:g} N·m" for M_g in result.torques]
+    torques = [f"{M_g:g} N·m" for M_g in result.torques]  # of A
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
         title = f"each field alone from A to {letter}, change of F'_ior, ″"
         rows = [(each.field or "all together", *_change_cells(each)) for each in (*changes.single, changes.together)]
@@ -370,6 +387,8 @@ def _drives_facts(result: DrivesComparison) -> Iterator[tuple[str, str]]:
     for letter, sheet in _lettered(result).items():
         yield f"{letter} unknown", unknown_names(sheet.check.unknown)
         yield f"{letter} influence", ", ".join(each.group for each in sheet.check.influences[:3])
+    if result.rated_shares:
+        yield "torques", f"none in common: each drive at {' and '.join(_loads(result))}"
     yield "differs", _some([row[0].path for row in result.differing])
     if any(NOT_KNOWN in changes.F_ior_is for changes in result.changes):
         yield "open", "unknown inputs could reverse this change"
@@ -387,6 +406,8 @@ def _drives_values(result: DrivesComparison, seed: int) -> Json:
         "warnings": list(comparison_warnings(result)),
         "presets": [_drive_object(sheet, seed) for sheet in result.sheets],
         "M_g_Nm": list(result.torques),
+        "share_of_rated": result.rated_shares,
+        "best": {"preset": result.best, "probability_better": result.probability_best},
         "differences": [
             {
                 "field": row[0].path,

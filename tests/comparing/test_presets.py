@@ -15,6 +15,7 @@ from hdassist.belief.statistics import weighted_quantile
 from hdassist.commands.compare import is_preset
 from hdassist.comparing.drives import (
     DrivePairs,
+    at_common_torques,
     compare_drives,
     differing_fields,
     differing_rows,
@@ -93,7 +94,24 @@ def test_the_numbers_are_those_of_the_drives_alone(better):
 def test_the_answer_alone_is_the_change_of_each_drive(better):
     values = [sheet.check.points[0].error.F_ior_arcsec for sheet in better.sheets]
     report = drives_report(better, 0)
-    assert report.verdict == report.line == f"B {100 * (1 - values[1] / values[0]):.0f} % less"
+    assert report.verdict == report.line == f"take B: B {100 * (1 - values[1] / values[0]):.0f} % less"
+
+
+def test_where_no_torque_is_common_each_drive_has_the_same_share_of_its_rated_torque():
+    drives = at_common_torques([load_preset(SMALL), load_preset("size-14-100"), tiny("operation.M_g=[2, 8]")])
+    rated = load_preset("size-14-100").operation.rated
+    assert [drive.operation.M_g for drive in drives] == [(1, 4), (pytest.approx(rated / 4), rated), (2, 8)]
+    common = at_common_torques([load_preset(SMALL), tiny("operation.M_g=[4, 8]")])
+    assert [drive.operation.M_g for drive in common] == [(4,), (4,)]
+    found, _ = drive_changes(*checks(tiny(), tiny("operation.M_g=2")))  # nothing else differs
+    assert found.F_ior_is in (("less",), ("more",))
+
+
+def test_the_page_says_at_which_share_drives_without_a_common_torque_stand(better):
+    sheets = (better.sheets[0], replace(better.sheets[1], check=check(load_preset(SMALL, [*FAST, *BETTER, "operation.M_g=2"]))))
+    page = on_paper(drives_report(replace(better, sheets=sheets), 0))
+    assert "torques none in common: each drive at 100 % of rated" in " ".join(page.split())
+    assert re.search(r"^B +2 N·m", page, re.MULTILINE)
 
 
 def checks(*drives, draws: int = 64):
@@ -115,12 +133,16 @@ def test_a_direction_is_a_verdict_only_where_it_is_sure():
 
 
 def test_a_change_that_unknown_inputs_could_reverse_is_open(better):
-    (changes,) = better.changes
-    page = " ".join(
-        on_paper(drives_report(replace(better, changes=(replace(changes, F_ior_is=("unknown",)),)), 0)).split()
-    )
-    assert ": B open F'_ior" in page
-    assert "open unknown inputs could reverse this change" in page
+    def page(**known):
+        changes = replace(better.changes[0], F_ior_is=("unknown",), **known)
+        return " ".join(on_paper(drives_report(replace(better, changes=(changes,)), 0)).split())
+
+    assert ": keep A: B open F'_ior" not in page()
+    assert ": take B: B open F'_ior" in page(probability_better=(None,))
+    likely = page(probability_better=(0.8,))
+    assert re.search(r": take B: B \d+ % less F'_ior", likely)
+    assert re.search(r"% less 80 % tolerances.F_i2", likely)
+    assert "open unknown inputs could reverse this change" in likely
 
 
 def test_what_is_not_known_lies_alike_in_both():
@@ -169,6 +191,10 @@ def test_what_one_preset_does_not_know_makes_ranges_and_any_hole_as_good(files):
     [changed] = told["changes"]
     assert changed["pairs"] == 4
     assert changed["together"]["p5_arcsec"] < changed["together"]["p95_arcsec"]
+    [better] = changed["probability_better"]
+    assert 0 <= better <= 1
+    assert told["best"] == {"preset": 1, "probability_better": better}
+    assert told["share_of_rated"] is None
     assert [field["field"] for field in told["differences"]] == ["tolerances.F_i2", "phases.phi_hb"]
     assert told["differences"][1]["values"][1] == {
         "value": None, "origin": "unknown", "reference": "", "range": None,
@@ -188,7 +214,6 @@ def test_a_preset_is_a_name_of_the_library_or_a_yaml_file(name, preset):
     [
         (["b.YML", "run.csv"], 2, "run.csv is taken for a trace, and b.YML for a preset"),
         (["b.YML", "--drift", "linear"], 2, "how a trace is read says nothing of presets"),
-        (["size-14-100"], 2, "no torque that all presets have (small: 1, 4 N·m; "),
         (["b.YML", "--torque", "0"], 2, "a torque"),
         (["b.YML", "--csv", "a.csv"], 2, "hdassist check a.yaml b.YML --csv FILE"),
         (["none.yaml"], 4, "no such file: none.yaml"),
@@ -270,13 +295,14 @@ def test_a_share_of_no_error_is_not_said():
     found = compare_drives([none, tiny()])
     assert found.sheets[0].check.points[0].F_ior_arcsec == 0
     assert np.isfinite(found.changes[0].together.share).all()
-    assert drives_report(found, 0).line == "B more"
+    assert drives_report(found, 0).line == "keep A: B more"
 
 
 def test_three_presets_are_held_against_the_first(better):
     three = replace(better, sheets=(*better.sheets, better.sheets[1]), changes=better.changes * 2)
     report = drives_report(three, 0)
-    assert report.line == "; ".join(f"{letter} {report.line[2:].partition(';')[0]}" for letter in "BC")
+    change = report.line.removeprefix("take B: B ").partition(";")[0]
+    assert report.line == f"take B: B {change}; C {change}"
     assert len(report_object(report)["changes"]) == 2
 
 
@@ -286,12 +312,12 @@ def test_each_of_three_drives_has_as_built_mounted_best_and_its_field_on_one_scr
     lines = page.splitlines()
     share = 100 * better.changes[0].together.share[0]
     files = ", ".join(f"{letter} {SMALL}" for letter in "ABC")
-    assert " ".join(page.split()).startswith(f"{files}: B {share:.0f} % less; C {share:.0f} % less ")
+    assert " ".join(page.split()).startswith(f"{files}: take B: B {share:.0f} % less; C {share:.0f} % less ")
     for letter, sheet in zip("ABC", three.sheets, strict=True):
         built = sheet.check.points[0].error.F_ior_arcsec
         best = sheet.advice.choice.target
-        change = r"- +-$" if letter == "A" else rf"{share:.0f} % less +tolerances.F_i2$"
-        row = rf"^{letter} +4 N·m +{built:.2f} +{best.F_ior_arcsec[0]:.2f}, hole {best.hole} +{change}"
+        change = r"- +- +-$" if letter == "A" else rf"{share:.0f} % less +100 % +tolerances.F_i2$"
+        row = rf"^{letter} +4 N·m +{built:.1f} +{best.F_ior_arcsec[0]:.1f}, hole {best.hole} +{change}"
         assert re.search(row, page, re.MULTILINE), row
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80
