@@ -22,12 +22,13 @@ class ToleranceCommand(o.PlotOptions, DrawOptions):
       hdassist tolerance vzp160 --known phases.phi_hh
       hdassist tolerance vzp160 -n 100000 --results drives.jsonl
 
-    Designs are drawn from their uncertain inputs (as check draws them, weighted by the preset's catalogue), and of
-    each some drives: sizes that are given lie between zero and the preset's tolerance, others are drawn as check draws
-    them, directions are any, clearances with a ± lie around their value. So the yield is a range over the designs; with
-    --yield the verdict is PASS where the probability of reaching it is at least --sure, FAIL where it is at most 1 less
-    that. With --results FILE every drive is kept, and the same command goes on where a stopped one has ended. Exit
-    codes: 0 done or PASS, 3 FAIL, 6 INCONCLUSIVE, 4 bad preset, 5 no trustworthy answer, 130 stopped.
+    The drives are others of the type, not the one that check predicts. Designs are drawn from their uncertain inputs
+    (as check draws them, weighted by the preset's catalogue), and of each some drives: sizes that are given lie between
+    zero and the preset's tolerance, others are drawn as check draws them, directions are any, clearances with a ± lie
+    around their value. So the yield is a range over the designs; with --yield the verdict is PASS where the probability
+    of reaching it is at least --sure, FAIL where it is at most 1 less that. With --results FILE every drive is kept,
+    and the same command goes on where a stopped one has ended. Exit codes: 0 done or PASS, 3 FAIL, 6 INCONCLUSIVE, 4
+    bad preset, 5 no trustworthy answer, 130 stopped.
     """
 
     preset: str

@@ -89,7 +89,7 @@ def tolerance_report(
     refused = f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
     of_designs = f"; yield: {100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over designs"
     F_ior_table = Table.by_row(
-        "F'_ior, ″: percentiles over the drives" + of_designs * bool(summary.has_limit and law.shared),
+        "F'_ior, ″, of other drives of the type" + of_designs * bool(summary.has_limit and law.shared),
         (*MOUNTING_COLUMNS, *F_IOR_COLUMNS, *YIELD_COLUMNS[: 2 * summary.has_limit]),
         drives,
         words=(1,),

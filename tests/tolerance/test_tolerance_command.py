@@ -29,7 +29,7 @@ def test_the_page_has_yields_both_ways_and_the_next_command() -> None:
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert lines[0].startswith("tiny, 12 random drives: yield as built ")
-    for words in ("best of 12", "5 %", "residual"):
+    for words in ("best of 12", "5 %", "residual", "of other drives of the type"):
         assert words in done.stdout
     assert f"hdassist sensitivity {TINY}" in " ".join(done.stdout.split())
     assert "given sizes Rayleigh" not in done.stdout
