@@ -108,7 +108,8 @@ def test_where_no_torque_is_common_each_drive_has_the_same_share_of_its_rated_to
 
 
 def test_the_page_says_at_which_share_drives_without_a_common_torque_stand(better):
-    sheets = (better.sheets[0], replace(better.sheets[1], check=check(load_preset(SMALL, [*FAST, *BETTER, "operation.M_g=2"]))))
+    half = load_preset(SMALL, [*FAST, *BETTER, "operation.M_g=2"])
+    sheets = (better.sheets[0], replace(better.sheets[1], check=check(half)))
     page = on_paper(drives_report(replace(better, sheets=sheets), 0))
     assert "torques none in common: each drive at 100 % of rated" in " ".join(page.split())
     assert re.search(r"^B +2 N·m", page, re.MULTILINE)
