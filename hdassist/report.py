@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
@@ -83,6 +84,19 @@ def as_object(quantities: Iterable[Quantity[T]], thing: T) -> dict[str, Any]:
             place = place.setdefault(name, {})
         place[last] = quantity.of(thing)
     return result
+
+
+TONES = {  # of verdicts and of labels of facts; any other has none
+    **dict.fromkeys(("PASS", "TURN", "LEAVE", "KEEP"), "good"),
+    **dict.fromkeys(("FAIL", "GO BACK"), "bad"),
+    **dict.fromkeys(("INCONCLUSIVE", "BEST BET", "ANY HOLE"), "open"),
+    "next": "loud", "proof": "quiet", "more": "quiet",
+}  # fmt: skip
+
+
+def tone_of(words: str) -> str:
+    """The tone of a verdict or label, by its words before a comma or colon: good, bad, open, loud, quiet or none."""
+    return TONES.get(re.split("[,:]", words)[0], "")
 
 
 Series: TypeAlias = "NDArray[np.float64]"

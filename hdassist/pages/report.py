@@ -24,7 +24,7 @@ from hdassist.pages.curves import ARCMIN, stiffness_report
 from hdassist.pages.mount import WORDS, mount_report
 from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive, origin_counts, resolved_fields, value_text
-from hdassist.report import BLANK, Block, Curve, Facts, Figure, Paragraph, Report, ReportSection, Table, Tiles
+from hdassist.report import BLANK, Block, Curve, Facts, Figure, Paragraph, Report, ReportSection, Table, Tiles, tone_of
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
@@ -196,7 +196,7 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
     found.tests["figure"] = lambda block: isinstance(block, Figure)
     found.globals.update(
         BLANK=BLANK, CENTRE=CENTRE, HOLE_CIRCLE=HOLE_CIRCLE, CHART_BOX=CHART_BOX, ENVELOPE_COLUMNS=ENVELOPE_COLUMNS,
-        ChartAxes=ChartAxes, at=at, outline=outline,
+        ChartAxes=ChartAxes, at=at, outline=outline, tone_of=tone_of,
     )  # fmt: skip
     return found
 

@@ -26,13 +26,14 @@ from hdassist.report import (
     Seat,
     Table,
     Tiles,
+    tone_of,
 )
 from hdassist.solve.answers import Certificate
 from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE, CrossCheck
 from hdassist.terminal.console import Style, console, made_or
 from hdassist.terminal.plot import curve, seat_in_characters
-from hdassist.terminal.words import COLOURS, proof
+from hdassist.terminal.words import proof
 from hdassist.verdict import Verdict
 
 DRAWINGS: dict[type, Callable[[Style, Any], str]] = {
@@ -45,6 +46,8 @@ RESIDUALS = {  # of a certificate, each a share of its scale
     "complementarity": "force on an open gap",
     "equilibrium": "equilibrium",
 }
+STYLES = {"good": "bold green", "bad": "bold red", "open": "bold yellow", "loud": "bold", "quiet": "dim"}  # by tone
+NUMBERS = r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?: ?[%″°]| N·m)?"  # of the grounds of a verdict
 ANY_WIDTH = 100_000  # columns
 PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word is too short
 
@@ -64,12 +67,14 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     if plots and blocks and isinstance(blocks[-1], Curve):
         lines = lines[:-1]  # under an axis its words are enough of a gap
     why = [Text(style.text("\n".join(report.why))), Text("")] if report.why else []
+    for text in why:
+        text.highlight_regex(NUMBERS, "bold")
     return Group(head, *why, *lines, *block_on_page(last, style))
 
 
 def word(verdict: str, style: Style) -> Text:
-    """A verdict as a page has it, green or red where there are colours; any other text as it is."""
-    return Text(style.text(PAGE_WORDS.get(verdict, verdict)), style=COLOURS.get(verdict, ""))
+    """A verdict as a page has it, in the colour of its tone; any other text as it is."""
+    return Text(style.text(PAGE_WORDS.get(verdict, verdict)), style=STYLES.get(tone_of(verdict), ""))
 
 
 def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[RenderableType]:
@@ -106,7 +111,7 @@ def labelled(block: Facts, style: Style) -> RichTable:
     grid.add_column(no_wrap=True)
     grid.add_column(overflow="fold")
     for label, text in block.rows:
-        grid.add_row(style.text(label), style.text(text or BLANK))
+        grid.add_row(style.text(label), style.text(text or BLANK), style=STYLES.get(tone_of(label)))
     return grid
 
 

@@ -11,7 +11,7 @@ from hdassist.files import STDIN
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknown_names, unknowns
 from hdassist.preset.fields import Drive, field_table, unit_of
-from hdassist.verdict import Verdict, percent_text
+from hdassist.verdict import percent_text
 
 if TYPE_CHECKING:
     from hdassist.belief.influence import Influence, MeasurementGain
@@ -50,7 +50,6 @@ HOW = {
     "gears.j_n": "tooth thickness over pins",
     "stiffness.lost_motion": "lost motion at 4 % of the rated torque",
 }
-COLOURS: dict[str, str] = {Verdict.PASS: "green", Verdict.FAIL: "red"}
 
 
 def again(command: str, drive: Drive | None, *more: str) -> str:

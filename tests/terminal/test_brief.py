@@ -27,7 +27,6 @@ from hdassist.terminal.words import (
     on_what,
     proof,
 )
-from hdassist.verdict import Verdict
 from tests.process import SMALL, run
 
 
@@ -37,6 +36,9 @@ def test_a_second_influence_is_named_where_it_is_more_than_0_percent(share, seco
     assert influence_words(found).partition("ln F'_ior")[2] == second
 
 
+PROVEN = Certificate(9, 0.0, 0.0, 0.0, 0.0, 0)
+
+
 def shown(style: Style, report: Report) -> str:
     stream = io.StringIO()
     console(stream, style).print(report_page(report, style))
@@ -44,17 +46,32 @@ def shown(style: Style, report: Report) -> str:
 
 
 @pytest.mark.parametrize(
-    ("verdict", "code"), [(Verdict.PASS, "32m"), (Verdict.FAIL, "31m"), (Verdict.INCONCLUSIVE, None)]
-)
-def test_verdicts_are_green_or_red_where_there_are_colours(monkeypatch, verdict, code):
+    ("verdict", "code"),
+    [("PASS", "32m"), ("FAIL", "31m"), ("INCONCLUSIVE", "33m"), ("range 2.5″", None),
+     ("TURN, hole 3", "32m"), ("LEAVE, hole 0", "32m"), ("BEST BET, 90°", "33m"), ("GO BACK, hole 1", "31m")],
+)  # fmt: skip
+def test_verdicts_are_green_red_or_yellow_where_there_are_colours(monkeypatch, verdict, code):
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.delenv("NO_COLOR", raising=False)
-    report = Report("check", None, "own", str(verdict))
+    report = Report("check", None, "own", verdict)
     coloured = shown(Style(False, True, 80), report)
     assert verdict in coloured
-    for found in ("32m", "31m"):
+    for found in ("31m", "32m", "33m"):
         assert (found in coloured) == (found == code)
     assert shown(Style(False, False, 80), report) == f"own: {verdict}\n"
+
+
+def test_numbers_of_a_verdict_and_the_next_command_stand_out_and_the_proof_steps_back(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    facts = Facts((("limit", "30″"), ("next", "hdassist mount own")))
+    report = Report("check", None, "own", why=("h0 keeps 30″ at 80 N·m",), blocks=(facts,), certificate=PROVEN)
+    coloured = shown(Style(False, True, 80), report)
+    assert "h0 keeps \x1b[1m30″\x1b[0m at \x1b[1m80 N·m\x1b[0m" in coloured
+    assert "\x1b[1mnext" in coloured
+    assert "\x1b[2mproof" in coloured
+    assert "\x1b[1mlimit" not in coloured
+    assert "\x1b" not in shown(Style(False, False, 80), report)
 
 
 @pytest.mark.parametrize("width", [40, 80])
