@@ -59,6 +59,11 @@ class Quantity(Generic[T]):
         return f"{self.label}, {self.unit}" if self.unit else self.label
 
 
+def four_digits(value: float) -> str:
+    """A number with four digits, without an exponent from a thousandth to a million: 39690."""
+    return f"{float(f'{value:.4g}'):g}"
+
+
 Quantities: TypeAlias = tuple[Quantity[T], ...]
 
 
@@ -182,7 +187,7 @@ class CurveMark:
 class Curve:
     """y over x, both shape (n,), x growing; labels with units.
 
-    caption: of a page that has room for it; over: a length of x, around each place of which the least and the greatest
+    over: a length of x, around each place of which the least and the greatest
     y are drawn (0: all of y); limit: a line across; whiskers: x with a least and a greatest value; points: whether each
     x is marked; from_zero: whether the axis begins there; second: another series over x, shape (n,), with the names of
     both; rows: about how many, of characters.
@@ -192,7 +197,6 @@ class Curve:
     y: Series
     x_label: str
     y_label: str
-    caption: str = ""
     over: float = 0.0
     limit: float | None = None
     whiskers: tuple[tuple[float, float, float], ...] = ()

@@ -24,7 +24,7 @@ from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive
 from hdassist.preset.units import convert
 from hdassist.preset.yamltext import shown
-from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table
+from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table, four_digits
 from hdassist.terminal.answers import csv_text, together
 from hdassist.terminal.wheels import WHEEL_WORDS
 from hdassist.terminal.words import again, influence_words, samples_words
@@ -49,7 +49,7 @@ NAMED_CHECKS = 2  # reasons below the verdict
 def number(value: float, limit: Limit) -> str:
     """A value as its table shows it: three digits of a small limit, two decimals of an arcsec at least."""
     if limit.check.unit != "arcsec":
-        return f"{float(f'{value:.4g}'):g}"
+        return four_digits(value)
     return f"{value:.{max(2, 2 - floor(log10(limit.limit)))}f}"
 
 

@@ -50,6 +50,10 @@ def _angle_deg(end: str, angle: str, point: OperatingPoint) -> float | None:
     )
 
 
+def _turns(angle_deg: float) -> str:
+    return f"{angle_deg / 360:.2f}"
+
+
 def _percentile_error(percent: int, point: OperatingPoint) -> float | None:
     """Monte Carlo standard error of a percentile of F'_ior [arcsec]."""
     if not (belief := point.belief):
@@ -67,12 +71,12 @@ POINT_QUANTITIES: Quantities[OperatingPoint] = (
     Quantity("verdict", "verdict"),
     Quantity("F_ior_shown_arcsec", "F'_ior of the drive shown", "″", ".2f", "error.F_ior_arcsec"),
     *(
-        Quantity(f"{end}.{angle}_deg", words, "deg", digits, partial(_angle_deg, end, angle))
+        Quantity(f"{end}.{angle}_deg", words, unit, digits, partial(_angle_deg, end, angle))
         for end, label in (("at_max", "greatest at phi_h"), ("at_min", "least at phi_h"))
-        for angle, words, digits in (
-            ("phi_h", label, ".1f"),
-            ("phi_g", "  phi_g there", ".2f"),
-            ("phi_b", "  phi_b there", ".2f"),
+        for angle, words, unit, digits in (
+            ("phi_h", label, "turns", _turns),
+            ("phi_g", "  phi_g there", "°", ".2f"),
+            ("phi_b", "  phi_b there", "°", ".2f"),
         )
     ),
     Quantity("one_wave_share", "one-wave meshing, share", "", ".3f", "error.one_wave_share"),
@@ -129,7 +133,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         details=(
             *steps_tables(check),
             *error_tables(check),
-            Facts.of(_more_facts(check)),
+            Facts.of(check_facts(check)),
             *(error_curve(check, each) for each in others),
         ),
         certificate=check.certificate,
@@ -189,7 +193,7 @@ def _facts(check: DesignCheck) -> Iterator[Fact]:
     yield "next", again(step, check.drive)
 
 
-def _more_facts(check: DesignCheck) -> Iterator[Fact]:
+def check_facts(check: DesignCheck) -> Iterator[Fact]:
     """More to be known beside the numbers, a label and a text each."""
     k = check.kinematics
     yield "cycle", f"ratio {k.u:g}, {k.cycle_cam_revolutions} cam turns, {thousands(k.cycle_states)} states"
@@ -231,7 +235,6 @@ def error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
         point.error.error_arcsec,
         x_label="cam angle phi_h, turns",
         y_label=f"error at {point.M_g:g} N·m{of}, ″: least and greatest around each cam turn",
-        caption=f"Error over the full cycle at {point.M_g:g} N·m{of}",
         over=1.0,
     )
 
@@ -242,9 +245,8 @@ def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
     held = "" if point.left_arcsec is None else "; line: limit less self error"
     return Curve(
         *shares_below(samples.F_ior_arcsec[:, check.least_sure], samples.weights),
-        x_label="% of them stay below",
-        y_label=f"F'_ior at {point.M_g:g} N·m, ″, of the drives that it may be{held}",
-        caption=f"F'_ior at {point.M_g:g} N·m over all that is not known exactly{held}",
+        x_label="percentile",
+        y_label=f"F'_ior at {point.M_g:g} N·m, ″: percentiles over the unknown inputs{held}",
         limit=point.left_arcsec,
         rows=2,
     )

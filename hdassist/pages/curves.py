@@ -113,15 +113,15 @@ def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
 
 
 ARCMIN = pi / 10800  # rad
-TWIST_CAPTION = "Twist of the drive without deviations, the cam held"
 
 
 def _scaled(stiffness: float) -> str:
     return f"{stiffness / 1e4:.3g}"
 
 
-def _percent(percent: float) -> str:
-    return f"{percent:+.0f} %"
+def percent_off(percent: float) -> str:
+    """How far a value is off another one, in per cent of that."""
+    return f"{percent:+z.0f} %"
 
 
 WHOLE_QUANTITIES: Quantities[Stiffness] = (
@@ -139,7 +139,7 @@ _SEGMENT_COLUMNS: Quantities[SegmentBeside] = (
     Quantity("segment", "torque, N·m", "", lambda segment: f"{segment.start:.4g} to {segment.end:.4g}"),
     Quantity("K", "K, 1e4 N·m/rad", "", _scaled, "segment.stiffness"),
     Quantity("catalogue", "catalogue", "", _scaled),
-    Quantity("off_percent", "off by", "", _percent),
+    Quantity("off_percent", "off by", "", percent_off),
     Quantity("by_arcmin", "K, N·m/arcmin", "", ".4g", lambda each: each.segment.stiffness * ARCMIN),
 )
 
@@ -157,7 +157,7 @@ def stiffness_report(drive: Drive, found: Stiffness) -> Report:
         blocks=(
             Table.by_row("torsional stiffness in both directions", _SEGMENT_COLUMNS, rows),
             Facts.of(_facts(drive, found)),
-            Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, ″", TWIST_CAPTION),
+            Curve(found.torque, found.twist_arcsec, "torque, N·m", "twist, ″"),
         ),
         certificate=found.certificate,
         cross_checks=(found.cross_check,),
@@ -190,7 +190,7 @@ def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:
     ends = f"±{100 * LOST_MOTION_SHARE:.0f} % of {found.rated:g} N·m"
     yield "lost motion", f"{found.lost_motion_arcsec:.2f}″ between {ends}; play {found.play_arcsec:.2f}″"
     theirs = drive.catalogue.lost_motion
-    percent = _percent(off(found.lost_motion_arcsec, theirs) or 0.0)
+    percent = percent_off(off(found.lost_motion_arcsec, theirs) or 0.0)
     yield "  catalogue", f"{theirs:g}″, with friction; ours is off by {percent}" if theirs else ""
     yield "assumed", on_what(drive)
     yield "next", again("check", drive)

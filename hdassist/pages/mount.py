@@ -75,7 +75,7 @@ def mount_report(
         drive=drive,
         head=f"{drive.name}, {where}",
         verdict=f"{word}, {_hole(advice, to_deg)}",
-        why=tuple(_why(advice)),
+        why=tuple(filter(None, _why(advice))),
         blocks=(positions_table(advice, list(rows)), Facts.of(_facts(advice, carded=carded)), *figures[:1]),
         details=(
             *figures[1:], positions_table(advice, range(len(found.rotations_deg)), "all holes"),
@@ -330,10 +330,9 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
             ]
         notes = ["median, 5 to 95 %"] * sampled + ["M measured"] * bool(tried)
         notes += ["unknown as 0"] * (bool(advice.unknown) and not sampled)
-        held = ["dashed: the limit less the self error"] * (limit is not None)
+        notes += ["line: limit less self error"] * (limit is not None)
         yield Curve(
             x, line, "turned by, holes" if holes else "turned by, °", "; ".join([f"F'_ior at {M_g:g} N·m, ″", *notes]),
-            caption="; ".join([f"F'_ior over the positions of the wheel at {M_g:g} N·m", *notes, *held]),
             whiskers=tuple(zip((turns / per).tolist(), ends[0][:, k].tolist(), ends[2][:, k].tolist(), strict=True))
             * sampled,
             marks=tuple(marks), limit=limit, points=bool(holes), from_zero=True, rows=6,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import cos, radians, sin
 from typing import Any
@@ -14,17 +14,31 @@ from rich.console import Group
 from rich.text import Text
 
 from hdassist.comparing.drives import DriveSheet
+from hdassist.error.stiffness import segments_beside
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import TRADE, Card, hole_place
-from hdassist.pages.check import check_report
+from hdassist.pages.check import F_ior_table, check_facts, check_report, error_tables, steps_tables
 from hdassist.pages.compare import F_ior_words, sheet_warnings
-from hdassist.pages.curves import ARCMIN, stiffness_report
+from hdassist.pages.curves import ARCMIN, percent_off, stiffness_report
 from hdassist.pages.mount import WORDS, mount_report
 from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive, origin_counts, resolved_fields, value_text
-from hdassist.report import BLANK, Block, Curve, Facts, Figure, Paragraph, Report, ReportSection, Table, Tiles, tone_of
+from hdassist.report import (
+    BLANK,
+    Block,
+    Curve,
+    Facts,
+    Figure,
+    Paragraph,
+    Report,
+    ReportSection,
+    Table,
+    Tiles,
+    four_digits,
+    tone_of,
+)
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
@@ -36,41 +50,48 @@ from hdassist.version import __version__
 
 INPUT_HEADS = ("input", "share, %", "preset", "drawn from", "unit", "where from")
 VERDICT_WORDS = {
-    Verdict.PASS: "within its limits",
-    Verdict.FAIL: "beyond its limits",
-    Verdict.INCONCLUSIVE: "unknown inputs could change it",
-    Verdict.NO_LIMIT: "no limit to hold it against",
+    Verdict.PASS: "PASS: within its limits",
+    Verdict.FAIL: "FAIL: beyond its limits",
+    Verdict.INCONCLUSIVE: "INCONCLUSIVE: unknown inputs could change it",
+    Verdict.NO_LIMIT: "no limit set",
 }
 
 
 def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
-    """The report of a drive; draws, seed: of the unknown inputs."""
+    """The report of a drive, two pages of paper; draws, seed: of the unknown inputs."""
     drive, verdict = sheet.drive, sheet.check.verdict
     check = check_report(sheet.check, seed)
     mount = mount_report(sheet.advice, seed, limits=[point.left_arcsec for point in sheet.check.points])
     stiff = stiffness_report(drive, sheet.stiffness)
-    k, facts = Kinematics.of(drive), next(block for block in check.blocks if isinstance(block, Facts))
-    error = tuple(block for block in (*check.blocks, *check.details) if block is not facts)
-    mounting = (*mount.blocks, *mount.details)
+    k, values = Kinematics.of(drive), origin_counts(drive)
+    error = [F_ior_table(sheet.check), *steps_tables(sheet.check), next(error_tables(sheet.check))]
+    figures = [block for block in (*check.blocks, *check.details) if isinstance(block, Curve)]
+    facts, *more = (block for block in (*mount.blocks, *mount.details) if isinstance(block, Facts))
+    *_, holes = (block for block in mount.details if isinstance(block, Table))
+    positions = [block for block in (*mount.blocks, *mount.details) if isinstance(block, Figure)]
+    first = next(block for block in check.blocks if isinstance(block, Facts))
+    reasons = (f"{label}: {text}" for label, text in first.rows if label not in ("steps", "next"))
     return Report(
         command="report",
         drive=drive,
         head=f"{k.z_g}/{k.z_b} teeth, module {drive.gears.m:g} mm, ratio {abs(k.u):g}, fixed: {TRADE[k.fixed]}",
-        verdict=f"{verdict}: {VERDICT_WORDS[verdict]}",
-        why=(*check.why, *mount.why, *(f"{label}: {text}" for label, text in facts.rows)),
+        verdict=VERDICT_WORDS[verdict],
+        why=(*check.why, *mount.why, *reasons),
         blocks=(
-            Tiles(tuple(_tiles(sheet))),
-            ReportSection("Kinematic error", error),
-            ReportSection("Mounting the fixed wheel", mounting),
-            ReportSection("Torsional stiffness", (*stiff.blocks, *stiff.details)),
-            ReportSection("Assumed and unknown inputs", tuple(_basis(sheet))),
-            ReportSection("Provenance", (_provenance(drive, draws, seed),)),
+            Tiles(tuple(_tiles(sheet, values))),
+            ReportSection("Kinematic error", (*figures, *error, Facts.of(check_facts(sheet.check)))),
+            ReportSection("Mounting the fixed wheel", (*positions, holes, facts, *more)),
+            ReportSection("Torsional stiffness", tuple(_without_next(stiff.blocks))),
+            ReportSection(
+                "Inputs and provenance",
+                (*_basis(sheet, values), _provenance(drive, draws, seed)),
+            ),
         ),
         certificate=sheet.certificate,
         cross_checks=tuple(sheet.cross_checks),
         values={
             "verdict": str(verdict),
-            "values": origin_counts(drive),
+            "values": values,
             "check": report_object(check),
             "mount": report_object(mount),
             "stiffness": report_object(stiff),
@@ -82,33 +103,38 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     )
 
 
-def _tiles(sheet: DriveSheet) -> Iterator[tuple[str, str, str]]:
+def _without_next(blocks: Iterable[Block]) -> Iterator[Block]:
+    """Blocks without the command to type next."""
+    for block in blocks:
+        yield Facts(tuple(row for row in block.rows if row[0] != "next")) if isinstance(block, Facts) else block
+
+
+def _tiles(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[tuple[str, str, str]]:
     for point in sheet.check.points:
-        below = "arcsec, 5 to 95 % over unknown inputs" if point.belief else "arcsec over the full cycle"
-        yield (f"F'_ior at {point.M_g:g} N·m", F_ior_words(point, ".1f"), below)
+        below = "5 to 95 % over unknown inputs" if point.belief else "over the full cycle"
+        yield f"F'_ior at {point.M_g:g} N·m", f"{F_ior_words(point, '.1f')}″", below
     advice = sheet.advice
-    word, gain = WORDS[advice.word].lower(), f"{100 * advice.gain_range[1]:.0f} % less error"
-    below = f"{word}: {gain if advice.choice.turn else 'leave it as it is'}"
-    yield ("position of the wheel", hole_place(advice.choice.target), below)
-    if sheet.stiffness.positive:
-        first = sheet.stiffness.positive[0]
-        yield ("torsional stiffness K1", f"{first.stiffness * ARCMIN:.3g}", f"N·m/arcmin, up to {first.end:.4g} N·m")
-    values = origin_counts(sheet.drive)
-    yield ("values assumed", str(values["assumed"]), f"{values['given']} given, {values['identified']} identified")
+    gain = f"{-100 * advice.gain_range[1]:+.0f} % error" if advice.choice.turn else "leave it as it is"
+    yield "position of the wheel", hole_place(advice.choice.target), f"{WORDS[advice.word]}: {gain}"
+    for first in segments_beside(sheet.drive.catalogue, sheet.stiffness.positive)[:1]:
+        theirs = f", catalogue {first.catalogue * ARCMIN:.3g}" if first.catalogue else ""
+        theirs += "" if first.off_percent is None else f": {percent_off(first.off_percent)}"
+        yield "torsional stiffness K1", f"{first.segment.stiffness * ARCMIN:.3g}", f"N·m/arcmin{theirs}"
+    yield "values assumed", str(values["assumed"]), f"{values['given']} given, {values['identified']} identified"
 
 
-def _basis(sheet: DriveSheet) -> Iterator[Block]:
+def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
     """The inputs that decide F'_ior, with their range and source, and a summary of all values."""
     drive, check = sheet.drive, sheet.check
     given, drawn = {row.path: row for row in resolved_fields(drive)}, check.prior.fields if check.prior else ()
-    ranges = {each.path: f"{each.low:.4g} to {each.high:.4g}" for each in drawn}
+    ranges = {each.path: f"{four_digits(each.low)} to {four_digits(each.high)}" for each in drawn}
     rows = tuple(
         (named(row.path), f"{100 * share:.0f}", value_text(row.value), ranges[row.path], row.unit, row.ref)
         for row, share in ((given[each.group], each.share) for each in check.influences)
     )
-    title = f"inputs by their share of the variance of ln F'_ior at {check.points[check.least_sure].M_g:g} N·m"
+    title = f"inputs by their share of the spread of F'_ior at {check.points[check.least_sure].M_g:g} N·m"
     yield Table(title, INPUT_HEADS, rows, words=(0, 4, 5))
-    values, names = origin_counts(drive), unknown_names(check.unknown)
+    names = unknown_names(check.unknown)
     sampled = f"{len(drawn)} inputs are not known exactly: {samples_words(check.samples)}. " if check.samples else ""
     yield Paragraph(
         f"{sampled}{f'Deviations that are not known: {names}. ' if names else ''}"
@@ -205,7 +231,7 @@ def html_safe(value: Any) -> Any:
     """Text with hidden characters escaped (jinja2 does the rest); numbers of the drawing need no more digits."""
     if isinstance(value, float):
         return round(value, 2)
-    return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+    return UNICODE.text(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def markdown_safe(value: Any) -> Any:

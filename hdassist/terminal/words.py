@@ -130,9 +130,9 @@ def field_unit(path: str) -> str:
     return unit_of(field_table()[path])
 
 
-def influence_words(found: Sequence[Influence], result: str = "ln F'_ior") -> str:
-    """The largest shares of the variance of a result: the first field in words, the second by its path."""
-    words = [f"{named(each.group)}: {100 * each.share:.0f} % of the variance of {result}" for each in found[:1]]
+def influence_words(found: Sequence[Influence], result: str = "F'_ior") -> str:
+    """The largest shares of the spread, the variance, of a result: the first field in words, the second by its path."""
+    words = [f"{named(each.group)}: {100 * each.share:.0f} % of the spread of {result}" for each in found[:1]]
     words += [f"{each.group} {100 * each.share:.0f} %" for each in found[1:REPORTED] if each.share >= 0.005]
     return "; ".join(words)
 

@@ -212,7 +212,7 @@ def report_of(word: str) -> Report:
         Paragraph(word),
         Facts(((word, word),)),
         Table(f"{word}\n{word}", (word, word), ((word, word),), notes=(word,)),
-        Curve(x, x, word, word, caption=word, marks=(CurveMark(1, 1, f"b{word}", "now"),)),
+        Curve(x, x, word, word, marks=(CurveMark(1, 1, f"b{word}", "now"),)),
         replace(CARD.seat, title=word, legend=word),
         Lines(word, (word,), word),
         drawn,

@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from importlib import resources
 from pathlib import Path
 from xml.dom.minidom import parseString
 
@@ -18,7 +19,7 @@ from hdassist.pages.check import check_report
 from hdassist.pages.mount import instruction_of, mount_report
 from hdassist.pages.report import ENVELOPE_COLUMNS, drive_report, outline, report_html, report_markdown
 from hdassist.preset.fields import origin_counts
-from hdassist.report import Curve, Facts, Lines, Paragraph, ReportSection, Seat, Table, Tiles
+from hdassist.report import Curve, Facts, Lines, Paragraph, ReportSection, Seat, Table, Tiles, four_digits
 from hdassist.terminal.answers import report_object
 from hdassist.terminal.console import Style
 from hdassist.terminal.words import proof
@@ -100,8 +101,8 @@ def test_its_drawings_are_svg(sheet, folder):
     figures = [b for s in sections(drive_report(sheet, draws=64, seed=0)) for b in s.blocks if isinstance(b, DRAWN)]
     assert len(drawn) == len(figures) == 5  # what it would take: spread; error, seat, positions, stiffness
     assert all(svg.getElementsByTagName("title") for svg in drawn)
-    captions = [figure.caption for figure in figures if isinstance(figure, Curve)]
-    assert sum("; median, 5 to 95 %" in caption for caption in captions) == 1
+    labels = [figure.y_label for figure in figures if isinstance(figure, Curve)]
+    assert sum("; median, 5 to 95 %" in label for label in labels) == 1
     charts = [svg for svg in drawn if svg.getAttribute("viewBox") == "0 20 480 238"]
     texts = [each.firstChild.data for svg in charts for each in svg.getElementsByTagName("text")]
     assert texts and max(map(len, texts)) <= 60  # 480 units of 12.5 px: longer ones would reach over the next drawing
@@ -111,7 +112,7 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
     text = re.sub(r"\s+", " ", Page((folder / "a.html").read_text(encoding="utf-8")).text.split("}", 1)[1])
     point = report_object(check_report(sheet.check, 0))["operating_points"][0]
     low = point["belief"]["p5_arcsec"]
-    order = ["PASS: within its limits", f"{low:.1f} to", "Kinematic error", "Provenance"]
+    order = ["PASS: within its limits", f"{low:.1f} to", "Kinematic error", "Inputs and provenance"]
     assert [text.index(words) for words in order] == sorted(text.index(words) for words in order)
     assert instruction_of(sheet.advice).replace("->", "→") in text
     mount = report_object(mount_report(sheet.advice, 0))
@@ -128,12 +129,28 @@ def test_the_verdict_comes_first_and_the_numbers_are_those_of_check_and_mount(sh
         assert words in text
 
 
+def test_angles_of_the_cam_are_turns_and_numbers_have_no_exponent(sheet):
+    report = report_object(check_report(sheet.check, 0))
+    (section, *_) = sections(drive_report(sheet, draws=64, seed=0))
+    rows = dict(row for block in section.blocks if isinstance(block, Table) for row in block.rows if len(row) == 2)
+    degrees = report["operating_points"][0]["at_max"]["phi_h_deg"]
+    assert rows["greatest at phi_h, turns"] == f"{degrees / 360:.2f}"
+    assert (four_digits(39_690.0), four_digits(396.9), four_digits(1.2)) == ("39690", "396.9", "1.2")
+
+
+def test_a_printed_report_has_one_size_of_letters_beside_its_heads():
+    css = resources.files("hdassist.pages").joinpath("templates/report.css").read_text("utf-8")
+    sized = re.findall(r"^\s*([^{}@]*?) {[^{}]*font-size: ([^;]+);", css, flags=re.MULTILINE)
+    assert {name for name, _ in sized} <= {"h1", "h2", ".word", ".tiles b", "body", "svg", ".rest svg", ".warnings h2",
+                                           ".tiles span, .tiles small"}  # fmt: skip
+
+
 def test_markdown_says_the_same(sheet):
     report = drive_report(sheet, draws=64, seed=0)
     text = report_markdown(report, UNICODE)
     plain = text.replace("\\", "")
     assert "**PASS: within its limits**" in text
-    assert [f"\n## {section.title}\n" in plain for section in sections(report)] == [True] * 5
+    assert [f"\n## {section.title}\n" in plain for section in sections(report)] == [True] * 4
     for section in sections(report):
         for block in section.blocks:
             match block:
@@ -145,7 +162,7 @@ def test_markdown_says_the_same(sheet):
                     shown = [block.title, *block.notes, *(cell for row in block.rows for cell in row)]
                     words = shown * bool(block.rows)
                 case Curve():
-                    words = [block.caption]
+                    words = []  # its labels stand in the drawing
                 case Seat():
                     words = [block.title, block.legend]
             assert all(each in plain for each in words)
@@ -169,9 +186,9 @@ def test_where_no_hole_is_better_by_what_is_known_it_says_so():
     [tiles] = [block for block in report.blocks if isinstance(block, Tiles)]
     assert next(value for label, value, _ in tiles.rows if label == "position of the wheel") == "hole 0"
     ranges, *errors = [block for block in sections(report)[0].blocks if isinstance(block, Curve)]
-    assert ranges.caption.endswith("over all that is not known exactly")
+    assert ranges.y_label.endswith("percentiles over the unknown inputs")
     (shown,) = (f"{point['F_ior_shown_arcsec']:.1f}″" for point in told["check"]["operating_points"])
-    assert [error.caption.endswith(f"of a drive of {shown}, near the median") for error in errors] == [True]
+    assert [f"of a drive of {shown}, near the median" in error.y_label for error in errors] == [True]
     assert "phases.phi_hb" in report_markdown(report, UNICODE).replace("\\", "")
 
 
