@@ -17,7 +17,7 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
@@ -265,7 +265,7 @@ def _unpickled(work: bytes) -> Work:
 
 
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
-SHUTDOWN = 2.0  # s at most for processes that were killed, and for the threads that read from them, to end
+SHUTDOWN = 2.0  # s at most for processes that were killed to end
 
 Task = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 
@@ -277,11 +277,11 @@ def workers(jobs: int) -> Iterator[Executor]:
     One job is a process too: the same arithmetic, so the same digits for any number of jobs.
     Raises DataError: the system gives no processes; UntrustedError: one of them was ended from outside.
     """
-    executor = Processes()
+    executor = Processes(count(jobs))
     with at_stop(executor.kill):
         try:
             try:
-                executor.begin(count(jobs))
+                executor.begin()
             except (OSError, RuntimeError, EOFError) as error:
                 words = f"cannot begin the processes that share the work: {getattr(error, 'strerror', None) or error}"
                 raise DataError(words, "they need memory, and room in the limits of ulimit -a") from None
@@ -294,16 +294,16 @@ def workers(jobs: int) -> Iterator[Executor]:
             executor.end()
 
 
-class Processes(Executor):
-    """Processes, each with a pipe and a thread that gives it one task after the other."""
+class Processes(ThreadPoolExecutor):
+    """Processes to which threads hand out tasks through pipes: a pool of the library may wait for a killed one."""
 
-    def __init__(self) -> None:
-        self._tasks: SimpleQueue[tuple[Future[Any], Task] | None] = SimpleQueue()
+    def __init__(self, count: int) -> None:
+        super().__init__(count)
+        self._count, self._is_over = count, False
         self._processes: list[BaseProcess] = []
-        self._threads: list[threading.Thread] = []
-        self._is_over = False
+        self._idle: SimpleQueue[Connection] = SimpleQueue()
 
-    def begin(self, count: int) -> None:
+    def begin(self) -> None:
         """Begin all processes, then the threads: a fork beside threads may inherit a lock that nobody opens.
 
         Raises OSError, RuntimeError and EOFError: the system gives no process, pipe or thread.
@@ -316,63 +316,49 @@ class Processes(Executor):
             context.set_forkserver_preload([name for name in list(sys.modules) if name.startswith("hdassist.")])
             with stops_held_back():
                 forkserver.ensure_running()
-        ends = []
-        for _ in range(count):
+        for _ in range(self._count):
             here, there = context.Pipe()
             process = context.Process(target=_work, args=(here, there, os.getpid()), daemon=True)
             with there, nullcontext() if way == "forkserver" else stops_held_back():
                 process.start()
             self._processes.append(process)
-            ends.append(here)
-        for here in ends:
-            thread = threading.Thread(target=self._hand_out, args=(here,), daemon=True)
-            thread.start()
-            self._threads.append(thread)
+            self._idle.put(here)
+        for _ in range(self._count):
+            self.submit(abs, 0)
 
     def submit(self, task: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
         """The answer of a task. Raises BrokenExecutor: a process was ended from outside."""
         if self._is_over:
             raise BrokenExecutor
-        answer: Future[Any] = Future()
-        self._tasks.put((answer, (task, args, more)))
-        return answer
+        return super().submit(self._answer, (task, args, more))
 
-    def _hand_out(self, process: Connection) -> None:
-        """Give tasks to the process at the other end of a pipe, to the end; where it is lost all others end too."""
-        with process:
-            while asked := self._tasks.get():
-                answer, task = asked
-                if not answer.set_running_or_notify_cancel():
-                    continue
-                try:
-                    if self._is_over:
-                        raise EOFError
-                    process.send(task)
-                    is_done, found = process.recv()
-                except (EOFError, OSError):
-                    self._is_over = True
-                    self.kill()
-                    answer.set_exception(BrokenExecutor())
-                except Exception as error:  # of a task or answer that cannot be pickled: whatever its class raises
-                    answer.set_exception(error)
-                else:
-                    (answer.set_result if is_done else answer.set_exception)(found)
+    def _answer(self, task: Task) -> Any:
+        """The answer of a process to a task; where one is lost all others end too."""
+        process = self._idle.get()
+        try:
+            process.send(task)
+            is_done, found = process.recv()
+        except (EOFError, OSError):
+            self.kill()
+            raise BrokenExecutor from None
+        finally:
+            self._idle.put(process)
+        if is_done:
+            return found
+        raise found
 
     def kill(self) -> None:
         """End the processes now."""
+        self._is_over = True
         for process in self._processes:
             process.kill()
 
     def end(self) -> None:
         """End processes and threads; nobody waits for work under way: a state may take for ever."""
-        self._is_over = True
         self.kill()
-        for _ in self._threads:
-            self._tasks.put(None)
-        until = time.monotonic() + SHUTDOWN
-        ending: list[threading.Thread | BaseProcess] = [*self._threads, *self._processes]
-        for each in ending:
-            each.join(max(0.0, until - time.monotonic()))
+        self.shutdown(cancel_futures=True)
+        for process in self._processes:
+            process.join(SHUTDOWN)
 
 
 def apart(function: Callable[..., Any], *arguments: Any) -> Any:
