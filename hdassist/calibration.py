@@ -37,7 +37,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.mounting.positions import phase_deg
 from hdassist.preset import yamltext
-from hdassist.preset.fields import Drive, field_table, measures, plain, range_of, short, unit_of
+from hdassist.preset.fields import Drive, field_table, measures, plain, short
 from hdassist.preset.units import read_number
 from hdassist.preset.yamltext import Document, InvalidValueError, Path, near_miss, ordered_findings
 from hdassist.run.run import UNCHECKED, Run
@@ -186,7 +186,7 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
         document.add(path, "names no measure of a preset", near_miss(key, measures()) or "like gears.j_n", "", key=True)
         return
     plausible = dict(zip(("low", "high"), source.range, strict=True)) if source and source.range else {}
-    units = dict.fromkeys(("low", "high"), unit_of(measures()[key]))
+    units = dict.fromkeys(("low", "high"), measures()[key].unit)
     bounds = plausible | _numbers(
         document, path, {} if value is None else value, units, [end for end in units if end not in plausible]
     )
@@ -194,7 +194,9 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
         return
     low, high = bounds["low"], bounds["high"]
     if not low < high or not (drive.allows(key, low) and drive.allows(key, high)):
-        document.add(path, f"low must be below high, both within {range_of(measures()[key])}", got=f"{low:g}, {high:g}")
+        document.add(
+            path, f"low must be below high, both within {measures()[key].range_words()}", got=f"{low:g}, {high:g}"
+        )
     scale: Literal["logarithmic", "even"] = "logarithmic" if low > 0 and high / low > LOGARITHMIC else "even"
     yield FieldPrior(key, scale, low, high, owner_of(drive, key), key, "bounds of the calibration")
 
@@ -377,7 +379,7 @@ def calibrate(
     deviation = np.sqrt(np.diag(covariance))
     values = [
         FoundValue(
-            u.path, unit_of(field_table()[u.path]), drive.value(u.path), found,
+            u.path, field_table()[u.path].unit, drive.value(u.path), found,
             float(u.value(x + d) - u.value(x - d)) / 2, u.low, u.high, 1 - 2 * float(d),
             None if not side else u.low if side < 0 else u.high,
         )

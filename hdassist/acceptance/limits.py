@@ -17,7 +17,7 @@ from hdassist.errors import DataError, UsageError
 from hdassist.loading.load import Asked, load_preset
 from hdassist.model.geometry import Array
 from hdassist.plaintext import NUMBER
-from hdassist.preset.fields import Acceptance, Drive, FieldKind, kind_of, unit_of
+from hdassist.preset.fields import Acceptance, Drive, FieldKind
 from hdassist.preset.yamltext import OVERRIDE
 from hdassist.run.kept import ClosedRecord
 
@@ -57,12 +57,12 @@ class Check(Explained):
     @property
     def kind(self) -> FieldKind:
         """Kind of its limits: "limits", one for each torque; "orders", at every torque; "number", the drive."""
-        return kind_of(Acceptance.model_fields[self.field])
+        return Acceptance.declared()[self.field].kind
 
     @property
     def unit(self) -> str:
         """Unit of its value and limit, as JSON has it."""
-        return unit_of(Acceptance.model_fields[self.field])
+        return Acceptance.declared()[self.field].unit
 
 
 _TABLE = tomllib.loads(files("hdassist.acceptance").joinpath("checks.toml").read_text("utf-8"))

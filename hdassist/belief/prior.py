@@ -15,7 +15,7 @@ from hdassist.model.assumed import assumptions
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknowns
-from hdassist.preset.fields import DEVIATIONS, Drive, deviation_sizes, field_table, is_overridden, least_of, measures
+from hdassist.preset.fields import DEVIATIONS, Drive, deviation_sizes, field_table, is_overridden, measures
 from hdassist.solve.answers import ARCSEC
 
 RIGID_SHIFT = "gears.x_b"
@@ -59,7 +59,7 @@ class FieldPrior:
         if self.distribution in ("even", "meshing"):
             return np.asarray(self.low + (self.high - self.low) * share)
         normal = (self.low + self.high) / 2 + (self.high - self.low) / 4 * ndtri(np.clip(share, *SHARE_LIMITS))
-        return np.asarray(np.maximum(normal, least_of(field_table()[self.path])))
+        return np.asarray(np.maximum(normal, field_table()[self.path].ge))
 
     def joined(self, share: Array) -> Array:
         """Shares of the field's own probability where those of its fit are given."""

@@ -11,7 +11,6 @@ from math import prod
 
 import numpy as np
 from pydantic import TypeAdapter
-from pydantic.fields import FieldInfo
 
 from hdassist.error.error_map import extremes_of
 from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
@@ -19,7 +18,7 @@ from hdassist.json_parts import attributes
 from hdassist.loading.load import OVERRIDE_PLACE, load_text
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
-from hdassist.preset.fields import Drive, field_table, is_overridden, kind_of, path_of, unit_of
+from hdassist.preset.fields import Drive, PresetField, field_table, is_overridden, path_of
 from hdassist.preset.units import read_count, read_number
 from hdassist.preset.yamltext import InvalidValueError, near_miss, scalar_value, shown
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
@@ -61,10 +60,10 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
 
 
 @cache
-def _fields() -> dict[str, FieldInfo]:
+def _fields() -> dict[str, PresetField]:
     """Fields that can be varied, by path."""
     found = field_table().items()
-    return {path: info for path, info in found if path == TORQUE or kind_of(info) in ("number", "count")}
+    return {path: field for path, field in found if path == TORQUE or field.kind in ("number", "count")}
 
 
 def _axis(text: str) -> Axis:
@@ -73,12 +72,12 @@ def _axis(text: str) -> Axis:
     if not equals:
         raise _invalid(text, "KEY=START:STOP:STEPS or KEY=A,B,C", FORM)
     path = ".".join(map(str, path_of(key)))
-    info = _fields().get(path)
-    if info is None:
+    field = _fields().get(path)
+    if field is None:
         same = (each for each in _fields() if each.split(".")[1] == path.split(".")[-1])
         close = f"did you mean {meant}?" if (meant := next(same, "")) else near_miss(path, _fields())
         raise _invalid(text, "a field of a single number", close or "write section.key, like gears.j_n")
-    unit, is_count = unit_of(info), kind_of(info) == "count"
+    unit, is_count = field.unit, field.kind == "count"
 
     def number(part: str) -> float:
         value = scalar_value(part)

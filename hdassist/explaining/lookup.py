@@ -7,12 +7,10 @@ from difflib import get_close_matches
 from functools import cache
 from typing import Literal
 
-from pydantic.fields import FieldInfo
-
 from hdassist.acceptance.limits import CODES, Check
 from hdassist.errors import UsageError
 from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS, WORDS_OF_PAGES
-from hdassist.preset.fields import choices_of, field_table, kind_of, may_be_unknown, plain, range_of, sections, unit_of
+from hdassist.preset.fields import PresetField, field_table, plain, sections
 
 EntryKind = Literal["check", "remark", "quantity or word", "symbol", "field", "section", "error", "option"]
 GREEK = {
@@ -71,20 +69,20 @@ def _entries() -> Iterator[Entry]:
     for section, model in sections():
         keys = ", ".join(model.model_fields)
         yield Entry("section", (section,), str(model.__doc__).rstrip("."), (("fields", keys),))
-    for path, info in field_table().items():
-        yield Entry("field", (path, path.split(".")[1]), str(info.description), _given(_of_field(info)))
+    for path, field in field_table().items():
+        yield Entry("field", (path, path.split(".")[1]), field.meaning, _given(_of_field(field)))
     for fault, told in FAULTS.items():
         yield Entry("error", (str(fault),), told.meaning, (("change", told.change),))
 
 
-def _of_field(info: FieldInfo) -> tuple[tuple[str, str], ...]:
-    choice = kind_of(info) == "choice"
-    default = "unknown" if may_be_unknown(info) else "none: it has to be given" if info.is_required() else ""
+def _of_field(field: PresetField) -> tuple[tuple[str, str], ...]:
+    choice = field.kind == "choice"
+    default = "unknown" if field.unknown else "none: it has to be given" if field.is_required else ""
     if not default:
-        number = plain(info.default) if isinstance(info.default, float) else str(info.default)
-        default = "none" if info.default in (None, {}, ()) else number
-    span = ", ".join(choices_of(info)) if choice else range_of(info)
-    return (("unit", unit_of(info)), ("values" if choice else "range", span), ("left out", default))
+        number = plain(field.default) if isinstance(field.default, float) else str(field.default)
+        default = "none" if field.default in (None, {}, ()) else number
+    span = ", ".join(field.choices) if choice else field.range_words()
+    return (("unit", field.unit), ("values" if choice else "range", span), ("left out", default))
 
 
 def _given(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:

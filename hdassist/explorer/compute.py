@@ -32,7 +32,7 @@ from hdassist.mounting.posterior import TrialSetup
 from hdassist.pages.check import check_report
 from hdassist.pages.curves import trace_report
 from hdassist.pages.mount import mount_report
-from hdassist.preset.fields import Drive, field_table, kind_of
+from hdassist.preset.fields import Drive, field_table
 from hdassist.run.run import UNCHECKED, Run, workers
 
 FEWEST_SEEN = 8  # effective samples: the range of fewer is none
@@ -188,9 +188,9 @@ def _steps(drive: Drive, here: Drive, others: Mapping[str, Any]) -> Iterator[tup
     Arguments: drive, with its ranges; here, the typical one; others, values where a pinned one differs.
     """
     priors = {each.path: each for each in prior_of(drive).fields}
-    for path, info in field_table().items():
+    for path, field in field_table().items():
         value, is_setting = here.value(path), path.split(".")[0] in SETTING_SECTIONS
-        if kind_of(info) not in ("number", "count") or value is None:
+        if field.kind not in ("number", "count") or value is None:
             continue
         if others.get(path) is not None:
             yield path, (others[path] - value,)
@@ -200,8 +200,8 @@ def _steps(drive: Drive, here: Drive, others: Mapping[str, Any]) -> Iterator[tup
             yield path, (step, -step)
         elif path == TEETH_FIELDS[0]:
             yield path, (here.gears.z_b - here.gears.z_g,)
-        elif kind_of(info) == "number" and not is_setting:
-            yield path, (step_of(info, value), -step_of(info, value))
+        elif field.kind == "number" and not is_setting:
+            yield path, (step_of(field, value), -step_of(field, value))
 
 
 def _stepped_errors(drive: Drive, steps: tuple[str, tuple[float, ...]]) -> tuple[str, float, Array | None]:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from math import floor, inf, log10
+from math import floor, isfinite, log10
 
-from pydantic.fields import FieldInfo
-
-from hdassist.preset.fields import Drive, ResolvedField, bounds_of, field_table, kind_of, range_of, text_of, unit_of
+from hdassist.preset.fields import Drive, PresetField, ResolvedField, field_table, text_of
 
 SETTING_SECTIONS = (
     "mounting",
@@ -22,27 +20,27 @@ LEVER_STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # a step in units that have 
 
 def about_field(field: ResolvedField) -> str:
     """Path, meaning and range of a field."""
-    reach = range_of(field_table()[field.path], field.unit)
+    reach = field_table()[field.path].range_words(field.unit)
     return f"{field.path}: {field.meaning}{f'; {reach}' if reach else ''}"
 
 
-def step_of(info: FieldInfo, value: float) -> float:
+def step_of(field: PresetField, value: float) -> float:
     """How far a step of a field goes from a value: by its unit, else about one per cent in a round number.
 
     By its unit only where that is at most a tenth of the field's range: 5 deg of a phase, not of a pressure angle.
     """
-    bounds, natural = bounds_of(info), LEVER_STEPS.get(unit_of(info), 0.0)
-    if kind_of(info) == "count":
+    natural, high, low = LEVER_STEPS.get(field.unit, 0.0), field.le, field.ge if isfinite(field.ge) else 0.0
+    if field.kind == "count":
         return 1.0
-    if 0 < 10 * natural <= bounds.get("le", inf) - bounds.get("ge", 0.0):
+    if 0 < 10 * natural <= high - low:
         return natural
-    reach = abs(value) or bounds.get("le", 1.0) / 100
+    reach = abs(value) or (high if isfinite(high) else 1.0) / 100
     return 10.0 ** floor(log10(reach) - 1)
 
 
 def stepped(drive: Drive, path: str, steps: int) -> str | None:
     """The value of a field so many steps on, as text; None where it has no steps."""
-    info, value = field_table()[path], drive.value(path)
-    if kind_of(info) not in ("number", "count") or value is None:
+    field, value = field_table()[path], drive.value(path)
+    if field.kind not in ("number", "count") or value is None:
         return None
-    return text_of(float(f"{value + steps * step_of(info, value):.10g}"))
+    return text_of(float(f"{value + steps * step_of(field, value):.10g}"))

@@ -8,8 +8,6 @@ from dataclasses import replace
 from math import isfinite
 from typing import Any
 
-from pydantic.fields import FieldInfo
-
 from hdassist.errors import Finding, PresetError, UsageError
 from hdassist.model.rules import conflicts
 from hdassist.plaintext import number_of
@@ -22,21 +20,15 @@ from hdassist.preset.fields import (
     REMOVED,
     Drive,
     Origin,
+    PresetField,
     Section,
     UncertainReading,
     deviation_sizes,
     field_table,
-    in_range,
-    kind_of,
     measures,
     path_of,
     plain,
-    range_of,
-    read_measure,
-    read_reading,
-    read_value,
     sections,
-    unit_of,
 )
 from hdassist.preset.knowledge import COUPLING_FIELDS, SUPPORT_FIELD, implausible, with_cam_support
 from hdassist.preset.library import read_preset
@@ -57,7 +49,7 @@ from hdassist.preset.yamltext import (
 )
 
 OVERRIDE_PLACE = re.compile(rf"^{OVERRIDE}:\d+:\d+: ", re.MULTILINE)  # in a message, of an override that nobody typed
-PER_TORQUE = [tuple(path.split(".")) for path, info in field_table().items() if kind_of(info) == "limits"]
+PER_TORQUE = [tuple(path.split(".")) for path, field in field_table().items() if field.kind == "limits"]
 Asked = tuple[tuple[str, str], ...]  # options by name, which the next command on a drive is to have too
 
 
@@ -166,13 +158,13 @@ def _drive(document: Document) -> Drive | None:
         if drive.supports.C_3 is None or (any(tried) and not own):
             drive = with_cam_support(drive)
     bad, valid = {path[:2] for path in document.bad}, dict[str, Any]()  # fields without a finding, by path
-    for path, info in field_table().items():
+    for path, field in field_table().items():
         section, name = path.split(".")
         values = tables.get(section, {})
         if drive:
             valid[path] = drive.value(path)
-        elif bad.isdisjoint({(section,), (section, name)}) and (name in values or not info.is_required()):
-            valid[path] = values.get(name, info.default)
+        elif bad.isdisjoint({(section,), (section, name)}) and (name in values or not field.is_required):
+            valid[path] = values.get(name, field.default)
     for conflict, involved in conflicts(valid):
         paths = [tuple(path.split(".", 2)) for path in (conflict.path, *involved)]
         place = next((p for p in paths if document.is_override(p)), paths[0])
@@ -184,14 +176,14 @@ def _drive(document: Document) -> Drive | None:
 def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
     """Put uncertainties beside values ("260 ± 10") into their table; of two the one on the command line counts."""
     table = data.get("uncertainty", {})
-    for path, info in measures().items() if isinstance(table, dict) else ():
+    for path, field in measures().items() if isinstance(table, dict) else ():
         section, name = path.split(".")
         values = data.get(section)
         value = values.get(name) if isinstance(values, dict) else None
         if not isinstance(value, str) or not is_spread(value):
             continue
         with suppress(InvalidValueError):  # the value itself is refused
-            spread = read_spread(value, unit_of(info))[1]
+            spread = read_spread(value, field.unit)[1]
             own_wins, beside_wins = (document.is_override(p) for p in (("uncertainty", path), (section, name)))
             if path in table and beside_wins == own_wins:
                 words = f"the value has an uncertainty of {spread:g} beside it"
@@ -237,23 +229,22 @@ def _read_table(document: Document, path: Path, table: Any, model: type[Section]
             hint = "" if len(document.findings) > MAX_FINDINGS else _unknown_hint((*path, key), value, model)
             document.add((*path, key), "unknown key", hint, "", key=True)
     read, classes = dict[str, Any](), dict(sections())
-    for name, info in model.model_fields.items():
+    for name, field in model.declared().items():
         place, section = (*path, name), classes.get(name)
         if name not in table:
-            if info.is_required() and section:
-                needed = [name for name, each in section.model_fields.items() if each.is_required()]
+            if field.is_required and section:
+                needed = [name for name, each in section.declared().items() if each.is_required]
                 document.add(place, "missing section", f"it needs {', '.join(needed)}", "")
-            elif info.is_required():
-                unit = unit_of(info)
-                document.add(place, "missing key", f"{info.description}{unit and f', in {unit}'}", "")
+            elif field.is_required:
+                document.add(place, "missing key", f"{field.meaning}{field.unit and f', in {field.unit}'}", "")
         elif section:
             read[name] = _read_table(document, place, table[name], section)
         elif name in PATH_TABLES:
             read[name] = _read_by_path(document, name, table[name])
-        elif name == "range":
+        elif field.kind == "range":
             read[name] = document.read(place, _read_range, str(path[1]), table[name])
         else:
-            read[name] = _read_value(document, place, info, table[name])
+            read[name] = _read_value(document, place, field, table[name])
     return read
 
 
@@ -289,23 +280,22 @@ def _read_by_path(document: Document, name: str, table: Any) -> dict[str, Any]:
         elif name == "fit":
             read[path] = document.read(place, _read_draws, path, entry)
         else:
-            read[path] = document.read(place, read_measure, Drive.model_fields[name], entry, unit_of(measures()[path]))
+            read[path] = document.read(place, Drive.declared()[name].number, entry, measures()[path].unit)
     return read
 
 
 def _read_range(path: str, bounds: Any) -> tuple[float, float] | None:
     """A plausible range of a field, by path, in its unit. Raises InvalidValueError: it is none."""
-    info = field_table()[path]
-    unit = unit_of(info)
+    field = field_table()[path]
     if bounds is None:
         return None
     if path not in measures():
         raise InvalidValueError("only single measures have a range")
     if not isinstance(bounds, list) or len(bounds) != 2:
         raise InvalidValueError("must be two numbers, the lower one first", "like [0, 20]")
-    low, high = (read_number(bound, unit) for bound in bounds)
-    if not (in_range(info, low) and in_range(info, high)):
-        raise InvalidValueError(f"reaches beyond what the field takes: {range_of(info, unit)}")
+    low, high = (read_number(bound, field.unit) for bound in bounds)
+    if not (field.holds(low) and field.holds(high)):
+        raise InvalidValueError(f"reaches beyond what the field takes: {field.range_words(field.unit)}")
     if low >= high:
         raise InvalidValueError("the lower one must stand first")
     return low, high
@@ -313,22 +303,20 @@ def _read_range(path: str, bounds: Any) -> tuple[float, float] | None:
 
 def _read_draws(path: str, draws: Any) -> tuple[float, ...]:
     """Equally likely values of a field, by path, in its unit. Raises InvalidValueError: they are none."""
-    info = field_table()[path]
-    unit = unit_of(info)
+    field = field_table()[path]
     if not isinstance(draws, list) or len(draws) < 2:
         raise InvalidValueError("must be two numbers or more, the preset's own value first", "like [8950, 9020]")
-    found = tuple(read_number(draw, unit) for draw in draws)
-    if beyond := [value for value in found if not in_range(info, value)]:
-        raise InvalidValueError(f"{plain(beyond[0])} is out of range: {range_of(info, unit)}")
+    found = tuple(read_number(draw, field.unit) for draw in draws)
+    if beyond := [value for value in found if not field.holds(value)]:
+        raise InvalidValueError(f"{plain(beyond[0])} is out of range: {field.range_words(field.unit)}")
     return found
 
 
-def _read_value(document: Document, path: Path, info: FieldInfo, value: Any) -> Any:
+def _read_value(document: Document, path: Path, field: PresetField, value: Any) -> Any:
     """The value of a field as the field holds it, None where it cannot be read; faults are findings."""
-    found, kind, unit = document.read(path, read_value, info, value), kind_of(info), unit_of(info)
+    found, kind = document.read(path, field.read, value), field.kind
     if isinstance(found, list):
-        items = enumerate(found)
-        return tuple(document.read((*path, index), read_measure, info, item, unit) for index, item in items)
+        return tuple(document.read((*path, index), field.number, item) for index, item in enumerate(found))
     if not isinstance(found, dict):
         return found
     pattern, expected, like_key, _ = KEYED_TABLES[kind]
@@ -343,7 +331,7 @@ def _read_value(document: Document, path: Path, info: FieldInfo, value: Any) -> 
         if meant in known:
             raise InvalidValueError("given twice", at_key=True)
         known.add(meant)
-        return read_reading(info, item, unit) if kind == "readings" else read_measure(info, item, unit)
+        return field.reading(item) if kind == "readings" else field.number(item)
 
     return {key: document.read((*path, key), read, key, item) for key, item in found.items()}
 

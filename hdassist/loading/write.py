@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import re
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from io import StringIO
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import DataError, PresetError, UsageError
@@ -17,18 +18,18 @@ from hdassist.preset.fields import (
     MAX_NAME,
     PRESET_SCHEMA,
     UNKNOWN,
+    CostLaw,
     Drive,
+    PresetField,
     Section,
     Source,
     deviation_sizes,
     field_table,
-    may_be_unknown,
     measures,
     origin_counts,
     path_of,
     sections,
     text_of,
-    unit_of,
 )
 from hdassist.preset.knowledge import COUPLING_FIELDS
 from hdassist.preset.similarity import Requirements, SimilarValue, similar
@@ -96,11 +97,11 @@ def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], 
 
 def _similar_section(section: str, model: type[Section], written: Mapping[str, SimilarValue]) -> Iterator[str]:
     yield f"{section}:"
-    for field, info in model.model_fields.items():
-        value, unit = text_of(written[field].value) if field in written else UNKNOWN, unit_of(info)
-        is_needless = (section, field[:3]) == ("harmonics", "xi_")  # without an amplitude
-        if field in written or (may_be_unknown(info) and not is_needless):
-            yield f"{f'  {field}: {value}':<23} # {unit and f'{unit}, '}{info.description}"
+    for name, field in model.declared().items():
+        value = text_of(written[name].value) if name in written else UNKNOWN
+        is_needless = (section, name[:3]) == ("harmonics", "xi_")  # without an amplitude
+        if name in written or (field.unknown and not is_needless):
+            yield f"{f'  {name}: {value}':<23} # {field.unit and f'{field.unit}, '}{field.meaning}"
 
 
 def _quoted(text: str) -> str:
@@ -210,8 +211,6 @@ def _written(tables: Any, file: str, wanted: Drive, model: Mapping[str, str | in
 
 SCHEMA_FILE = "hdassist-preset.schema.json"  # that the first line of a new preset names
 NUMBER_TEXT = {"type": "string", "pattern": rf"^\s*{NUMBER}"}  # with a unit, or an uncertainty
-LIMITS = {"ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum"}
-SEVERAL = ("type", "items", "prefixItems", "minItems", "maxItems", "additionalProperties")  # of a list or table
 
 
 def preset_schema() -> dict[str, Any]:
@@ -219,43 +218,53 @@ def preset_schema() -> dict[str, Any]:
 
     Units within texts, keys of tables and rules between fields are left to `hdassist presets validate`.
     """
-    schema: dict[str, Any] = _as_written(Drive.model_json_schema(), {})
+    schema, fields = _table_schema(Drive), Drive.declared()
     properties = schema["properties"]
-    by_path = {"source": field_table(), "cost": deviation_sizes(), "uncertainty": measures(), "fit": measures()}
-    for table, paths in by_path.items():
-        properties[table]["anyOf"][0]["propertyNames"] = {"enum": list(paths)}
-    schema["$defs"]["UncertainReading"] = NUMBER_TEXT
+    for name, model in sections():  # one that may be left out may be empty
+        properties[name] = {"anyOf": [_table_schema(model)] + [{"type": "null"}] * (not fields[name].is_required)}
+    items: dict[str, tuple[Iterable[str], dict[str, Any]]] = {
+        "uncertainty": (measures(), _number_schema(fields["uncertainty"])),
+        "fit": (measures(), {"type": "array", "items": _number_schema(fields["fit"])}),
+        "cost": (deviation_sizes(), _table_schema(CostLaw)),
+        "source": (field_table(), _table_schema(Source)),
+    }
+    for name, (paths, item) in items.items():
+        properties[name] = {"propertyNames": {"enum": [*paths]}, "type": "object", "additionalProperties": item}
     properties["schema"] = {"const": PRESET_SCHEMA, "description": "form of this file"}
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "hdassist preset"}
-    return schema | head | {"required": ["schema", *schema["required"]]}
+    schema["required"].append("schema")
+    return schema | {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "hdassist preset"}
 
 
-def _as_written(part: Any, limits: dict[str, float]) -> Any:
-    """A schema of pydantic as presets are written: texts for numbers, one item for a list, a number for a table.
+def _table_schema(model: type[Section]) -> dict[str, Any]:
+    """Schema of a table with the fields of a model."""
+    fields = model.declared().items()
+    return {
+        "type": "object",
+        "description": model.__doc__,
+        "properties": {name: _field_schema(field) for name, field in fields},
+        "required": [name for name, field in fields if field.is_required],
+        "additionalProperties": False,
+    }
 
-    limits: range of the field that it is a part of, by the words of a schema.
-    """
-    if isinstance(part, list):
-        return [_as_written(each, limits) for each in part]
-    if not isinstance(part, dict):
-        return part
-    part = dict(part)
-    if "properties" in part:  # by names of fields, that may be words of schemas too
-        names = ("properties", "$defs")
-        return part | {n: {name: _as_written(each, {}) for name, each in part[n].items()} for n in names if n in part}
-    limits = {LIMITS[name]: bound for name, bound in part.pop("bounds", {}).items()} or limits
-    unit, is_open = part.pop("unit", ""), part.pop(UNKNOWN, False)
-    part = {key: each if key == "default" else _as_written(each, limits) for key, each in part.items()}
-    if unit and "description" in part:
-        part["description"] += f" [{unit}]"
-    if part.get("type") in ("number", "integer"):
-        part["anyOf"] = [{"type": part.pop("type")} | limits, NUMBER_TEXT]
-    elif part.get("type") == "array" or "additionalProperties" in part:
-        several = {key: part.pop(key) for key in SEVERAL if key in part}
-        one = several.get("items") or several.get("additionalProperties", {})
-        part["anyOf"] = [several] if "$ref" in one or "prefixItems" in several else [several, one]
-    elif "$ref" in part and "default" in part:  # a section that may be left out may be empty
-        part["anyOf"] = [{"$ref": part.pop("$ref")}, {"type": "null"}]
-    if is_open:
-        part["anyOf"] = [*part["anyOf"], {"const": UNKNOWN}]
-    return part
+
+def _field_schema(field: PresetField) -> dict[str, Any]:
+    """Schema of a field as presets are written: texts for numbers, one item for a list, a number for a table."""
+    number = _number_schema(field)
+    items, table = {"type": "array", "items": number}, {"type": "object", "additionalProperties": number}
+    forms: dict[str, list[dict[str, Any]]] = {
+        "text": [{"type": "string"}], "line": [{"type": "string"}], "choice": [{"enum": [*field.choices]}],
+        "numbers": [items, number], "range": [items | {"minItems": 2, "maxItems": 2}],
+        "holes": [{"const": "all"}, items, number], "limits": [table, number], "orders": [table, number],
+        "readings": [table | {"additionalProperties": NUMBER_TEXT}],
+    }  # fmt: skip
+    empty = [{"type": "null"}] * field.is_optional + [{"const": UNKNOWN}] * field.unknown
+    default = {} if field.is_required else {"default": field.default}
+    about = f"{field.meaning}{field.unit and f' [{field.unit}]'}"
+    return {"description": about, "anyOf": forms.get(field.kind, [number]) + empty} | default
+
+
+def _number_schema(field: PresetField) -> dict[str, Any]:
+    """Schema of a number of a field, or of an item of it."""
+    ends = {"minimum": field.ge, "exclusiveMinimum": field.gt, "maximum": field.le}
+    limits = {name: end for name, end in ends.items() if isfinite(end)}
+    return {"anyOf": [{"type": "integer" if field.kind in ("count", "holes") else "number"} | limits, NUMBER_TEXT]}

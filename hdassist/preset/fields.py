@@ -12,42 +12,18 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from math import inf, isfinite
-from typing import Annotated, Any, Literal, NamedTuple, Self, cast, get_args
+from typing import Annotated, Any, Literal, NamedTuple, Self, get_args, get_origin
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr
+from pydantic import AfterValidator, BaseModel, ConfigDict, PrivateAttr
 from pydantic.fields import FieldInfo
 
 from hdassist.plaintext import NUMBER, UNSIGNED, number_of
 from hdassist.preset.units import read_count, read_number, read_spread
 from hdassist.preset.yamltext import InvalidValueError, Path, near_miss
 
-FieldKind = Literal["number", "count", "text", "choice", "numbers", "holes", "limits", "orders", "readings"]
-KINDS: dict[Any, FieldKind] = {
-    float: "number", int: "count", str: "text",
-    "numbers": "numbers", "holes": "holes", "limits": "limits", "orders": "orders", "readings": "readings",
-}  # fmt: skip
-
 CLOSED = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-
-def _one_line(text: str) -> str:
-    if "\n" in text:
-        raise ValueError("must be one line")
-    return text
-
-
-MAX_NAME = 200  # characters of a drive's name
-OneLine = Annotated[str, AfterValidator(_one_line)]  # of a name: with a line break it could forge a line of a report
-
-
 UNKNOWN = "unknown"  # written in a preset in place of a value
 DECLARED_FIELDS: dict[str, Any] = tomllib.loads(files("hdassist.preset").joinpath("fields.toml").read_text("utf-8"))
-
-
-def _declared(meaning: str, unit: str = "", default: Any = ..., *, unknown: bool = False, **bounds: float) -> Any:
-    """A field as fields.toml declares it: meaning, unit, default (none: required), whether it may be unknown, range."""
-    extra: dict[str, Any] = {"unit": unit, UNKNOWN: unknown, "bounds": bounds}
-    return Field(default, description=meaning, json_schema_extra=extra)
 
 
 class Section(BaseModel):
@@ -56,13 +32,20 @@ class Section(BaseModel):
     model_config = CLOSED
 
     def __init_subclass__(cls) -> None:
-        """Join each field, without a type a number or None, with its declaration; what may be None is so by default."""
+        """Give fields their defaults, None where they may be so, and those without a type that of a number or None."""
         declared = DECLARED_FIELDS[cls.__name__]
         if declared.keys() > cls.__annotations__.keys():
             cls.__annotations__ = {name: cls.__annotations__.get(name, "float | None") for name in declared}
         for name in declared:
-            none = {"default": None} if "None" in cls.__annotations__[name] else {}
-            setattr(cls, name, _declared(**none | declared[name]))
+            if "None" in cls.__annotations__[name] or "default" in declared[name]:
+                setattr(cls, name, declared[name].get("default"))
+
+    @classmethod
+    @cache
+    def declared(cls) -> Mapping[str, PresetField]:
+        """Declaration of each field, by name."""
+        of_class = DECLARED_FIELDS[cls.__name__]
+        return {name: PresetField.of(info, **of_class.get(name, {})) for name, info in cls.model_fields.items()}
 
     @classmethod
     def of_defaults(cls) -> Self:
@@ -70,18 +53,13 @@ class Section(BaseModel):
         return cls.model_validate({})
 
 
-def may_be_unknown(info: FieldInfo) -> bool:
-    """Whether a field is unknown where a preset does not give it."""
-    return bool(_extra(info).get(UNKNOWN))
+MAX_NAME = 200  # characters of a drive's name
 
 
-def is_number(key: str) -> bool:
-    """Whether a key of a table of limits is a finite number, such as a torque [N*m] (the other key is "all")."""
-    return isfinite(number_of(key))
-
-
-PerTorque = Annotated[dict[str, float], "limits"]
-PerOrder = Annotated[dict[str, float], "orders"]
+def _one_line(text: str) -> str:
+    if "\n" in text:
+        raise ValueError("must be one line")
+    return text
 
 
 class UncertainReading(NamedTuple):
@@ -94,7 +72,15 @@ class UncertainReading(NamedTuple):
         return f"{self.value:g} ± {self.uncertainty:g}"
 
 
+FieldKind = Literal[
+    "number", "count", "text", "line", "choice", "numbers", "range", "holes", "limits", "orders", "readings"
+]
+# types of fields whose kind that of their values does not say
+OneLine = Annotated[str, AfterValidator(_one_line), "line"]  # of a name: a line break could forge a line of a report
+PerTorque = Annotated[dict[str, float], "limits"]
+PerOrder = Annotated[dict[str, float], "orders"]
 PerPosition = Annotated[dict[str, UncertainReading], "readings"]
+KINDS: dict[Any, FieldKind] = {float: "number", int: "count", str: "text"}
 WANTED_LISTS = {"numbers": "must be a list of numbers", "holes": "must be all, or a list of hole numbers"}
 # of a table of values: pattern of its keys, their meaning, an example of a key, and of a table
 KEYED_TABLES = {
@@ -107,113 +93,107 @@ KEYED_TABLES = {
 }  # fmt: skip
 
 
-def read_value(info: FieldInfo, value: Any) -> Any:
-    """The value of a field in a preset as the field holds it; of several values the list or table of their texts.
+@dataclass(frozen=True)
+class PresetField:
+    """Declaration of a field of a preset.
 
-    Raises InvalidValueError: it cannot be read.
+    meaning; unit, empty for a pure number; default, where it may be left out; unknown: whether it is unknown then;
+    range of the field, or of each item of it: from ge, or just above gt, to le; kind of its value; choices of that
+    kind; is_optional: whether it may be empty; is_required: whether it has to be given.
     """
-    kind, unit = kind_of(info), unit_of(info)
-    if kind == "choice":
-        if value not in (choices := choices_of(info)):
-            raise InvalidValueError(f"must be one of {', '.join(choices)}", near_miss(str(value), choices))
-    elif kind == "text":
-        if not isinstance(value, str):
-            raise InvalidValueError("must be text", "put it in quotes" if isinstance(value, int | float) else "")
-        if info.metadata and not ("\n" not in value and 1 <= len(value) <= MAX_NAME):
-            words = f"must be one line of 1 to {MAX_NAME} characters"
-            raise InvalidValueError(words, "what is longer stands in description" * bool(value))
-    elif value is None:
-        if not is_optional(info):
-            required = f"in {unit}" if unit else ""
-            hint = required if info.is_required() else f"leave the key out for its default, {info.default}"
-            raise InvalidValueError("needs a value", hint)
-    elif isinstance(value, str) and may_be_unknown(info) and (meant := near_miss(value, [UNKNOWN])):
-        if value != UNKNOWN:
-            raise InvalidValueError("must be a number", meant)
-        return None
-    elif kind in ("number", "count"):
-        return read_measure(info, value, unit)
-    elif kind in KEYED_TABLES:
-        if not isinstance(value, dict) and (like_table := KEYED_TABLES[kind][3]):
-            raise InvalidValueError("must be a table of keys", like_table)
-        return value if isinstance(value, dict) else {"all": value}
-    elif kind == "numbers" or value != "all":
-        if isinstance(value, dict) or (kind == "holes" and isinstance(value, str)):
-            raise InvalidValueError(WANTED_LISTS[kind])
-        return value if isinstance(value, list) else [value]
-    return value
+
+    meaning: str = ""
+    unit: str = ""
+    default: Any = None
+    unknown: bool = False
+    ge: float = -inf
+    gt: float = -inf
+    le: float = inf
+    kind: FieldKind = "number"
+    choices: tuple[str, ...] = ()
+    is_optional: bool = False
+    is_required: bool = False
+
+    @classmethod
+    def of(cls, info: FieldInfo, **declared: Any) -> PresetField:
+        """The declaration of a field of a model."""
+        parts = get_args(info.annotation)
+        kinds = (KINDS.get(part, part) for part in (*info.metadata, info.annotation, *parts))
+        named = next((kind for kind in kinds if isinstance(kind, str)), "number")
+        kind = "choice" if get_origin(info.annotation) is Literal else named
+        about = {"kind": kind, "choices": tuple(map(str, parts)), "is_optional": type(None) in parts}
+        return cls(**declared | about | {"default": info.get_default(), "is_required": info.is_required()})
+
+    def read(self, value: Any) -> Any:
+        """The value that a preset has as the field holds it; of several values the list or table of their texts.
+
+        Raises InvalidValueError: it cannot be read.
+        """
+        if self.kind == "choice":
+            if value not in self.choices:
+                words = f"must be one of {', '.join(self.choices)}"
+                raise InvalidValueError(words, near_miss(str(value), self.choices))
+        elif self.kind in ("text", "line"):
+            if not isinstance(value, str):
+                raise InvalidValueError("must be text", "put it in quotes" if isinstance(value, int | float) else "")
+            if self.kind == "line" and not ("\n" not in value and 1 <= len(value) <= MAX_NAME):
+                words = f"must be one line of 1 to {MAX_NAME} characters"
+                raise InvalidValueError(words, "what is longer stands in description" * bool(value))
+        elif value is None:
+            if not self.is_optional:
+                required = f"in {self.unit}" if self.unit else ""
+                hint = required if self.is_required else f"leave the key out for its default, {self.default}"
+                raise InvalidValueError("needs a value", hint)
+        elif isinstance(value, str) and self.unknown and (meant := near_miss(value, [UNKNOWN])):
+            if value != UNKNOWN:
+                raise InvalidValueError("must be a number", meant)
+            return None
+        elif self.kind in ("number", "count"):
+            return self.number(value)
+        elif self.kind in KEYED_TABLES:
+            if not isinstance(value, dict) and (like_table := KEYED_TABLES[self.kind][3]):
+                raise InvalidValueError("must be a table of keys", like_table)
+            return value if isinstance(value, dict) else {"all": value}
+        elif self.kind == "numbers" or value != "all":
+            if isinstance(value, dict) or (self.kind == "holes" and isinstance(value, str)):
+                raise InvalidValueError(WANTED_LISTS[self.kind])
+            return value if isinstance(value, list) else [value]
+        return value
+
+    def number(self, value: Any, unit: str | None = None) -> float:
+        """A number in a unit, that of the field by default, and in its range.
+
+        Its text may have an uncertainty where the field is a single one. Raises InvalidValueError for any other.
+        """
+        unit, is_count = self.unit if unit is None else unit, self.kind in ("count", "holes")
+        number = read_count(value) if is_count else read_number(value, unit, spread=self.kind == "number")
+        if not self.holds(number):
+            hint = f"that is {number:g} {unit}" if isinstance(value, str) else ""
+            raise InvalidValueError(f"out of range: {self.range_words(unit)}", hint)
+        return number
+
+    def reading(self, value: Any) -> UncertainReading:
+        """A measured value with its uncertainty, in the range of the field; InvalidValueError for any other."""
+        reading = UncertainReading(*read_spread(str(value), self.unit))
+        if not all(map(self.holds, reading)):
+            raise InvalidValueError(f"out of range: value and uncertainty {self.range_words(self.unit)}")
+        return reading
+
+    def holds(self, value: float) -> bool:
+        """Whether a number is within the range of the field."""
+        return isfinite(value) and self.gt < value <= self.le and value >= self.ge
+
+    def range_words(self, unit: str = "") -> str:
+        """Range of the field, or of each item of it, in words and with the unit; empty where there is none."""
+        low = f"above {plain(self.gt)}, up" if self.gt > -inf else plain(self.ge) if self.ge > -inf else ""
+        if self.le < inf:
+            return f"{low} to {plain(self.le)} {unit}".rstrip()
+        return f"{low} {unit}".rstrip() + " or more" if low else ""
 
 
-def read_measure(info: FieldInfo, value: Any, unit: str) -> float:
-    """A number in a unit and in the range of a field; its text may have an uncertainty where the field is a single one.
-
-    Raises InvalidValueError for any other.
-    """
-    kind = kind_of(info)
-    number = read_count(value) if kind in ("count", "holes") else read_number(value, unit, spread=kind == "number")
-    if not in_range(info, number):
-        hint = f"that is {number:g} {unit}" if isinstance(value, str) else ""
-        raise InvalidValueError(f"out of range: {range_of(info, unit)}", hint)
-    return number
-
-
-def read_reading(info: FieldInfo, value: Any, unit: str) -> UncertainReading:
-    """A measured value with its uncertainty, in a unit and the range of a field; InvalidValueError for any other."""
-    reading = UncertainReading(*read_spread(str(value), unit))
-    if not all(in_range(info, number) for number in reading):
-        raise InvalidValueError(f"out of range: value and uncertainty {range_of(info, unit)}")
-    return reading
-
-
-def unit_of(info: FieldInfo) -> str:
-    """Unit of a field as declared, empty for a pure number."""
-    return str(_extra(info).get("unit", ""))
-
-
-def _extra(info: FieldInfo) -> dict[str, Any]:
-    """The declaration of a field beside its type, default and range."""
-    return cast(dict[str, Any], info.json_schema_extra or {})
-
-
-def kind_of(info: FieldInfo) -> FieldKind:
-    """Kind of a field's value: a number, count, text, choice, several numbers, holes, limits, readings."""
-    parts = (*info.metadata, info.annotation, *get_args(info.annotation))
-    return next((KINDS[part] for part in parts if part in KINDS), "choice")
-
-
-def is_optional(info: FieldInfo) -> bool:
-    """Whether a field may be empty."""
-    return type(None) in get_args(info.annotation)
-
-
-def choices_of(info: FieldInfo) -> tuple[str, ...]:
-    """Words that a field of the kind "choice" takes."""
-    return tuple(map(str, get_args(info.annotation)))
-
-
-def bounds_of(info: FieldInfo) -> dict[str, float]:
-    """Bounds of a field, or of each item of it, as far as it has them: ge and le, in its range; gt, just out of it."""
-    return dict(_extra(info).get("bounds", {}))
-
-
-def range_of(info: FieldInfo, unit: str = "") -> str:
-    """Range of a field, or of each item of it, in words and with the unit; empty where there is none."""
-    bounds = {name: plain(bound) for name, bound in bounds_of(info).items()}
-    low = f"above {bounds['gt']}, up" if "gt" in bounds else bounds.get("ge", "")
-    if "le" in bounds:
-        return f"{low} to {bounds['le']} {unit}".rstrip()
-    return f"{low} {unit}".rstrip() + " or more" if low else ""
-
-
-def in_range(info: FieldInfo, value: float) -> bool:
-    """Whether a number is within the range of a field."""
-    bounds = bounds_of(info)
-    return isfinite(value) and least_of(info) <= value <= bounds.get("le", inf) and value > bounds.get("gt", -inf)
-
-
-def least_of(info: FieldInfo) -> float:
-    """Least value that a field takes."""
-    return bounds_of(info).get("ge", -inf)
+def is_number(key: str) -> bool:
+    """Whether a key of a table of limits is a finite number, such as a torque [N*m] (the other key is "all")."""
+    return isfinite(number_of(key))
 
 
 def plain(number: float) -> str:
@@ -447,7 +427,7 @@ class Source(Section):
 
     kind: Literal["given", "assumed", "identified"]
     ref: str
-    range: Annotated[tuple[float, float] | None, "numbers"]
+    range: Annotated[tuple[float, float] | None, "range"]
 
 
 class CostLaw(Section):
@@ -530,7 +510,7 @@ class Drive(Section):
 
     def allows(self, path: str, value: float) -> bool:
         """Whether a value is within the range of a field, by path ("gears.j_n")."""
-        return in_range(field_table()[path], value)
+        return field_table()[path].holds(value)
 
     def with_values(self, values: Mapping[str, float]) -> Drive:
         """The drive with some fields changed, by path ("gears.j_n"); the new values are not validated."""
@@ -549,15 +529,15 @@ def sections() -> Iterator[tuple[str, type[Section]]]:
 
 
 @cache
-def field_table() -> dict[str, FieldInfo]:
+def field_table() -> dict[str, PresetField]:
     """Path ("gears.z_g") and declaration of each field that stands in a section."""
-    return {f"{section}.{name}": info for section, model in sections() for name, info in model.model_fields.items()}
+    return {f"{section}.{name}": field for section, model in sections() for name, field in model.declared().items()}
 
 
 @cache
-def measures() -> dict[str, FieldInfo]:
+def measures() -> dict[str, PresetField]:
     """Path and declaration of each field that holds a single number, and so may have an uncertainty."""
-    return {path: info for path, info in field_table().items() if kind_of(info) == "number"}
+    return {path: field for path, field in field_table().items() if field.kind == "number"}
 
 
 @cache
@@ -607,17 +587,17 @@ class ResolvedField:
 def resolved_fields(drive: Drive) -> list[ResolvedField]:
     """Rows for every field of a drive that stands in a section, in the order of the declarations."""
     rows = []
-    for path, info in field_table().items():
+    for path, field in field_table().items():
         section, name = path.split(".")
         table, value, source = getattr(drive, section), drive.value(path), drive.source.get(path)
         kind, ref, bounds = (str(source.kind), source.ref, source.range) if source else ("given", "", None)
         if is_overridden(path, drive.origin.overrides):
             kind, ref, bounds = "override", "--set", None
-        elif may_be_unknown(info) and value is None:
+        elif field.unknown and value is None:
             kind, ref, bounds = UNKNOWN, "", None
         elif name not in table.model_fields_set:
             kind = "default"
-        rows.append(ResolvedField(path, value, unit_of(info), kind, ref, str(info.description), bounds))
+        rows.append(ResolvedField(path, value, field.unit, kind, ref, field.meaning, bounds))
     return rows
 
 

@@ -10,7 +10,7 @@ from math import isfinite, log10
 from typing import Any, NoReturn
 
 from hdassist.errors import UsageError
-from hdassist.preset.fields import COMPOSITES, Drive, choices_of, field_table, plain, range_of, unit_of
+from hdassist.preset.fields import COMPOSITES, Drive, field_table, plain
 from hdassist.preset.knowledge import (
     CATALOGUE_K3,
     COUPLING_FIELDS,
@@ -137,11 +137,11 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
         del entries["supports.C_3"]  # it follows from that
     written = {path: entries[path] for path in field_table() if path in entries}
     for path, entry in written.items():
-        if isinstance(entry.value, float) and not like.allows(path, entry.value):
-            unit = unit_of(info := field_table()[path])
+        field = field_table()[path]
+        if isinstance(entry.value, float) and not field.holds(entry.value):
             raise UsageError(
-                f"no such drive: {path} would be {entry.value:.3g} {unit}".rstrip(),
-                f"a preset takes {range_of(info, unit)}; other teeth, or another size",
+                f"no such drive: {path} would be {entry.value:.3g} {field.unit}".rstrip(),
+                f"a preset takes {field.range_words(field.unit)}; other teeth, or another size",
             )
     return written
 
@@ -274,7 +274,7 @@ def _teeth_of_ratio(like: Drive, ratio: float) -> int:
     if not float(z_g).is_integer() or not like.allows("gears.z_g", z_g):
         raise UsageError(
             f"a ratio of {plain(ratio)} needs {z_g:g} teeth on the flexspline",
-            f"two waves: twice the ratio, a whole number of teeth from {range_of(field_table()['gears.z_g'])}",
+            f"two waves: twice the ratio, a whole number of teeth from {field_table()['gears.z_g'].range_words()}",
         )
     return int(z_g)
 
@@ -285,7 +285,7 @@ def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue
         raise UsageError("--coupling overhung and --shaft belong together", "like --coupling overhung --shaft 14x30")
     if coupling is None:
         return {}
-    if coupling not in (words := choices_of(field_table()["cam.coupling"])):
+    if coupling not in (words := field_table()["cam.coupling"].choices):
         raise UsageError(
             f"invalid --coupling {shown(coupling)}: expected one of {', '.join(words)}", near_miss(coupling, words)
         )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from hdassist.files import STDIN
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknown_names, unknowns
-from hdassist.preset.fields import Drive, field_table, unit_of
+from hdassist.preset.fields import Drive, field_table
 from hdassist.verdict import percent_text
 
 if TYPE_CHECKING:
@@ -122,12 +122,12 @@ def named(path: str, holes: int = 0) -> str:
         return f"F'_ior at {M_g} N·m" + (f" now and {there}" if rotation else "")
     if path not in field_table():
         return f"{path.removeprefix('stiffness.')} (hdassist stiffness)"
-    return f"{field_table()[path].description} ({path})"
+    return f"{field_table()[path].meaning} ({path})"
 
 
 def field_unit(path: str) -> str:
     """The unit of a field."""
-    return unit_of(field_table()[path])
+    return field_table()[path].unit
 
 
 def influence_words(found: Sequence[Influence], result: str = "F'_ior") -> str:

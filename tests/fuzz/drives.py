@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.preset.fields import bounds_of, choices_of, field_table, kind_of
+from hdassist.preset.fields import field_table
 from hdassist.preset.yamltext import read_yaml
 from hdassist.solve.certificate import TOLERANCE
 from tests.process import SMALL, run
@@ -71,10 +71,10 @@ BY_CODE = {0: "solved", 3: "solved", 4: "refused", 5: "untrusted"}
 def numbers() -> dict[str, tuple[float, float]]:
     """Ends of the range of each field that holds a number and moves one, by path."""
     found = {}
-    for path, info in field_table().items():
-        bounds = bounds_of(info)
-        if kind_of(info) in ("number", "count") and not path.startswith(LIMITS) and {"ge", "le"} <= {*bounds}:
-            found[path] = bounds["ge"], min(bounds["le"], WORK.get(path, np.inf))
+    for path, field in field_table().items():
+        is_closed = np.isfinite([field.ge, field.le]).all()
+        if field.kind in ("number", "count") and not path.startswith(LIMITS) and is_closed:
+            found[path] = field.ge, min(field.le, WORK.get(path, np.inf))
     return found
 
 
@@ -82,11 +82,11 @@ def ends() -> Iterator[Change]:
     """Every field at each end of its range, just above an end of 0, and each word of each choice."""
     for path, (low, high) in numbers().items():
         yield from ({path: _as_field(path, end)} for end in (low, high))
-        if low == 0 and kind_of(field_table()[path]) == "number":
+        if low == 0 and field_table()[path].kind == "number":
             yield from ({path: tiny} for tiny in TINY)
-    for path, info in field_table().items():
-        if kind_of(info) == "choice" and not path.startswith(LIMITS):
-            yield from ({path: word} | _needed(word) for word in choices_of(info))
+    for path, field in field_table().items():
+        if field.kind == "choice" and not path.startswith(LIMITS):
+            yield from ({path: word} | _needed(word) for word in field.choices)
     for torque in (-1e7, -1e-300, 1e-300, 1e-9, 1e-3, 1e3, 1e7):
         yield {"operation.M_g": [torque]}
 
@@ -158,7 +158,7 @@ def _anywhere(path: str, low: float, high: float, rng: np.random.Generator) -> f
 
 
 def _as_field(path: str, value: float) -> float | int:
-    return round(value) if kind_of(field_table()[path]) == "count" else float(value)
+    return round(value) if field_table()[path].kind == "count" else float(value)
 
 
 def _needed(word: str) -> Change:

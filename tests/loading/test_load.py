@@ -10,7 +10,7 @@ import pytest
 from hdassist.belief.prior import EVIDENCE
 from hdassist.errors import PresetError, UsageError
 from hdassist.loading.load import load_text
-from hdassist.preset.fields import Drive, field_table, is_optional, may_be_unknown
+from hdassist.preset.fields import Drive, field_table
 
 BASE = """\
 schema: hdassist.preset/1
@@ -344,9 +344,9 @@ def test_no_field_takes_a_wrong_value_and_no_message_speaks_the_language_of_the_
                 taken.add((path, value))
     may_be_empty = ("bearing.d_ball", "cam.shaft_d", "cam.overhang", "supports.C_3",
                     "operation.rated",
-                    *(path for path, info in field_table().items()
-                      if path.startswith(("acceptance.", *EVIDENCE)) and is_optional(info)),
-                    *(path for path, info in field_table().items() if may_be_unknown(info)))  # fmt: skip
+                    *(path for path, field in field_table().items()
+                      if path.startswith(("acceptance.", *EVIDENCE)) and field.is_optional),
+                    *(path for path, field in field_table().items() if field.unknown))  # fmt: skip
     assert taken == {(path, "null") for path in may_be_empty}
 
 

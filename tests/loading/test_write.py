@@ -12,7 +12,7 @@ from hdassist import load_preset
 from hdassist.errors import DataError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.loading.write import with_changes, with_found_values
-from hdassist.preset.fields import field_table, resolved_fields, unit_of
+from hdassist.preset.fields import field_table, resolved_fields
 from tests.process import SMALL
 from tests.support import fresh_preset
 
@@ -27,11 +27,11 @@ def test_what_presets_new_writes_is_valid_and_says_that_all_of_it_is_assumed() -
 
 def test_each_line_has_the_unit_and_the_meaning_of_its_field() -> None:
     lines = dict(re.findall(r"^  (\w+): \S+ .*?# (.*)$", fresh_preset("x").split("\nsource:")[0], re.MULTILINE))
-    for path, info in field_table().items():
+    for path, field in field_table().items():
         name = path.split(".")[1]
-        assert info.is_required() <= (name in lines)
+        assert field.is_required <= (name in lines)
         if name in ("x_g", "W_0", "E", "e_hb", "phi_hb"):
-            assert lines[name] == ", ".join(filter(None, (unit_of(info), str(info.description))))
+            assert lines[name] == ", ".join(filter(None, (field.unit, field.meaning)))
 
 
 @pytest.mark.parametrize(

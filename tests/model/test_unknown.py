@@ -10,7 +10,7 @@ from hdassist.model.unknown import (
     unknown_turn,
     unknowns,
 )
-from hdassist.preset.fields import DEVIATIONS, field_table, may_be_unknown
+from hdassist.preset.fields import DEVIATIONS, field_table
 from hdassist.preset.knowledge import F_p
 from tests.process import SMALL
 
@@ -25,7 +25,7 @@ def test_a_drive_that_gives_everything_leaves_nothing_open():
 
 
 def test_each_deviation_that_is_not_given_is_open_with_its_direction():
-    paths = {path for path, info in field_table().items() if may_be_unknown(info)}
+    paths = {path for path, field in field_table().items() if field.unknown}
     sizes = {each.size: each.direction for each in DEVIATIONS}
     assert paths == {*sizes, *sizes.values()}
     for size, direction in sizes.items():

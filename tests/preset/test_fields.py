@@ -19,7 +19,7 @@ from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Geometry
 from hdassist.model.kinematics import Kinematics, ball_phase, pitch_locked_states
 from hdassist.mounting.positions import MountingCurve, seat_positions
-from hdassist.preset.fields import Acceptance, Drive, field_table, is_optional, kind_of
+from hdassist.preset.fields import Acceptance, Drive, field_table
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
 from hdassist.verdict import Verdict
@@ -109,9 +109,9 @@ MOVES = [
 ]
 LIMITS = [
     path
-    for path, info in field_table().items()
+    for path, field in field_table().items()
     if path.startswith("acceptance.")
-    if kind_of(info) in ("limits", "orders") or is_optional(info)
+    if field.kind in ("limits", "orders") or field.is_optional
 ]
 
 
@@ -329,7 +329,7 @@ def with_acceptance(drive: Drive, **values: object) -> Drive:
 
 @pytest.mark.parametrize("path", LIMITS)
 def test_each_limit_decides(reference, path):
-    kind, name = kind_of(field_table()[path]), path.split(".")[1]
+    kind, name = field_table()[path].kind, path.split(".")[1]
     drive = with_acceptance(reference, **{name: {"limits": {"80": 20.0}, "orders": {"2": 20.0}}.get(kind, 20.0)})
     limit = limits_of(drive)[0]
     values = (AcceptedValue(number, 0.0, "stated", "whole") for number in (19.0, 21.0))

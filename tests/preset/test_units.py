@@ -10,7 +10,7 @@ import pytest
 from hdassist import load_preset
 from hdassist.errors import PresetError, UsageError
 from hdassist.loading.load import load_text
-from hdassist.preset.fields import field_table, unit_of
+from hdassist.preset.fields import field_table
 from hdassist.preset.units import UnitError, convert, read_spread, units_for
 from tests.process import SMALL
 
@@ -112,7 +112,7 @@ def test_extreme_exponents_are_quick() -> None:
 
 
 def test_every_unit_of_the_declarations_converts_to_itself() -> None:
-    units = {unit_of(info) for info in field_table().values()} - {""}
+    units = {field.unit for field in field_table().values()} - {""}
     assert units == {unit for unit in units if unit in units_for(unit) and convert(f"3.5 {unit}", unit) == 3.5}
 
 

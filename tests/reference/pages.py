@@ -13,13 +13,7 @@ from hdassist.cli.main import app
 from hdassist.explaining.words import GROUPS, SYMBOLS
 from hdassist.preset.fields import (
     BY_PATH,
-    choices_of,
-    is_optional,
-    kind_of,
-    may_be_unknown,
-    range_of,
     sections,
-    unit_of,
 )
 
 ROOT: Any = typer.main.get_command(app)
@@ -69,13 +63,12 @@ def fields() -> Iterator[str]:
         head = f"`{name}`, by the path of a field" if name in BY_PATH else f"`{name}`"
         yield from ("", f"## {head}", "", str(model.__doc__), "")
         yield from ("| key | meaning | unit | range | default |", "| --- | --- | --- | --- | --- |")
-        for key, info in model.model_fields.items():
-            unit = unit_of(info)
-            span = ", ".join(choices_of(info)) if kind_of(info) == "choice" else range_of(info)
-            default = "unknown" if may_be_unknown(info) else "" if info.is_required() else _default(info.default)
-            if is_optional(info) and not default:
+        for key, field in model.declared().items():
+            span = ", ".join(field.choices) if field.kind == "choice" else field.range_words()
+            default = "unknown" if field.unknown else "" if field.is_required else _default(field.default)
+            if field.is_optional and not default:
                 default = "none"
-            yield f"| `{key}` | {info.description} | {unit} | {span} | {default} |"
+            yield f"| `{key}` | {field.meaning} | {field.unit} | {span} | {default} |"
 
 
 def glossary() -> Iterator[str]:
