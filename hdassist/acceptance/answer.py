@@ -238,7 +238,7 @@ def of_predictions(found: Predictions | None, wheels: MeasuredTeeth | None) -> J
     if found is None:
         return fields
     return fields | {
-        "certificate": certificate_object(found.certificate, found.quantities.cross_checks),
+        "certificate": certificate_object(found.certificate, found.cross_checks),
         "unknown": unknown_objects(found.unknown),
         "influence": influence_objects(found.influences),
         "steps": as_json(found.steps),

@@ -12,22 +12,18 @@ of keeping the limit over all that is not known exactly. That is no decision on 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from itertools import chain
-from typing import Literal
+from functools import partial
+from typing import Literal, cast
 
 import numpy as np
 
 from hdassist.acceptance.limits import F_IOR, Extent, Limit, LimitText, torques_of
 from hdassist.belief.evidence import evidence_of
-from hdassist.belief.influence import Influence, influences
-from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, draw_samples
 from hdassist.belief.statistics import weighted_quantile
-from hdassist.belief.steps import Step, steps_of
-from hdassist.design.check import beside_measured_teeth
+from hdassist.design.check import DesignCheck, OperatingPoint, beside_measured_teeth
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.error_map import searchable
 from hdassist.error.self_error import SelfError, self_error
@@ -39,7 +35,7 @@ from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import SweepResult
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
-from hdassist.model.unknown import Unknown, unknowns
+from hdassist.model.unknown import unknowns
 from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.preset.units import UnitError, is_spread, read_spread
@@ -67,22 +63,14 @@ class PredictedQuantities:
     stiffness: tuple[Stiffness, ...]
 
     @property
-    def _parts(self) -> Iterator[KinematicError | EstimatedCycle | SelfError | Stiffness]:
-        return chain(self.errors.values(), self.self_errors.values(), self.stiffness)
+    def parts(self) -> list[KinematicError | EstimatedCycle | SelfError | Stiffness]:
+        """All of them, each with its certificate."""
+        return [*self.errors.values(), *self.self_errors.values(), *self.stiffness]
 
     @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states."""
-        return sum((part.certificate for part in self._parts), EMPTY)
-
-    @property
-    def cross_checks(self) -> tuple[CrossCheck, ...]:
-        """Cross-checks by another solver."""
-        return tuple(filter(None, (getattr(part, "cross_check", None) for part in self._parts)))
-
-    def F_ior(self, M_g: float) -> float:
-        """F'_ior [arcsec] at a torque [N*m], with the self error on top."""
-        return float(np.ptp(self.errors[M_g].error_arcsec)) + self.self_errors[M_g].range_arcsec
+        return sum((part.certificate for part in self.parts), EMPTY)
 
     def amplitude(self, M_g: float, order: float) -> float:
         """Amplitude [arcsec] of an order per cam turn over the full cycle at a torque [N*m].
@@ -100,7 +88,7 @@ class PredictedQuantities:
 
 # values of checks by their code, from quantities, torque [N*m] and order per cam turn (0 where the limit is for none)
 PREDICTED: dict[str, Callable[[PredictedQuantities, float, float], float]] = {
-    "F_IOR": lambda of, M_g, _: of.F_ior(M_g),
+    "F_IOR": lambda of, M_g, _: float(np.ptp(of.errors[M_g].error_arcsec)) + of.self_errors[M_g].range_arcsec,
     "TURN_RANGE": lambda of, M_g, _: turn_range_arcsec(of.errors[M_g]),
     "SELF_ERROR": lambda of, M_g, _: of.self_errors[M_g].range_arcsec,
     "ORDER": lambda of, M_g, order: of.amplitude(M_g, order),
@@ -124,57 +112,34 @@ class Belief(ClosedRecord):
     probability_high: float
 
 
-@dataclass(frozen=True)
-class Predictions:
-    """Predicted values of a drive for its limits.
+@dataclass(frozen=True, kw_only=True)
+class Predictions(DesignCheck):
+    """Predicted values of a drive for its limits: a check at the torques of limits of F'_ior, and what others need.
 
-    quantities: at the preset's own numbers, unknown deviations as 0; unknown: these deviations; prior: all that is not
-    known exactly; samples of it, None where none were drawn; sure, probability of keeping a limit that PASS needs;
-    steps: what it would take to keep the limit of F'_ior that is least sure; steps_proof, of the states behind them.
+    quantities: at the preset's own numbers, unknown deviations as 0; sure, probability of keeping a limit that PASS
+    needs.
     """
 
     limits: tuple[Limit, ...]
     quantities: PredictedQuantities
-    unknown: tuple[Unknown, ...]
-    prior: DrivePrior
-    samples: Samples | None = None
     sure: float = SURE
-    steps: tuple[Step, ...] = ()
-    steps_proof: Certificate = EMPTY
 
     @property
     def certificate(self) -> Certificate:
         """Worst residuals over all states."""
         return self.quantities.certificate + (self.samples.certificate if self.samples else EMPTY) + self.steps_proof
 
-    def with_steps(self, run: Run) -> Predictions:
-        """The same with steps, where samples leave a limit of F'_ior that is not surely kept."""
-        limit = self.least_sure
-        if not (limit and self.samples and (kept := self.belief(limit)) and kept.probability < self.sure):
-            return self
-        torques, limits = self.samples.torques, {each.M_g_Nm: each.limit for each in self.limits if each.check is F_IOR}
-        left = [limits[M] - self.quantities.self_errors[M].range_arcsec if M in limits else None for M in torques]
-        steps, proof = steps_of(self.prior, self.samples, torques, torques.index(limit.M_g_Nm or 0.0), left, run)
-        return replace(self, steps=steps, steps_proof=proof)
-
-    @cached_property
-    def least_sure(self) -> Limit | None:
-        """The limit of F'_ior that is kept with the least probability; None where none was drawn."""
-        held = ((limit, self.belief(limit)) for limit in self.limits if limit.check is F_IOR)
-        odds = {limit: found.probability for limit, found in held if found}
-        return min(odds, key=lambda limit: odds[limit], default=None)
-
-    @cached_property
-    def influences(self) -> tuple[Influence, ...]:
-        """Shares of the variance of ln F'_ior at the torque that is least sure, by field, the largest first."""
-        if self.least_sure is None or self.samples is None:
-            return ()
-        return influences(self.samples.of_ranges, self.samples.torques.index(self.least_sure.M_g_Nm or 0.0))
+    @property
+    def cross_checks(self) -> tuple[CrossCheck, ...]:
+        """Cross-checks by another solver."""
+        found = (getattr(part, "cross_check", None) for part in self.quantities.parts)
+        return tuple(filter(None, found))
 
     def is_open(self, limit: Limit) -> bool:
         """Whether anything that is not known exactly moves the value of a limit: deviations move the cycle alone."""
         moves_cycle = "cycle" in limit.check.needs
-        return any(moves_cycle or not each.path.startswith(TABLE_SECTIONS) for each in self.prior.fields)
+        fields = self.prior.fields if self.prior else ()
+        return any(moves_cycle or not each.path.startswith(TABLE_SECTIONS) for each in fields)
 
     def belief(self, limit: Limit) -> Belief | None:
         """The value of a limit over all that is not known exactly; None where nothing moves it, or was not drawn."""
@@ -237,20 +202,26 @@ def predict(
     known = quantities(drive, limits, partial(kinematic_error, there, teeth=teeth, run=run.of_task), run=run)
     without, prior = beside_measured_teeth(drive, wheels)
     unknown = unknowns(without) if known.errors else ()
-    found = Predictions(tuple(limits), known, unknown, prior, sure=sure)
+    points = [
+        OperatingPoint(
+            M_g, known.self_errors[M_g], drive.limit(M_g), bool(prior.fields),
+            error=cast(KinematicError, known.errors[M_g]), sure=sure,
+        )
+        for M_g in torques_of((limit for limit in limits if limit.check is F_IOR), "cycle")
+    ]  # fmt: skip
+    found = Predictions(drive, tuple(points), wheels, unknown, prior, limits=tuple(limits), quantities=known, sure=sure)
     open_ = [limit for limit in limits if found.is_open(limit)]
     if not (open_ and draws and searchable(drive) and not wheels):
         return found
 
     def enough(samples: Samples) -> bool:
-        beliefs = (replace(found, samples=samples).belief(limit) for limit in open_)
+        beliefs = map(found.with_samples(samples).belief, open_)
         return all(is_settled(b.probability_low, b.probability_high, sure) for b in beliefs if b)
 
     figured = tuple(limit for limit in open_ if limit.check is not F_IOR)
-    held = torques_of((limit for limit in open_ if limit.check is F_IOR), "cycle")
     samples = draw_samples(
         prior,
-        tuple(dict.fromkeys([*drive.operation.M_g, *held])),  # those of check too
+        tuple(dict.fromkeys([*drive.operation.M_g, *(point.M_g for point in points)])),  # those of check too
         evidence=evidence_of(drive),
         further=partial(_figures, figured) if figured else None,
         further_name=" ".join(f"{each.check.code}@{each.M_g_Nm}#{each.per_cam_rev}" for each in figured),
@@ -258,7 +229,7 @@ def predict(
         effort=SamplingEffort.of(draws),
         run=run,
     )
-    return replace(found, samples=samples)
+    return found.with_samples(samples)
 
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
+from operator import call
+from typing import Any, Self
 
 import numpy as np
 
@@ -102,15 +103,6 @@ class OperatingPoint:
             return None
         return self.belief.samples.probability_within(left, self.belief.torque, self.sure)
 
-    def doubt(self, *, by_limit: bool) -> float:
-        """How far the limit is from being kept for sure; else the ratio of the ends of the range of F'_ior."""
-        if by_limit and self.probability:
-            return 1 - self.probability.value
-        if by_limit and self.limit_arcsec and self.F_ior_upper_arcsec:
-            return self.F_ior_upper_arcsec / self.limit_arcsec
-        low, high = self.range_arcsec or (1.0, 1.0)
-        return high / max(low, 1e-9)
-
     @property
     def verdict(self) -> Verdict:
         """Verdict on the probability of keeping the limit; where all is known, on the value; NO_LIMIT without one."""
@@ -141,20 +133,27 @@ class DesignCheck:
     steps: tuple[Step, ...] = ()
     steps_proof: Certificate = EMPTY
 
-    def with_samples(self, samples: Samples) -> DesignCheck:
-        """The check with samples of all that is not known exactly."""
-        points = (replace(point, belief=ErrorBelief.of(samples, k)) for k, point in enumerate(self.points))
+    def with_samples(self, samples: Samples) -> Self:
+        """The same with samples of all that is not known exactly."""
+        beliefs = (ErrorBelief.of(samples, samples.torques.index(point.M_g)) for point in self.points)
+        points = (replace(point, belief=belief) for point, belief in zip(self.points, beliefs, strict=True))
         return replace(self, points=tuple(points), samples=samples)
 
-    def with_errors(self, errors: Sequence[KinematicError]) -> DesignCheck:
-        """The check with the error over the full cycle at each torque."""
+    def with_errors(self, errors: Sequence[KinematicError]) -> Self:
+        """The same with the error over the full cycle at each torque."""
         points = (replace(point, error=error) for point, error in zip(self.points, errors, strict=True))
         return replace(self, points=tuple(points))
 
-    @property
-    def kinematics(self) -> Kinematics:
-        """Ratio and cycle of the drive."""
-        return Kinematics.of(self.drive)
+    def with_steps(self, run: Run) -> Self:
+        """The same with what it would take at the torque that decides, where not all limits are surely kept."""
+        known = self.samples or not (self.prior and self.prior.fields)
+        if self.verdict is Verdict.PASS or self.measured or not (self.points and self.prior and known):
+            return self
+        left = {point.M_g: point.left_arcsec for point in self.points}
+        torques = self.samples.torques if self.samples else tuple(left)
+        place = torques.index(self.points[self.least_sure].M_g)
+        steps, proof = steps_of(self.prior, self.samples, torques, place, [left.get(M_g) for M_g in torques], run)
+        return replace(self, steps=steps, steps_proof=proof)
 
     @property
     def verdict(self) -> Verdict:
@@ -178,14 +177,27 @@ class DesignCheck:
 
         Without a limit, and where all are kept, that where F'_ior is least known.
         """
-        left = self.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE)
+        by_limit = self.verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE)
+
+        def doubt(k: int) -> float:
+            """How far the limit is from being kept for sure; else the ratio of the ends of the range of F'_ior."""
+            point = self.points[k]
+            if by_limit and point.probability:
+                return 1 - point.probability.value
+            if by_limit and point.limit_arcsec and point.F_ior_upper_arcsec:
+                return point.F_ior_upper_arcsec / point.limit_arcsec
+            low, high = point.range_arcsec or (1.0, 1.0)
+            return high / max(low, 1e-9)
+
         worst_ones = [k for k, each in enumerate(self.points) if each.verdict is self.verdict]
-        return max(worst_ones, key=lambda k: self.points[k].doubt(by_limit=left), default=0)
+        return max(worst_ones, key=doubt, default=0)
 
     @cached_property
     def influences(self) -> tuple[Influence, ...]:
         """Shares of the variance of ln F'_ior at the torque that is least sure, by field, the largest first."""
-        return influences(self.samples.of_ranges, self.least_sure) if self.samples else ()
+        if not (self.samples and self.points):
+            return ()
+        return influences(self.samples.of_ranges, self.samples.torques.index(self.points[self.least_sure].M_g))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -262,11 +274,8 @@ def check(
     # cvxpy takes a second to import: another solver looks at the extremes in its own process, while steps are taken
     samples_of_states = [error.sampled(seed=run.seed) for error in errors]
     again: Callable[[], Any] = partial(apart, _cross_checks, shown, samples_of_states, teeth, run.of_task)
-    checks = run.map(_called, [again])
-    found = found.with_errors(errors)
-    if found.verdict is not Verdict.PASS and not measured and (samples or not prior.fields):
-        steps, proof = steps_of(prior, samples, torques, found.least_sure, left, run)
-        found = replace(found, steps=steps, steps_proof=proof)
+    checks = run.map(call, [again])
+    found = found.with_errors(errors).with_steps(run)
     return found.with_errors([replace(e, cross_check=c) for e, c in zip(errors, next(checks), strict=True)])
 
 
@@ -304,10 +313,6 @@ def drive_samples(
 def _middle(drive: Drive, samples: Samples, torque: int) -> Drive:
     """The drive of the sample in the middle at a torque, by its place."""
     return drive.with_values(samples.values(np.array([samples.middle_sample(torque)]))[0])
-
-
-def _called(work: Callable[[], Any]) -> Any:
-    return work()
 
 
 def _cross_checks(

@@ -19,7 +19,7 @@ from hdassist.acceptance.limits import F_IOR, Limit, LimitText
 from hdassist.acceptance.request import Lot
 from hdassist.errors import DataError
 from hdassist.json_parts import attributes
-from hdassist.pages.check import fitted_words, steps_fact, steps_table
+from hdassist.pages.check import fitted_words, influence_at, steps_at, steps_fact, steps_tables
 from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive
 from hdassist.preset.units import convert
@@ -27,7 +27,7 @@ from hdassist.preset.yamltext import shown
 from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table, four_digits
 from hdassist.terminal.answers import csv_text, together
 from hdassist.terminal.wheels import WHEEL_WORDS
-from hdassist.terminal.words import again, influence_words, samples_words
+from hdassist.terminal.words import again, samples_words
 from hdassist.verdict import SEVERITY, percent_text, worst_exit_code
 from hdassist.version import __version__
 
@@ -106,15 +106,8 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
     hashes = {each.file: each.sha256 for each in answer.measured} | {each.file: each.sha256 for each in answer.pitch}
     files = [f"{file}: sha256 {sha256[:12]}" for file, sha256 in hashes.items()]
     samples = predictions.samples if predictions else None
-    found_by = predictions.influences if predictions else ()
-    least = predictions.least_sure if predictions and found_by else None
-    steps = predictions.steps if predictions else ()
-    more = (steps_table(steps, drive, *_steps_at(predictions)),) if predictions and steps else ()
     rest = [
-        (
-            "influence",
-            f"{influence_words(predictions.influences)} at {least.M_g_Nm:g} N·m" if predictions and least else "",
-        ),
+        ("influence", influence_at(predictions) if predictions else ""),
         ("samples", samples_words(samples) if samples else ""),
         ("exact", fitted_words(samples.prior) if samples else ""),
         ("reasons", "\n".join(f"{each.label}: {each.verdict}, {each.reason}" for each in found if each.reason)),
@@ -129,22 +122,14 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
         verdict=answer.status,
         why=tuple(reasons),
         blocks=(*_tables(answer), Facts.of(_facts(answer, predictions, drive))),
-        details=(*more, Facts.of(rest)),
+        details=(*(steps_tables(predictions) if predictions else ()), Facts.of(rest)),
         certificate=predictions.certificate if predictions else None,
-        cross_checks=predictions.quantities.cross_checks if predictions else (),
+        cross_checks=predictions.cross_checks if predictions else (),
         values=answer_json(answer),
         line=answer.status,
         warnings=answer.warnings,
         exit_code=answer.exit_code,
     )
-
-
-def _steps_at(predictions: Predictions) -> tuple[float, float, str]:
-    """Torque [N*m] and limit [arcsec] that steps are for, and the probability of keeping it before any, in words."""
-    limit = predictions.least_sure
-    assert limit
-    kept = predictions.belief(limit)
-    return limit.M_g_Nm or 0.0, limit.limit, f"{100 * kept.probability:.0f} %" if kept else ""
 
 
 def shown_checks(answer: AcceptAnswer) -> list[DecidedCheck]:
@@ -186,7 +171,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
 def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[Fact]:
     """What it would take, remarks and the next command, a label and a text each."""
     if predictions and predictions.steps:
-        yield steps_fact(predictions.steps, drive, *_steps_at(predictions))
+        yield steps_fact(predictions.steps, drive, *steps_at(predictions))
     codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
     yield "remarks", f"hdassist explain {codes}" if codes else ""
     first = by_severity(answer.checks)[0]

@@ -21,6 +21,7 @@ from hdassist.json_parts import (
     samples_object,
     unknown_objects,
 )
+from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import wheel
 from hdassist.preset.fields import Drive
@@ -122,7 +123,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
     least_sure = check.points[check.least_sure]
     first = spread_curve(check, check.samples) if check.samples and check.prior else error_curve(check, least_sure)
     others = [point for point in check.points if check.samples or point is not least_sure]
-    k, fixed = check.kinematics, wheel(check.drive)
+    k, fixed = Kinematics.of(check.drive), wheel(check.drive)
     return Report(
         command="check",
         drive=check.drive,
@@ -148,14 +149,21 @@ def check_report(check: DesignCheck, seed: int) -> Report:
 
 def steps_tables(check: DesignCheck) -> tuple[Table, ...]:
     """What it would take at the torque that decides; nothing where the limit is kept."""
-    return (steps_table(check.steps, check.drive, *_steps_at(check)),) if check.steps else ()
+    return (steps_table(check.steps, check.drive, *steps_at(check)),) if check.steps else ()
 
 
-def _steps_at(check: DesignCheck) -> tuple[float, float | None, str]:
+def steps_at(check: DesignCheck) -> tuple[float, float | None, str]:
     """Torque [N*m] and limit [arcsec] that steps are for, and the answer before any, in words."""
     point = check.points[check.least_sure]
     now = f"{100 * point.probability.value:.0f} %" if point.probability else f"{point.F_ior_or_error:.1f}″"
     return point.M_g, point.limit_arcsec, now
+
+
+def influence_at(check: DesignCheck) -> str:
+    """The largest influences at the torque that decides, in words; empty without any."""
+    if not check.influences:
+        return ""
+    return f"{influence_words(check.influences)} at {check.points[check.least_sure].M_g:g} N·m"
 
 
 def F_ior_table(check: DesignCheck) -> Table:
@@ -187,7 +195,7 @@ def _facts(check: DesignCheck) -> Iterator[Fact]:
     """What it would take, what is taken as 0, and the next command, a label and a text each."""
     if tuple(_undrawn(check)):
         yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.least_sure].M_g:g}=FILE")
-    yield steps_fact(check.steps, check.drive, *_steps_at(check))
+    yield steps_fact(check.steps, check.drive, *steps_at(check))
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive)
@@ -195,11 +203,10 @@ def _facts(check: DesignCheck) -> Iterator[Fact]:
 
 def check_facts(check: DesignCheck) -> Iterator[Fact]:
     """More to be known beside the numbers, a label and a text each."""
-    k = check.kinematics
+    k = Kinematics.of(check.drive)
     yield "cycle", f"ratio {k.u:g}, {k.cycle_cam_revolutions} cam turns, {thousands(k.cycle_states)} states"
     yield "catalogue", accuracy_words(check.drive.catalogue.accuracy, check.points)
-    if check.influences:
-        yield "influence", f"{influence_words(check.influences)} at {check.points[check.least_sure].M_g:g} N·m"
+    yield "influence", influence_at(check)
     if check.samples:
         yield "accuracy", _unstated_accuracy(check.drive, check.samples)
         yield "unknown", unknown_names(check.unknown)
@@ -255,7 +262,7 @@ def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
 def error_tables(check: DesignCheck) -> Iterator[Table]:
     """All figures of the error by torque, and of the drive's geometry."""
     torque, *others = (q for q in POINT_QUANTITIES if q.key not in OVER_BELIEF)
-    still = "phi_b" if check.kinematics.fixed == "rigid" else "phi_g"
+    still = "phi_b" if Kinematics.of(check.drive).fixed == "rigid" else "phi_g"
     shown = [q for q in others if still not in q.key]
     of = ", of a drive near the median" if check.samples else ", unknown as 0" * bool(check.unknown)
     yield Table.by_column("over the full cycle" + of, (torque, *shown), check.points)
@@ -263,7 +270,7 @@ def error_tables(check: DesignCheck) -> Iterator[Table]:
 
 
 def _values(check: DesignCheck, seed: int) -> Json:
-    k = check.kinematics
+    k = Kinematics.of(check.drive)
     return {
         "warnings": [*check.warnings, *[UNKNOWN_AT_ZERO] * bool(check.unknown and not check.samples)],
         "kinematics": {

@@ -15,6 +15,7 @@ from hdassist.design.check import check
 from hdassist.error.orders import orders
 from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
+from hdassist.error.waves import turn_range_arcsec
 from hdassist.errors import DataError, UsageError
 from hdassist.run.run import UNCHECKED
 from tests.acceptances import accept, stated, tiny
@@ -66,7 +67,7 @@ def test_predicted_values_are_those_of_the_other_commands(predicted):
         weaker = min(twist.positive[k].stiffness, twist.negative[k].stiffness)
         assert told[f"K_{k + 1}", None] == pytest.approx(weaker, rel=1e-9)
     assert predictions.certificate.states > 2 * 220
-    assert len(predictions.quantities.cross_checks) == 3
+    assert len(predictions.cross_checks) == 3
 
 
 @pytest.mark.parametrize("limit", LIMITS)
@@ -98,7 +99,7 @@ def test_orders_that_the_cycle_does_not_have_are_refused(predicted):
     for order in (0.01, 2.01, 11.0):
         with pytest.raises(UsageError, match="none of the full cycle"):
             predictions.amplitude(1.0, order)
-    assert predictions.turn_range(1.0) <= predictions.errors[1.0].F_ior_arcsec
+    assert turn_range_arcsec(predictions.errors[1.0]) <= predictions.errors[1.0].F_ior_arcsec
 
 
 def test_an_order_that_the_cycle_has_not_is_the_fault_of_who_asked(tmp_path):
