@@ -25,8 +25,7 @@ def measured(name: str, rounds: int) -> dict[str, Any]:
     """Medians over so many keys, each a step of a field."""
     from hdassist.design.check import check
     from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, drive_answers, still_typical
-    from hdassist.explorer.levers import stepped
-    from hdassist.explorer.state import edited, opened_state
+    from hdassist.explorer.state import edited, opened_state, stepped
     from hdassist.run.run import Run, workers
 
     session = opened_state(name)

@@ -35,7 +35,7 @@ def main() -> None:
 
 async def write_pictures() -> None:
     """Play the path, and write the SVG of the screen at each size at its end."""
-    from hdassist.explorer.export import without_fonts
+    from hdassist.explorer.app import without_fonts
 
     async for line, app, pilot in played():
         print("\n".join([f"== {line}", *rows(app)[:4]]), flush=True)
@@ -60,7 +60,7 @@ async def played() -> AsyncIterator[tuple[str, Explorer, Pilot[int]]]:
     """The explorer of the page's preset, made in the working folder, after each line of keys, at rest."""
     from textual.widgets import Input
 
-    from hdassist.cli.main import run_command_line
+    from hdassist.cli import run_command_line
     from hdassist.explorer.app import Explorer
     from hdassist.explorer.service import Service
     from hdassist.explorer.state import opened_state

@@ -45,7 +45,7 @@ async def screens() -> list[str]:
 
 def moving(pictures: list[str]) -> str:
     """One SVG that shows pictures of the same size in turn, for ever."""
-    from hdassist.explorer.export import without_fonts
+    from hdassist.explorer.app import without_fonts
 
     bare = [re.sub(r'<clipPath id="[^"]*-line-.*?</clipPath>\s*| clip-path="[^"]*-line-[^"]*"', "", p, flags=re.DOTALL)
             for p in map(without_fonts, pictures)]  # fmt: skip

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.terminal_theme import DIMMED_MONOKAI, TerminalTheme
 from rich.text import Text
 
-from hdassist.explorer.export import without_fonts
+from hdassist.explorer.app import without_fonts
 
 COMMAND = ("mount", "vzp160")
 FIGURES = Path(__file__).parents[1] / "docs/figures"

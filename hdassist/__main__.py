@@ -7,7 +7,7 @@ end_at_stops()
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    from hdassist.cli.main import run_command_line as run
+    from hdassist.cli import run_command_line as run
 
     run()
 

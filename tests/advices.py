@@ -19,7 +19,7 @@ from hdassist.pages.card import Card, card_of
 from hdassist.pages.mount import mount_card_facts
 from hdassist.readers.pitch import ASSUMED
 from hdassist.solve.answers import EMPTY
-from hdassist.terminal.texts import texts
+from hdassist.terminal.words import texts
 from tests.process import SMALL
 
 MADE = date(2026, 3, 9)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import settings
 
-from hdassist.cli.main import THREADS
+from hdassist.cli import THREADS
 from hdassist.run.cache import FOLDER, NO_CACHE
 
 IS_WORKER = "PYTEST_XDIST_WORKER" in os.environ

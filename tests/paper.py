@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from hdassist.report import Report
-from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output
 from hdassist.terminal.page import report_page
+from hdassist.terminal.streams import Style
 
 
 def on_paper(report: Report, width: int = 80, *, ascii: bool = False, details: bool = False) -> str:

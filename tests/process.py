@@ -27,7 +27,7 @@ from unittest import mock
 
 import typer.main
 
-from hdassist.cli.main import run_command_line
+from hdassist.cli import run_command_line
 from hdassist.run.cache import FOLDER, NO_CACHE
 
 SMALL = str(Path(__file__).parent / "data/small.yaml")

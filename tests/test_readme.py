@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import hdassist
-from hdassist.cli.commands import COMMANDS
+from hdassist.cli import COMMANDS
 from hdassist.preset.library import preset_names
 
 ROOT = Path(__file__).parents[1]

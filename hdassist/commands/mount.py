@@ -1,21 +1,25 @@
-"""`hdassist mount`: the hole in which to mount the fixed wheel."""
+"""`hdassist mount`: the hole in which to mount the fixed wheel, and the assembly card beside the answer."""
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
+from datetime import date
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hdassist.commands.card import CardFile, give_with_card
 from hdassist.errors import UsageError
 from hdassist.terminal import options as o
+from hdassist.terminal.options import AnswerOptions, CardOptions
 from hdassist.verdict import SURE
 
 if TYPE_CHECKING:
     from hdassist.mounting.advice import Advice
     from hdassist.mounting.posterior import Trial
+    from hdassist.pages.card import CardFacts
     from hdassist.preset.fields import Drive
     from hdassist.readers.pitch import WheelFiles
+    from hdassist.terminal.output import Output
+    from hdassist.terminal.words import Texts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,31 +71,43 @@ class MountCommand(
 
     def run(self) -> int:
         """Find the hole; returns the exit code."""
-        from hdassist.mounting.posterior import read_trial_or_record
-        from hdassist.terminal.wheels import pitch_files
+        from hdassist.terminal.output import give, run_each
+        from hdassist.terminal.streams import write_text
 
         out = self.open()
-        card = CardFile.asked(self, self, out)
-        files = pitch_files([self.preset], self)
-        drive, reading = self.load(self.preset), self.reading()
+        with out.progress(self.preset):  # words before numpy is imported
+            card = CardFile.asked(self, self, out)
         if self.verify is not None and card:
             raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
+        advices: list[Advice] = []
+
+        def one(_: str) -> o.Report:
+            from hdassist.pages.mount import mount_report
+
+            advices.append(self._advice(out))
+            report = mount_report(advices[0], self.seed, carded=card is not None, sure=self.sure)
+            # the card in place of the page, where both go to standard output
+            return replace(report, head="") if card and card.path == out.target == "-" else report
+
+        code = give("mount", run_each("mount", [self.preset], one, out), out)
+        if card and advices:
+            from hdassist.pages.mount import mount_card_facts
+
+            write_text(card.path, card.text(mount_card_facts(advices[0], card.say)), card.force)
+        return code
+
+    def _advice(self, out: o.Output) -> Advice:
+        """The advice by the preset alone, or after measured values."""
+        files = self.wheels_of_one([self.preset])
+        drive, reading = self.load(self.preset), self.reading()
         # before the imports below, which take longer than all of this
+        from hdassist.mounting.posterior import read_trial_or_record
+
         trials = [read_trial_or_record(text, drive, reading, self.seed) for text in self.trials or ()]
         outcome = None
         if self.verify is not None:
             outcome = read_trial_or_record(self.verify, drive, reading, self.seed, drive.mounting.allowed)
-        begun = time.monotonic()
-
-        from hdassist.pages.mount import mount_card_facts, mount_report
-        from hdassist.terminal.runs import note_time
-
-        is_tried = bool(trials or outcome)
-        advice = self._after(out, drive, trials, outcome) if is_tried else self._before(out, drive, files)
-        report = mount_report(advice, self.seed, carded=card is not None, sure=self.sure)
-        if self.verbose:
-            note_time(report, begun)
-        return give_with_card("mount", report, card, lambda say: mount_card_facts(advice, say), self, out)
+        return self._after(out, drive, trials, outcome) if trials or outcome else self._before(out, drive, files)
 
     @property
     def cost(self) -> float:
@@ -105,12 +121,11 @@ class MountCommand(
         from hdassist.correction.mounted import advice_corrected, corrected_states, form_of_text
         from hdassist.mounting.advice import advice_states, advise
         from hdassist.mounting.posterior import TrialSetup
-        from hdassist.terminal.wheels import read_teeth
 
         form = form_of_text(self.compensated) if self.compensated else None
         if form and files.files:
             raise UsageError("--compensated does not take measured teeth", "leave out --pitch-b and --pitch-g")
-        measured = read_teeth(files, drive)
+        measured = self.teeth(files, drive)
         torques, rotations = drive.operation.M_g, _rotations(drive, self.step)
         states = advice_states(drive, len(rotations), draws=self.draws, measured=measured)
         if form:
@@ -158,3 +173,60 @@ def _rotations(drive: Drive, step: float | None) -> list[float]:
     if not drive.mounting.holes:
         return grid
     return sorted({round(angle, 9) for angle in (*positions, *grid)})
+
+
+CARD_SUFFIXES = (".txt", ".html")
+SERIAL = 60  # letters that a serial number may have
+
+
+@dataclass(frozen=True)
+class CardFile:
+    """A card that was asked for: where it goes, its kind, language and serial number."""
+
+    path: str
+    kind: str
+    say: Texts
+    serial: str
+    ascii: bool = False
+    force: bool = False
+
+    @classmethod
+    def asked(cls, asked: CardOptions, options: AnswerOptions, out: Output) -> CardFile | None:
+        """The card that options ask for, None without any.
+
+        Arguments: asked; options of the other answers, and out, where they go. Raises UsageError and DataError before
+        anything is computed.
+        """
+        path = asked.card
+        if path is None:
+            if asked.lang is not None or asked.serial is not None:
+                raise UsageError("--lang and --serial are those of a card", "--card FILE writes one")
+            return None
+        from hdassist.terminal.streams import take_output
+        from hdassist.terminal.words import HOME, texts
+
+        say = texts(HOME if asked.lang is None else asked.lang)
+        card = cls.named(path, say, asked.serial or "")
+        if path == "-" and (out.csv == "-" or (out.target == "-" and (options.json or options.quiet))):
+            raise UsageError("--card - leaves no standard output for --json, -q or --csv -")
+        take_output(path, out.force)
+        ascii = options.ascii or (path == "-" and out.style.ascii)
+        return replace(card, ascii=ascii, force=out.force)
+
+    @classmethod
+    def named(cls, path: str, say: Texts, serial: str) -> CardFile:
+        """The card that a file's name asks for. Raises UsageError for a name or serial number that no card has."""
+        kind = ".txt" if path == "-" else Path(path).suffix.lower()
+        if kind not in CARD_SUFFIXES:
+            raise UsageError(f"a card cannot be written as {path!r}", f"its name ends in {', '.join(CARD_SUFFIXES)}")
+        if len(serial) > SERIAL or (serial and not serial.isprintable()):
+            raise UsageError(f"a serial number has up to {SERIAL} printable characters")
+        return cls(path, kind, say, serial.strip())
+
+    def text(self, facts: CardFacts) -> str:
+        """The card as its file has it."""
+        from hdassist.pages.card import card_of
+        from hdassist.pages.report import card_html, card_text
+
+        card = card_of(facts, self.say, serial=self.serial, made=date.today())
+        return card_html(card) if self.kind == ".html" else card_text(card, ascii=self.ascii)

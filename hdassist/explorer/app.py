@@ -1,26 +1,32 @@
-"""The explorer's application: the screen, and keys to actions."""
+"""The explorer's application: the screen, keys to actions, forms, and the files that it writes."""
 
 from __future__ import annotations
 
 import asyncio
+import re
 import signal
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any, ClassVar
 
 from rich.text import Text
 from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical
+from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.content import Content
 from textual.events import DescendantFocus
+from textual.screen import ModalScreen
 from textual.widgets import DataTable, Input, Static
 
-from hdassist.explorer import state, words
+from hdassist.commands.mount import CARD_SUFFIXES, CardFile
+from hdassist.errors import HdassistError, UsageError
+from hdassist.explorer import state
+from hdassist.explorer.asking import Asking
 from hdassist.explorer.compute import (
     LeverEffects,
     cam_turn,
@@ -28,17 +34,217 @@ from hdassist.explorer.compute import (
     is_any_hole,
     lever_effects,
 )
-from hdassist.explorer.export import Exporting
-from hdassist.explorer.levers import about_field, stepped
-from hdassist.explorer.panes import MARKS, Holes, Levers, Pane, seat_pane, values_of
-from hdassist.explorer.screens import EXPLAINED, Form, Notice
-from hdassist.explorer.state import Session
+from hdassist.explorer.panes import (
+    MARKS,
+    Holes,
+    Levers,
+    Pane,
+    facts_of,
+    head_line,
+    headline,
+    next_text,
+    order_words,
+    seat_pane,
+    turn_blocks,
+    values_of,
+    why_blocks,
+    why_no_card,
+)
+from hdassist.explorer.state import Session, about_field, stepped
+from hdassist.loading.write import with_changes
 from hdassist.model.unknown import unknowns
 from hdassist.mounting.positions import hole_words, usable_positions
+from hdassist.pages.mount import mount_card_facts
+from hdassist.pages.report import report_html, report_markdown
 from hdassist.plaintext import visible
 from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
 from hdassist.report import Paragraph
 from hdassist.run.stops import end_at_stops
+from hdassist.terminal.streams import Style, put_text, require_writable
+from hdassist.terminal.words import texts
+
+EXPLAINED = """\
+WHAT YOU SEE
+At the top F'_ior, the kinematic error from peak to peak over the full cycle, at each torque: median, 5th and 95th
+percentile over all that is not known exactly; the limit, what it leaves above the 95th percentile, how probably it is
+kept, and the verdict of check; the change from the preset, or from the pinned drive; and the best hole.
+After a change the old answer stays, marked old, beside a typical drive as it was and as it is now.
+Holes: F'_ior with the fixed wheel turned, counted counter-clockwise from now, from the cam side.
+N now, B best, W worst, ? measure next, ◆ measured, x not allowed.
+Why: the inputs from which the width of the range comes, and what each measurement would bring.
+
+HOW SURE A NUMBER IS
+REFINED ○  the extremes of the cycle were searched for.
+PROVEN ●  every state of the cycle was solved, and each answer proven.
+90 % RANGE ◌  median, and 5th to 95th percentile over what is not known exactly.
+A card is written only from the advice of mount or trials, and only where these would write one.
+
+LEVERS
+? not known exactly, * changed here. Behind the value: a plausible step, and its change of F'_ior [arcsec]
+of a typical drive, the greatest first. Where a field is not known exactly a step is about one deviation. Fields in
+which the pinned drive differs come first, with the step to its value.
+Enter edits; an empty value takes a change back. Numbers of teeth change together: 120, or the ratio, 60:1.
+k has x_b change with W_0, so that the teeth keep their clearance.
+
+KEYS
+1 holes   2 seat   3 levers   4 cam turn   5 full cycle   6 why   7 advice   Tab next pane   / filter levers
+← → ↑ ↓ turn the wheel   b best hole   0 where it stands   m next torque, marked ▸ at the top
+e what is known of the drive: stiffness, F'_ior in a hole, a trace, a limit
+  F'_ior in several holes at the lightest torque: the best hole and the order are those of trials
+Enter edit a field   + - a step   o levers by group or by change
+u undo   r redo   p pin the drive as it is, to compare
+c card   w report   s preset   g picture   y copy the command line
+q leave: the command that comes back to the session is printed
+"""
+
+
+class Form(ModalScreen[None]):
+    """A line to fill in, which stays until it is taken; its faults are shown below.
+
+    Arguments: title; value to begin with; hint below; take, called with the value, may raise HdassistError.
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(None)", "leave")]
+
+    def __init__(self, title: str, value: str, hint: str, take: Callable[[str], None]) -> None:
+        super().__init__()
+        self._title, self._value, self._hint, self._take = title, value, hint, take
+
+    def compose(self) -> ComposeResult:
+        """Title, line, hint, and room for a fault."""
+        with Vertical(id="form") as form:
+            form.border_title = visible(self._title)
+            form.border_subtitle = "Enter takes it, Escape leaves it"
+            yield Input(self._value, select_on_focus=True)
+            yield Static(visible(self._hint), id="hint", markup=False)
+            yield Static("", id="wrong", markup=False)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Take the text that was filled in, or show its fault."""
+        try:
+            self._take(event.value.strip())
+        except HdassistError as error:
+            self.query_one("#wrong", Static).update(visible(f"{error.message}\n{error.hint}".strip()))
+            return
+        self.dismiss()
+
+
+class Notice(ModalScreen[bool | None]):
+    """A text, or a question that y and n answer; any other key of its own, with None, leaves it open."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("y", "dismiss(True)", "yes"),
+        Binding("n", "dismiss(False)", "no"),
+        Binding("escape,question_mark,q,enter", "dismiss(None)", "close"),
+    ]
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self._text = text
+
+    def compose(self) -> ComposeResult:
+        """The text."""
+        with VerticalScroll(id="notice") as scroll:
+            scroll.border_subtitle = "Escape closes"
+            yield Static(self._text, markup=False)
+
+
+class Exporting(Asking):
+    """Actions that write a file."""
+
+    def named(self, end: str) -> str:
+        """A file's name that begins as the preset's."""
+        return f"{Path(self.session.source.name).stem}{end}"
+
+    def action_card(self) -> None:
+        """Write the assembly card of the advice, if there is one to write."""
+        advice, why = self.known.advice, why_no_card(self.known.report)
+        if advice is None or why:
+            self.notify(f"no card: {why}", severity="warning")
+            return
+        say = texts()
+        facts = mount_card_facts(advice, say)
+        hint = f"{', '.join(CARD_SUFFIXES)}; from {'the measured values' if advice.trials else 'the prediction'}"
+        name = self.named("-card.html")
+        self.ask_file("assembly card", name, hint, lambda path: CardFile.named(path, say, "").text(facts))
+
+    def ask_file(
+        self, title: str, name: str, hint: str, text: Callable[[str], str], written: Callable[[], object] = str
+    ) -> None:
+        """Ask for a file's name and write a text to it, made of that name; over a file only after asking.
+
+        Argument: written, called once the text is in the file.
+        """
+
+        def put(path: str, made: str) -> None:
+            put_text(path, made)
+            written()
+            self.notify(visible(f"wrote {path}"), markup=False)
+
+        def write(path: str) -> None:
+            if path == "-":
+                raise UsageError("the screen has standard output", "name a file")
+            require_writable(path, force=True)
+            keep = partial(self.attempt, partial(put, path, text(path)))
+            if Path(path).exists():
+                question = f"{path} exists. Replace it?\n\ny yes\nn no"
+                self.push_screen(Notice(question), lambda sure: keep() if sure else None)
+            else:
+                keep()
+
+        def take(path: str) -> None:
+            self.call_later(self.attempt, partial(write, path))  # once the form has gone
+
+        self.push_screen(Form(f"{title}: file", name, hint, take))
+
+    def action_report(self) -> None:
+        """Write the page of `check` with all its tables."""
+        if not (report := self.known.page):
+            self.notify("no report before the answer is whole", severity="warning")
+            return
+
+        def text(path: str) -> str:
+            style = Style(ascii=self.ascii, codes=False, width=80)
+            return report_html(report) if path.endswith(".html") else report_markdown(report, style)
+
+        hint = ".html, else Markdown: all of check; hdassist report has the tables of mount and stiffness too"
+        self.ask_file("report", self.named("-check.html"), hint, text)
+
+    def action_save(self) -> None:
+        """Write the preset with the changes, its comments and order as they are."""
+        source, overrides = self.session.source, self.session.drive.origin.overrides
+        if not overrides:
+            self.notify("nothing is changed: there is nothing to save")
+            return
+        name = source.file if Path(source.file).suffix else self.named("-changed.yaml")
+        hint = "comments and order of the original are kept"
+        saved = partial(setattr, self, "saved", self.session.changes)
+        self.ask_file("save the preset", name, hint, lambda _: with_changes(source.text, source.file, overrides), saved)
+
+    def action_picture(self) -> None:
+        """Write the screen as SVG."""
+        hint = "the screen as it is, as SVG"
+        self.ask_file("picture", self.named(".svg"), hint, lambda _: without_fonts(self.export_screenshot()))
+
+    def action_copy(self) -> None:
+        """Put the command line on the clipboard."""
+        self.copy_to_clipboard(self.session.command())
+        self.notify("the command line is on the clipboard")
+
+    async def action_quit(self) -> None:
+        """Leave; ask before where there is a change, also one undone, that is in no preset and was not opened."""
+        command = self.session.command("explore")
+        question = f"{command}\n\ncomes back to this session, and is printed on leaving.\n\ny leave\nn stay"
+        if self.session.changes != self.saved or self.session.future:
+            self.push_screen(Notice(question), lambda sure: self.exit() if sure else None)
+        else:
+            self.exit()
+
+
+def without_fonts(svg: str) -> str:
+    """A picture that loads no fonts from elsewhere: it is shown in those that are there."""
+    return re.sub(r"\s*@font-face \{.*?\}", "", svg, flags=re.DOTALL)
+
 
 LINES = ("head", "headline", "tabs", "looked-at", "next", "command", "keys", "about")
 NO_BREAK = "\N{NO-BREAK SPACE}"
@@ -175,18 +381,18 @@ class Explorer(Exporting):
         typical = ", of a typical drive"
         self.side.border_subtitle = f"step: change at {self.M_g:g} N·m, ″{typical * bool(known.typical)}"
         panes["seat"].show(seat_pane(session, letters))
-        panes["why"].show(*words.why_blocks(known), ascii=self.ascii)
-        panes["advice"].show(Paragraph(words.order_words(known)), words.facts_of(known.report), ascii=self.ascii)
+        panes["why"].show(*why_blocks(known), ascii=self.ascii)
+        panes["advice"].show(Paragraph(order_words(known)), facts_of(known.report), ascii=self.ascii)
         for name in ("turn", "cycle"):
             panes[name].border_title = f"{VIEWS[name].upper()}{typical * bool(self._of_turn())}"
-            blocks = words.turn_blocks(known.turn, name) if known.turn else [Text(known.without, "dim")]
+            blocks = turn_blocks(known.turn, name) if known.turn else [Text(known.without, "dim")]
             panes[name].show(*blocks, ascii=self.ascii)
         for name, line in {
-            "head": words.head(session),
-            "headline": words.headline(session, known, self.pinned, torque, self.size.width - 2),
+            "head": head_line(session),
+            "headline": headline(session, known, self.pinned, torque, self.size.width - 2),
             "tabs": self._tabs(),
             "looked-at": self._looked_at(),
-            "next": words.next_text(known),
+            "next": next_text(known),
             "command": visible(f"= {self.command_line()}"),
             "keys": self._keys(),
         }.items():

@@ -31,7 +31,7 @@ from hdassist.mounting.advice import Advice
 from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive
 from hdassist.report import Report
-from hdassist.terminal.console import PLAIN_CHARACTERS
+from hdassist.terminal.streams import PLAIN_CHARACTERS
 from hdassist.terminal.words import again
 
 REST = 0.7  # s without a key before the cam turn and the steps of levers are asked for

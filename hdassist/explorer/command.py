@@ -63,8 +63,7 @@ class ExploreCommand(o.LoadedDriveOptions):
 
             from hdassist.explorer.app import Explorer
             from hdassist.explorer.compute import Effort
-            from hdassist.terminal.console import Style, say
-            from hdassist.terminal.files import put_text
+            from hdassist.terminal.streams import Style, put_text, say
 
             plain = Style.of(sys.stdout, ascii=self.ascii).ascii
             keep = partial(put_text, str(user_state_path("hdassist", ensure_exists=True) / SESSION_FILE))

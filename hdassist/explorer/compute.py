@@ -19,8 +19,7 @@ from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import error_maps, searchable
 from hdassist.error.trace import trace
 from hdassist.errors import HdassistError
-from hdassist.explorer.levers import SETTING_SECTIONS, TEETH_FIELDS, step_of
-from hdassist.explorer.state import TRIALS, is_tried
+from hdassist.explorer.state import SETTING_SECTIONS, TEETH_FIELDS, TRIALS, is_tried, step_of
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.rules import first_conflict

@@ -16,7 +16,7 @@ from hdassist.errors import HdassistError
 from hdassist.run.run import begin_worker
 
 Question = Callable[[Callable[[str, object], None]], None]  # a function of explorer.compute with its arguments
-PRELOADED = ["__main__", "hdassist.cli.main", "hdassist.explorer.preloaded"]
+PRELOADED = ["__main__", "hdassist.cli", "hdassist.explorer.preloaded"]
 
 
 class Service:

@@ -25,9 +25,8 @@ from hdassist.preset.fields import Drive
 from hdassist.preset.units import convert
 from hdassist.preset.yamltext import shown
 from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table, four_digits
-from hdassist.terminal.answers import csv_text, together
-from hdassist.terminal.wheels import WHEEL_WORDS
-from hdassist.terminal.words import again, samples_words
+from hdassist.terminal.output import csv_text, together
+from hdassist.terminal.words import WHEEL_WORDS, again, samples_words
 from hdassist.verdict import SEVERITY, percent_text, worst_exit_code
 from hdassist.version import __version__
 

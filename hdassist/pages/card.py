@@ -12,7 +12,7 @@ from hdassist.mounting.posterior import Trial
 from hdassist.preset.fields import Drive, origin_counts
 from hdassist.preset.yamltext import shown
 from hdassist.report import Block, Facts, Hole, Lines, Paragraph, Seat, SeatMark, Table
-from hdassist.terminal.texts import HOME, Texts, texts
+from hdassist.terminal.words import HOME, Texts, texts
 from hdassist.version import __version__
 
 ENGLISH = texts()

@@ -27,10 +27,10 @@ from hdassist.pages.card import wheel
 from hdassist.preset.fields import Drive
 from hdassist.preset.knowledge import SIZE_20, SMALL_ACCURACY, USUAL_ACCURACY
 from hdassist.report import Curve, Fact, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
-from hdassist.terminal.wheels import heading
 from hdassist.terminal.words import (
     again,
     field_unit,
+    heading,
     influence_words,
     named,
     probability_words,

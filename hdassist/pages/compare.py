@@ -23,7 +23,7 @@ from hdassist.pages.mount import mount_warnings
 from hdassist.preset.fields import UNKNOWN as NOT_KNOWN
 from hdassist.preset.fields import ResolvedField, value_text
 from hdassist.report import NO_VALUE, Curve, Facts, Quantity, Report, Table, as_object, csv_columns
-from hdassist.terminal.answers import report_object
+from hdassist.terminal.output import report_object
 from hdassist.terminal.words import again, named, not_known, on_what
 
 _PLOTTED_ROWS = 6

@@ -35,8 +35,7 @@ from hdassist.report import (
     as_object,
     csv_columns,
 )
-from hdassist.terminal.wheels import heading
-from hdassist.terminal.words import again, not_known, on_what
+from hdassist.terminal.words import again, heading, not_known, on_what
 from hdassist.verdict import worst_exit_code
 
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from hdassist.acceptance.limits import CODES
-from hdassist.explaining.lookup import Entry, entries
+from hdassist.explaining import Entry, entries
 from hdassist.json_parts import attributes
 from hdassist.report import Facts, Paragraph, Report, ReportSection
 

@@ -30,9 +30,7 @@ from hdassist.pages.card import (
 from hdassist.preset.yamltext import shown
 from hdassist.readers.pitch import ASSUMED
 from hdassist.report import CsvTable, Curve, CurveMark, Facts, Figure, Report, Table, csv_columns
-from hdassist.terminal.texts import Texts
-from hdassist.terminal.wheels import heading
-from hdassist.terminal.words import again, influence_words, probability_words, samples_words
+from hdassist.terminal.words import Texts, again, heading, influence_words, probability_words, samples_words
 from hdassist.verdict import Verdict
 
 WORDS = {"TURN": "TURN", "LEAVE": "LEAVE", "BEST_BET": "BEST BET", "ANY_HOLE": "ANY HOLE"}

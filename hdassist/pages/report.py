@@ -39,11 +39,10 @@ from hdassist.report import (
     four_digits,
     tone_of,
 )
-from hdassist.terminal.answers import report_object
-from hdassist.terminal.console import Style
-from hdassist.terminal.output import Output
+from hdassist.terminal.output import Output, report_object
 from hdassist.terminal.page import block_on_page, in_characters
 from hdassist.terminal.plot import least_and_greatest, ticks
+from hdassist.terminal.streams import Style
 from hdassist.terminal.words import named, proof, samples_words
 from hdassist.verdict import Verdict
 from hdassist.version import __version__

@@ -19,13 +19,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_origin
 
 import typer
 
-from hdassist.errors import UsageError
+from hdassist.errors import HdassistError, UsageError
+from hdassist.files import is_written
 from hdassist.plaintext import number_of
 
 if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
     from hdassist.comparing.record import Alignment
     from hdassist.measuring.measure import Reading
+    from hdassist.model.wheels import MeasuredTeeth
     from hdassist.preset.fields import Drive
     from hdassist.readers.pitch import WheelFiles
     from hdassist.report import Report as Report  # named by the methods of commands too
@@ -102,25 +104,38 @@ class PageOptions(OptionGroup):
         """
         import sys
 
-        from hdassist.terminal.console import PIPE_WIDTH, Style
-        from hdassist.terminal.files import take_output
         from hdassist.terminal.output import Output
+        from hdassist.terminal.streams import PIPE_WIDTH, Style, take_output
 
-        csv = getattr(self, "csv", None)
-        for path in filter(None, (self.answer_file, csv)):
-            take_output(path, self.replaces(path))
+        alike = {field.name for field in fields(Output)} & vars(self).keys()  # options that an Output has too
+        options = {name: getattr(self, name) for name in alike}
+        for path in (self.answer_file, options.get("csv")):
+            if path is not None:
+                take_output(path, self.replaces(path))
         style = Style.of(sys.stdout, ascii=self.ascii, no_color=self.no_color)
-        style = style if self.answer_file == "-" else Style(style.ascii, False, PIPE_WIDTH)
-        plots, details = getattr(self, "plot", True), getattr(self, "details", False)
-        return Output(style, self.answer_file, csv, self.force, self.no_color, plots, details)
+        if self.answer_file != "-":
+            style = Style(style.ascii, codes=False, width=PIPE_WIDTH)
+        return Output(style, self.answer_file, **options)
 
     def run(self) -> int:
         """Give the report on each preset that the command names, or the only one; returns the exit code."""
-        from hdassist.terminal.runs import give, run_each
+        from hdassist.terminal.output import give, run_each
 
         out, presets = self.open(), getattr(self, "presets", None) or [getattr(self, "preset", "")]
         command = "-".join(re.findall("[A-Z][a-z]+", type(self).__name__)[:-1]).lower()
-        return give(command, run_each(command, presets, partial(self.report, out), self), self, out)
+        return give(command, run_each(command, presets, partial(self.report, out), out), out)
+
+    def give_failure(self, command: str, error: HdassistError) -> None:
+        """Write the error that ended a command as its JSON, unless its answer was written.
+
+        Raises UsageError and DataError.
+        """
+        from hdassist.terminal.output import failure, json_text
+        from hdassist.terminal.streams import write_text
+
+        if self.json and not is_written(self.answer_file):
+            answer = failure(command, error, preset=getattr(self, "preset", None))
+            write_text(self.answer_file, json_text(answer), self.force)
 
     def report(self, out: Output, preset: str) -> Report:
         """The report on a preset; out shows how far its work is."""
@@ -196,6 +211,18 @@ class LoadedDriveOptions(DriveOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
+class OneTorqueOptions(DriveOptions):
+    """Changes of a preset, one torque among them."""
+
+    torque: str | None = None
+
+    @property
+    def changes(self) -> list[str]:
+        """All that the options change of a preset, its torque too."""
+        return [*super().changes, *torque_overrides([self.torque])]
+
+
+@dataclass(frozen=True, kw_only=True)
 class LimitedDriveOptions(LoadedDriveOptions):
     """Changes of a preset, its limits of F'_ior among them."""
 
@@ -242,6 +269,25 @@ class PitchOptions(OptionGroup):
         from hdassist.readers.pitch import WheelFiles
 
         return self.only(WheelFiles)
+
+    def wheels_of_one(self, presets: Sequence[str]) -> WheelFiles:
+        """The files, if any. Raises UsageError for options that cannot be meant, before any is read."""
+        found = self.wheels()
+        found.require_sound()
+        if found.files and len(presets) > 1:
+            raise UsageError("measured teeth are those of one drive", "check the drives one by one")
+        stdin_once(*presets, *found.files.values())
+        return found
+
+    @staticmethod
+    def teeth(files: WheelFiles, drive: Drive) -> MeasuredTeeth | None:
+        """The measured wheels of a drive, None without a file; assumptions are noted on stderr.
+
+        Raises PresetError with the faults of a file, DataError for a file that cannot be read.
+        """
+        measured = files.read(drive)
+        note_teeth(measured)
+        return measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -346,6 +392,16 @@ def degrees_or_fit(option: str, text: str) -> float | None:
     if not isfinite(angle):
         raise UsageError(f"{option} must be an angle in deg, or fit, not {text}")
     return angle
+
+
+def note_teeth(measured: MeasuredTeeth | None) -> None:
+    """Note assumptions on measured wheels on stderr."""
+    from hdassist.terminal.output import note
+    from hdassist.terminal.words import WHEEL_WORDS
+
+    for name, wheel in measured.by_name.items() if measured else ():
+        for text in wheel.pitch.notes:
+            note(f"note: {WHEEL_WORDS[name]}, {wheel.pitch.file}: {text}")
 
 
 def stdin_once(*names: str | None) -> None:

@@ -1,20 +1,28 @@
-"""Where a command's answer, its files and its progress go."""
+"""Where the answer of a command goes: pages, JSON, CSV and files; progress; one drive or file after the other."""
 
 from __future__ import annotations
 
+import csv
 import io
+import json
+import re
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
+from numbers import Number
 from typing import TYPE_CHECKING, Any
 
-from hdassist.errors import Fault, HdassistError
-from hdassist.plaintext import visible
+from hdassist.errors import Fault, HdassistError, UsageError
+from hdassist.json_parts import Json, as_json, certificate_object, schema_of
+from hdassist.plaintext import NUMBER, printable, visible
+from hdassist.report import Report
 from hdassist.run.stops import at_stop
-from hdassist.terminal.console import Style, console, say, stderr_style
-from hdassist.terminal.files import write_text
+from hdassist.terminal.streams import Style, console, made_or, say, stderr_style, write_text
+from hdassist.verdict import worst_exit_code
+from hdassist.version import __version__
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -22,7 +30,9 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.progress import Progress
 
+    from hdassist.preset.fields import Drive
     from hdassist.run.run import Run
+
 
 WIPED = "\r\x1b[2K\x1b[?25h"  # the line of a bar emptied, and the cursor shown
 BAR_PATIENCE = 0.5  # s of work before a progress bar with a total appears
@@ -32,9 +42,11 @@ REDRAWN = 0.1  # s between two of its pictures
 
 @dataclass(frozen=True)
 class Output:
-    """Streams and files of one command: target takes the answer, csv the figures; "-" is stdout.
+    """How one command answers.
 
-    plots, details: whether pages have figures and all that they can show.
+    target: the file of the answer, csv of the figures, "-" for stdout; force: whether these may be replaced; json,
+    quiet: the answer as JSON, or in a line; plot, details: whether pages have figures and all that they can show;
+    verbose: whether times are noted; debug: whether an error ends the command.
     """
 
     style: Style
@@ -42,8 +54,13 @@ class Output:
     csv: str | None = None
     force: bool = False
     no_color: bool = False
-    plots: bool = True
+    plot: bool = True
     details: bool = False
+    json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    debug: bool = False
+    _bars: list[ProgressBar] = field(default_factory=list)  # the one under way
 
     def human(self, answer: RenderableType) -> None:
         """Give the answer for people; silent where the figures take stdout."""
@@ -70,21 +87,18 @@ class Output:
             write_text(self.csv, csv, self.force)
 
     @contextmanager
-    def run(self, words: str, states: int, options: object, begun: ProgressBar | None = None) -> Iterator[Run]:
-        """How work of so many states is carried out, with a bar and words beside it; begun: a bar that is there.
+    def run(self, words: str, states: int, options: object) -> Iterator[Run]:
+        """How work of so many states is carried out, with a bar and words beside it.
 
         Its processes, seed and other solver are those that the options of a command have; one that solves each state
         by a slow solver of its own works in this process, and shows how far it is.
         """
         from hdassist.run.run import CROSS_SOLVER, Run
 
-        found = {"jobs": None, "seed": 0, "cross_check": CROSS_SOLVER, "solver": None} | vars(options)
-        alone = found["jobs"] is None or found["solver"] is not None
-        if begun:
-            begun.expect(words, states)
-        bar = nullcontext(begun) if begun else self.progress(words, states)
-        with bar as progress, nullcontext() if alone else self.workers(options) as executor:
-            yield Run(executor, progress, found["seed"], found["cross_check"])
+        given = {"jobs": None, "seed": 0, "cross_check": CROSS_SOLVER, "solver": None} | vars(options)
+        alone = given["jobs"] is None or given["solver"] is not None
+        with self.progress(words, states) as progress, nullcontext() if alone else self.workers(options) as executor:
+            yield Run(executor, progress, given["seed"], given["cross_check"])
 
     @contextmanager
     def engine(self, options: object) -> Iterator[Executor | None]:
@@ -114,44 +128,29 @@ class Output:
     def progress(self, words: str, total: int | None = None) -> Iterator[ProgressBar]:
         """A bar with the time left, on a terminal only: at once without a total, else after BAR_PATIENCE of work.
 
-        Arguments: words beside it; total of work, None before that is known (`ProgressBar.expect`).
+        Within another one it is that bar, which goes on with these words and this total.
+        Arguments: words beside it; total of work, None before that is known.
         """
-        style = stderr_style(no_color=self.no_color)
-        if not style.codes:
-            yield ProgressBar()
+        if self._bars:
+            self._bars[0].expect(words, total)
+            yield self._bars[0]
             return
-        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-        bar = Progress(
-            TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            TextColumn("{task.percentage:3.0f} %"),
-            TimeRemainingColumn(),
-            console=console(sys.stderr, style), transient=True,
-            auto_refresh=False,  # without a thread of its own, beside which processes could not be forked
-            redirect_stdout=sys.stdout.isatty(),  # lines above the bar; a file is left alone
-        )  # fmt: skip
-        bar.add_task(style.text(words), total=total)
-        if total is None:
-            bar.start()
-
-        def wipe() -> None:
-            if bar.live.is_started:
-                sys.stderr.write(WIPED)
-                sys.stderr.flush()
-
+        style = stderr_style(no_color=self.no_color)
+        bar = ProgressBar(_bar(style) if style.codes else None, style)
+        bar.expect(words, total)
+        self._bars.append(bar)
         try:
-            with at_stop(wipe):
-                yield ProgressBar(bar, style)
+            with at_stop(bar.wipe):
+                yield bar
         finally:
-            if bar.live.is_started:
-                bar.stop()
+            self._bars.clear()
+            bar.end()
 
 
 class ProgressBar:
     """Called with work that was done, it moves a bar with one task; None where nobody looks. style: of its words."""
 
-    def __init__(self, bar: Progress | None = None, style: Style | None = None) -> None:
+    def __init__(self, bar: Progress | None, style: Style) -> None:
         self._bar, self._style = bar, style
         self._next = time.monotonic() + BAR_PATIENCE  # that it is drawn
 
@@ -165,9 +164,39 @@ class ProgressBar:
                 self._bar.refresh()
 
     def expect(self, words: str, total: int | None = None) -> None:
-        """Words beside the bar and the total, as soon as they are known."""
-        if self._bar and self._style:
-            self._bar.update(TASK, description=self._style.text(words), total=total, refresh=True)
+        """Begin work of such a total, with words beside the bar; without a total it is shown at once."""
+        if self._bar:
+            if not self._bar.tasks:
+                self._bar.add_task("")
+            self._bar.reset(TASK, description=self._style.text(words), total=total)
+            if total is None:
+                self._bar.start()
+                self._bar.refresh()
+
+    def wipe(self) -> None:
+        """Empty the line of the bar, which does not come back."""
+        if self._bar and self._bar.live.is_started:
+            sys.stderr.write(WIPED)
+            sys.stderr.flush()
+
+    def end(self) -> None:
+        """Take the bar away."""
+        if self._bar and self._bar.live.is_started:
+            self._bar.stop()
+
+
+def _bar(style: Style) -> Progress:
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    return Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(),
+        console=console(sys.stderr, style), transient=True,
+        auto_refresh=False,  # without a thread of its own, beside which processes could not be forked
+        redirect_stdout=sys.stdout.isatty(),  # lines above the bar; a file is left alone
+    )  # fmt: skip
 
 
 def complain(error: HdassistError, about: str = "") -> None:
@@ -189,3 +218,170 @@ def warn(text: str) -> None:
 def note(text: str) -> None:
     """Write a line beside the answer on stderr."""
     say(text)
+
+
+FORMULA = tuple("=+-@\t\n＝＋－＠")  # by which a spreadsheet knows one
+_NUMBER = re.compile(NUMBER)
+
+
+def envelope(command: str, drive: Drive | None, exit_code: int = 0, warnings: Sequence[str] = ()) -> Json:
+    """Keys common to all answers of a command; drive, the subject of the answer, None without one."""
+    origin = drive.origin if drive else None
+    return {
+        "schema": schema_of(command),
+        "version": __version__,
+        "preset": {
+            "name": drive.name if drive else None,
+            "sha256": origin.sha256 if origin else None,
+            "overrides": list(origin.overrides) if origin else [],
+        },
+        "exit_code": exit_code,
+        "warnings": list(warnings),
+    }
+
+
+def report_object(report: Report) -> Json:
+    """A report as a JSON object."""
+    answer = envelope(report.command, report.drive, report.exit_code, report.warnings) | report.values
+    if report.certificate:
+        answer["certificate"] = certificate_object(report.certificate, report.cross_checks)
+    return {key: as_json(value) for key, value in answer.items()}
+
+
+def failure(command: str, error: HdassistError, *, preset: str | None = None, file: str | None = None) -> Json:
+    """The answer about a drive or a file that has none: its error.
+
+    Arguments: command; error; preset and file, the names asked for.
+    """
+    return {
+        "schema": schema_of(command),
+        "version": __version__,
+        "preset": {"name": preset, "sha256": None},
+        **({} if file is None else {"file": {"name": file, "sha256": None}}),
+        "exit_code": error.exit_code,
+        "warnings": [],
+        "error": {"code": str(error.fault), "message": error.message, "hint": error.hint},
+    }
+
+
+def combine(command: str, results: Sequence[Json]) -> Json:
+    """One object for all drives: the answer itself where there is one, else a list of them."""
+    return results[0] if len(results) == 1 else together(command, results)
+
+
+def together(command: str, results: Sequence[Json]) -> Json:
+    """One object with a list of answers, be it one or many; its exit code is the worst of theirs."""
+    return {
+        "schema": schema_of(command),
+        "version": __version__,
+        "exit_code": worst_exit_code(result["exit_code"] for result in results),
+        "warnings": [],
+        "results": list(results),
+    }
+
+
+def json_text(answer: Json) -> str:
+    """An answer as text; never NaN or Infinity."""
+    return printable(json.dumps(answer, indent=2, ensure_ascii=True, allow_nan=False)) + "\n"
+
+
+def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """A table as CSV: one header line, plain newlines, full precision, empty where there is no value.
+
+    Text cannot act: hidden characters are escaped, and an apostrophe stands before formulas of spreadsheets.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(map(_cell, header))
+    writer.writerows(map(_cell, row) for row in rows)
+    return text.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    """A cell: numbers as they are, text made harmless."""
+    if value is None or isinstance(value, Number):
+        return "" if value is None else value
+    text = visible(str(value))
+    return f"'{text}" if text.startswith(FORMULA) and not _NUMBER.fullmatch(text) else text
+
+
+def run_each(
+    command: str,
+    names: Sequence[str],
+    one: Callable[[str], Report],
+    out: Output,
+    *,
+    failed: Callable[[str, HdassistError], Json] | None = None,
+    keep_failures: bool = False,
+) -> list[Report]:
+    """Reports on presets or files one after the other; the error of one is its answer, and the others go on.
+
+    Arguments: command, for the schema of failures; names, of presets or files; one, its report; out; failed, the JSON
+    of one without an answer; keep_failures, whether the fault of the only one is an answer too where no JSON is asked
+    for. Raises UsageError at once, the error of the only one, and with --debug any error.
+    """
+    reports: list[Report] = []
+    for name in names:
+        begun = time.monotonic()
+        try:
+            with out.progress(name) if name else nullcontext():  # words before numpy is imported
+                report = one(name)
+        except HdassistError as error:
+            is_ended = len(names) == 1 and not (out.json or keep_failures)
+            if out.debug or isinstance(error, UsageError) or is_ended:
+                raise
+            complain(error, "" if name in error.message else name)
+            fault = failed(name, error) if failed else failure(command, error, preset=name or None)
+            reports.append(Report(command, None, "", values=fault, exit_code=error.exit_code))
+            continue
+        reports.append(report)
+        if out.verbose:
+            _note_time(report, begun, name)
+    return reports
+
+
+def _note_time(report: Report, begun: float, name: str) -> None:
+    """Note on stderr how long a report took since begun [s], its residuals, and the engine that solved its states."""
+    from hdassist.solve.answers import Certificate
+    from hdassist.solve.walk import walk_library
+    from hdassist.terminal.words import proof
+
+    certificate, words = report.certificate, proof(report.certificate)
+    if isinstance(certificate, Certificate):
+        residuals = list(vars(certificate).items())[1:]
+        words += "".join(f", {name.replace('_', ' ')} {value:.1g}" for name, value in residuals)
+    seconds = f"{time.monotonic() - begun:.1f} s"
+    note(f"{report.subject or name}: {seconds}" + (f", {words}; engine: {walk_library()[1]}" if words else ""))
+
+
+def give(
+    command: str, reports: Sequence[Report], out: Output, *, more: Mapping[str, Any] | None = None,
+    below: Sequence[str] = (),
+) -> int:  # fmt: skip
+    """Write warnings, reports as JSON, pages or lines, and tables; returns the worst of their exit codes.
+
+    Arguments: command, for the schema of several; reports, of which those without a head have no page; out; more, keys
+    of JSON about all of them; below, lines under all pages.
+    """
+    for report in reports:
+        for text in report.warnings:
+            warn(f"{report.subject}: {text}" if report.subject else text)
+    if out.json:
+        out.text(json_text({**combine(command, list(map(report_object, reports))), **(more or {})}))
+    elif pages := [report for report in reports if report.head]:
+        if not out.quiet:
+            from rich.console import Group
+
+            made = [made_or("page", partial(_page, each, out), partial(getattr, each, "line")) for each in pages]
+            out.human(Group(*[part for page in made for part in (page, "")][:-1], *below))
+        elif out.csv != "-":
+            out.text("".join(f"{report.line}\n" for report in pages))
+    if out.csv is not None and (tables := [report.csv for report in reports if report.csv]):
+        out.figures(csv_text(tables[0][0], [row for _, rows in tables for row in rows]))
+    return worst_exit_code(report.exit_code for report in reports)
+
+
+def _page(report: Report, out: Output) -> RenderableType:
+    from hdassist.terminal.page import report_page
+
+    return report_page(report, out.style, plots=out.plot, details=out.details)

@@ -31,8 +31,8 @@ from hdassist.report import (
 from hdassist.solve.answers import Certificate
 from hdassist.solve.certificate import TOLERANCE
 from hdassist.solve.throughcvxpy import CROSS_TOLERANCE, CrossCheck
-from hdassist.terminal.console import Style, console, made_or
 from hdassist.terminal.plot import curve, seat_in_characters
+from hdassist.terminal.streams import Style, console, made_or
 from hdassist.terminal.words import proof
 from hdassist.verdict import Verdict
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdassist.report import Curve, Seat
-from hdassist.terminal.console import Style
+from hdassist.terminal.streams import Style
 
 FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
 

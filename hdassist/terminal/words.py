@@ -1,24 +1,32 @@
-"""Words that pages share: the command to type next, the proof, fields that decide, the next measurement."""
+"""Words that pages share: the command to type next, the proof, fields that decide; texts in the reader's language."""
 
 from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import date
+from functools import cache
+from importlib.resources import files
 from typing import TYPE_CHECKING
 
+from hdassist.errors import UsageError
 from hdassist.files import STDIN
 from hdassist.model.assumed import assumptions
 from hdassist.model.unknown import unknown_names, unknowns
 from hdassist.preset.fields import Drive, field_table
+from hdassist.preset.yamltext import shown
 from hdassist.verdict import percent_text
 
 if TYPE_CHECKING:
     from hdassist.belief.influence import Influence, MeasurementGain
     from hdassist.belief.samples import Samples
     from hdassist.belief.statistics import Probability
+    from hdassist.model.wheels import MeasuredTeeth
     from hdassist.report import ReportProof
     from hdassist.solve.throughcvxpy import CrossCheck
+
 
 DRAWN = ("tolerance", "sensitivity", "allocate")  # commands of random drives
 SAMPLED = ("check", "report", "mount", "plan", "accept", "compare", "compensate")  # commands that draw samples
@@ -166,3 +174,75 @@ def samples_words(samples: Samples) -> str:
     if samples.of_ranges.draws < samples.draws:
         words += f", ranges and influence by the first {samples.of_ranges.draws}"
     return words + (f"; {refused} are no drive ({next(iter(samples.refused))})" if refused else "")
+
+
+HOME = "en"
+
+
+@dataclass(frozen=True)
+class Texts:
+    """The catalogue of one language: entries by key, with {fields} to fill in."""
+
+    language: str
+    entries: Mapping[str, str]
+
+    def __call__(self, key: str, **fields: object) -> str:
+        """The text of a key, its fields filled in. Raises KeyError for a key or field that is not there."""
+        return self.entries[key].format(**fields)
+
+    def variant(self, name: str) -> Texts:
+        """The same with the entries "name.key" in place of those of the key."""
+        words = {key.removeprefix(f"{name}."): text for key, text in self.entries.items() if key.startswith(f"{name}.")}
+        return replace(self, entries={**self.entries, **words})
+
+    def number(self, value: float, form: str = "g") -> str:
+        """A number with the decimal point of the language."""
+        return f"{value:{form}}".replace(".", self("number.point"))
+
+    def angle(self, degrees: float) -> str:
+        """An angle with its unit."""
+        return self("unit.angle", angle=self.number(degrees))
+
+    def torque(self, M_g: float) -> str:
+        """A torque [N*m] with its unit."""
+        return self("unit.torque", torque=self.number(M_g))
+
+    def percent(self, share: float, sign: str = "") -> str:
+        """A share as per cent; sign "+" shows that of gains and losses."""
+        return self("unit.percent", value=self.number(100 * share, f"{sign}.0f"))
+
+    def holes(self, count: int) -> str:
+        """A number of holes, in the plural that goes with it."""
+        form = next((f for f in ("one", "few") if re.search(self(f"plural.{f}"), str(count))), "many")
+        return self(f"holes.{form}", count=count)
+
+    def date(self, day: date) -> str:
+        """A date as it is written."""
+        return self("date.form", year=f"{day.year:04}", month=f"{day.month:02}", day=f"{day.day:02}")
+
+
+def languages() -> list[str]:
+    """Languages that there is a catalogue of."""
+    folder = files(__package__) / "languages"
+    return sorted(item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml"))
+
+
+@cache
+def texts(language: str = HOME) -> Texts:
+    """The catalogue of a language. Raises UsageError where there is none."""
+    import yaml
+
+    if language not in languages():
+        raise UsageError(f"no language {language!r}", f"available: {', '.join(languages())}")
+    source = (files(__package__) / "languages" / f"{language}.yaml").read_text(encoding="utf-8")
+    return Texts(language, yaml.safe_load(source))
+
+
+WHEEL_WORDS = {"b": "rigid wheel", "g": "flexspline"}
+
+
+def heading(measured: MeasuredTeeth | None) -> str:
+    """Words behind a heading: whose teeth were measured; empty where none were."""
+    found = measured.by_name.items() if measured else ()
+    words = ", ".join(f"{WHEEL_WORDS[name]} ({shown(wheel.pitch.file)})" for name, wheel in found)
+    return f"; measured teeth: {words}" if words else ""

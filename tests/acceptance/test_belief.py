@@ -19,7 +19,7 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.pages.check import check_report
 from hdassist.readers.pitch import WheelFiles
 from hdassist.run.run import UNCHECKED
-from hdassist.terminal.answers import report_object
+from hdassist.terminal.output import report_object
 from hdassist.verdict import Verdict
 from tests.acceptances import accept
 from tests.process import TINY, run

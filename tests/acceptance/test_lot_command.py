@@ -19,7 +19,7 @@ from pydantic import TypeAdapter
 from hdassist.acceptance import accept as lotwork
 from hdassist.acceptance.answer import ANSWERS, answer_differences, read_answers
 from hdassist.acceptance.request import Request
-from hdassist.commands.accept import AcceptOptions, accept_lot
+from hdassist.commands.acceptance import AcceptOptions, accept_lot
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
 from tests.process import CLEAN, COMMAND, SMALL, TINY, run
 from tests.rigs import drive_error, text
@@ -135,7 +135,8 @@ def test_the_worst_drive_makes_the_exit_code(tmp_path, rows, code, monkeypatch, 
     monkeypatch.setattr(lotwork, "accept", broken)
     monkeypatch.setattr("hdassist.run.run._way", lambda: "fork")  # workers have the patch
     base = Request(SMALL, limits=("F_ior=40",), measured_only=True)
-    found = accept_lot(str(tmp_path / "lot.csv"), base, AcceptOptions(quiet=True, jobs=2))
+    options = AcceptOptions(quiet=True, jobs=2)
+    found = accept_lot(str(tmp_path / "lot.csv"), base, options, options.open())
     assert found == code
     words = [line.split()[1] for line in capsys.readouterr().out.splitlines()]
     assert words == [name.replace("UNTRUSTED", "DATA_ERROR").replace("BUG", "DATA_ERROR") for name in rows]

@@ -10,7 +10,7 @@ from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
 from hdassist.pages.calibrate import calibrate_report
 from hdassist.run.run import UNCHECKED, Run
-from hdassist.terminal.answers import report_object
+from hdassist.terminal.output import report_object
 from tests.process import SMALL
 
 ONE = 1  # start: least squares from the best point alone, where sets that lie far from it are not the point

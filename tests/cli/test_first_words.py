@@ -5,7 +5,11 @@ import sys
 
 import pytest
 
-COMMANDS = ("check", "report", "tolerance", "sensitivity", "allocate", "stiffness", "plan")
+COMMANDS = (
+    *("check", "trace", "stiffness", "report", "tolerance", "sensitivity", "allocate", "plan", "accept", "compensate"),
+    *("mount", "mount --card card.html", "trials", "measure", "compare run.csv", "compare size-17-100"),
+    *("sweep --vary gears.j_n=0,5", "calibrate --targets rig.yaml"),
+)
 LOOK = """
 import sys
 from hdassist.terminal.output import Output
@@ -16,12 +20,14 @@ def look(*_args, **_options):
 
 Output.progress = Output.run = look
 sys.argv = ["hdassist", *sys.argv[1:]]
-from hdassist.cli.main import run_command_line
+from hdassist.cli import run_command_line
 run_command_line()
 """
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_words_come_before_numpy(command: str) -> None:
-    found = subprocess.run([sys.executable, "-c", LOOK, command, "vzp160"], capture_output=True, text=True, check=False)
+    found = subprocess.run(
+        [sys.executable, "-c", LOOK, *command.split(), "vzp160"], capture_output=True, text=True, check=False
+    )
     assert found.stdout.splitlines()[:1] == ["[]"], found.stderr

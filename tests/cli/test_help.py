@@ -6,7 +6,7 @@ from importlib import import_module
 
 import pytest
 
-from hdassist.cli.commands import COMMANDS, module_of
+from hdassist.cli import COMMANDS, module_of
 from hdassist.terminal.options import DECLARED, OptionGroup
 from tests.process import run
 
@@ -23,7 +23,7 @@ def test_without_a_command_there_is_help() -> None:
 def test_commands_stand_in_groups_with_their_whole_summaries() -> None:
     lines = run("--help").stdout.splitlines()
     heads = [line for line in lines if line and not line.startswith(" ")]
-    assert heads[1:] == ["Design:", "Bench:", "Acceptance:", "Data:", "Options:"]
+    assert heads[1:] == ["Design:", "Bench:", "Acceptance:", "Data:", "Help:", "Options:"]
     assert lines.index("Bench:") < next(k for k, line in enumerate(lines) if line.split()[:1] == ["mount"])
     assert not any("..." in line for line in lines if not line.startswith("Usage"))
     assert {line.split()[0] for line in lines if line.startswith("  ")} >= {*NAMES, "presets"}
@@ -94,13 +94,13 @@ def test_help_loads_no_command() -> None:
     code = """
 import sys
 from importlib import import_module
-from hdassist.cli.main import app
+from hdassist.cli import app
 app(["--help"], standalone_mode=False)
 loaded = {name.removeprefix("hdassist.") for name in sys.modules if name.startswith("hdassist.")}
 assert not loaded & {module_of(name).removeprefix("hdassist.") for name in COMMANDS}, loaded
 assert not {"numpy", "pydantic"} & {*sys.modules}
 """
-    subprocess.run([sys.executable, "-c", "from hdassist.cli.commands import COMMANDS, module_of" + code], check=True)
+    subprocess.run([sys.executable, "-c", "from hdassist.cli import COMMANDS, module_of" + code], check=True)
 
 
 def test_every_option_that_is_declared_has_its_field():

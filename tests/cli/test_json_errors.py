@@ -5,8 +5,8 @@ from unittest import mock
 
 import pytest
 
-from hdassist.cli.commands import COMMANDS
-from hdassist.cli.doctor import DoctorFinding
+from hdassist.cli import COMMANDS, OTHER_NAMES
+from hdassist.commands.data import DoctorFinding
 from tests.process import TINY, run
 
 ARGUMENTS = {  # of each command that takes a preset
@@ -51,7 +51,8 @@ def test_an_unreadable_preset_is_an_object_with_the_error(tmp_path, command, fau
     done = run(*command.split(), *arguments, "--json", cwd=tmp_path)
     answer = json.loads(done.stdout)
     assert (done.returncode, answer["exit_code"]) == (4, 4)
-    assert answer["schema"].startswith(f"hdassist.{command.replace(' ', '-')}/")
+    name = OTHER_NAMES.get(command, command).replace(" ", "-")
+    assert answer["schema"].startswith(f"hdassist.{name}/")
     assert answer["error"]["code"] == code
     assert "own.yaml" in answer["error"]["message"]
     assert done.stderr.count("error: ") == 1
@@ -73,7 +74,7 @@ def test_the_object_takes_the_place_of_no_rows(tmp_path) -> None:
 
 
 def test_an_answer_is_followed_by_no_error_object() -> None:
-    with mock.patch("hdassist.cli.doctor.self_test", lambda: DoctorFinding("self-test", "broken", "far off")):
+    with mock.patch("hdassist.commands.data.self_test", lambda: DoctorFinding("self-test", "broken", "far off")):
         done = run("doctor", "--json")
     assert done.returncode == 5
     assert "error" not in json.loads(done.stdout)

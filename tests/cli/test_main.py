@@ -28,7 +28,7 @@ def test_help_imports_nothing_heavy(args):
     code = (
         "import sys\n"
         f"sys.argv = ['hdassist', *{args!r}]\n"
-        "from hdassist.cli.main import run_command_line\n"
+        "from hdassist.cli import run_command_line\n"
         "try:\n    run_command_line()\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
         "heavy = {'numpy', 'scipy', 'cvxpy', 'daqp', 'yaml'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"

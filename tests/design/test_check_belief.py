@@ -11,7 +11,7 @@ from hdassist import load_preset
 from hdassist.design.check import check
 from hdassist.pages.check import check_report
 from hdassist.run.run import Run
-from hdassist.terminal.answers import report_object
+from hdassist.terminal.output import report_object
 from hdassist.verdict import Verdict
 from tests.process import SMALL, TINY, run
 

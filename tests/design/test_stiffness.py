@@ -13,8 +13,8 @@ from hdassist import load_preset
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.pages.curves import stiffness_report, stiffness_warnings
 from hdassist.run.run import UNCHECKED
-from hdassist.terminal.console import Style, console
 from hdassist.terminal.page import report_page
+from hdassist.terminal.streams import Style, console
 from tests.process import SMALL, run
 
 

@@ -12,9 +12,8 @@ from textual.pilot import Pilot
 from textual.widgets import Input
 
 from hdassist.errors import HdassistError
-from hdassist.explorer.app import Explorer
+from hdassist.explorer.app import Explorer, Form
 from hdassist.explorer.compute import Effort
-from hdassist.explorer.screens import Form
 from hdassist.explorer.service import Question
 from hdassist.explorer.state import Session, opened_state
 from tests.process import TINY, no_processes

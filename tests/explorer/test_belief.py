@@ -19,11 +19,11 @@ from hdassist.explorer.compute import (
     lever_effects,
     typical_of,
 )
-from hdassist.explorer.words import headline
+from hdassist.explorer.panes import headline
 from hdassist.loading.load import load_preset
 from hdassist.report import Report
-from hdassist.terminal.answers import json_text, report_object
-from hdassist.terminal.console import Style, console
+from hdassist.terminal.output import json_text, report_object
+from hdassist.terminal.streams import Style, console
 from hdassist.verdict import Verdict
 from tests.explorer.rig import QUICK, tiny
 from tests.process import TINY, no_processes, run

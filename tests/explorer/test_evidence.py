@@ -8,9 +8,8 @@ from pathlib import Path
 from textual.pilot import Pilot
 from textual.widgets import Input, Static
 
-from hdassist.explorer.app import Explorer
+from hdassist.explorer.app import Explorer, Form
 from hdassist.explorer.compute import typical_of
-from hdassist.explorer.screens import Form
 from tests.explorer.rig import QUICK, explored, filled, known_is, screen, settled, tiny, to_lever, typed
 from tests.process import run
 

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from textual.pilot import Pilot
 
-from hdassist.explorer.app import Explorer
-from hdassist.explorer.screens import Notice
+from hdassist.explorer.app import Explorer, Notice
 from hdassist.explorer.state import with_evidence
 from hdassist.loading.load import load_text
 from tests.explorer.rig import FEW, explored, filled, said, screen, tiny, to_lever

@@ -10,12 +10,11 @@ from textual.pilot import Pilot
 
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.design.check import check
-from hdassist.explorer.app import Explorer
+from hdassist.explorer.app import Explorer, Form
 from hdassist.explorer.asking import REST
 from hdassist.explorer.compute import FULL, SURE_RANGE
-from hdassist.explorer.screens import Form
+from hdassist.explorer.panes import order_words
 from hdassist.explorer.state import Session, opened_state
-from hdassist.explorer.words import order_words
 from hdassist.mounting.advice import Advice
 from tests.explorer.rig import FEW, QUICK, F_ior, explored, known_is, screen, settled, tiny
 from tests.process import SMALL

@@ -5,10 +5,9 @@ from __future__ import annotations
 from textual.pilot import Pilot
 from textual.widgets import Input
 
-from hdassist.explorer.app import Explorer
+from hdassist.explorer.app import Explorer, Form
 from hdassist.explorer.asking import REST
-from hdassist.explorer.screens import Form
-from hdassist.explorer.words import middle_of
+from hdassist.explorer.panes import middle_of
 from tests.explorer.rig import explored, said, screen, settled, tiny, to_lever, typed
 
 

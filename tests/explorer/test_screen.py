@@ -8,9 +8,8 @@ from pathlib import Path
 from textual.pilot import Pilot
 
 from hdassist.design.check import check
-from hdassist.explorer.app import Explorer
+from hdassist.explorer.app import Explorer, Notice
 from hdassist.explorer.asking import REST
-from hdassist.explorer.screens import Notice
 from hdassist.explorer.state import opened_state
 from hdassist.preset.fields import resolved_fields
 from tests.explorer.rig import FEW, explored, known_is, screen, settled, tiny, to_lever

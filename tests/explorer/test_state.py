@@ -9,8 +9,8 @@ import pytest
 from hdassist.error.cycle import kinematic_error
 from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.explorer import state
+from hdassist.explorer.panes import head_line
 from hdassist.explorer.state import Session
-from hdassist.explorer.words import head
 from hdassist.loading.load import load_text
 from hdassist.measuring.measure import measure
 from hdassist.readers.trace import TraceForm, read_trace
@@ -104,7 +104,7 @@ def test_a_pin_is_what_others_are_compared_with(session: Session) -> None:
 
 def test_a_second_preset_is_pinned_at_the_torques_of_the_first_and_stands_in_the_command() -> None:
     two = state.opened_state(TINY, ("operation.M_g=[3.0]",), pin="vzp160")
-    assert "with" not in head(two).plain
+    assert "with" not in head_line(two).plain
     assert two.pinned.name == "vzp160" and two.pinned.operation.M_g == (3.0,)
     assert two.command("explore") == f"hdassist explore {TINY} --torque=3 --pin vzp160"
     assert "--pin" not in two.command()

@@ -7,7 +7,7 @@ import os
 import sys
 from pathlib import Path
 
-from hdassist.cli.main import THREADS
+from hdassist.cli import THREADS
 from tests.process import hear_what_is_ignored
 
 for name in THREADS:

@@ -193,7 +193,7 @@ def outcomes(changes: Iterable[Change], longest: float = LONGEST, jobs: int = 1)
     from hdassist.pages import check as check_page  # noqa: F401
     from hdassist.preset import library  # noqa: F401
     from hdassist.run import run  # noqa: F401
-    from hdassist.terminal import wheels  # noqa: F401
+    from hdassist.terminal import output  # noqa: F401
 
     context = multiprocessing.get_context("fork")
     under_way: deque[tuple[Change, Connection, BaseProcess]] = deque()

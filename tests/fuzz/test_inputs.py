@@ -53,7 +53,7 @@ def test_seeds_are_meant_as_they_are(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 def test_a_file_that_is_lost_is_seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     args = ("presets", "new", "x", "-o", "mine.txt", "--force")
     assert judged(0, Input("options", args, {"mine.txt": b"mine\n"}), _folder(tmp_path, 0), solves=True).fault == ""
-    monkeypatch.setattr("hdassist.terminal.files.require_writable", lambda path, force: None)
+    monkeypatch.setattr("hdassist.terminal.streams.require_writable", lambda path, force: None)
     lost = judged(1, Input("options", args[:-1], {"mine.txt": b"mine\n"}), _folder(tmp_path, 1), solves=True)
     assert lost.fault == "mine.txt is changed"
 

@@ -18,8 +18,7 @@ import pytest
 import typer
 from typer.models import OptionInfo
 
-from hdassist.cli.commands import COMMANDS
-from hdassist.cli.main import app
+from hdassist.cli import COMMANDS, app
 from tests.fuzz.inputs import GOOD, unsolved
 from tests.fuzz.seeds import TRACES
 from tests.process import TINY, run

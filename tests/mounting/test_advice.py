@@ -11,7 +11,7 @@ from hdassist.pages.card import instruction, seat_of, turn
 from hdassist.pages.mount import mount_report
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.plot import seat_in_characters
-from hdassist.terminal.texts import texts
+from hdassist.terminal.words import texts
 from tests.process import SMALL
 
 

@@ -16,7 +16,7 @@ from hdassist.pages.card import Card, instruction, seat_of, warnings_of
 from hdassist.pages.mount import mount_warnings
 from hdassist.pages.report import CENTRE, HOLE_CIRCLE, card_html, card_text
 from hdassist.terminal.plot import seat_in_characters
-from hdassist.terminal.texts import Texts, languages, texts
+from hdassist.terminal.words import Texts, languages, texts
 from hdassist.version import __version__
 from tests.advices import MADE, TRIALS, advice_of, card, cards, crowded
 

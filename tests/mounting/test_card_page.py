@@ -9,7 +9,7 @@ import subprocess
 import pytest
 
 from hdassist.pages.report import card_html, lines_on_paper
-from hdassist.terminal.texts import languages
+from hdassist.terminal.words import languages
 from tests.advices import card, cards, crowded
 
 CHROMIUM = shutil.which("chromium")

@@ -9,8 +9,8 @@ from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.pages.mount import instruction_of, mount_card_facts, mount_report, next_value_words
 from hdassist.run.run import UNCHECKED
-from hdassist.terminal.answers import report_object
-from hdassist.terminal.texts import texts
+from hdassist.terminal.output import report_object
+from hdassist.terminal.words import texts
 from tests.process import SMALL, run
 from tests.support import changed
 

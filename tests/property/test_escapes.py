@@ -32,9 +32,9 @@ from hdassist.report import (
     Tiles,
 )
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
-from hdassist.terminal.answers import csv_text, json_text, report_object
-from hdassist.terminal.console import Style, console
+from hdassist.terminal.output import csv_text, json_text, report_object
 from hdassist.terminal.page import report_page
+from hdassist.terminal.streams import Style, console
 from tests.advices import advice_of, card
 from tests.process import TINY, on_terminal, run
 from tests.test_plaintext import EVERY_HIDDEN, hidden

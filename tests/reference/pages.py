@@ -9,8 +9,8 @@ from typing import Any
 
 import typer
 
-from hdassist.cli.main import app
-from hdassist.explaining.words import GROUPS, SYMBOLS
+from hdassist.cli import app
+from hdassist.explaining import GROUPS, SYMBOLS
 from hdassist.preset.fields import (
     BY_PATH,
     sections,

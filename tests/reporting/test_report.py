@@ -20,8 +20,8 @@ from hdassist.pages.mount import instruction_of, mount_report
 from hdassist.pages.report import ENVELOPE_COLUMNS, drive_report, outline, report_html, report_markdown
 from hdassist.preset.fields import origin_counts
 from hdassist.report import Curve, Facts, Lines, Paragraph, ReportSection, Seat, Table, Tiles, four_digits
-from hdassist.terminal.answers import report_object
-from hdassist.terminal.console import Style
+from hdassist.terminal.output import report_object
+from hdassist.terminal.streams import Style
 from hdassist.terminal.words import proof
 from tests.process import SMALL, run
 

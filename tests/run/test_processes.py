@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from hdassist.cli.main import THREADS
+from hdassist.cli import THREADS
 from hdassist.errors import DataError, UntrustedError
 from hdassist.run.run import apart, count, workers
 from tests.process import CLEAN, SMALL

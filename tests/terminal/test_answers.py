@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hdassist.json_parts import as_json
 from hdassist.plaintext import visible
 from hdassist.report import Quantity
-from hdassist.terminal.answers import FORMULA, csv_text, json_text
+from hdassist.terminal.output import FORMULA, csv_text, json_text
 from hdassist.verdict import Verdict
 from tests.test_plaintext import EVERY_HIDDEN, hidden
 

@@ -9,16 +9,15 @@ import pytest
 from typer.main import get_command
 
 from hdassist.belief.influence import Influence
-from hdassist.cli.commands import COMMANDS, OTHER_NAMES
-from hdassist.cli.main import app
-from hdassist.commands.check import CheckCommand
+from hdassist.cli import COMMANDS, OTHER_NAMES, app
+from hdassist.commands.design import CheckCommand
 from hdassist.loading.load import load_preset
 from hdassist.report import Facts, Report
 from hdassist.solve.answers import Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.terminal.console import Style, console
 from hdassist.terminal.options import torque_overrides
 from hdassist.terminal.page import report_page
+from hdassist.terminal.streams import Style, console
 from hdassist.terminal.words import (
     LIMITED,
     TAKEN_OVER,

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hdassist.errors import DataError, UsageError
-from hdassist.terminal.files import require_writable, write_text
+from hdassist.terminal.streams import require_writable, write_text
 
 
 def test_a_file_is_written_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

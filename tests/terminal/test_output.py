@@ -16,8 +16,8 @@ from rich.text import Text
 
 from hdassist.errors import DataError
 from hdassist.terminal import output
-from hdassist.terminal.console import Style
 from hdassist.terminal.output import Output, complain
+from hdassist.terminal.streams import Style
 from tests.process import SMALL, TINY, on_terminal, run
 from tests.test_plaintext import EVERY_HIDDEN, hidden
 

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdassist.report import Curve, Quantity, Table, as_object, csv_table
-from hdassist.terminal.answers import combine, csv_text, json_text
-from hdassist.terminal.console import Style
+from hdassist.terminal.output import combine, csv_text, json_text
 from hdassist.terminal.plot import curve, dots_to_braille, least_and_greatest
+from hdassist.terminal.streams import Style
 
 BRAILLE, ASCII = Style(ascii=False, codes=False, width=80), Style(ascii=True, codes=False, width=80)
 

@@ -1,16 +1,61 @@
 """Explanations of checks, remarks, fields, sections, symbols, words and errors, by any spelling of their names."""
 
+from __future__ import annotations
+
 import re
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
+from importlib.resources import files
 from typing import Literal
 
 from hdassist.acceptance.limits import CODES, Check
-from hdassist.errors import UsageError
-from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS, WORDS_OF_PAGES
+from hdassist.errors import Fault, UsageError
 from hdassist.preset.fields import PresetField, field_table, plain, sections
+
+
+@dataclass(frozen=True)
+class Term:
+    """A word: in Russian, its meaning, other names (symbols, keys of JSON), and the unit of a quantity."""
+
+    word: str
+    meaning: str
+    russian: str = ""
+    others: Sequence[str] = ()
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """Symbols with one meaning: as the paper writes them, where the code has them (Markdown), in words, with unit."""
+
+    paper: Sequence[str]
+    code: str
+    words: str
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class FaultWords:
+    """Meaning of a kind of error, and its remedy."""
+
+    meaning: str
+    change: str
+
+
+_TABLE = tomllib.loads(files("hdassist").joinpath("explaining.toml").read_text("utf-8"))
+GROUPS: Mapping[str, Sequence[Term]] = {
+    group: tuple(Term(**each) for each in terms) for group, terms in _TABLE["terms"].items()
+}
+TERMS = tuple(term for group in GROUPS.values() for term in group)
+WORDS_OF_PAGES: Mapping[tuple[str, ...], str] = {
+    tuple(names.split(", ")): words for names, words in _TABLE["pages"].items()
+}
+SYMBOLS = tuple(Symbols(**each) for each in _TABLE["symbols"])
+FAULTS = {Fault(code): FaultWords(**each) for code, each in _TABLE["faults"].items()}
+
 
 EntryKind = Literal["check", "remark", "quantity or word", "symbol", "field", "section", "error", "option"]
 GREEK = {

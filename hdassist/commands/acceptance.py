@@ -1,7 +1,8 @@
-"""`hdassist accept`: drives, and lots of them, held against their limits."""
+"""Commands of acceptance: plan, and accept for drives, lots and answers done again."""
 
 from __future__ import annotations
 
+from collections.abc import Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,14 +12,64 @@ from hdassist.errors import HdassistError, UsageError
 from hdassist.terminal import options as o
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Sequence
-
     from hdassist.acceptance.answer import AcceptAnswer
     from hdassist.acceptance.request import Lot, LotRow, Request
     from hdassist.json_parts import Json
+    from hdassist.planning import ReadingPlan
     from hdassist.report import Report
     from hdassist.run.kept import Kept
     from hdassist.terminal.output import Output
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
+    """How much of F'_ior a test sees, before it is made: which positions or which record are enough.
+
+    \b
+    Examples:
+      hdassist plan vzp160
+      hdassist plan my-drive.yaml --limit F_ior@6.7=45 --noise 0.5
+      hdassist plan my-drive.yaml --limit 45 --positions 127
+      hdassist plan vzp160 --positions 24 --turns 2 --json
+
+    A test reads the output at some positions, from an angle that is not known, and takes the greatest less the least
+    error. It misses all that lies between, and does not see waves that come as often as there are positions. Each drive
+    that this one may be, by all that is not known exactly (docs/unknown.md), is put to each test, at the first torque
+    with a limit. Its teeth are smooth; noise of single teeth lowers the shares (docs/plan.md).
+
+    A test is enough that keeps both shares of wrong verdicts, false PASS and false FAIL among all tested; without
+    a limit, one that sees 95 % of F'_ior in 95 % of cases. Exit codes: 0 a test (or the one asked about) is enough, 3
+    it is not, 6 that is open, 2 wrong options, 4 bad preset, 5 no trustworthy answer.
+    """
+
+    preset: str
+    positions: int | None = None
+    turns: float = 1.0
+    both: bool = False
+    noise: float = 0.0
+    corrected: bool = False
+    wrong: float = 0.05
+
+    def plan(self) -> ReadingPlan | None:
+        """The test to judge, None where none was asked about. Raises UsageError for options without one."""
+        from hdassist.planning import ReadingPlan
+
+        if self.positions is not None:
+            return ReadingPlan.positions(self.positions, self.turns, self.both)
+        if self.both or self.turns != 1:
+            raise UsageError("--turns and --both are of a test to judge", "--positions 12")
+        return None
+
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """Tests of the drive, judged."""
+        from hdassist.design.check import check_states
+        from hdassist.pages.plan import plan_report
+        from hdassist.planning import PlanDemands, choose_plan
+
+        asked, demands = self.plan(), PlanDemands(self.wrong, self.noise, self.corrected)
+        drive = self.load(preset)
+        with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
+            return plan_report(choose_plan(drive, asked=asked, demands=demands, draws=self.draws, run=run))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,14 +84,16 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
 
     def replaces(self, path: str) -> bool:
         """Whether an existing file may be replaced: a lot that goes on replaces figures and suites of its last run."""
+        if self.force or not self.resume:
+            return self.force
         from hdassist.pages.accept import FIGURES_HEAD, SUITES_HEAD
-        from hdassist.terminal.files import begins_with
+        from hdassist.terminal.streams import begins_with
 
-        return self.force or (self.resume and begins_with(path, (FIGURES_HEAD, SUITES_HEAD)))
+        return begins_with(path, (FIGURES_HEAD, SUITES_HEAD))
 
     def open(self) -> Output:
         """Where answers go. Raises UsageError and DataError unless each file has its own place, and can be written."""
-        from hdassist.terminal.files import take_output
+        from hdassist.terminal.streams import take_output
 
         if self.jsonl == "-" or (self.resume and self.jsonl is None):
             raise UsageError("answers of a lot are kept in a file", "--jsonl FILE")
@@ -92,14 +145,16 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
 
     def run(self) -> int:
         """Accept the drives, the lot, or recorded answers again; returns the exit code."""
-        from hdassist.acceptance.request import Request, is_lot
+        out = self.open()
+        with out.progress(self.presets[0] if self.presets else self.replay or ""):  # words before numpy is imported
+            from hdassist.acceptance.request import Request, is_lot
 
+            base = self.request()
         lots = [name for name in self.presets if is_lot(name) or (name == "-" and self.preset)]
         if not self.presets and self.replay is None:
             raise UsageError("nothing to accept", "name a preset or a lot.csv; hdassist accept -h")
         if len(self.presets) > 1 and lots:
             raise UsageError(f"{lots[0]} is a lot: one lot at a time, without other drives")
-        base = self.request()
         wheels, files = base.wheels, base.files()[1:]
         if not lots:
             wheels.require_sound()
@@ -117,8 +172,8 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             if self.presets or self.csv or self.jsonl or self.junit or base != Request(""):
                 words = "no PRESET, and no other options than --json, -o, --jobs"
                 raise UsageError("--replay does what its answer says", words)
-            return replay_answers(self.replay, self)
-        return accept_lot(lots[0], base, self) if lots else accept_presets(self.presets, base, self)
+            return replay_answers(self.replay, self, out)
+        return accept_lot(lots[0], base, self, out) if lots else accept_presets(self.presets, base, self, out)
 
     def request(self) -> Request:
         """The request that every drive gets. Raises UsageError for an invalid limit."""
@@ -141,7 +196,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         )
 
 
-def accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand) -> int:
+def accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand, out: Output) -> int:
     """Accept drives one after the other; returns the exit code.
 
     Raises what is wrong with the only drive, and UsageError with any.
@@ -152,17 +207,15 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand
     from hdassist.design.check import check_states
     from hdassist.pages.accept import accept_report
     from hdassist.run.run import Run
-    from hdassist.terminal.runs import run_each
-    from hdassist.terminal.wheels import say_notes
+    from hdassist.terminal.output import run_each
 
-    out = options.open()
     answers: list[AcceptAnswer] = []
 
     def one(preset: str) -> Report:
         request = replace(base, preset=preset)
         drive = request.load(options.taken_over())
         inputs = request.read(drive)
-        say_notes(inputs.wheels)
+        o.note_teeth(inputs.wheels)
         states = 0 if request.measured_only else check_states(drive, inputs.wheels, request.draws)
         with out.progress(drive.name, states) as progress, out.workers(options) as executor:
             run = Run(executor, progress)
@@ -175,14 +228,14 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand
         answers.append(failure_of(LotRow(replace(base, preset=preset)), error))
         return answer_json(answers[-1])
 
-    reports = run_each("accept", presets, one, options, failed=failed, keep_failures=options.junit is not None)
+    reports = run_each("accept", presets, one, out, failed=failed, keep_failures=options.junit is not None)
     return _give(reports, answers, "accept", options, out)
 
 
-def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
+def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) -> int:
     """Accept the drives of a lot; returns the exit code.
 
-    Arguments: path of a table; base, the request that every drive gets; options.
+    Arguments: path of a table; base, the request that every drive gets; options; out.
     Raises UsageError: options that cannot be meant, or a file that is there already; DataError: a table or file
     that cannot be read or written; PresetError: names of columns that cannot be meant.
     """
@@ -192,12 +245,8 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
     from hdassist.pages.accept import lot_report, title
     from hdassist.run.kept import KeptOwner, open_kept
     from hdassist.run.stops import at_stop
-    from hdassist.terminal.answers import failure
-    from hdassist.terminal.output import complain, note
-    from hdassist.terminal.runs import run_each
+    from hdassist.terminal.output import complain, failure, note, run_each
 
-    owner = KeptOwner(command="accept", inputs={})  # each answer has the files that it comes from
-    out = options.open()
     done: list[AcceptAnswer] = []
     name, sha256 = path, ""
 
@@ -208,6 +257,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
         name, sha256 = lot.file, lot.sha256
         for file in (file for row in lot.rows for file in row.request.files()):
             note_input(file)
+        owner = KeptOwner(command="accept", inputs={})  # each answer has the files that it comes from
         with open_kept(options.jsonl, owner, ANSWERS, force=not options.resume) as kept:
             known = _known(lot, kept, options) if options.resume else [None] * len(lot.rows)
             before, is_known = kept.done, sum(map(bool, known))
@@ -232,7 +282,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions) -> int:
             note(f"wrote {options.jsonl}")
         return lot_report(lot, done)
 
-    reports = run_each("accept", [path], one, options, failed=lambda name, error: failure("accept", error, file=name))
+    reports = run_each("accept", [path], one, out, failed=lambda name, error: failure("accept", error, file=name))
     return _give(reports, done, name, options, out, sha256)
 
 
@@ -246,12 +296,12 @@ def _give(
 ) -> int:
     """Write reports, and their answers as CSV and as JUnit with a name of the whole; returns the exit code."""
     from hdassist.pages.accept import csv, junit
-    from hdassist.terminal.files import write_text
-    from hdassist.terminal.runs import give
+    from hdassist.terminal.output import give
+    from hdassist.terminal.streams import write_text
 
     if options.junit == "-":
         reports = [replace(report, head="") for report in reports]
-    code = give("accept", reports, options, out)
+    code = give("accept", reports, out)
     for path, text_of in ((options.csv, csv), (options.junit, partial(junit, name, lot_sha256=lot_sha256))):
         if path is not None and answers:
             write_text(path, text_of(answers), options.replaces(path))
@@ -280,15 +330,14 @@ def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[A
     return found
 
 
-def replay_answers(path: str, options: AcceptOptions) -> int:
+def replay_answers(path: str, options: AcceptOptions, out: Output) -> int:
     """Do the answers of a file of --json or --jsonl again; returns the exit code. Raises DataError: no such file."""
     from hdassist.acceptance.answer import changed_file, read_answers
     from hdassist.acceptance.request import LotRow
     from hdassist.pages.accept import replay_report
-    from hdassist.terminal.output import complain
-    from hdassist.terminal.runs import give
+    from hdassist.terminal.output import complain, give
 
-    out, recorded = options.open(), read_answers(path)
+    recorded = read_answers(path)
     faults = list(map(changed_file, recorded))
     for fault in filter(None, faults):
         complain(fault)
@@ -299,7 +348,7 @@ def replay_answers(path: str, options: AcceptOptions) -> int:
             replay_report(answer, None if fault or not answer.request else next(fresh), fault)
             for answer, fault in pairs
         ]
-    return give("accept-replay", reports, options, out)
+    return give("accept-replay", reports, out)
 
 
 def _answers(

@@ -11,8 +11,7 @@ import pytest
 
 from hdassist.acceptance.limits import CHECKS, CODES
 from hdassist.errors import Fault, HdassistError, UsageError
-from hdassist.explaining.lookup import entries, explained
-from hdassist.explaining.words import FAULTS, SYMBOLS, TERMS
+from hdassist.explaining import FAULTS, SYMBOLS, TERMS, entries, explained
 from hdassist.explorer.panes import MARKS
 from hdassist.pages import check as check_page
 from hdassist.pages import curves as curves_page
@@ -122,7 +121,7 @@ def test_all_words_of_pages_are_known() -> None:
             explained(word)
         except UsageError:
             unknown.append(word)
-    assert not unknown, "to be explained in hdassist/explaining/words.toml"
+    assert not unknown, "to be explained in hdassist/explaining.toml"
     assert {"now", "N"} <= {name for entry in explained("N") for name in entry.names}  # beside the number of balls
 
 

@@ -1,0 +1,358 @@
+"""The hdassist command: its commands, their help, and how it ends."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import re
+import sys
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache, partial
+from importlib import import_module
+from inspect import unwrap
+from typing import Annotated, Any, TypeAlias, get_args, get_type_hints
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
+from hdassist.files import begin_run
+from hdassist.terminal.options import PageOptions
+from hdassist.version import __version__
+
+# of click, of which typer has a copy: only its subclasses are public
+Context: TypeAlias = Any
+Formatter: TypeAlias = Any
+
+OTHERS = "Options"
+SECTIONS = (  # of options, in their order; sections of commands stand before them
+    "Arguments", OTHERS, "Drive", "Measured trace", "Measured teeth", "Trials", "Card", "Lot", "Archive", "Controller",
+    "Answer", "Advanced",
+)  # fmt: skip
+_NOTE = re.compile(r"  \[(?:default: )?\(?([^;\]]*?)\)?(?:; [^\]]*)?\]$")  # default and range, as typer writes them
+WIDEST = 31  # columns of names of options: --limit [NAME@TORQUE=]VALUE ...
+ADDRESSES = 512_000_000  # bytes: with less OpenBLAS waits for ever while it is loaded, or ends the process
+LONGEST_SENTENCE = 1000  # characters: no first sentence of a help text is longer
+
+
+class Sectioned:
+    """A command whose help has its options in sections, behind rows of its own."""
+
+    def rows(self) -> Iterable[Row]:
+        """Rows that stand before the options, with their sections."""
+        return ()
+
+    def format_options(self, ctx: Context, formatter: Formatter) -> None:
+        """Write the rows, then the options, each in its section."""
+        command: Any = self
+        panels: dict[str, list[tuple[str, str]]] = {}
+        for panel, record in (*self.rows(), *(_row(parameter, ctx) for parameter in command.get_params(ctx))):
+            if record:
+                panels.setdefault(panel, []).append(record)
+        for panel, records in sorted(panels.items(), key=lambda p: SECTIONS.index(p[0]) if p[0] in SECTIONS else -1):
+            with formatter.section(panel):
+                formatter.write_dl(records, col_max=WIDEST)
+
+
+class Command(Sectioned, TyperCommand):
+    """A command that is a dataclass: its fields are the options, its docstring the help, `run` gives the exit code.
+
+    Its help has a section for each group of options, and its numbers are written in ASCII digits.
+    """
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        kinds = get_type_hints(unwrap(options["callback"]))
+        parameter: Any
+        for parameter in self.params:
+            kind = kinds.get(parameter.name)
+            if {int, float} & {kind, *get_args(kind)}:
+                parameter.process_value = partial(_process, parameter, parameter.process_value)
+
+    def invoke(self, ctx: Context) -> None:
+        """Make the command of its options, run it, and leave with its exit code."""
+        require_memory()
+        command = super().invoke(ctx)
+        try:
+            code = command.run()
+        except KeyboardInterrupt:  # before there was anything to answer with
+            from hdassist.terminal.output import note
+
+            note("interrupted")
+            code = 130
+        except HdassistError as error:
+            if isinstance(command, PageOptions) and not isinstance(error, UsageError):
+                command.give_failure("-".join(ctx.command_path.split()[1:]), error)
+            raise
+        ctx.exit(code)
+
+
+class Commands(Sectioned, TyperGroup):
+    """A command of commands."""
+
+    def rows(self) -> Iterator[Row]:
+        """Commands and their summaries, with their sections."""
+        for name, command in self.commands.items():
+            yield "Commands", (name, command.get_short_help_str(LONGEST_SENTENCE))
+
+
+def require_memory() -> None:
+    """Raise DataError where the addresses that a process may have (ulimit -v) do not hold numpy and its solvers."""
+    try:
+        import resource
+    except ImportError:  # Windows has no such limit
+        return
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if 0 <= limit < ADDRESSES:
+        words = f"the memory that a process may have is {limit / 1e6:.0f} MB: too little to compute with"
+        raise DataError(words, f"ulimit -v {ADDRESSES // 1000} or more, in kB", Fault.SYSTEM_LIMITS)
+
+
+def _process(parameter: Any, process: Callable[[Context, Any], Any], ctx: Context, value: Any) -> Any:
+    """Process texts of an option of numbers, without the underscores and other scripts' digits that Python reads."""
+    for text in value if isinstance(value, list | tuple) else [value]:
+        if isinstance(text, str) and ("_" in text or not text.isascii()):
+            raise typer.BadParameter(f"{text!r} is not a number: expected ASCII digits", ctx=ctx, param=parameter)
+    return process(ctx, value)
+
+
+Row = tuple[str, tuple[str, str] | None]  # section of a help text; its left and right column
+
+
+def _row(parameter: Any, ctx: Context) -> Row:
+    """The row of a parameter in a help text, with its section: of its default and range the default alone.
+
+    Three dots stand behind an option that may be given several times.
+    """
+    kind = "Arguments" if parameter.param_type_name == "argument" else OTHERS
+    record = parameter.get_help_record(ctx)
+    if kind != OTHERS:
+        return kind, record and (record[0].partition(" <")[0], _NOTE.sub("", record[1]))
+    dots = " ..." * bool(getattr(parameter, "multiple", False))
+    return parameter.rich_help_panel or kind, record and (record[0] + dots, _NOTE.sub(_default, record[1]))
+
+
+def _default(note: re.Match[str]) -> str:
+    return "" if note[1] == "-" or "<=" in note[1] else note[0] if note[1] == "required" else f" [{note[1]}]"
+
+
+SUMMARIES = {  # summary of each command by the section of the help in which it stands
+    "Design": {
+        "check": "F'_ior over the full cycle, with verdict and proof",
+        "explore": "the drive on the screen: turn its knobs and its wheel",
+        "trace": "the error against the cam angle, with its orders",
+        "stiffness": "twist against torque, lost motion, K1, K2, K3",
+        "tolerance": "yield of random drives, as built and best mounted",
+        "sensitivity": "which tolerance to tighten first, and its gain",
+        "allocate": "the cheapest tolerances that reach a yield",
+        "sweep": "F'_ior over a grid of values of any fields",
+        "compare": "presets side by side; a measured trace over the predicted one",
+        "report": "a drive on one page, HTML or Markdown",
+    },
+    "Bench": {
+        "mount": "in which hole to bolt the fixed wheel; what to measure",
+        "trials": "mount by its old name",
+        "measure": "F'_ior, orders and coverage of measured traces",
+        "compensate": "how much a stored correction takes off, and its table",
+    },
+    "Acceptance": {
+        "plan": "how much a test of F'_ior sees, and which test is enough",
+        "accept": "PASS, FAIL or INCONCLUSIVE, for a drive or a lot",
+    },
+    "Data": {
+        "presets": "drives: list, show, validate, start",
+        "calibrate": "stiffnesses and clearances from measurements",
+        "doctor": "whether this installation can be relied on",
+    },
+    "Help": {
+        "explain": "meaning of a check, error, field, symbol or word",
+    },
+}
+COMMANDS = tuple(name for summaries in SUMMARIES.values() for name in summaries)
+OTHER_NAMES = {"trials": "mount"}  # commands by an old name
+MODULES = {
+    "hdassist.commands.design": ("check", "trace", "stiffness", "sweep", "compare", "report"),
+    "hdassist.commands.production": ("tolerance", "sensitivity", "allocate"),
+    "hdassist.commands.mount": ("mount",),
+    "hdassist.commands.bench": ("measure", "compensate"),
+    "hdassist.commands.acceptance": ("plan", "accept"),
+    "hdassist.commands.data": ("calibrate", "presets", "doctor", "explain"),
+    "hdassist.explorer.command": ("explore",),
+}
+OPTIONS: Any = {"add_completion": False, "rich_markup_mode": None}  # of each typer
+PRESETS = ("list", "show", "validate", "schema", "new")  # commands of `hdassist presets`
+
+
+def module_of(name: str) -> str:
+    """Module of a command, which has a class named after it, as `CheckCommand`."""
+    own = OTHER_NAMES.get(name, name)
+    return next(module for module, names in MODULES.items() if own in names)
+
+
+@cache
+def _loaded(name: str) -> Any:
+    """A command, by name, loaded when it is called."""
+    name, module = OTHER_NAMES.get(name, name), import_module(module_of(name))
+    if name == "presets":
+        words = "Presets: list, show, check and start them."
+        app = typer.Typer(name=name, cls=Commands, help=words, no_args_is_help=True, **OPTIONS)
+        classes = {part: f"Presets{part.title()}Command" for part in PRESETS}
+    else:
+        app, classes = typer.Typer(**OPTIONS), {name: f"{name.title()}Command"}
+    for each, class_name in classes.items():
+        app.command(each, cls=Command)(getattr(module, class_name))
+    return typer.main.get_command(app)
+
+
+REMOVED_OPTIONS = {
+    "--rule": "--set acceptance.rule=simple",
+    "--assume-phases": "--set phases.phi_hb=0, or what it is",
+    "--samples": "--draws N",
+    **dict.fromkeys(("--scheduler", "--scheduler-file"), "--executor dask=tcp://HOST:PORT"),
+    "--reseat": "--noise, the spread of repeats with the wheel mounted again",
+    "--trial": "hdassist mount PRESET h0=28.1 h4=17.3",
+}
+
+
+class RootCommands(Commands):
+    """The commands of hdassist: the one that is called is loaded, the help needs none of them."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        names: Any = dict.fromkeys(COMMANDS)
+        self.commands = names
+
+    def get_command(self, _ctx: Context, name: str) -> Any:
+        """The command of a name."""
+        return _loaded(name) if name in self.commands else None
+
+    def rows(self) -> Iterator[Row]:
+        """Commands and their summaries, with their sections."""
+        yield from ((panel, row) for panel, summaries in SUMMARIES.items() for row in summaries.items())
+
+
+# The error of a wrong command line, click's or typer's own copy of it: only its subclasses are public.
+ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
+# faults of the system: of a device that takes no more, or none; of resources that it has no more of
+DEVICE_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)
+# each 1: small matrices gain nothing by more, and a process with several cannot be forked
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+app = typer.Typer(
+    name="hdassist",
+    help="Kinematic error of harmonic drives, and how to make it less.",
+    cls=RootCommands,
+    invoke_without_command=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"hdassist {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _global(
+    ctx: typer.Context,
+    _: Annotated[
+        bool, typer.Option("--version", "-V", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Kinematic error of harmonic drives, and how to make it less.
+
+    \b
+    hdassist check vzp160           a first answer
+    hdassist COMMAND -h             a command, examples first
+    """
+    if ctx.invoked_subcommand is None:
+        typer.echo(ctx.get_help())
+
+
+def run_command_line() -> None:
+    """Run the command line and leave with its exit code."""
+    for name in THREADS:
+        os.environ.setdefault(name, "1")  # read when numpy loads
+    _open_streams()
+    begin_run()
+    try:
+        _require_lines(sys.argv[1:])
+        sys.exit(app(prog_name="hdassist", standalone_mode=False))
+    except ClickException as error:
+        shown = io.StringIO()
+        error.show(shown)
+        lines = shown.getvalue().replace(": Value error, ", ": ").replace("\nError: ", "\nerror: ")
+        hint = REMOVED_OPTIONS.get(getattr(error, "option_name", ""), "")
+        _say(lines, hint, Fault.USAGE if "\nerror: " in lines else None)  # a group without a command shows its help
+        sys.exit(error.exit_code)
+    except Exception as error:  # whatever ends a command: known errors by their exit codes, the rest as a bug, 1
+        if "--debug" in sys.argv:
+            _say(traceback.format_exc())
+        from hdassist.terminal.output import complain
+
+        known = _as_known(error)
+        complain(known)
+        sys.exit(known.exit_code)
+    finally:
+        _say_of_cache()
+
+
+def _say_of_cache() -> None:
+    """Warn where the cache of a command that computes is not used, as another user could have put answers there."""
+    if "hdassist.run.cache" in sys.modules:
+        from hdassist.run.cache import FOLDER, keeps_answers, why_unsafe
+
+        if keeps_answers() and (words := why_unsafe()):
+            _say(f"warning: {words}: no answers are kept or read there; {FOLDER} names another folder")
+
+
+def _as_known(error: Exception) -> HdassistError:
+    """An error with the words and the exit code that it ends the command with."""
+    if isinstance(error, HdassistError):
+        return error
+    if isinstance(error, MemoryError):
+        words, hint = "there is not memory enough for an answer", "fewer --jobs take less of it"
+        return UntrustedError(words, hint, Fault.MEMORY_SHORT)
+    number = error.errno if isinstance(error, OSError) else None
+    if number in DEVICE_FAULTS:  # typer writes help and version; files say it themselves
+        from hdassist.terminal.streams import silence
+
+        silence()  # or the rest of the buffer fails once more at the end
+        words, hint = f"cannot write: {os.strerror(number)}", "is standard output closed, or on a full device?"
+        return DataError(words, hint, Fault.FILE_UNWRITABLE)
+    if number in SCARCE:
+        words, hint = f"the system refuses: {os.strerror(number)}", "ulimit -a shows what a process may have"
+        return DataError(words, hint, Fault.SYSTEM_LIMITS)
+    words = f"internal error: {type(error).__name__}: {error}"
+    return HdassistError(words, "this is a bug in hdassist; --debug shows where")
+
+
+def _require_lines(arguments: list[str]) -> None:
+    """Raise UsageError where an argument has a line break: it could forge a line of the output."""
+    for text in arguments:
+        if "\n" in text:
+            raise UsageError(f"a line break in {text[:60]!r}", "names, paths and values are written on one line")
+
+
+def _say(text: str, hint: str = "", fault: Fault | None = None) -> None:
+    from hdassist.terminal.output import with_code
+    from hdassist.terminal.streams import say
+
+    say(text.rstrip("\n") + (f"\n  hint: {with_code(hint, fault)}" if fault else ""))
+
+
+def _open_streams() -> None:
+    """Give a stream that was closed by the caller (>&-) a place of its own: Python has None in it.
+
+    Messages go nowhere; an answer on standard output cannot be written, and the command says so by its exit code.
+    """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            mode = os.O_RDONLY if name == "stdout" else os.O_WRONLY
+            setattr(sys, name, os.fdopen(os.open(os.devnull, mode), "w", encoding="utf-8"))

@@ -1,0 +1,288 @@
+"""Commands of the bench: measure with its archive, compensate with the files of controllers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import TYPE_CHECKING, Literal
+
+from hdassist.errors import UsageError
+from hdassist.terminal import options as o
+
+if TYPE_CHECKING:
+    from hdassist.correction.correct import Correction
+    from hdassist.correction.forms import CorrectionForm
+    from hdassist.correction.records import RecordedError
+    from hdassist.correction.writers import ControllerFormat
+    from hdassist.measuring.measure import Measurement
+    from hdassist.preset.fields import Drive
+    from hdassist.report import Report
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArchiveOptions(o.OptionGroup):
+    """Where results are kept, of which drive and measured how; or the drive whose history is shown."""
+
+    archive: str | None = None
+    serial: str = ""
+    conditions: list[str]
+    history: str | None = None
+
+    def archiving(self, files: Sequence[str]) -> Callable[[Measurement], None]:
+        """The use of each result of files. Raises UsageError for options that do not go together."""
+        from hdassist.measuring.archive import add_to_archive, read_conditions
+        from hdassist.terminal.output import note
+
+        asked = (bool(files), bool(self.archive), bool(self.serial), self.history is not None)
+        if asked not in ((1, 0, 0, 0), (1, 1, 1, 0), (0, 1, 0, 1)) or (self.conditions and not self.serial):
+            words = "expected FILE, FILE --archive DIR --serial S, or --history S --archive DIR"
+            raise UsageError(words, "hdassist measure -h")
+        conditions = read_conditions(self.serial, self.conditions)
+
+        def take(found: Measurement) -> None:
+            if self.archive:
+                is_new = add_to_archive(self.archive, conditions, found)
+                day = f" of {conditions['date']}" if "date" in conditions else ""
+                words = f"added as {self.serial}{day}" if is_new else f"known of {self.serial}, not added again"
+                note(f"{self.archive}: {found.trace.file} {words}")
+
+        return take
+
+    def history_report(self, serial: str) -> Report:
+        """How a drive of the archive has changed."""
+        from hdassist.measuring.archive import is_cut_off, read_archive
+        from hdassist.pages.measure import history_report
+
+        archive = str(self.archive)
+        report = history_report(serial, archive, read_archive(archive, serial))
+        words = f"{archive}: its last line was cut off, a result is lost: add the records of that time again"
+        return replace(report, warnings=(words,)) if is_cut_off(archive) else report
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
+    """F'_ior, orders and coverage of measured traces, with their uncertainty.
+
+    \b
+    Examples:
+      hdassist measure run.csv --drive my-drive.yaml
+      hdassist measure run.csv --ratio 100 --error err_mdeg --drift linear
+      hdassist measure run.csv --ratio 99.5 --angle enc1 --second enc2
+      zcat run.csv.gz | hdassist measure - --ratio 100 --orders 1-6 --json
+      hdassist measure run.csv --drive own.yaml --archive rig1 --serial 17-042
+      hdassist measure --history 17-042 --archive rig1
+
+    A file has a column of angles and one of errors, or of a second encoder. F'_ior is the range of the error limited to
+    the orders, without the share of noise; it is a lower bound unless the full cycle was visited. Each direction stands
+    by itself. A file of approached positions (target_deg, deviation_arcsec, side) or of torque loops (torque_Nm,
+    twist_arcsec, place) has the figures that makers state beside F'_ior. Exit codes: 0, 4 bad file, 5 orders or F'_ior
+    that the record does not tell.
+    """
+
+    files: list[str]
+    preset: str | None = None
+    ratio: float | None = None
+    seed: int = 0
+
+    def run(self) -> int:
+        """Measure the traces; returns the exit code."""
+        from hdassist.terminal.output import failure, give, run_each
+
+        o.stdin_once(*self.files, self.preset)
+        out = self.open()
+        with out.progress(self.files[0] if self.files else ""):  # words before numpy is imported
+            from hdassist.loading.load import load_preset
+            from hdassist.measuring.bench import bench_record
+            from hdassist.measuring.orders import gearing_of
+            from hdassist.pages.measure import bench_report, measure_report, repeats
+            from hdassist.readers.trace import read_record
+
+            take = self.archiving(self.files)
+            if self.history is not None:
+                return give("measure-history", [self.history_report(self.history)], out)
+            drive = load_preset(self.preset) if self.preset is not None else None
+            form = self.reading()
+            form.require_sound()
+            gearing_of(drive, self.ratio)  # a wrong ratio is refused before any file is read
+            done: list[Measurement] = []
+
+            def one(name: str) -> Report:
+                table = read_record(name, form)
+                if record := bench_record(table):
+                    if self.archive:
+                        raise UsageError(f"{name}: positions and torque loops are not kept in an archive", "traces are")
+                    return bench_report(record, drive, self.seed)
+                result = form.of_table(table, drive, self.ratio, seed=self.seed)
+                done.append(result)
+                take(result)
+                return measure_report(result, drive, self.words_of_reading())
+
+            answers = run_each("measure", self.files, one, out, failed=lambda name, e: failure("measure", e, file=name))
+            more, below = repeats(done)
+        return give("measure", answers, out, more=more, below=below)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerOptions(o.OptionGroup):
+    """The file of a controller, and how its axis counts."""
+
+    write: str | None = None
+    axis: str = "1"
+    clockwise: bool = False
+    zero: float = 0.0
+    rows_from: float = 0.0
+    steps_per_degree: float = 0.0
+
+    def controller_target(self, form: CorrectionForm, *, force: bool) -> tuple[ControllerFormat, str] | None:
+        """Controller and file that are asked for, of a form.
+
+        Raises UsageError: no such controller, or a form that it does not keep; as `take_output` for the file.
+        """
+        from hdassist.correction.writers import CONTROLLER_FORMATS
+        from hdassist.terminal.streams import take_output
+
+        if self.write is None:
+            return None
+        name, _, path = self.write.partition("=")
+        if name not in CONTROLLER_FORMATS or path in ("", "-"):
+            known = ", ".join(CONTROLLER_FORMATS)
+            raise UsageError(f"invalid --write {self.write!r}: expected CONTROLLER=FILE", f"controllers: {known}")
+        if not (self.axis.isascii() and self.axis.isalnum()):
+            raise UsageError(f"invalid --axis {self.axis!r}: expected letters and digits")
+        for number in (self.zero, self.rows_from, self.steps_per_degree):
+            if not isfinite(number):
+                raise UsageError(f"invalid number {number:g} of an axis: expected a finite one")
+        controller = CONTROLLER_FORMATS[name]
+        controller.require(form.turn, form.points)
+        take_output(path, force)
+        return controller, path
+
+    def controller_texts(self, result: Correction, controller: ControllerFormat) -> tuple[str, str]:
+        """The controller's file of a correction, and its companions."""
+        from hdassist.correction.writers import ControllerAxis, correction_file
+
+        axis = ControllerAxis(self.axis, -1 if self.clockwise else 1, self.zero, self.rows_from, self.steps_per_degree)
+        return correction_file(result, controller, axis)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompensateCommand(
+    ControllerOptions, o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOptions, o.LoadedDriveOptions
+):
+    """How much of the error a stored correction can take off, in which form, and the table that does it.
+
+    \b
+    Examples:
+      hdassist compensate vzp160
+      hdassist compensate own.yaml --csv phasors.csv
+      hdassist compensate own.yaml --form output --points 720 --csv table.csv
+      hdassist compensate own.yaml run80.csv run800.csv --each-load --json
+      hdassist compensate own.yaml run80.csv --after corrected80.csv
+      hdassist compensate run80.csv --ratio 100 --torque 80 --csv phasors.csv
+      hdassist compensate run.csv --ratio 100 --torque 80 --form cam --write c=t.h
+      hdassist compensate vzp160 --torque 80 --torque -80 --details --json
+
+    The error is taken apart: parts that repeat with the cam, that beat, that other loads change. Then each form that
+    controllers store is fitted to it by least squares over the full cycle, for the first torque of the preset, and held
+    against the drive as it may be, by all that is not known exactly (docs/unknown.md): at every torque, with the zero
+    off, with a lost turn count. Errors are actual less ideal angles of the output, counter-clockwise seen from the cam
+    side, from where the cam stands at phi_h = 0. --csv writes the correction; one that may make a drive worse is
+    refused (docs/correct.md).
+
+    A FILE is a record at a torque of the preset, in their order; then the correction is that of the record: of the full
+    cycle in the record's own angles, of part of it by the drives of the preset that agree, in the preset's angles.
+    With --ratio in place of a preset one FILE, of the full cycle at the one --torque, gives phasors with uncertainties,
+    or a table. Two encoders then count the same way, both seen from the cam side; a column of errors needs
+    --output-turns for a table over the output.
+    --after has a record with the correction of the same options on: whether the promise is kept, or the likely cause.
+    Exit codes: 0, 2 wrong options, 3 promise not kept, 4 bad file, 5 refused or no trustworthy answer, 6 open.
+    """
+
+    preset: str
+    files: list[str] | None = None
+    ratio: float | None = None
+    form: Literal["phasors", "output", "cam", "half-cam"] = "phasors"
+    points: int | None = None
+    output_turns: Literal["with", "against"] | None = None
+    each_load: bool = False
+    after: str | None = None
+
+    def correction_form(self) -> CorrectionForm:
+        """The form that is asked for."""
+        from hdassist.correction.forms import CAM_POINTS, USUAL_POINTS, CorrectionForm
+
+        if self.form == "phasors":
+            return CorrectionForm(None, self.points or 0, self.each_load)
+        usual = USUAL_POINTS if self.form == "output" else CAM_POINTS
+        return CorrectionForm(self.form, self.points or usual, self.each_load)
+
+    def recorded(
+        self, file: str, drive: Drive, M_g: float | None = None, *, may_be_noise: bool = False
+    ) -> RecordedError:
+        """Error of a record of the drive, at a torque M_g [N*m] where it is its own; may_be_noise as of `measure`."""
+        from hdassist.correction.records import recorded_error, require_sense
+
+        found = self.reading().measured(file, drive, seed=self.seed, together=True, may_be_noise=may_be_noise)
+        if M_g is not None:
+            require_sense(found, drive, M_g, self.alignment())
+        return recorded_error(found, drive, self.alignment())
+
+    def records(self, drive: Drive) -> dict[float, RecordedError]:
+        """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""
+        files, torques = self.files or [], drive.operation.M_g
+        if len(files) > len(torques):
+            raise UsageError(f"{len(files)} records, but {drive.name} has {len(torques)} torques", "--torque for each")
+        return {M_g: self.recorded(name, drive, M_g) for M_g, name in zip(torques, files, strict=False)}
+
+    def of_record(self, file: str) -> Report:
+        """Correction of a record without a preset. Raises UsageError for options that need one."""
+        from hdassist.correction.correct import correction_alone
+        from hdassist.pages.compensate import compensate_report
+        from hdassist.preset.similarity import option_value
+
+        remedy = "more needs a preset: hdassist compensate PRESET FILE..."
+        if len(self.torque) != 1 or self.files:
+            raise UsageError("--ratio takes one FILE and its --torque", remedy)
+        if self.after or self.overrides or self.each_load:
+            raise UsageError("--ratio goes without --after, --set and --each-load", remedy)
+        form = self.correction_form()
+        target = self.controller_target(form, force=self.force)
+        M_g = option_value("--torque", self.torque[0], "N*m")
+        found = self.reading().measured(file, None, self.ratio, seed=self.seed, together=True)
+        result = correction_alone(found, self.alignment(), M_g, form, self.output_turns)
+        self.write_controller(result, target)
+        return compensate_report(result, is_written=bool(self.csv or target), warnings=found.warnings)
+
+    def write_controller(self, result: Correction, target: tuple[ControllerFormat, str] | None) -> None:
+        """Write the controller's file of a correction, where one is asked for and the correction is not refused."""
+        from hdassist.terminal.output import note
+        from hdassist.terminal.streams import write_text
+
+        if target and not result.chosen.is_refused:
+            text, about = self.controller_texts(result, target[0])
+            note(about.rstrip())
+            write_text(target[1], text, self.force)
+
+    def report(self, out: o.Output, preset: str) -> Report:
+        """Corrections of the drive, or of a record alone."""
+        from hdassist.correction.correct import correct, verify
+        from hdassist.design.check import check_states
+        from hdassist.pages.compensate import compensate_report, verified_report
+
+        o.stdin_once(*(self.files or []), preset, self.after)
+        if self.ratio is not None:
+            return self.of_record(preset)
+        if preset.endswith(".csv"):
+            raise UsageError(f"{preset} is no preset", "a record alone needs the --ratio of its drive")
+        form = self.correction_form()
+        target = self.controller_target(form, force=self.force)
+        drive = self.load(preset)
+        records = self.records(drive)
+        after = self.recorded(self.after, drive, may_be_noise=True) if self.after else None
+        with out.run(drive.name, 2 * check_states(drive, draws=self.draws), self) as run:
+            result = correct(drive, form=form, records=records, draws=self.draws, run=run)
+            if after and not result.chosen.is_refused:
+                return verified_report(result, verify(result, after, run))
+        self.write_controller(result, target)
+        return compensate_report(result, is_written=bool(target or self.csv))

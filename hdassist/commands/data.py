@@ -1,0 +1,465 @@
+"""Commands about data: calibrate, presets, doctor, explain."""
+
+from __future__ import annotations
+
+import platform
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, astuple, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from hdassist.errors import HdassistError, PresetError, UntrustedError, UsageError
+from hdassist.run.run import UNCHECKED, count
+from hdassist.terminal import options as o
+from hdassist.version import __version__
+
+if TYPE_CHECKING:
+    from hdassist.json_parts import Json
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
+    """Find stiffnesses, clearances or any other measures of a preset from measured values of the drive.
+
+    \b
+    Examples:
+      hdassist calibrate own.yaml --targets rig.yaml --write found.yaml
+
+    \b
+    A targets file:
+      schema: hdassist.targets/1
+      name: acceptance rig, drive 17
+      unknowns:
+        gears.j_n: {low: 0, high: 20}
+        supports.C_2:     # within its range in the preset's source
+      targets:
+        - {quantity: F_ior, M_g: 80, phase: 180, value: 20.1, tolerance: 0.5}
+        - {quantity: K_1, value: 50e4, tolerance: 10 %}
+        - {quantity: self_error, M_g: 80, low: 0.25, high: 2.0}
+
+    Quantities: F_ior, F_ior_max and F_ior_min (over the mounting phase), self_error, K_1, K_2, K_3 and lost_motion (as
+    hdassist stiffness has them). Drives spread evenly over the bounds, then least squares from the best ones that lie
+    apart; every set that meets the targets is kept, and where none does, targets and bounds in the way are named
+    and --write writes no file. Exit codes: 0 all targets are met, 3 one is missed, 5 the fit did
+    not come to rest.
+    """
+
+    preset: str
+    targets: Path
+    write: str | None = None
+    evaluations: int = 128
+    seed: int = 0
+    jobs: int = 0
+    details: bool = False
+
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """The values, found and written where that is asked for."""
+        from hdassist.calibration import calibrate, estimate_drives, read_targets
+        from hdassist.errors import UsageError
+        from hdassist.files import read_bytes
+        from hdassist.loading.write import with_found_values
+        from hdassist.pages.calibrate import calibrate_report
+        from hdassist.preset.fields import IDENTIFIED_WITH
+        from hdassist.preset.library import READ_AT_MOST, read_preset
+        from hdassist.terminal.streams import take_output, write_text
+
+        o.stdin_once(preset, str(self.targets))
+        if self.write is not None:
+            take_output(self.write, self.force)
+            if preset == "-" or self.overrides:
+                raise UsageError("--write changes the preset as it stands in its file: no stdin, no --set with it")
+        drive = self.load(preset)
+        wanted = read_targets(read_bytes(self.targets, READ_AT_MOST)[0], str(self.targets), drive)
+        given = read_preset(preset)[0].decode("utf-8-sig") if self.write is not None else ""
+        if self.write is not None:  # a text that cannot be changed is better known before than after
+            with_found_values(given, preset, {u.path: u.low for u in wanted.unknowns}, "")
+        with out.run(drive.name, estimate_drives(wanted, self.evaluations), self) as run:
+            result = calibrate(drive, wanted, points=self.evaluations, run=run)
+        if self.write is not None and not result.shortfall:
+            best = wanted.by_path(result.fits[0].values)
+            ref = f"hdassist calibrate, {wanted.name or self.targets.name}"
+            model = {field: drive.value(f"numerics.{field}") for field in IDENTIFIED_WITH}
+            write_text(self.write, with_found_values(given, preset, best, ref, model), self.force)
+        return calibrate_report(result, self.write)
+
+
+VALIDATE = "presets-validate"
+PIPED_COLUMNS = 10_000  # whoever reads a pipe has the room that a table needs
+
+
+@dataclass(frozen=True, kw_only=True)
+class PresetsListCommand(o.PageOptions):
+    """Presets that come with hdassist.
+
+    \b
+    Examples:
+      hdassist presets list
+      hdassist presets list --json
+
+    What each rests on: how many of its values are given, identified from measurements, or only assumed.
+    """
+
+    def report(self, _out: o.Output, _preset: str) -> o.Report:
+        """The presets."""
+        from hdassist.loading.load import load_preset
+        from hdassist.model.kinematics import Kinematics
+        from hdassist.preset.fields import origin_counts, plain
+        from hdassist.preset.library import preset_names
+        from hdassist.report import NO_VALUE, Report, Table
+        from hdassist.terminal.output import envelope
+
+        rows, values = [], []
+        for name in preset_names():
+            drive = load_preset(name)
+            gears, counts = drive.gears, origin_counts(drive)
+            sizes = {
+                "ratio": abs(Kinematics.of(drive).u),
+                "pitch_diameter_mm": gears.pitch_diameter,
+                "rated_Nm": drive.operation.rated,
+            }
+            about = {"z_g": gears.z_g, "z_b": gears.z_b, "m_mm": gears.m, **sizes, "values": counts}
+            known = envelope("presets-list", drive)["preset"]
+            values.append({"preset": known, **about, "description": drive.description})
+            numbers = (NO_VALUE if each is None else plain(each) for each in sizes.values())
+            rows.append((name, *numbers, ", ".join(map(str, counts.values()))))
+        heads = ("preset", "ratio", "mm", "N·m", "values")
+        title = "pitch diameter, rated torque; values given, identified, assumed"
+        table = Table(title, heads, tuple(rows))
+        return Report("presets-list", None, "presets of hdassist", blocks=(table,), values={"presets": values})
+
+
+@dataclass(frozen=True, kw_only=True)
+class PresetsShowCommand(o.PageOptions, o.DriveOptions):
+    """A preset as it is written, or every value that is really used.
+
+    \b
+    Examples:
+      hdassist presets show vzp160 > my-drive.yaml
+      hdassist presets show vzp160 --resolved
+      hdassist presets show my-drive.yaml --set cam.W_0=0.95 --resolved
+
+    Origins: given, assumed, identified (from the preset's `source`), default (left out), override (--set).
+    --json and --set imply --resolved.
+    """
+
+    preset: str
+    resolved: bool = False
+
+    def open(self) -> o.Output:
+        """As of other commands, with the room for a table in a pipe."""
+        out = super().open()
+        return out if sys.stdout.isatty() else replace(out, style=replace(out.style, width=PIPED_COLUMNS))
+
+    def run(self) -> int:
+        """Show the preset; returns the exit code."""
+        from hdassist.preset.library import read_preset
+        from hdassist.terminal.streams import give_stdout
+
+        if self.resolved or self.json or self.overrides:
+            return super().run()
+        out, text = self.open(), read_preset(self.preset)[0]
+        if sys.stdout.isatty() or self.output != "-":
+            out.text(text.decode("utf-8", "backslashreplace"))
+        else:
+            give_stdout(text)
+        return 0
+
+    def report(self, _out: o.Output, preset: str) -> o.Report:
+        """All values of the preset."""
+        from hdassist.preset.fields import resolved_fields, value_text
+        from hdassist.report import Report, Table
+
+        drive = self.load(preset)
+        rows = resolved_fields(drive)
+        cells = tuple((row.path, value_text(row.value), row.unit, row.kind, row.reference) for row in rows)
+        heads = ("field", "value", "unit", "origin", "reference")
+        return Report(
+            "presets-show", drive, drive.name, blocks=(Table("", heads, cells, words=range(len(heads))),),
+            values={"description": drive.description, "fields": list(map(asdict, rows))},
+            warnings=drive.origin.warnings,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
+    """Check presets: everything that is wrong with each, at once, and how much of it is still assumed.
+
+    \b
+    Examples:
+      hdassist presets validate my-drive.yaml
+      hdassist presets validate *.yaml --json
+
+    Exit codes: 0 all are valid, 4 one is not, 2 only a --set is bad.
+    """
+
+    presets: list[str]
+
+    def run(self) -> int:
+        """Validate the presets; returns the exit code."""
+        from hdassist.terminal.output import give, run_each
+
+        out = self.open()
+        reports = run_each(VALIDATE, self.presets, self._report, out, failed=_invalid, keep_failures=True)
+        return give(VALIDATE, reports, replace(out, quiet=True))
+
+    def _report(self, name: str) -> o.Report:
+        """The verdict on a preset, which a bad --set has too. Raises all other errors of loading it."""
+        from hdassist.preset.fields import origin_counts
+        from hdassist.report import Report
+        from hdassist.terminal.output import complain
+
+        try:
+            drive = self.load(name)
+        except UsageError as error:
+            complain(error, name)
+            return Report(VALIDATE, None, "", values=_invalid(name, error), exit_code=error.exit_code)
+        values = origin_counts(drive)
+        verdict = f"OK, {values['assumed']} values still assumed" if values["assumed"] else "OK"
+        found = {"file": name, "valid": True, "values": values, "findings": []}
+        line, warnings = f"{name}: {verdict}", drive.origin.warnings
+        return Report(VALIDATE, drive, name, verdict, values=found, line=line, about=name, warnings=warnings)
+
+
+def _invalid(name: str, error: HdassistError) -> Json:
+    """The answer about a preset that is not valid."""
+    from hdassist.terminal.output import failure
+
+    findings = [asdict(finding) for finding in error.findings] if isinstance(error, PresetError) else []
+    return failure(VALIDATE, error, preset=name) | {"file": name, "valid": False, "findings": findings}
+
+
+@dataclass(frozen=True, kw_only=True)
+class WishOptions(o.OptionGroup):
+    """Known data of a new drive."""
+
+    like: str = "vzp160"
+    coupling: str | None = None
+    shaft: str | None = None
+    pitch_diameter: str | None = None
+    teeth: str | None = None
+    ratio: float | None = None
+    torque: str | None = None
+    stiffness: str | None = None
+    lost_motion: str | None = None
+    accuracy: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PresetsSchemaCommand(o.OptionGroup):
+    """JSON Schema of presets, for editors that complete and check YAML.
+
+    \b
+    Examples:
+      hdassist presets schema -o hdassist-preset.schema.json
+
+    The second line of a preset by presets new names that file, for editors with a YAML language server. Units within
+    texts, and rules between fields, are checked by presets validate alone.
+    """
+
+    output: str = "-"
+    force: bool = False
+    debug: bool = False
+
+    def run(self) -> int:
+        """Write the schema; returns the exit code."""
+        from hdassist.loading.write import preset_schema
+        from hdassist.terminal.output import json_text
+        from hdassist.terminal.streams import write_text
+
+        write_text(self.output, json_text(preset_schema()), self.force)
+        return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PresetsNewCommand(WishOptions):
+    """A whole preset of a drive like another one; without options, that of vzp160 with every value to be replaced.
+
+    \b
+    Examples:
+      hdassist presets new own --coupling oldham --ratio 100 --torque 67
+      hdassist presets new own --coupling overhung --shaft 14x30 --ratio 100
+      hdassist presets new own --like vzp160 --pitch-diameter 63 --teeth 160/162
+      hdassist presets new own --ratio 100 --stiffness 3.1e4,5e4,5.7e4
+      hdassist presets new own --ratio 100 --torque 67 --lost-motion '1 arcmin'
+      hdassist presets new my-drive -o my-drive.yaml
+
+    --coupling first: it says how far offsets of the cam are felt, and so how much turning the wheel can bring. oldham:
+    the wave generator floats on an Oldham coupling; solid: it is one piece with its hub; overhung: it sits on the end
+    of a motor's shaft.
+    A value that is not given grows with the size of the other drive, is marked as assumed, and has its plausible range.
+    The size is --pitch-diameter, else that of K3 by the cube law of catalogues, else that of --torque by the cube law.
+    --stiffness, --lost-motion and --accuracy stand in the preset's table catalogue as they are given: evidence by which
+    check weighs assumed values.
+    """
+
+    output: str = "-"
+    force: bool = False
+    debug: bool = False
+    name: str
+
+    def run(self) -> int:
+        """Write the preset; returns the exit code."""
+        from hdassist.loading.load import load_preset
+        from hdassist.loading.write import similar_preset
+        from hdassist.preset.similarity import read_requirements
+        from hdassist.terminal.streams import write_text
+
+        wish = asdict(self.only(WishOptions))
+        other = load_preset(wish.pop("like"))
+        given = read_requirements(other, **wish)
+        write_text(self.output, similar_preset(self.name, other, given), self.force)
+        return 0
+
+
+PRESET, M_G, STORED_F_IOR, AGREES = "vzp160", 800.0, 7.706924145663, 1e-6  # arcsec: of every state, and how near
+CROSS = "HIGHS"
+
+
+@dataclass(frozen=True)
+class DoctorFinding:
+    """A part of the installation, its status, and the finding in words; broken: there are no trustworthy answers."""
+
+    what: str
+    status: Literal["ok", "note", "broken"]
+    found: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoctorCommand(o.PageOptions):
+    """Whether this installation can be relied on: versions, engine, cache, a self-test, cores and the terminal.
+
+    \b
+    Examples:
+      hdassist doctor
+      hdassist doctor --json
+      hdassist doctor --empty-cache
+
+    The self-test solves every state of a drive of the library, its extremes again by another solver, and compares with
+    stored digits. Exit codes: 0 fine, 5 answers of this installation cannot be trusted.
+    """
+
+    empty_cache: bool = False
+
+    def report(self, _out: o.Output, _preset: str) -> o.Report:
+        """The installation, examined."""
+        from hdassist.report import Report, Table
+        from hdassist.run.cache import empty_cache
+        from hdassist.terminal.output import complain
+
+        if self.empty_cache:
+            empty_cache()
+        found = [*packages(), surroundings(), engine(), cache(), self_test()]
+        found.sort(key=lambda each: ("broken", "note", "ok").index(each.status))
+        broken = ", ".join(each.what for each in found if each.status == "broken")
+        error = UntrustedError(
+            f"answers of this installation cannot be trusted: {broken}",
+            "install hdassist anew into a fresh environment",
+        )
+        if broken:
+            complain(error)
+        return Report(
+            "doctor", None, "this installation", f"broken: {broken}" if broken else "fine",
+            blocks=(Table("", ("part", "status", "found"), tuple(map(astuple, found)), words=(0, 1, 2)),),
+            values={"findings": list(map(asdict, found))}, exit_code=error.exit_code if broken else 0,
+        )  # fmt: skip
+
+
+def packages() -> Iterator[DoctorFinding]:
+    """hdassist, Python, and each package it needs."""
+    from importlib.metadata import PackageNotFoundError, requires, version  # a fifth of imports of `hdassist --help`
+
+    yield DoctorFinding("hdassist", "ok", f"{__version__}, Python {platform.python_version()}, {platform.platform()}")
+    for needed in requires("hdassist") or ():
+        if "extra ==" in needed:
+            continue
+        name = re.split("[<>=;]", needed)[0].strip()
+        try:
+            yield DoctorFinding(name, "ok", f"{version(name)} ({needed} needed)")
+        except PackageNotFoundError:
+            yield DoctorFinding(name, "broken", f"not installed: {needed} needed")
+
+
+def engine() -> DoctorFinding:
+    """Which engine solves the states."""
+    from hdassist.solve import walk
+
+    compiled, words = walk.walk_library()
+    return DoctorFinding("engine", "ok" if compiled else "note", words)
+
+
+def cache() -> DoctorFinding:
+    """Where answers are kept, how large they are, and how to be rid of them."""
+    from hashlib import sha256
+
+    from hdassist.run import cache as kept
+
+    sizes, key = kept.cached_files(), sha256(b"doctor").hexdigest()
+    kept.keep("doctor", key, b"")
+    if kept.cached("doctor", key) is None:
+        words = kept.why_unsafe() or f"{kept.cache_folder()} can't be used"
+        return DoctorFinding("cache", "note", f"{words}: no answers are kept; {kept.FOLDER} names another folder")
+    held = f"{kept.cache_folder() / kept.OWN_FOLDER}, {len(sizes)} files, {sum(sizes) / 1e6:.1f} MB"
+    way = "--empty-cache removes them" if kept.keeps_answers() else f"{kept.NO_CACHE} is set: no answers are kept"
+    return DoctorFinding("cache", "ok", f"{held}; {kept.FOLDER} names another folder, {way}")
+
+
+def surroundings() -> DoctorFinding:
+    """Cores of this machine, and characters that standard output shows."""
+    from hdassist.terminal.streams import Style
+
+    style = Style.of(sys.stdout)
+    kind = "a terminal" if sys.stdout.isatty() else "no terminal"
+    shown = f"{style.width} columns, {'7-bit' if style.ascii else 'all'} characters"
+    return DoctorFinding("machine", "ok", f"{count(0)} cores; output: {kind}, {shown}")
+
+
+def self_test() -> DoctorFinding:
+    """Every state of a known drive against stored digits, and its extremes by another solver."""
+    from hdassist.error.cycle import kinematic_error
+    from hdassist.error.error_map import ErrorMap
+    from hdassist.loading.load import load_preset
+    from hdassist.model.kinematics import Kinematics, pitch_locked_states
+
+    try:
+        drive = load_preset(PRESET)
+        found = ErrorMap(drive, M_G).extremes()
+        import numpy as np
+
+        states = pitch_locked_states(Kinematics.of(drive), np.array([*found.at_max, *found.at_min]))
+        again = kinematic_error(drive, M_G, states=states, solver=CROSS, run=UNCHECKED).range_arcsec
+    except HdassistError as error:
+        return DoctorFinding("self-test", "broken", error.message)
+    off, apart = abs(found.first - STORED_F_IOR), abs(again - found.first)
+    told = f"{found.first:.6f} arcsec, {off:.0e} from what is stored; {apart:.0e} by {CROSS}"
+    fine = off <= AGREES and apart <= 1e-3 and found.certificate.max_residual <= 1e-8
+    return DoctorFinding(
+        "self-test", "ok" if fine else "broken", f"{told}; residual {found.certificate.max_residual:.0e}"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExplainCommand(o.PageOptions):
+    """Meaning of a check, an error, a field, a symbol, a word of the trade or an option, and the remedy.
+
+    \b
+    Examples:
+      hdassist explain
+      hdassist explain F_IOR COVERAGE
+      hdassist explain cam.W_0 phi_g "one-wave share"
+      hdassist explain "гибкое колесо" robust --json
+
+    Without a name: all that there is.
+    """
+
+    names: list[str]
+
+    def report(self, _out: o.Output, _preset: str) -> o.Report:
+        """The names, explained."""
+        from hdassist.explaining import explained
+        from hdassist.pages.explain import explain_report
+
+        options = {field: words["help"] for table in o.DECLARED.values() for field, words in table.items()}
+        found = list(dict.fromkeys(entry for name in self.names for entry in explained(name, options)))
+        return explain_report(found)

@@ -1,0 +1,412 @@
+"""Commands of a design: check, trace, stiffness, sweep, compare, report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hdassist.errors import UsageError
+from hdassist.terminal import options as o
+
+if TYPE_CHECKING:
+    from hdassist.design.sweep import Sweep, SweepRow
+    from hdassist.report import Report
+    from hdassist.run.kept import Kept
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDriveOptions):
+    """Largest kinematic error F'_ior of drives over the full cycle, with verdict and proof.
+
+    \b
+    Examples:
+      hdassist check vzp160
+      hdassist check vzp160 --limit F_ior@80=30
+      hdassist check my-drive.yaml --set tolerances.e_hb=60 --json
+      hdassist check vzp160 --torque 40 --torque 80 --limit 45
+      hdassist check my-drive.yaml --pitch-b wheel.csv --pitch-g flexspline.csv
+      hdassist check *.yaml --csv figures.csv -q
+
+    Every state of the cycle is solved and proven. The verdict holds F'_ior with the self error (what a drive without
+    deviations does over tooth and ball phase) against --limit, or else the preset's acceptance limits. All inputs that
+    are not known exactly are drawn jointly, weighted by the preset's catalogue (docs/unknown.md). PASS: the limit is
+    kept with a probability of at least --sure; FAIL: with at most 1 less that; else INCONCLUSIVE.
+    Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy answer, 6 INCONCLUSIVE.
+    """
+
+    presets: list[str]
+    sure: float = 0.95
+    solver: str | None = None
+    cross_check: str = "highs"
+
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """The design check of a drive."""
+        files = self.wheels_of_one(self.presets)
+        drive = self.load(preset)
+        measured = self.teeth(files, drive)
+        torques = ", ".join(f"{M_g:g}" for M_g in drive.operation.M_g)
+        words = f"{drive.name}, {drive.gears.z_g}/{drive.gears.z_b}, {torques} N·m"
+        with out.progress(words):  # numpy is imported below
+            from hdassist.design.check import check, check_states
+            from hdassist.pages.check import check_report
+
+            with out.run(words, check_states(drive, measured, self.draws), self) as run:
+                result = check(drive, measured=measured, solver=self.solver, draws=self.draws, sure=self.sure, run=run)
+        return check_report(result, self.seed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
+    """Kinematic error F_kpp against the cam angle, with its orders and their causes.
+
+    \b
+    Examples:
+      hdassist trace vzp160 --torque 80 --phi-g0 20
+      hdassist trace vzp160 --torque 80 -n 100 --csv trace.csv
+      hdassist trace my-drive.yaml --set phases.xi_b=260 --json
+
+    One cam revolution has as many states as the fixed wheel has teeth. Orders that differ by the
+    flexspline's slow turn come apart over the full cycle only (for 200/202 teeth: -n 100).
+    """
+
+    preset: str
+    start: float = 0.0
+    revolutions: int = 1
+    solver: str | None = None
+    cross_check: str = "highs"
+    seed: int = 0
+
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """The trace of a drive."""
+        from hdassist.error.trace import trace
+        from hdassist.model.kinematics import Kinematics
+        from hdassist.pages.curves import trace_report
+
+        files = self.wheels_of_one([preset])
+        drive = self.load(preset)
+        measured = self.teeth(files, drive)
+        with out.run(drive.name, self.revolutions * Kinematics.of(drive).teeth_fixed, self) as run:
+            result = trace(
+                drive,
+                drive.operation.M_g[0],
+                measured=measured,
+                start_deg=self.start,
+                revolutions=self.revolutions,
+                solver=self.solver,
+                run=run,
+            )
+        return trace_report(drive, result, self.seed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StiffnessCommand(o.PlotOptions, o.DriveOptions):
+    """Torsional stiffness: twist against torque in both directions, lost motion, K1, K2, K3.
+
+    \b
+    Examples:
+      hdassist stiffness vzp160
+      hdassist stiffness my-drive.yaml --t1 29 --t2 108 --to 250
+      hdassist stiffness my-drive.yaml --csv curve.csv -q
+
+    Mesh, rings and balls of the contact model in series with the shell as a tube, without deviations and without
+    friction. The segments end at T_1 and T_2 of the preset's catalogue, else where catalogues end them, by the cube of
+    the pitch diameter, unless --t1 and --t2 say otherwise. K1, K2, K3 are chords, beside those of the
+    preset's catalogue.
+    """
+
+    preset: str
+    t1: float | None = None
+    t2: float | None = None
+    to: float | None = None
+    cross_check: str = "highs"
+
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """The twist over torque."""
+        from hdassist.error.stiffness import stiffness, stiffness_states
+        from hdassist.pages.curves import stiffness_report
+
+        drive = self.load(preset)
+        with out.run(drive.name, stiffness_states(), self) as run:
+            return stiffness_report(drive, stiffness(drive, T_1=self.t1, T_2=self.t2, T_max=self.to, run=run))
+
+
+JSON_ROWS = 100_000  # that --json holds in memory, at most
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
+    """F'_ior over a grid of values of any numeric fields of a preset, row by row.
+
+    \b
+    Examples:
+      hdassist sweep vzp160 --vary tolerances.e_hb=20:120:11
+      hdassist sweep vzp160 --vary tolerances.e_hb=20:120:11 \\
+          --vary operation.M_g=40:800:5
+      hdassist sweep vzp160 --vary gears.j_n=0,5,10 | column -s, -t
+      hdassist sweep my-drive.yaml --vary cam.W_0=0.9:1.0:201 -o rows.jsonl
+
+    A row is a point of the grid at one torque: that of the row where operation.M_g is varied, else each of the preset.
+    In a pipe rows come as CSV, as they are computed; --csv FILE writes them to a file. -o FILE.jsonl keeps them as JSON
+    Lines: when a run was stopped, the same command goes on behind the last row that is there. A row without an answer
+    stays, with its reason; the exit code is 0 where any row has one.
+    """
+
+    preset: str
+    vary: list[str]
+    output: str = "-"
+    jobs: int = 0
+    executor: str | None = None
+
+    @property
+    def answer_file(self) -> str:
+        """Standard output: -o takes the rows."""
+        return "-"
+
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """The rows, computed and written."""
+        from hdassist.design.sweep import Sweep, collect, read_axes
+        from hdassist.errors import UsageError
+        from hdassist.files import claim_output
+        from hdassist.loading.load import load_text
+        from hdassist.pages.curves import cells, columns, sweep_report
+        from hdassist.preset.library import read_preset
+        from hdassist.run.kept import KeptOwner, open_kept
+        from hdassist.run.stops import at_stop
+        from hdassist.terminal.output import csv_text, note
+
+        file = None if self.output == "-" else self.output
+        streamed = self._takes_stdout()
+        text, path = read_preset(preset)
+        drive = load_text(text, path, self.changes)
+        sweep = Sweep.of(text, path, drive, read_axes(self.vary, drive.origin.overrides))
+        if self.json and sweep.rows > JSON_ROWS:
+            raise UsageError(f"--json of {sweep.rows} rows: more than {JSON_ROWS}", "-o FILE.jsonl takes any number")
+        options = {"vary": self.vary, "set": list(drive.origin.overrides)}
+        owner = KeptOwner(command="sweep", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=options)
+        if file is not None:
+            claim_output(file, is_kept=True)
+        with open_kept(file, owner, sweep.kind, force=self.force) as results:
+            rows = _rows(sweep, drive.name, results, self, out)
+            kept = f"are kept in {file}: the same command goes on" if file else "are done, none is kept"
+            with at_stop(lambda: f"{results.done} of {sweep.rows} rows {kept}"):
+                swept = collect(sweep, drive, _printed(rows, sweep) if streamed else rows)
+            if out.csv not in (None, "-"):
+                out.figures(csv_text(columns(sweep), map(cells, results.records())))
+            if file is not None:
+                results.require_there()
+                note(f"wrote {file}")
+            report = sweep_report(swept, results.records() if self.json else ())
+            if report.exit_code:
+                note(f"error: no row has an answer: {swept.reason}")
+            return replace(report, head="") if streamed else report
+
+    def _takes_stdout(self) -> bool:
+        """Whether rows go to standard output as CSV. Raises UsageError: it is asked for JSON as well."""
+        import sys
+
+        from hdassist.errors import UsageError
+
+        if self.json and self.csv == "-":
+            raise UsageError("--json and --csv - both take standard output", "--csv FILE")
+        no_page = not (self.json or self.quiet or sys.stdout.isatty())
+        return self.csv == "-" or (no_page and self.csv is None and self.output == "-")
+
+
+def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], options: SweepCommand, out: o.Output) -> Iterator[SweepRow]:
+    """Records of all rows: those that are kept, then the others as they are computed and kept."""
+    from contextlib import closing
+
+    from hdassist.run.run import stream
+
+    yield from results.records()
+    with (
+        out.progress(name, sweep.rows - results.done) as progress,
+        out.engine(options) as engine,
+        closing(stream(sweep, sweep.rows, done=results.done, jobs=options.jobs, executor=engine)) as chunks,
+    ):
+        for records in chunks:
+            results.append(records)
+            progress(len(records))
+            yield from records
+
+
+def _printed(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
+    """The same records, each written to standard output as CSV when it comes."""
+    from hdassist.pages.curves import cells, columns
+    from hdassist.terminal.output import csv_text
+    from hdassist.terminal.streams import write_text
+
+    write_text("-", csv_text(columns(sweep), []), force=False)
+    for record in rows:
+        write_text("-", csv_text(cells(record), []), force=False)
+        yield record
+
+
+PRESET_SUFFIXES = (".yaml", ".yml")
+OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options that presets do not have, beside TraceOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOptions, o.OneTorqueOptions):
+    """A measured trace over the predicted one, and which deviation explains the difference; or presets side by side.
+
+    \b
+    Examples:
+      hdassist compare own.yaml run.csv --torque 80
+      hdassist compare own.yaml run.csv --error-is output-cam --drift linear
+      hdassist compare own.yaml run.csv --angle enc1 --second enc2
+      hdassist compare own.yaml run.csv --set phases.xi_b=230 --json
+      hdassist compare vzp160 own.yaml
+
+    Each deviation, of the cam (wave generator), the rigid wheel (circular spline) or the flexspline, is fitted alone,
+    then all together, through the contact model; the page names causes that the record cannot separate.
+
+    A FILE that is a name of the library, or ends in .yaml or .yml, is a preset; anything else is a trace (./NAME for
+    one that is called like a preset). Presets: which one to take, and how sure that is; F'_ior and best hole of each,
+    at torques that all have, else at the same shares of their rated torques; fields that differ, and which of them does
+    most, each changed alone. --torque, --set, --draws, --seed, --jobs are theirs too.
+    Exit codes: 0, 4 bad file, 5 orders or a range that the record does not tell, or no trustworthy answer.
+    """
+
+    preset: str
+    files: list[str]
+    torque: str | None = None
+    start: str = "fit"
+    zero: str | None = None
+
+    def run(self) -> int:
+        """Compare; returns the exit code."""
+        return self._compare_presets() if any(map(is_preset, self.files)) else self._compare_traces()
+
+    def _compare_traces(self) -> int:
+        """Compare measured traces with the drive; returns the exit code."""
+        from hdassist.terminal.output import failure, give, run_each
+
+        o.stdin_once(*self.files, self.preset)
+        out = self.open()
+        start, given_zero = o.degrees_or_fit("--phi-g0", self.start), o.degrees_or_fit("--cam-zero", self.zero or "0")
+        with out.progress(self.preset):  # words before numpy is imported
+            from hdassist.comparing.compare import FIT_STATES, compare, torque_of, zero_of
+            from hdassist.pages.compare import comparison_report
+            from hdassist.run.run import Run
+
+            drive, reading = self.load(self.preset), self.reading()
+            M_g = torque_of(drive)
+
+            def one(name: str) -> Report:
+                found = reading.measured(name, drive, seed=self.seed, together=True)
+                zero = given_zero if self.zero else zero_of(found.trace, drive, start)
+                fitted = (start is None, zero is None)
+                asked = replace(self.alignment(), start_deg=start or 0.0, zero_deg=zero or 0.0, fitted=fitted)
+                with out.progress(f"{drive.name}, {found.trace.file}", FIT_STATES) as progress:
+                    result = compare(found, drive, M_g=M_g, asked=asked, run=Run(progress=progress))
+                return comparison_report(result)
+
+            answers = run_each("compare", self.files, one, out, failed=lambda name, e: failure("compare", e, file=name))
+        return give("compare", answers, out)
+
+    def _compare_presets(self) -> int:
+        """Compare presets; returns the exit code.
+
+        Raises UsageError where traces stand among presets, or options are asked for that belong to traces.
+        """
+        from hdassist.terminal.output import failure, give, run_each, warn
+
+        if traces := [name for name in self.files if not is_preset(name)]:
+            words = f"{traces[0]} is taken for a trace, and {next(filter(is_preset, self.files))} for a preset"
+            raise UsageError(words, "a preset is a name of the library or a .yaml file; compare presets, or traces")
+        plain = all(getattr(self, name) == getattr(type(self), name) for name in OF_TRACES)
+        if not plain or self.only(o.TraceOptions) != o.TraceOptions(budget=[]):
+            raise UsageError("how a trace is read says nothing of presets", "leave out its options, or name a trace")
+        names = [self.preset, *self.files]
+        if self.csv is not None:
+            raise UsageError("a comparison of presets has no CSV", f"hdassist check {' '.join(names)} --csv FILE")
+        o.stdin_once(*names)
+        out = self.open()
+
+        def one(_: str) -> Report:
+            with out.progress(", ".join(names)):  # words before numpy is imported
+                from hdassist.comparing.drives import at_common_torques, compare_drives, estimate_comparison
+                from hdassist.pages.compare import comparison_warnings, drives_report
+
+                drives = at_common_torques([self.load(name) for name in names])
+                words = ", ".join(drive.name for drive in drives)
+                with out.run(words, estimate_comparison(drives, self.draws), self) as run:
+                    result = compare_drives(drives, draws=self.draws, run=run)
+            for text in comparison_warnings(result):
+                warn(text)
+            return drives_report(result, self.seed)
+
+        schema = "compare-presets"
+        answers = run_each(schema, [""], one, out, failed=lambda _, e: failure(schema, e, preset=names[0]))
+        return give(schema, answers, out)
+
+
+def is_preset(name: str) -> bool:
+    """Whether an argument beside a preset is one too, and no trace: a name of the library, or a YAML file."""
+    from hdassist.preset.library import preset_names
+
+    return Path(name).suffix.lower() in PRESET_SUFFIXES or name in preset_names()
+
+
+REPORT_SUFFIXES = (".html", ".md")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
+    """Everything about a drive on one page: verdict, errors, mounting, stiffness, assumptions, provenance.
+
+    \b
+    Examples:
+      hdassist report vzp160 -o report.html
+      hdassist report my-drive.yaml --set tolerances.e_hb=60 -o better.html
+      hdassist report my-drive.yaml --limit 45 -o report.md
+
+    One file without scripts, for screens (light and dark) and for A4 paper; the numbers are those of check, mount and
+    stiffness, and the same input gives the same bytes. -o names a .html or .md file; without it Markdown goes to
+    standard output. An order is given only if unknown inputs cannot reverse it.
+    Exit codes: 0 PASS or no limit, 3 FAIL, 4 bad preset, 5 no trustworthy answer, 6 INCONCLUSIVE, or no position of the
+    wheel that could be ordered; the report is written with 0, 3 and 6.
+    """
+
+    preset: str
+
+    def run(self) -> int:
+        """Make the report; returns the exit code."""
+        from hdassist.terminal.output import give, run_each
+
+        if self.json or self.quiet:
+            return super().run()
+        kind, out = self._kind(), self.open()
+        [report] = run_each("report", [self.preset], partial(self.report, out), out)
+        code = give("report", [replace(report, head="")], out)  # its warnings: the page is a document
+        from hdassist.pages.report import report_html, report_markdown
+
+        if kind == ".html":
+            page = report_html(report)
+            out.text(page.encode("ascii", "xmlcharrefreplace").decode() if self.ascii else page)
+        else:
+            out.text(report_markdown(report, out.style))
+        return code
+
+    def report(self, out: o.Output, preset: str) -> o.Report:
+        """All about a drive."""
+        from hdassist.comparing.drives import sheet_of, sheet_states
+        from hdassist.pages.report import drive_report
+
+        drive = self.load(preset)
+        with out.run(drive.name, sheet_states(drive, self.draws), self) as run:
+            return drive_report(sheet_of(drive, draws=self.draws, run=run), draws=self.draws, seed=self.seed)
+
+    def _kind(self) -> str:
+        """Suffix of the file that the report is written as. Raises UsageError for any other."""
+        if self.output == "-":
+            return ".md"
+        kind = Path(self.output).suffix.lower()
+        if kind not in REPORT_SUFFIXES:
+            words = f"a report cannot be written as {self.output!r}"
+            raise UsageError(words, f"its name ends in {' or '.join(REPORT_SUFFIXES)}")
+        return kind

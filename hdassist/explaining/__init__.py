@@ -1,1 +1,0 @@
-"""Meanings of words, symbols, fields, checks and errors."""

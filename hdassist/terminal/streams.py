@@ -1,0 +1,274 @@
+"""What a stream can show, messages on stderr, and files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import shutil
+import sys
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TextIO, TypeVar
+
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
+
+from hdassist.errors import DataError, Fault, UsageError
+from hdassist.files import claim_output, in_place_of, is_claimed, is_file, is_there, note_written
+from hdassist.plaintext import visible
+from hdassist.run.stops import at_stop
+
+PIPE_WIDTH = 80
+STRICT = "HDASSIST_STRICT"
+Made = TypeVar("Made")
+PLAIN_CHARACTERS = str.maketrans("·µ×−–’█─", "*ux--'#-") | str.maketrans(
+    {"°": " deg", "±": "+-", "…": "...", "≤": "<=", "≥": ">=", "″": " arcsec"}
+)
+
+
+@dataclass(frozen=True)
+class Style:
+    """Abilities of a stream: 7-bit text only (and some letters beyond it), control codes, and columns."""
+
+    ascii: bool
+    codes: bool
+    width: int
+    beyond_ascii: range = range(0)
+
+    @classmethod
+    def of(cls, stream: TextIO, *, ascii: bool = False, no_color: bool = False) -> Style:
+        """Style of a stream, from its terminal, the environment and the options that force it."""
+        terminal = stream.isatty()
+        plain = no_color or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
+        width = shutil.get_terminal_size((PIPE_WIDTH, 24)).columns if terminal else PIPE_WIDTH
+        return cls(ascii=ascii or not _shows_unicode(stream), codes=terminal and not plain, width=width)
+
+    def text(self, text: str) -> str:
+        """The text as the stream can show it, whatever it has of control characters escaped."""
+        text = visible(text)
+        if not self.ascii:
+            return text.replace("N*m", "N·m")
+        plain = re.sub(" ([″°])", r"\1", text).translate(PLAIN_CHARACTERS)
+        return "".join(c if c.isascii() or ord(c) in self.beyond_ascii else "?" for c in plain)
+
+
+def _shows_unicode(stream: TextIO) -> bool:
+    """Whether a stream takes more than 7 bits; Python writes UTF-8 under LC_ALL=C, where nobody wants it."""
+    if os.environ.get("LC_ALL") in ("C", "POSIX"):
+        return False
+    try:
+        "─⣿·".encode(stream.encoding or "ascii")
+    except (LookupError, UnicodeEncodeError):
+        return False
+    return True
+
+
+def stderr_style(*, no_color: bool = False) -> Style:
+    """Style of stderr. Whatever goes there may come before options are read, or beside them: --ascii is looked for."""
+    return Style.of(sys.stderr, ascii="--ascii" in sys.argv, no_color=no_color)
+
+
+def silence(stream: TextIO | None = None) -> None:
+    """Stop talking on a stream (None: stdout) whose reader has gone: no complaint, the exit code stays the answer's."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), (stream or sys.stdout).fileno())
+
+
+def say(line: str, *, whole: bool = False) -> None:
+    """Write a line on stderr as it can show it; silent where it cannot be written: the exit code stays.
+
+    whole: it is not broken between words, as it has a command to be copied.
+    """
+    try:
+        style = stderr_style()
+        text = style.text(line)
+        sys.stderr.write(f"{text if whole or not sys.stderr.isatty() else _in_words(text, style.width)}\n")
+        sys.stderr.flush()
+    except OSError:
+        silence(sys.stderr)
+
+
+def _in_words(text: str, width: int) -> str:
+    """Lines no wider than a terminal, broken between words; a longer word, as a path, is left to the terminal."""
+    lines = []
+    for line in text.split("\n"):
+        indent = line[: len(line) - len(line.lstrip())] + "  "
+        lines.append(
+            textwrap.fill(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+        )
+    return "\n".join(lines)
+
+
+def made_or(name: str, make: Callable[[], Made], instead: Callable[[], Made]) -> Made:
+    """A form of an answer; where making it fails, a simpler one, with a remark on stderr.
+
+    name: of what is made, in the remark. With STRICT in the environment, as the tests have it, the failure is raised.
+    """
+    try:
+        return make()
+    except Exception as error:  # whatever breaks a figure: the answer beside it stands
+        if os.environ.get(STRICT):
+            raise
+        say(f"warning: no {name}, the answer stands: {type(error).__name__}: {error} (a bug in hdassist)")
+        return instead()
+
+
+class _QuietConsole(Console):
+    seven_bits = False
+
+    @property
+    def encoding(self) -> str:
+        """The encoding by which rich chooses bars and boxes."""
+        return "ascii" if self.seven_bits else super().encoding
+
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+        silence()
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
+        """Segments without control characters but those that rich adds to them when it writes colours.
+
+        Style.text does the same before the layout; here whatever went past it is caught.
+        """
+        for segment in super().render(renderable, options):
+            yield segment if segment.is_control else segment._replace(text=visible(segment.text))
+
+
+def console(stream: TextIO, style: Style) -> Console:
+    """A rich console that writes to a stream with a style."""
+    found = _QuietConsole(
+        file=stream,
+        width=style.width,
+        color_system="auto" if style.codes else None,
+        force_terminal=style.codes,
+        no_color=not style.codes,
+        highlight=False,
+        markup=False,
+        emoji=False,
+        legacy_windows=False,
+    )
+    found.seven_bits = style.ascii
+    return found
+
+
+def write_text(path: str, text: str, force: bool) -> None:
+    """Write text as UTF-8, and "wrote FILE" on standard error; a terminal gets it with hidden characters escaped.
+
+    Arguments: path, "-" for standard output; text; force, whether an existing file may be replaced.
+    Raises UsageError: the file exists; DataError: it cannot be written. Then no file has changed.
+    """
+    note_written(path)
+    if path == "-":
+        encoding = sys.stdout.encoding or "utf-8"
+        if sys.stdout.isatty():
+            text = visible(text.replace("\r\n", "\n"))
+        give_stdout(text.encode(encoding, "backslashreplace").decode(encoding))
+        return
+    if not is_claimed(path):
+        claim_output(path)
+    require_writable(path, force)
+    put_text(path, text)
+    say(f"wrote {path}")
+
+
+def begins_with(path: str, heads: Sequence[str]) -> bool:
+    """Whether a file begins with one of some texts."""
+    try:
+        with Path(path).open("rb") as stream:
+            start = stream.read(max(map(len, heads)))
+    except (OSError, ValueError):
+        return False
+    return start.startswith(tuple(head.encode() for head in heads))
+
+
+def give_stdout(answer: str | bytes) -> None:
+    """Write to standard output; silent where its reader has gone. Raises DataError: it cannot be written."""
+    try:
+        if isinstance(answer, bytes):
+            sys.stdout.buffer.write(answer)
+        else:
+            sys.stdout.write(answer)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        silence()
+    except OSError as error:
+        silence()  # or the rest of the buffer fails once more at the end
+        raise _unwritable("standard output", error.strerror or str(error)) from None
+
+
+def put_text(path: str, text: str) -> None:
+    """Write text as UTF-8 to a file, in place of its content. Raises DataError: it cannot be; then no file changed."""
+    target, data = Path(path), text.encode("utf-8", "backslashreplace")
+    try:
+        if _is_device(target):
+            with open(target, "wb", opener=_at_once) as stream:
+                stream.write(data)
+        else:
+            with in_place_of(target) as beside, at_stop(partial(beside.unlink, missing_ok=True)):
+                descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+                with open(descriptor, "wb") as stream:  # noqa: PTH123 (a descriptor has no path)
+                    stream.write(data)
+    except OSError as error:
+        reason = "nobody reads the pipe" if error.errno == errno.ENXIO else error.strerror or str(error)
+        raise _unwritable(path, reason) from None
+
+
+def _at_once(path: str, flags: int) -> int:
+    """Open a device or a pipe to write. Raises OSError: nobody reads the pipe, for whom open() would wait."""
+    descriptor = os.open(path, (flags | getattr(os, "O_NONBLOCK", 0)) & ~os.O_CREAT)
+    if hasattr(os, "O_NONBLOCK"):
+        os.set_blocking(descriptor, True)
+    return descriptor
+
+
+def take_output(path: str, force: bool, *, is_kept: bool = False) -> None:
+    """Claim a file for an answer of this run, before anything is computed for it.
+
+    Arguments: path, "-" for standard output; force, whether an existing file may be replaced; is_kept, whether the run
+    goes on with its content. Raises UsageError: the file exists, or the run reads it or writes it for another option;
+    DataError: it cannot be written.
+    """
+    claim_output(path, is_kept=is_kept)
+    require_writable(path, force or is_kept)
+
+
+def require_writable(path: str, force: bool) -> None:
+    """Refuse a file that `write_text` would refuse, before anything is computed for it.
+
+    Arguments: path, "-" for standard output; force, whether an existing file may be replaced.
+    Raises UsageError: the file exists; DataError: it cannot be written.
+    """
+    if path == "-":
+        return
+    target = Path(path)
+    try:
+        if not path or target.is_dir():
+            raise _unwritable(path, "it is a directory" if path else "it has no name")
+        if target.exists() and not _is_device(target) and not force:
+            raise UsageError(f"{path} exists", "--force replaces it", Fault.FILE_EXISTS)
+        if _real(target).is_symlink():
+            raise _unwritable(path, "its links go round in a circle")
+        folder = _real(target).parent
+        if not folder.is_dir():
+            raise _unwritable(path, f"there is no directory {folder}")
+        if not os.access(target if _is_device(target) else folder, os.W_OK):
+            raise _unwritable(path, "no permission")
+    except (OSError, ValueError) as error:  # ValueError: a path with a NUL in it
+        raise _unwritable(path, getattr(error, "strerror", None) or str(error)) from None
+
+
+def _real(target: Path) -> Path:
+    """The target of a link: the link stays one when its file is replaced."""
+    return Path(os.path.realpath(target))
+
+
+def _is_device(target: Path) -> bool:
+    """A device or a pipe, which keeps no content and must not be replaced."""
+    return is_there(target) and not is_file(target)
+
+
+def _unwritable(path: str, reason: str) -> DataError:
+    return DataError(f"cannot write {path or 'a file'}: {reason}", "", Fault.FILE_UNWRITABLE)
