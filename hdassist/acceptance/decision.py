@@ -22,7 +22,7 @@ import numpy as np
 from hdassist.acceptance.limits import F_IOR, Extent, Limit, LimitText, torques_of
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, draw_samples
-from hdassist.belief.statistics import weighted_quantile
+from hdassist.belief.statistics import Probability, weighted_quantile
 from hdassist.design.check import DesignCheck, OperatingPoint, beside_measured_teeth
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.error_map import searchable
@@ -43,7 +43,7 @@ from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.throughcvxpy import CrossCheck
-from hdassist.verdict import SURE, Verdict, is_settled, percent_text, verdict_by_probability
+from hdassist.verdict import SURE, Verdict, percent_text, verdict_by_probability
 
 GUARD = 1.65  # standard uncertainties: one-sided 95 %
 Basis = Literal["measured", "stated", "predicted"]
@@ -216,7 +216,8 @@ def predict(
 
     def enough(samples: Samples) -> bool:
         beliefs = map(found.with_samples(samples).belief, open_)
-        return all(is_settled(b.probability_low, b.probability_high, sure) for b in beliefs if b)
+        kept = [Probability(b.probability, b.probability_low, b.probability_high) for b in beliefs if b]
+        return all(each.is_stable(sure) for each in kept)
 
     figured = tuple(limit for limit in open_ if limit.check is not F_IOR)
     samples = draw_samples(

@@ -54,7 +54,7 @@ from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.verdict import SURE, is_settled
+from hdassist.verdict import SURE
 
 FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
 
@@ -150,13 +150,13 @@ class Samples:
         return (high - low) / 2
 
     def probability(self, outcome: Callable[[Samples], Array | NDArray[np.bool_]], sure: float = SURE) -> Probability:
-        """Probability of an outcome, from the fewest samples whose Monte Carlo error reaches over no threshold.
+        """Probability of an outcome, from the fewest samples of which as many again would hardly change a verdict.
 
         So samples that were drawn further for another question do not move it. Arguments: outcome, which of some
         samples have it, shape (samples,); sure, probability that PASS needs.
         """
         found = [probability_of(outcome(stage), stage.weights) for stage in self.stages or (self,)]
-        return next((each for each in found if is_settled(each.low, each.high, sure)), found[-1])
+        return next((each for each in found if each.is_stable(sure)), found[-1])
 
     def probability_within(self, limit_arcsec: float, torque: int, sure: float = SURE) -> Probability:
         """Probability that F'_ior at a torque, by its place, is at most a limit [arcsec]; sure as in probability."""
@@ -246,13 +246,13 @@ def draw_samples(
 
 
 def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: float = SURE) -> bool:
-    """Whether the Monte Carlo error of no probability of keeping a limit reaches over a threshold of its verdict.
+    """Whether as many samples again would hardly change the verdict on any limit (Probability.is_stable).
 
     Arguments: left_arcsec, at each torque the room that a limit leaves F'_ior beside the self error, None without a
     limit; sure, probability that PASS needs.
     """
     found = [samples.probability_within(left, k, sure) for k, left in enumerate(left_arcsec) if left is not None]
-    return all(is_settled(each.low, each.high, sure) for each in found)
+    return all(each.is_stable(sure) for each in found)
 
 
 def _solved(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import betaincinv
 
 from hdassist.model.geometry import Array
+from hdassist.verdict import SURE, is_settled
 
 RESOLVED_ERROR = 1e-3  # arcsec
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
@@ -29,6 +30,14 @@ class Probability:
     value: float
     low: float
     high: float
+
+    def is_stable(self, sure: float = SURE) -> bool:
+        """Whether as many samples again would leave a verdict that needs `sure` as it is, with 95 % at each threshold.
+
+        From n samples to 2 n the estimate moves by 1/sqrt(2) of its standard error; the interval has 5 % beyond an end.
+        """
+        low, high = (self.value + (end - self.value) / np.sqrt(2) for end in (self.low, self.high))
+        return is_settled(low, high, sure)
 
 
 def log_error(arcsec: Array) -> Array:

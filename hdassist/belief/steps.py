@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from functools import partial
 from hashlib import sha256
 from typing import Literal
@@ -42,6 +42,9 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.walk import walk_library
 
 CHANGED_SAMPLES = 12  # samples that are solved again
+ASKED_OF = 3  # drives, of which two are solved with another coupling: each is another contact system
+GRID_OF_WAVES = 24  # points around each wheel by which phasors are taken off: the rest is known within 5 %
+FEWEST_OF_LINE, LEAST_SPAN = 5, 0.05  # drives that a line is put through, and span of ln F'_ior: else the mean alone
 THIRD_LESS = 2 / 3  # of a tolerance: a third less
 TRIED_HOLES = 4
 PHASORS_OFF = 20  # strongest waves, that a controller takes off
@@ -50,6 +53,7 @@ LEAST_STEP_GAIN = 0.02  # of the probability, or of F'_ior without a limit: a sm
 ASKED_COUPLINGS = ("oldham", "solid")
 
 StepKind = Literal["hole", "trials", "correction", "tolerance", "coupling", "question", "torque"]
+ALONE: tuple[StepKind, ...] = ("trials", "tolerance", "correction")  # of whose changes each is a step by itself
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,10 @@ class Step(ClosedRecord):
 
 @dataclass(frozen=True)
 class Changed:
-    """F'_ior [arcsec] of a drive now and with each change, by name; None of one that makes no drive."""
+    """F'_ior [arcsec] of a drive now and with each change that was tried; None of one that makes no drive.
+
+    after: by kind and name of the step, like "hole:4".
+    """
 
     now: float
     after: Mapping[str, float | None]
@@ -104,7 +111,7 @@ def steps_of(
     Arguments: samples of its prior, None where all is known; left_arcsec, what a limit leaves F'_ior at each torque,
     None without one. No steps of drives with rolling balls. Raises UntrustedError where a state cannot be trusted.
     """
-    drive, M_g, left = prior.drive, torques[torque], left_arcsec[torque]
+    drive = prior.drive
     if not searchable(drive):
         return (), EMPTY
     drives, shares = [drive], np.full((1, 1), 0.5)
@@ -113,65 +120,93 @@ def steps_of(
         rows = rows[even_rows(samples.weights[rows], min(CHANGED_SAMPLES, max(2, len(rows) // 2)))]
         shares = samples.shares[rows]
         drives = [drive.with_values(values) for values in samples.values(rows)]
-    changed = _changed(prior, drives, shares, M_g, bool(samples), run)
+    changed = _changed(prior, drives, shares, torques[torque], bool(samples), run)
+    proof = sum((each.proof for each in changed), EMPTY)
+    if not all(each.now > 0 for each in changed):
+        return (), proof
     now = np.array([each.now for each in changed])
     F_ior, weights = (samples.F_ior_arcsec[:, torque], samples.weights) if samples else (now, np.ones(1))
-    judged = partial(_outcome, left=left)
-    before, found = judged("", 1.0, F_ior, weights), list[Step]()
-    if before.p50 <= 0 or not (now > 0).all():
-        return (), sum((each.proof for each in changed), EMPTY)
+    before = _Before(F_ior, weights, changed, left_arcsec[torque])
+    found = [Step(*each, before.gain(each[2])) for each in _steps(prior, samples, torques, torque, left_arcsec, before)]
+    return tuple(sorted((s for s in found if s.gain >= LEAST_STEP_GAIN), key=lambda each: -each.gain)), proof
 
-    def carried_on(after: Array) -> Outcome:
-        """Equation (1)."""
-        ratio, x = log_error(after) - log_error(now), log_error(now)
-        b = np.polyfit(x, ratio, 1)[0] if np.ptp(x) > 0.05 and len(x) > 4 else 0.0
-        residual = ratio - b * (x - x.mean())
-        moved = np.exp(np.add.outer((1 + b) * log_error(F_ior) - b * x.mean(), residual))
-        return judged("", 1.0, moved.ravel(), np.repeat(weights, len(now)))
 
-    def add(kind: StepKind, of: str, *outcomes: Outcome) -> None:
-        total = sum(each.chance for each in outcomes)
-        one, gain = len(outcomes) == 1, 0.0
+@dataclass(frozen=True)
+class _Before:
+    """F'_ior [arcsec] over weighted samples before any step, changes of some, and what a limit leaves it, if any."""
+
+    F_ior: Array
+    weights: Array
+    changed: Sequence[Changed]
+    left: float | None
+
+    def answered(self, answer: str = "", inside: NDArray[np.bool_] | bool = True) -> Outcome:
+        """F'_ior without any change, of the samples that have an answer, with its chance."""
+        chosen = self.weights * inside
+        return _outcome(answer, float(chosen.sum() / self.weights.sum()), self.F_ior, chosen, self.left)
+
+    def carried(self, name: str, answer: str = "", chance: float = 1.0) -> Outcome:
+        """F'_ior over all samples by that of the drives which a change was tried on, by its name: equation (1)."""
+        x, y = log_error(np.array([(each.now, each.after[name]) for each in self.changed if name in each.after])).T
+        b = np.polyfit(x, y - x, 1)[0] if np.ptp(x) > LEAST_SPAN and len(x) >= FEWEST_OF_LINE else 0.0
+        residual = y - x - b * (x - x.mean())
+        moved = np.exp(np.add.outer((1 + b) * log_error(self.F_ior) - b * x.mean(), residual))
+        return _outcome(answer, chance, moved.ravel(), np.repeat(self.weights, len(x)), self.left)
+
+    def gain(self, outcomes: Sequence[Outcome]) -> float:
+        """Mean move of the probability of keeping the limit, or of the median as a share; of a question either way."""
+        now, total, gain = self.answered(), sum(each.chance for each in outcomes), 0.0
         for each in outcomes:
-            move = each.p50 / before.p50 - 1
-            if before.probability is not None and each.probability is not None:
-                move = before.probability - each.probability
-            gain += each.chance / total * (-move if one else abs(move))
-        if gain >= LEAST_STEP_GAIN:
-            found.append(Step(kind, of, outcomes, gain))
+            move = 1 - each.p50 / now.p50
+            if now.probability is not None and each.probability is not None:
+                move = each.probability - now.probability
+            gain += each.chance / total * (move if len(outcomes) == 1 else abs(move))
+        return gain
 
-    names = [name for name in changed[0].after if all(each.after[name] is not None for each in changed)]
-    table = {name: np.array([each.after[name] for each in changed], dtype=float) for name in names}
-    holes = {name: carried_on(after) for name, after in table.items() if name.startswith("hole:")}
-    if holes and not unknown_turn(drive):
-        best = min(holes, key=lambda name: (-(holes[name].probability or 0.0), holes[name].p50))
-        add("hole", best.removeprefix("hole:"), holes[best])
-    if holes and samples:
-        tried = [0, *(int(name.removeprefix("hole:")) for name in holes)]
-        tried = [tried[round(k * len(tried) / TRIED_HOLES)] for k in range(min(TRIED_HOLES, len(tried)))]
-        least = np.min([now if hole == 0 else table[f"hole:{hole}"] for hole in tried], axis=0)
-        add("trials", ",".join(map(str, tried)), carried_on(least))
-    couplings = [
-        replace(carried_on(table[c]), answer=c, chance=1 / len(ASKED_COUPLINGS)) for c in ASKED_COUPLINGS if c in table
-    ]
+
+def _steps(
+    prior: DrivePrior,
+    samples: Samples | None,
+    torques: Sequence[float],
+    torque: int,
+    left_arcsec: Sequence[float | None],
+    before: _Before,
+) -> Iterator[tuple[StepKind, str, tuple[Outcome, ...]]]:
+    """Steps with their outcomes: the kind, of which hole, field or torque, and one outcome or those of the answers."""
+    asked: dict[str, dict[str, str]] = {}
+    for name in before.changed[0].after:
+        kind, _, of = name.partition(":")
+        if None not in (each.after.get(name, 0.0) for each in before.changed):
+            asked.setdefault(kind, {})[of] = name
+    holes = {of: before.carried(name) for of, name in asked.get("hole", {}).items()}
+    if holes and not unknown_turn(prior.drive):
+        best = min(holes, key=lambda hole: (-(holes[hole].probability or 0.0), holes[hole].p50))
+        yield "hole", best, (holes[best],)
+    for kind in ALONE:
+        for of, name in asked.get(kind, {}).items():
+            yield kind, of, (before.carried(name),)
+    couplings = asked.get("coupling", {})
     if len(couplings) == len(ASKED_COUPLINGS):
-        add("question", "cam.coupling", *couplings)
-    elif couplings:
-        add("coupling", couplings[0].answer, replace(couplings[0], answer="", chance=1.0))
-    for name, after in table.items():
-        if name == "correction":
-            add("correction", str(PHASORS_OFF), carried_on(after))
-        elif "." in name:
-            add("tolerance", name, carried_on(after))
-    for k, other in enumerate(torques):
-        room = left_arcsec[k] if left_arcsec[k] is not None else left
-        if samples and left is not None and k != torque:
-            add("torque", f"{other:g}", _outcome("", 1.0, samples.F_ior_arcsec[:, k], weights, room))
-    for path, low, high in _answers(samples, torque, couplings) if samples else ():
-        inside = [_outcome(text, float(w.sum() / weights.sum()), F_ior, w, left) for text, w in (low, high)]
-        add("question", path, *inside)
-    proof = sum((each.proof for each in changed), EMPTY)
-    return tuple(sorted(found, key=lambda each: -each.gain)), proof
+        coupled = (before.carried(name, of, 1 / len(couplings)) for of, name in couplings.items())
+        yield "question", "cam.coupling", tuple(coupled)
+    else:
+        for of, name in couplings.items():
+            yield "coupling", of, (before.carried(name),)
+    if not samples:
+        return
+    for k, M_g in enumerate(torques):
+        room = before.left if left_arcsec[k] is None else left_arcsec[k]
+        if before.left is not None and k != torque:
+            yield "torque", f"{M_g:g}", (_outcome("", 1.0, samples.F_ior_arcsec[:, k], samples.weights, room),)
+    paths = {each.path: k for k, each in enumerate(samples.prior.fields)}
+    for each in influences(samples.of_ranges, torque):
+        if each.group in paths and (each.group != SUPPORT_FIELD or len(couplings) < len(ASKED_COUPLINGS)):
+            x = samples.prior.fields[paths[each.group]].value(samples.shares[:, paths[each.group]])
+            middle = float(f"{weighted_quantile(x, samples.weights, 0.5):.3g}")
+            sides = {f"< {middle:g}": x < middle, f"> {middle:g}": x >= middle}
+            answers = [before.answered(text, side) for text, side in sides.items() if samples.weights[side].any()]
+            if len(answers) == len(sides):
+                yield "question", each.group, tuple(answers)
 
 
 def _outcome(answer: str, chance: float, F_ior: Array, weights: Array, left: float | None) -> Outcome:
@@ -179,22 +214,6 @@ def _outcome(answer: str, chance: float, F_ior: Array, weights: Array, left: flo
     p5, p50, p95 = (weighted_quantile(F_ior, weights, share) for share in (0.05, 0.5, 0.95))
     kept = None if left is None else float(weights @ (left >= F_ior) / weights.sum())
     return Outcome(answer, chance, p5, p50, p95, kept)
-
-
-def _answers(
-    samples: Samples, torque: int, couplings: Sequence[Outcome]
-) -> Iterator[tuple[str, tuple[str, Array], tuple[str, Array]]]:
-    """Fields that F'_ior hangs on, by path, with two answers each, below and above the median: text and weights."""
-    paths = [each.path for each in samples.prior.fields]
-    values = {each.path: each.value(samples.shares[:, k]) for k, each in enumerate(samples.prior.fields)}
-    for each in influences(samples.of_ranges, torque):
-        if each.group not in paths or (each.group == SUPPORT_FIELD and len(couplings) > 1):
-            continue
-        of, weights = values[each.group], samples.weights
-        middle = float(f"{weighted_quantile(of, weights, 0.5):.3g}")
-        below = of < middle
-        if 0 < weights[below].sum() < weights.sum():
-            yield each.group, (f"< {middle:g}", weights * below), (f"> {middle:g}", weights * ~below)
 
 
 def _changed(
@@ -210,8 +229,10 @@ def _changed(
     with suppress(ValueError, TypeError, KeyError):
         if keeps_answers() and (data := cached("steps", key)):
             return [Changed(now, after, Certificate(*proof)) for now, after, proof in json.loads(data)]
-    every = [{name: values[k] for name, values in supports.items()} for k in range(len(drives))]
-    found = list(run.map(partial(_changed_one, M_g=M_g, drawn=drawn), drives, every))
+    every = [{name: of[k] for name, of in supports.items() if k % ASKED_OF != 1} for k in range(len(drives))]
+    found = list(
+        run.map(partial(_changed_one, M_g=M_g, drawn=drawn, every_hole=not unknown_turn(prior.drive)), drives, every)
+    )
     run.solved(sum(each.proof.states for each in found))
     if keeps_answers():
         keep("steps", key, json.dumps([(each.now, each.after, astuple(each.proof)) for each in found]).encode())
@@ -238,38 +259,43 @@ def _supports(prior: DrivePrior, shares: Array) -> dict[str, list[float]]:
     return found
 
 
-def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, drawn: bool) -> Changed:
-    """Changes of one drive: the wheel in other holes, tighter tolerances, another coupling, phasors taken off."""
+def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, drawn: bool, every_hole: bool) -> Changed:
+    """Changes of one drive: the wheel in other holes, tighter tolerances, another coupling, phasors taken off.
+
+    every_hole: whether the best hole is asked for, not only what trying some brings.
+    """
     holes = drive.mounting.holes or FREE_HOLES
     allowed = range(holes) if drive.mounting.allowed == "all" or not drive.mounting.holes else drive.mounting.allowed
+    others = [] if no_hole_better(drive) else [hole for hole in allowed if hole % holes]
+    tried = [[0, *others][round(k * (1 + len(others)) / TRIED_HOLES)] for k in range(min(TRIED_HOLES, 1 + len(others)))]
     changes: dict[str, dict[str, float]] = {"": {}}
-    if not no_hole_better(drive):
-        for hole in allowed:
-            if hole % holes:
-                turn = 360 * hole / holes
-                changes[f"hole:{hole}"] = {path: drive.number(path) + turn for path in carried(drive)}
+    for hole in others if every_hole else tried[1:]:
+        changes[f"hole:{hole}"] = {path: drive.number(path) + 360 * hole / holes for path in carried(drive)}
     for each in DEVIATIONS:
         if each.size.startswith("tolerances.") and drive.number(each.size) > 0:
-            changes[each.size] = {each.size: THIRD_LESS * drive.number(each.size)}
+            changes[f"tolerance:{each.size}"] = {each.size: THIRD_LESS * drive.number(each.size)}
     paths = {path for change in changes.values() for path in change} or {"tolerances.F_i1"}
     columns = {path: np.array([c.get(path, drive.number(path)) for c in changes.values()]) for path in paths}
     (error_map,) = error_maps(drive, [M_g])
     searched = _extremes(error_map, Batch(drive, columns), drawn)
-    now, proof = searched.first, searched.certificate
-    after: dict[str, float | None] = dict(zip(changes, searched.F_ior_arcsec.tolist(), strict=True))
-    del after[""]
-    waves = ErrorWaves(drive, M_g, UNCHECKED)
-    z = waves.waves([drive])[0]
-    proof += waves.certificate
+    F_ior = dict(zip(changes, searched.F_ior_arcsec.tolist(), strict=True))
+    now = F_ior.pop("")
+    after: dict[str, float | None] = {**F_ior}
+    if drawn and others:
+        least = min(F_ior.get(f"hole:{hole}", now) for hole in tried)
+        after[f"trials:{','.join(map(str, tried))}"] = least
+    waves = ErrorWaves(drive, M_g, UNCHECKED, error_map)
+    z = waves.waves([drive], GRID_OF_WAVES)[0]
     weak = np.argsort(-np.abs(z), kind="stable")[PHASORS_OFF:]
-    ranges = [_range(waves.k_g[some], waves.k_b[some], z[some]) for some in (np.arange(len(z)), weak)]
-    after["correction"] = now * ranges[1] / ranges[0] if ranges[0] > 0 else 0.0
+    whole, left = (_range(waves.k_g[some], waves.k_b[some], z[some]) for some in (np.arange(len(z)), weak))
+    after[f"correction:{PHASORS_OFF}"] = now * left / whole if whole > 0 else 0.0
+    proof = searched.certificate + waves.certificate
     for coupling, C_3 in supports.items():
-        after[coupling] = None
+        after[f"coupling:{coupling}"] = None
         with suppress(HdassistError):
             there = drive.with_values({SUPPORT_FIELD: C_3})
             moved = _extremes(error_maps(there, [M_g])[0], Batch.of(there), drawn)
-            after[coupling], proof = moved.first, proof + moved.certificate
+            after[f"coupling:{coupling}"], proof = moved.first, proof + moved.certificate
     return Changed(now, after, proof)
 
 

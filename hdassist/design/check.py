@@ -297,7 +297,7 @@ def drive_samples(
     run: Run = Run(),
     seen: Callable[[Samples], None] | None = None,
 ) -> Samples:
-    """Samples of a drive at its torques, until the Monte Carlo error reaches over no threshold of a verdict.
+    """Samples of a drive at its torques, until as many again would hardly change a verdict.
 
     Arguments: prior of the drive; held_arcsec, limit less self error at each torque, None without one; the others as
     those of check and draw_samples. Raises UntrustedError as check does.

@@ -43,12 +43,12 @@ def wave_numbers() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 class ErrorWaves:
     """Errors of a drive at a torque M_g [N*m], and of drives that differ from it in their deviations alone.
 
-    k_g, k_b: wave_numbers; certificate: of all states that were solved so far. Raises UsageError for a drive with
-    rolling balls.
+    k_g, k_b: wave_numbers; certificate: of all states that were solved so far. Argument: error_map of the drive at that
+    torque, where there is one. Raises UsageError for a drive with rolling balls.
     """
 
-    def __init__(self, drive: Drive, M_g: float, run: Run = Run()) -> None:
-        self._map, self._run = ErrorMap(drive, M_g), run
+    def __init__(self, drive: Drive, M_g: float, run: Run = Run(), error_map: ErrorMap | None = None) -> None:
+        self._map, self._run = error_map or ErrorMap(drive, M_g), run
         self._case = self._map.load_case()
         self.certificate = EMPTY
         self.k_g, self.k_b = wave_numbers()
