@@ -21,14 +21,11 @@ from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import state_gaps
 from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
 from hdassist.solve import walk
-from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, proven_answers
+from hdassist.solve.answers import N_MM, STATES_AT_A_TIME, Answers, StateSums, proven_answers, residuals
 from hdassist.solve.build import library_name
-from hdassist.solve.certificate import residuals
 from hdassist.solve.formulation import Formulation, formulate
-from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.onebyone import ALWAYS_ACTIVE, DAQP_SETTINGS, OneByOne
-from hdassist.solve.sums import StateSums
-from hdassist.solve.throughcvxpy import solve_through_cvxpy
+from hdassist.solve.loadcase import ALWAYS_ACTIVE, DAQP_SETTINGS, LoadCase, OneByOne
+from hdassist.solve.through_cvxpy import solve_through_cvxpy
 
 SOLVERS = {"DAQP": 20, "HIGHS": 20, "CLARABEL": 20, "OSQP": 6}  # states that each one solves
 

@@ -29,8 +29,8 @@ from scipy.special import softmax
 from scipy.stats.qmc import Sobol
 
 from hdassist import load_preset
+from hdassist.error.cycle import self_error
 from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.self_error import self_error
 from hdassist.error.sloped import drawn_extremes
 from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace

@@ -2,19 +2,19 @@
 
 from hdassist.design.check import check as check
 from hdassist.error.cycle import KinematicError as KinematicError
+from hdassist.error.cycle import SelfError as SelfError
 from hdassist.error.cycle import kinematic_error as kinematic_error
-from hdassist.error.self_error import SelfError as SelfError
-from hdassist.error.self_error import self_error as self_error
+from hdassist.error.cycle import self_error as self_error
 from hdassist.error.stiffness import Stiffness as Stiffness
 from hdassist.error.stiffness import stiffness as stiffness
 from hdassist.error.trace import Trace as Trace
 from hdassist.error.trace import trace as trace
 from hdassist.errors import HdassistError as HdassistError
 from hdassist.loading.load import load_preset as load_preset
+from hdassist.model.deviations import MeasuredTeeth as MeasuredTeeth
+from hdassist.model.deviations import MeasuredWheel as MeasuredWheel
+from hdassist.model.deviations import PitchFile as PitchFile
 from hdassist.model.deviations import ToothDeviations as ToothDeviations
-from hdassist.model.wheels import MeasuredTeeth as MeasuredTeeth
-from hdassist.model.wheels import MeasuredWheel as MeasuredWheel
-from hdassist.model.wheels import PitchFile as PitchFile
 from hdassist.mounting.positions import MountingCurve as MountingCurve
 from hdassist.mounting.positions import mounting_curve as mounting_curve
 from hdassist.preset.fields import Drive as Drive

@@ -29,8 +29,8 @@ from scipy.optimize import OptimizeResult, least_squares, minimize_scalar
 
 from hdassist.belief.prior import LOGARITHMIC, FieldPrior, owner_of
 from hdassist.belief.statistics import sobol_points
+from hdassist.error.cycle import self_error
 from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.self_error import self_error
 from hdassist.error.stiffness import Twist, stiffness
 from hdassist.errors import DataError, Fault, HdassistError, PresetError, UntrustedError
 from hdassist.model.geometry import Array

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hdassist.belief.influence import Influence, MeasurementGain
     from hdassist.belief.samples import Samples
+    from hdassist.model.deviations import MeasuredTeeth, MeasuredWheel
     from hdassist.model.unknown import Unknown
-    from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel
-    from hdassist.solve.throughcvxpy import CrossCheck
+    from hdassist.solve.through_cvxpy import CrossCheck
 
 Json = dict[str, Any]
 SCHEMA_NUMBERS = {"accept": 2, "accept-replay": 2, "mount": 2}  # of JSON whose keys have changed; all other has 1

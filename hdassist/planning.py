@@ -12,8 +12,8 @@ from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
 from hdassist.belief.statistics import Probability, probability_of, weighted_quantile
 from hdassist.design.check import drive_samples
+from hdassist.error.cycle import limits_left
 from hdassist.error.error_map import searchable
-from hdassist.error.self_error import limits_left
 from hdassist.error.waves import POINTS_A_TURN, ErrorLines, error_lines
 from hdassist.errors import UsageError
 from hdassist.model.geometry import Array

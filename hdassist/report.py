@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hdassist.preset.fields import Drive
-    from hdassist.solve.throughcvxpy import CrossCheck
+    from hdassist.solve.through_cvxpy import CrossCheck
 
 T = TypeVar("T")
 Fact: TypeAlias = tuple[str, str]  # a label and a text

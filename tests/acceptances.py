@@ -11,7 +11,7 @@ from hdassist.acceptance.decision import AcceptedValue, Predictions, predict
 from hdassist.acceptance.limits import Limit
 from hdassist.acceptance.request import Inputs, Request
 from hdassist.measuring.measure import Measurement
-from hdassist.model.wheels import MeasuredTeeth
+from hdassist.model.deviations import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from tests.process import SMALL, TINY
 

@@ -14,8 +14,7 @@ from hdassist.model.deviations import ToothDeviations, state_gaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import States
 from hdassist.preset.fields import Drive
-from hdassist.solve.answers import ARCSEC, N_MM
-from hdassist.solve.certificate import TOLERANCE, displacements, residuals
+from hdassist.solve.answers import ARCSEC, N_MM, TOLERANCE, displacements, residuals
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
 

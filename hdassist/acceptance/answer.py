@@ -27,7 +27,7 @@ from hdassist.json_parts import (
     schema_of,
     unknown_objects,
 )
-from hdassist.model.wheels import MeasuredTeeth
+from hdassist.model.deviations import MeasuredTeeth
 from hdassist.preset.fields import OneLine
 from hdassist.preset.library import read_preset
 from hdassist.readers.trace import MAX_TRACE_BYTES

@@ -24,25 +24,24 @@ from hdassist.belief.evidence import evidence_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, draw_samples
 from hdassist.belief.statistics import Probability, weighted_quantile
 from hdassist.design.check import DesignCheck, OperatingPoint, beside_measured_teeth
-from hdassist.error.cycle import KinematicError, kinematic_error
+from hdassist.error.cycle import KinematicError, SelfError, kinematic_error, self_error
 from hdassist.error.error_map import searchable
-from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.table import TABLE_SECTIONS
 from hdassist.error.waves import EstimatedCycle, estimated_cycle, turn_range_arcsec
 from hdassist.errors import UsageError
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import SweepResult
+from hdassist.model.deviations import MeasuredTeeth
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknowns
-from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.preset.units import UnitError, is_spread, read_spread
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.throughcvxpy import CrossCheck
+from hdassist.solve.through_cvxpy import CrossCheck
 from hdassist.verdict import SURE, Verdict, percent_text, verdict_by_probability
 
 GUARD = 1.65  # standard uncertainties: one-sided 95 %

@@ -25,8 +25,8 @@ from hdassist.errors import DataError, Finding, HdassistError, PresetError, Usag
 from hdassist.files import STDIN
 from hdassist.loading.load import Asked
 from hdassist.measuring.measure import Measurement, Reading
+from hdassist.model.deviations import MeasuredTeeth
 from hdassist.model.kinematics import Kinematics
-from hdassist.model.wheels import MeasuredTeeth
 from hdassist.plaintext import number_of
 from hdassist.preset.fields import REMOVED, Drive, OneLine, field_table, is_number, is_overridden, path_of
 from hdassist.preset.library import preset_names

@@ -27,8 +27,7 @@ from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.run.cache import cached, keep, keeps_answers, program
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number
-from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.certificate import Residual
+from hdassist.solve.answers import EMPTY, Certificate, Residual
 from hdassist.solve.walk import walk_library
 
 

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from hdassist.belief.statistics import sobol_points
-from hdassist.model.assumed import assumptions
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
-from hdassist.model.unknown import unknowns
+from hdassist.model.unknown import assumptions, unknowns
 from hdassist.preset.fields import DEVIATIONS, Drive, deviation_sizes, field_table, is_overridden, measures
 from hdassist.solve.answers import ARCSEC
 

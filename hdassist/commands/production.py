@@ -104,7 +104,7 @@ class ToleranceCommand(o.PlotOptions, DrawOptions):
 
     def report(self, out: o.Output, preset: str) -> o.Report:
         """Random drives of a preset."""
-        from hdassist.error.self_error import self_error
+        from hdassist.error.cycle import self_error
         from hdassist.errors import UntrustedError
         from hdassist.files import claim_output
         from hdassist.pages.tolerance import tolerance_report
@@ -237,7 +237,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
 
     def report(self, out: o.Output, preset: str) -> o.Report:
         """The cheapest tolerances."""
-        from hdassist.error.self_error import self_error
+        from hdassist.error.cycle import self_error
         from hdassist.pages.tolerance import allocate_report
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.tightening import Allocator, to_measure

@@ -20,8 +20,7 @@ from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, SamplingEffort, draw_samples
 from hdassist.belief.statistics import RESOLVED_ERROR, effective_number, even_rows, probability_of, weighted_quantile
 from hdassist.design.check import DesignCheck, check, check_states
-from hdassist.error.error_map import Batch, error_maps, extremes_of, searchable
-from hdassist.error.hills import Indices
+from hdassist.error.error_map import Batch, Indices, error_maps, extremes_of, searchable
 from hdassist.error.sloped import DRAWN_STATES, drawn_extremes
 from hdassist.error.stiffness import Stiffness, rated_torque, stiffness, stiffness_states
 from hdassist.errors import HdassistError, UntrustedError
@@ -33,7 +32,7 @@ from hdassist.mounting.positions import seat_positions
 from hdassist.preset.fields import UNKNOWN, Drive, ResolvedField, resolved_fields
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.throughcvxpy import CrossCheck
+from hdassist.solve.through_cvxpy import CrossCheck
 from hdassist.verdict import SURE
 
 DRAWN_PAIRS = 64

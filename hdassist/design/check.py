@@ -23,18 +23,16 @@ from hdassist.belief.samples import (
 )
 from hdassist.belief.statistics import Probability
 from hdassist.belief.steps import Step, steps_of
-from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
+from hdassist.error.cycle import KinematicError, SelfError, cross_check_of, kinematic_error, self_error
 from hdassist.error.error_map import searchable
-from hdassist.error.self_error import SelfError, self_error
 from hdassist.error.sloped import DRAWN_STATES
-from hdassist.model.deviations import ToothDeviations
+from hdassist.model.deviations import MeasuredTeeth, ToothDeviations
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, unknowns
-from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.run.run import CROSS_SOLVER, Run, apart
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.throughcvxpy import CrossCheck, require_solver
+from hdassist.solve.through_cvxpy import CrossCheck, require_solver
 from hdassist.verdict import SURE, Verdict, verdict_by_probability, worst
 
 

@@ -22,7 +22,7 @@ from hdassist.preset.fields import Drive, PresetField, field_table, is_overridde
 from hdassist.preset.units import read_count, read_number
 from hdassist.preset.yamltext import InvalidValueError, near_miss, scalar_value, shown
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
-from hdassist.solve.certificate import Residual
+from hdassist.solve.answers import Residual
 
 VARY = "--vary"
 TORQUE = "operation.M_g"

@@ -1,19 +1,21 @@
 """The kinematic error of a drive under constant torque, F_kpp, and its largest range F'_ior.
 
-Source: Lyuminarsky et al. 2019, doi 10.18698/0536-1044-2019-11-3-8.
+Source: Lyuminarsky et al. 2019, doi 10.18698/0536-1044-2019-11-3-8. Beside it the self error, which a drive without
+deviations has: rotation over tooth phase and ball phase.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.errors import UsageError
-from hdassist.model.contacts import ContactSystems, contact_system
+from hdassist.model.contacts import WITHOUT_DEVIATIONS, ContactSystems, contact_system
 from hdassist.model.deviations import ToothDeviations, state_gaps
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import (
@@ -28,7 +30,7 @@ from hdassist.run.run import CROSS_SOLVER, Run
 from hdassist.solve.answers import EMPTY, STATES_AT_A_TIME, Certificate
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.throughcvxpy import CrossCheck, require_solver, solve_again
+from hdassist.solve.through_cvxpy import CrossCheck, require_solver, solve_again
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
 CHECKED = 3  # random states beside the extremes that another solver solves again
@@ -176,3 +178,64 @@ def state_place(states: States, M_g: float, k: int) -> str:
     turns, rest = divmod(round(phi_h, 1), 360.0)
     cam = f"{turns:.0f} turn{'s' * (turns != 1)} + {rest:.1f}°"
     return f"phi_h = {cam}, phi_g = {phi_g:.3f}°, phi_b = {phi_b:.3f}°, M_g = {M_g:g} N*m"
+
+
+#
+
+
+@dataclass(frozen=True)
+class SelfError:
+    """Self error of a drive at a torque M_g [N*m].
+
+    rotation_arcsec, shape (tooth phases, ball phases): twist of the flexspline at tau = i/phases,
+    beta likewise.
+    """
+
+    M_g: float
+    rotation_arcsec: Array
+    certificate: Certificate
+
+    @property
+    def range_arcsec(self) -> float:
+        """Greatest minus least rotation over both phases [arcsec]."""
+        return float(np.ptp(self.rotation_arcsec))
+
+    @property
+    def tooth_phase_arcsec(self) -> float:
+        """Range over the tooth phase alone [arcsec], the ball phase as in the first column."""
+        return float(np.ptp(self.rotation_arcsec[:, 0]))
+
+    @property
+    def ball_phase_arcsec(self) -> float:
+        """Range over the ball phase alone [arcsec], the tooth phase 0."""
+        return float(np.ptp(self.rotation_arcsec[0]))
+
+
+def self_error(drive: Drive, torques: Sequence[float], *, run: Run = Run()) -> list[SelfError]:
+    """Self error of a drive at torques M_g [N*m], over numerics.n_phase tooth and ball phases.
+
+    Raises UntrustedError where an answer cannot be trusted.
+    """
+    systems, grid = ContactSystems(drive), drive.numerics.n_phase
+    rotation, certificates = np.empty((len(torques), grid, grid)), [EMPTY] * len(torques)
+    cases: dict[float, LoadCase] = {}  # one a torque: contact sets of neighbours are near, of torques they are not
+    for i, k in np.ndindex(grid, grid):
+        formulation = formulate(systems.at(i / grid, k / grid))
+        for t, M_g in enumerate(torques):
+            cases[M_g] = LoadCase(formulation, M_g, like=cases.get(M_g, cases.get(torques[0])))
+            place = partial(_place, i / grid, k / grid, M_g)
+            answers = cases[M_g].solve(WITHOUT_DEVIATIONS, place, run.solved)
+            rotation[t, i, k] = answers.rotation_arcsec[0]
+            certificates[t] += answers.certificate
+    return list(map(SelfError, torques, rotation, certificates))
+
+
+def limits_left(drive: Drive, torques: Sequence[float]) -> list[float | None]:
+    """Room that limits of a drive leave F'_ior beside self error [arcsec] at torques [N*m]; None without a limit."""
+    limits = [drive.limit(M_g) for M_g in torques]
+    own = self_error(drive, torques) if any(limits) else []
+    return [None if limit is None else limit - each.range_arcsec for limit, each in zip_longest(limits, own)]
+
+
+def _place(tau: float, beta: float, M_g: float, _: int) -> str:
+    return f"tau = {tau:g}, beta = {beta:g}, M_g = {M_g:g} N*m, without deviations"

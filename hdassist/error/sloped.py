@@ -15,8 +15,17 @@ from functools import lru_cache, partial, reduce
 import numpy as np
 
 from hdassist.error.cycle import state_place
-from hdassist.error.error_map import SHORT_CYCLE, Batch, ErrorMap, Extremes
-from hdassist.error.hills import LEAST_F_IOR, Hills, Indices, hills_of, there_and_back
+from hdassist.error.error_map import (
+    LEAST_F_IOR,
+    SHORT_CYCLE,
+    Batch,
+    ErrorMap,
+    Extremes,
+    Hills,
+    Indices,
+    hills_of,
+    there_and_back,
+)
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.solve.answers import ARCSEC, EMPTY

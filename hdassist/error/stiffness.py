@@ -23,7 +23,7 @@ from hdassist.run.run import Progress, Run
 from hdassist.solve.answers import ARCSEC, N_MM, Certificate
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.throughcvxpy import CrossCheck, solve_again
+from hdassist.solve.through_cvxpy import CrossCheck, solve_again
 
 LOST_MOTION_SHARE = 0.04  # of the rated torque, to each side: the catalogues' measure
 NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist is some thousandths of an arcsec

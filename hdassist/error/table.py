@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.hills import there_and_back
+from hdassist.error.error_map import Batch, ErrorMap, there_and_back
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import TOOTH_ORDERS, StateGaps
 from hdassist.model.deviations import (

@@ -1,18 +1,103 @@
-"""The error against the cam angle, as a rig would record it."""
+"""The error against the cam angle, as a rig would record it, and its orders: amplitude, phase and cause of each."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from hdassist.error.cycle import KinematicError, kinematic_error
-from hdassist.error.orders import Order, orders
 from hdassist.errors import UsageError
+from hdassist.model.deviations import MeasuredTeeth, is_half_turn_symmetric
+from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from hdassist.model.wheels import MeasuredTeeth
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.run.run import Run
+
+DEGREE = 4  # products of up to so many deviations are named
+UNEXPLAINED_ORDERS = 12  # orders without a known cause that are kept all the same
+NO_CAUSE = "no single cause known"
+FLOOR = 1e-9  # arcsec: a smaller value is rounding
+
+
+@dataclass(frozen=True)
+class Order:
+    """One order of the error: amplitude cos(per_cam_rev phi_h + phase), and its cause in words."""
+
+    per_cam_rev: float
+    amplitude_arcsec: float
+    phase_deg: float
+    cause: str
+
+
+def order_legend(drive: Drive) -> str:
+    """How to read the causes of a drive's orders."""
+    even = ", an even number of them in all: z_g, N and n_2 are even" * is_half_turn_symmetric(drive)
+    return (
+        "rigid wheel: its teeth and the cam offset that stands still with it; flexspline: its teeth and the "
+        "cam offset that goes with it; cam: the offset that turns with the cam. The error follows sums and "
+        f"differences of their orders{even}."
+    )
+
+
+def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
+    """Order per cam revolution, and cause, of each product of a drive's deviations up to DEGREE.
+
+    Keys (k_g, k_b): how often deviations that turn with the flexspline and with the rigid wheel, as seen
+    from the cam, enter. Where half a turn maps teeth and balls onto each other the error is even in all deviations
+    together, and an odd product needs the offset that turns with the cam, e_hh, as well.
+    """
+    even = is_half_turn_symmetric(drive)
+    kinematics = Kinematics.of(drive)
+    rate_g = kinematics.teeth_fixed / kinematics.z_g
+    rate_b = kinematics.teeth_fixed / kinematics.z_b
+    deviating = {each.part for each in DEVIATIONS if drive.number(each.size)}
+    most_g, most_b = DEGREE * ("g" in deviating), DEGREE * ("b" in deviating)
+    found = {}
+    for k_g, k_b in product(range(most_g + 1), range(-most_b, most_b + 1)):
+        degree = k_g + abs(k_b)
+        needs_cam = even and degree % 2 == 1
+        if 0 < degree <= DEGREE and (k_g > 0 or k_b > 0) and ("h" in deviating or not needs_cam):
+            found[k_g, k_b] = (abs(k_g * rate_g + k_b * rate_b), _words(k_g, k_b, needs_cam))
+    return found
+
+
+def _words(k_g: int, k_b: int, needs_cam: bool) -> str:
+    flexspline = f"{k_g if k_g > 1 else ''} flexspline" if k_g else ""
+    rigid = f"{abs(k_b) if abs(k_b) > 1 else ''} rigid wheel" if k_b else ""
+    between = (" - " if k_b < 0 else " + ") if k_g and k_b else ""
+    return " ".join(f"{flexspline}{between}{rigid}{' + cam' if needs_cam else ''}".split())
+
+
+def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[Order]:
+    """Orders of a drive's error sampled at even steps over whole cam revolutions, by rising order.
+
+    Arguments: drive, whose deviations name the causes; error_arcsec, shape (states,); revolutions, cam
+    revolutions that they span. Known orders are always there, others where they are among the largest. Where
+    several causes fall within the resolution (1/revolutions), the simplest stand together.
+    """
+    count = len(error_arcsec)
+    spectrum = np.fft.rfft(error_arcsec - np.mean(error_arcsec))
+    amplitude = 2 * np.abs(spectrum) / count
+    if count % 2 == 0:
+        amplitude[-1] /= 2  # the last bin has no mirror image
+    causes: dict[int, list[tuple[int, str]]] = {}
+    for (k_g, k_b), (order, words) in known_causes(drive).items():
+        place = round(order * revolutions)
+        if 0 < place < len(amplitude):
+            causes.setdefault(place, []).append((abs(k_g) + abs(k_b), words))
+    largest = np.argsort(amplitude)[::-1][:UNEXPLAINED_ORDERS].tolist()
+    phase, found = np.degrees(np.angle(spectrum)), []
+    for place in sorted({*causes, *largest} - {0}):
+        if place in causes or amplitude[place] > FLOOR:
+            least = min(causes.get(place, []), default=(0, ""))[0]
+            words = "; ".join(words for degree, words in causes.get(place, []) if degree == least)
+            found.append(Order(place / revolutions, float(amplitude[place]), float(phase[place]), words or NO_CAUSE))
+    return found
+
+
+#
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.error.cycle import KinematicError, kinematic_error
-from hdassist.error.error_map import SHORT_CYCLE, ErrorMap
-from hdassist.error.hills import there_and_back
+from hdassist.error.error_map import SHORT_CYCLE, ErrorMap, there_and_back
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array

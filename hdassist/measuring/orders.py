@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtrit
 
-from hdassist.error.orders import NO_CAUSE, known_causes
+from hdassist.error.trace import NO_CAUSE, known_causes
 from hdassist.errors import UsageError
 from hdassist.measuring.fit import COVERAGE_FACTOR, OrderIndices, SlowTerms, TraceFit, distance, order_columns
 from hdassist.model.geometry import Array

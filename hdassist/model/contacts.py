@@ -15,9 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.model.face import Face
-from hdassist.model.geometry import Array, Flanks, Geometry, flank_candidates
-from hdassist.model.nominal import nominal_shape
+from hdassist.model.geometry import Array, Face, Flanks, Geometry, flank_candidates, nominal_shape
 from hdassist.model.rings import Ring, flexspline_ring, outer_ring
 from hdassist.preset.fields import Drive
 

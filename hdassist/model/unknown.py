@@ -1,6 +1,7 @@
-"""Unknown deviations of a drive: which fields, and how far they may go.
+"""What may lie elsewhere than a preset has it: assumed stiffnesses, clearances and shapes, and deviations not given.
 
-A size that is not given may be anything up to the bound of its part; a direction that is not given, any direction.
+Assumed ones have the bounds of their reason. A size that is not given may be anything up to the bound of its part; a
+direction that is not given, any direction.
 """
 
 from __future__ import annotations
@@ -10,16 +11,40 @@ from dataclasses import dataclass
 from typing import Literal
 
 from hdassist.model.deviations import fixed_part, standing_offset
-from hdassist.preset.fields import COMPOSITES, DEVIATIONS, Deviation, Drive
+from hdassist.preset.fields import COMPOSITES, DEVIATIONS, Deviation, Drive, is_overridden, measures
 from hdassist.preset.knowledge import (
     CENTRE_OFFSET,
     COARSEST_CLASS,
     HIGHER_ORDERS,
+    LAWS,
     SECOND_ORDER,
     STANDING_OFFSET,
     TURNING_OFFSET,
     F_p,
 )
+
+
+def assumptions(drive: Drive) -> tuple[Unknown, ...]:
+    """Fields of a drive that are assumed, or left to a default, and have a plausible range.
+
+    A field that the preset's `source` calls assumed has the range that stands there.
+    """
+    found = []
+    for path in measures():
+        source, value = drive.source.get(path), drive.value(path)
+        section, name = path.split(".")
+        if value is None or path == drive.unused_tooth_field or is_overridden(path, drive.origin.overrides):
+            continue  # not known, without effect, or wanted so
+        if source is not None and source.kind == "assumed" and source.range:
+            found.append(Unknown(path, *source.range, source.ref))
+        elif source is None and name not in getattr(drive, section).model_fields_set and path in LAWS:
+            law, g = LAWS[path], drive.gears
+            if law.assumed and (bounds := law.range_at(g.pitch_diameter, g.m, value)):
+                found.append(Unknown(path, *bounds, law.why))
+    return tuple(a for a in found if a.low < a.high and drive.allows(a.path, a.low) and drive.allows(a.path, a.high))
+
+
+#
 
 
 @dataclass(frozen=True)

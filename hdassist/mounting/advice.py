@@ -18,15 +18,14 @@ from hdassist.belief.samples import (
     draw_samples,
     limits_settled,
 )
+from hdassist.error.cycle import limits_left
 from hdassist.error.error_map import SEARCHED, searchable
-from hdassist.error.self_error import limits_left
 from hdassist.error.sloped import DRAWN_STATES
 from hdassist.errors import UntrustedError, UsageError
-from hdassist.model.deviations import standing_offset
+from hdassist.model.deviations import MeasuredTeeth, standing_offset
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, no_hole_better, unknown_turn, unknowns
-from hdassist.model.wheels import MeasuredTeeth
 from hdassist.mounting.decision import (
     FEWEST_VALUES,
     LEAST_GAIN,
@@ -63,7 +62,7 @@ from hdassist.mounting.posterior import (
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.throughcvxpy import CrossCheck
+from hdassist.solve.through_cvxpy import CrossCheck
 from hdassist.verdict import SURE
 
 FORESEEN_VALUES = 6  # measured values of which the gain is foreseen before any

@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
 from hdassist.error.error_map import Batch, error_maps, searchable
 from hdassist.errors import UsageError
-from hdassist.model.deviations import ToothDeviations, carried, tooth_phases
+from hdassist.model.deviations import MeasuredTeeth, ToothDeviations, carried, tooth_phases
 from hdassist.model.geometry import Array
-from hdassist.model.wheels import MeasuredTeeth
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run, apart
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.throughcvxpy import CrossCheck
+from hdassist.solve.through_cvxpy import CrossCheck
 
 FREE_STEP = 5.0  # deg between positions where the seat has no holes
 LEAST_STEP = 0.01  # deg between positions: 36 000 of them

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from datetime import date
 
 from hdassist.belief.statistics import Probability
-from hdassist.model.wheels import MeasuredTeeth
+from hdassist.model.deviations import MeasuredTeeth
 from hdassist.mounting.decision import Word
 from hdassist.mounting.positions import Choice, Position, hole_of
 from hdassist.mounting.posterior import Trial

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from hdassist.design.sweep import Axis, Sweep, SweepRow, Swept
-from hdassist.error.orders import Order, order_legend
 from hdassist.error.stiffness import (
     LOST_MOTION_SHARE,
     Segment,
@@ -18,7 +17,7 @@ from hdassist.error.stiffness import (
     segments_beside,
     stiffness_object,
 )
-from hdassist.error.trace import Trace
+from hdassist.error.trace import Order, Trace, order_legend
 from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.preset.fields import Drive, Measured, is_overridden

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from hdassist.error.self_error import limits_left
+from hdassist.error.cycle import limits_left
 from hdassist.json_parts import Json, attributes, influence_objects, pitch_object, samples_object, unknown_objects
 from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import unknown_names

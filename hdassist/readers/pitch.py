@@ -37,8 +37,8 @@ import numpy as np
 
 from hdassist.errors import UsageError
 from hdassist.files import Readable
+from hdassist.model.deviations import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.model.geometry import Array
-from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.preset.fields import IN_TEETH, Drive, is_overridden
 from hdassist.preset.units import UnitError
 from hdassist.preset.yamltext import near_miss

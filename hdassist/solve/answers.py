@@ -1,18 +1,158 @@
-"""The proof of many solved states, and their results."""
+"""What an answer is, and its proof: residuals of system (1) from D, G, C and the gaps; sums over the contacts.
+
+Sums are all that analyses ask for but the forces themselves. States are solved chunk by chunk, and each chunk is proven
+before the next one is asked for.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
 
 from hdassist.errors import Fault, UntrustedError
-from hdassist.model.contacts import ContactSystem
+from hdassist.model.contacts import ROTATION, ContactSystem
 from hdassist.model.geometry import Array
 from hdassist.run.run import Progress
-from hdassist.solve.certificate import TOLERANCE, Residuals
-from hdassist.solve.sums import StateSums
+from hdassist.solve.formulation import Formulation, Springs
+
+TOLERANCE = 1e-8  # of each residual, as a share of its scale
+Residual = Annotated[float, Field(strict=True, ge=0, le=TOLERANCE)]  # of a proven answer, in a file
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals of system (1) of states, each as a share of its scale, shape (states, 4).
+
+    Columns: negative force, of the greatest force; negative gap, of the greatest gap without force; complementarity, of
+    the product of both; equilibrium, of the sum of the forces' (and moments') sizes.
+    """
+
+    shares: Array
+
+    @property
+    def worst(self) -> Array:
+        """Greatest residual of each state, shape (states,); infinite where one is not a number."""
+        worst = self.shares.max(axis=1)
+        return np.where(np.isnan(worst), np.inf, worst)
+
+
+def displacements(system: ContactSystem, forces: Array, free: Array) -> Array:
+    """Displacements a [mm, rad], shape (states, 9): those of supports from their forces, the free as given."""
+    a = np.empty((len(forces), len(system.C)))
+    supported = system.supported
+    a[:, supported] = forces @ system.G[:, supported] / system.C[supported]
+    a[:, ~supported] = free
+    return a
+
+
+def residuals(system: ContactSystem, delta_p: Array, torque: float, forces: Array, free: Array) -> Residuals:
+    """Residuals of answers to system (1).
+
+    Arguments: delta_p, gaps without force [mm], and forces [N], both shape (states, M); torque [N*mm]; free,
+    displacements of the freedoms without support [mm, rad], shape (states, free).
+    """
+    a = displacements(system, forces, free)
+    moved = system.at_places(forces) @ system.compliance + a @ system.G[system.first].T
+    gaps = delta_p + forces * system.local + moved[:, system.place]
+    balance = forces @ system.G - a * system.C
+    balance[:, ROTATION] += torque
+    force_scale = np.maximum(np.abs(forces).max(axis=1), np.finfo(float).tiny)
+    gap_scale = np.maximum(np.abs(delta_p).max(axis=1), np.finfo(float).tiny)
+    balance_scale = np.abs(forces) @ np.abs(system.G)
+    balance_scale[:, ROTATION] += np.abs(torque)
+    rounding = np.finfo(float).eps * np.abs(forces).sum(axis=1)[:, None] * np.abs(system.G).max(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # a freedom without any force on it is in balance: a ball on one axis pushes along the other by rounding alone
+        unbalanced = np.where(np.abs(balance) <= rounding, 0.0, np.abs(balance) / balance_scale)
+    pulled, closed = (np.maximum(-signed.min(axis=1), 0) for signed in (forces, gaps))
+    product = np.abs(gaps * forces).max(axis=1) / (force_scale * gap_scale)
+    return Residuals(np.stack([pulled / force_scale, closed / gap_scale, product, unbalanced.max(axis=1)], axis=1))
+
+
+#
+
+
+@dataclass(frozen=True)
+class StateSums:
+    """Sums of states, shape (states,) where no other is given; NaN in a state that was given up.
+
+    rotation [rad] of the flexspline; moment [N*mm] of each mesh zone, shape (states, 2); tooth_force [N], greatest on a
+    flank; residuals; pull [N], forces along the scalars of the deviations, shape (states, scalars), where asked for;
+    given_up, how many states the first way gave up.
+    """
+
+    rotation: Array
+    moment: Array
+    tooth_force: Array
+    residuals: Residuals
+    pull: Array | None
+    slope: Array | None
+    given_up: int
+
+    @classmethod
+    def of(
+        cls,
+        system: ContactSystem,
+        delta_p: Array,
+        torque: float,
+        forces: Array,
+        free: Array,
+        given_up: int = 0,
+        *,
+        pull: bool = False,
+        slope: Array | None = None,
+    ) -> StateSums:
+        """Sums of states from their forces [N], shape (states, M), and free displacements [mm, rad].
+
+        Arguments: delta_p, gaps without force [mm], shape (states, M); torque [N*mm].
+        """
+        at_places = system.at_places(forces)
+        flank = at_places[:, : system.pairs]
+        return cls(
+            rotation=free[:, system.free_rotation],
+            moment=flank @ system.lever,
+            tooth_force=flank.max(axis=1),
+            residuals=residuals(system, delta_p, torque, forces, free),
+            pull=at_places @ system.deviation_map[system.first] if pull else None,
+            slope=slope,
+            given_up=given_up,
+        )
+
+    def put(self, rows: NDArray[np.int64], there: StateSums) -> None:
+        """Put the sums of other states into some rows."""
+        self.residuals.shares[rows] = there.residuals.shares
+        for name, values in vars(self).items():
+            if isinstance(values, np.ndarray):
+                values[rows] = getattr(there, name)
+
+
+def rotation_slopes(formulation: Formulation, forces: Array, scalars: int) -> Array:
+    """Slope of the rotation by the first scalars of the deviations [rad/mm], shape (states, scalars).
+
+    Of each state at the contacts that carry force, forces [N], shape (states, M); NaN where none hold the parts.
+    """
+    system, units, m = formulation.system, formulation.units, len(formulation.H)
+    change, rotation = system.deviation_map[system.first, :scalars], m + system.free_rotation
+    slopes = np.full((len(forces), scalars), np.nan)
+    for k, contact in enumerate(forces > 0):
+        springs = Springs.of(formulation, np.zeros(len(contact)), contact)
+        inside = np.append(np.flatnonzero(springs.series), np.arange(m, len(formulation.structure)))
+        series = np.append(springs.series, np.zeros(len(units.load)))[inside]
+        matrix = formulation.structure[np.ix_(inside, inside)] + np.diag(series)
+        with suppress(np.linalg.LinAlgError):
+            adjoint = np.linalg.solve(matrix, (inside == rotation).astype(float))
+            slopes[k] = -adjoint[inside < m] @ change[inside[inside < m]]
+    return np.asarray(slopes / units.load[system.free_rotation])
+
+
+#
+
 
 STATES_AT_A_TIME = 1024  # states between two reports of progress
 ARCSEC = float(np.degrees(3600))  # arcsec in a radian

@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
 from hdassist.run.cache import program
+from hdassist.solve.answers import Residuals, StateSums
 from hdassist.solve.build import SOURCE, development_folder, library_name, source_hash
-from hdassist.solve.certificate import Residuals
 from hdassist.solve.climb import Points, Rules, Starts, Torus
-from hdassist.solve.formulation import Formulation
-from hdassist.solve.near import NEAR_STEPS, SOFT
-from hdassist.solve.reference import Reference
-from hdassist.solve.sums import StateSums
+from hdassist.solve.formulation import Formulation, Reference
+from hdassist.solve.pivoting import NEAR_STEPS, SOFT
 
 INSTRUCTIONS = {4: "AVX-512", 3: "AVX2", 1: "any machine"}
 

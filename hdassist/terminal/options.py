@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
     from hdassist.comparing.record import Alignment
     from hdassist.measuring.measure import Reading
-    from hdassist.model.wheels import MeasuredTeeth
+    from hdassist.model.deviations import MeasuredTeeth
     from hdassist.preset.fields import Drive
     from hdassist.readers.pitch import WheelFiles
     from hdassist.report import Report as Report  # named by the methods of commands too

@@ -28,9 +28,8 @@ from hdassist.report import (
     Tiles,
     tone_of,
 )
-from hdassist.solve.answers import Certificate
-from hdassist.solve.certificate import TOLERANCE
-from hdassist.solve.throughcvxpy import CROSS_TOLERANCE, CrossCheck
+from hdassist.solve.answers import TOLERANCE, Certificate
+from hdassist.solve.through_cvxpy import CROSS_TOLERANCE, CrossCheck
 from hdassist.terminal.plot import curve, seat_in_characters
 from hdassist.terminal.streams import Style, console, made_or
 from hdassist.terminal.words import proof

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
 from hdassist.files import STDIN
-from hdassist.model.assumed import assumptions
-from hdassist.model.unknown import unknown_names, unknowns
+from hdassist.model.unknown import assumptions, unknown_names, unknowns
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.yamltext import shown
 from hdassist.verdict import percent_text
@@ -23,9 +22,9 @@ if TYPE_CHECKING:
     from hdassist.belief.influence import Influence, MeasurementGain
     from hdassist.belief.samples import Samples
     from hdassist.belief.statistics import Probability
-    from hdassist.model.wheels import MeasuredTeeth
+    from hdassist.model.deviations import MeasuredTeeth
     from hdassist.report import ReportProof
-    from hdassist.solve.throughcvxpy import CrossCheck
+    from hdassist.solve.through_cvxpy import CrossCheck
 
 
 DRAWN = ("tolerance", "sensitivity", "allocate")  # commands of random drives

@@ -27,17 +27,16 @@ from hdassist.error.cycle import state_place
 from hdassist.error.error_map import Batch, ErrorMap, Extremes, error_maps, searchable
 from hdassist.error.sloped import DRAWN_STATES
 from hdassist.errors import HdassistError, UntrustedError, UsageError
-from hdassist.model.assumed import assumptions
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
+from hdassist.model.unknown import assumptions
 from hdassist.mounting.positions import merit, seat_positions
 from hdassist.preset.fields import DEVIATION_FIELDS, DEVIATIONS, Drive
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.run.run import Run
-from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.certificate import Residual
+from hdassist.solve.answers import EMPTY, Certificate, Residual
 from hdassist.solve.loadcase import LoadCase
 
 SizeLaw = Literal["rayleigh", "uniform", "fixed"]

@@ -12,9 +12,8 @@ from hdassist.acceptance.decision import predict
 from hdassist.acceptance.limits import CHECKS, ORDER_CHECK, limits_of
 from hdassist.acceptance.request import Request, read_lot, stated_values
 from hdassist.design.check import check
-from hdassist.error.orders import orders
 from hdassist.error.stiffness import stiffness
-from hdassist.error.trace import trace
+from hdassist.error.trace import orders, trace
 from hdassist.error.waves import turn_range_arcsec
 from hdassist.errors import DataError, UsageError
 from hdassist.run.run import UNCHECKED

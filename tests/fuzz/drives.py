@@ -29,7 +29,7 @@ import numpy as np
 
 from hdassist.preset.fields import field_table
 from hdassist.preset.yamltext import read_yaml
-from hdassist.solve.certificate import TOLERANCE
+from hdassist.solve.answers import TOLERANCE
 from tests.process import SMALL, run
 
 Change = dict[str, Any]

@@ -9,8 +9,8 @@ from hdassist import Drive, load_preset
 from hdassist.errors import PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.loading.write import similar_preset, with_changes
-from hdassist.model.assumed import assumptions
 from hdassist.model.contacts import CAM, contact_system
+from hdassist.model.unknown import assumptions
 from hdassist.preset.similarity import read_requirements
 from tests.process import TINY
 

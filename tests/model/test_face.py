@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist.model.contacts import contact_system
-from hdassist.model.face import Face
+from hdassist.model.geometry import Face
 from tests.support import changed, compliance, rounding, solve_state
 
 FLAT = 1e9  # mm, length of a shell that does not cone

@@ -7,8 +7,7 @@ import pytest
 
 from hdassist import check, kinematic_error, load_preset, mounting_curve, trace
 from hdassist.errors import UsageError
-from hdassist.model.deviations import tooth_phases
-from hdassist.model.wheels import MeasuredTeeth, MeasuredWheel, PitchFile
+from hdassist.model.deviations import MeasuredTeeth, MeasuredWheel, PitchFile, tooth_phases
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import phase_deg, rotated, seat_positions
 from hdassist.run.run import UNCHECKED, Run

@@ -13,8 +13,7 @@ from hdassist import kinematic_error
 from hdassist.acceptance.decision import AcceptedValue
 from hdassist.acceptance.limits import limits_of
 from hdassist.design.check import DesignCheck, OperatingPoint
-from hdassist.error.cycle import KinematicError
-from hdassist.error.self_error import SelfError, self_error
+from hdassist.error.cycle import KinematicError, SelfError, self_error
 from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Geometry
 from hdassist.model.kinematics import Kinematics, ball_phase, pitch_locked_states

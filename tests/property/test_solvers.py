@@ -6,11 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdassist.model.contacts import StateGaps, contact_system
-from hdassist.solve.answers import ARCSEC
-from hdassist.solve.certificate import TOLERANCE, residuals
+from hdassist.solve.answers import ARCSEC, TOLERANCE, residuals
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import MANY_STATES
-from hdassist.solve.throughcvxpy import solve_through_cvxpy
+from hdassist.solve.through_cvxpy import solve_through_cvxpy
 from tests.support import changed, load_case
 
 

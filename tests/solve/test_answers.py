@@ -7,11 +7,9 @@ import pytest
 
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import ROTATION, StateGaps, contact_system
-from hdassist.solve.answers import ARCSEC, Certificate, proven_answers
-from hdassist.solve.certificate import residuals
+from hdassist.solve.answers import ARCSEC, Certificate, StateSums, proven_answers, residuals
 from hdassist.solve.formulation import formulate
 from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.sums import StateSums
 from tests.support import compliance, load_case
 
 

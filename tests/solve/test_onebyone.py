@@ -7,10 +7,10 @@ from hdassist import load_preset
 from hdassist.belief.meshing import meshing_shift
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.solve import walk
-from hdassist.solve.certificate import residuals
+from hdassist.solve.answers import residuals
 from hdassist.solve.formulation import formulate
-from hdassist.solve.near import solve_near
-from hdassist.solve.onebyone import OneByOne
+from hdassist.solve.loadcase import OneByOne
+from hdassist.solve.pivoting import solve_near
 from tests.support import HAS_COMPILER, load_case
 
 WAYS = [

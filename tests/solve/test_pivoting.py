@@ -10,13 +10,9 @@ from hdassist.model.deviations import ToothDeviations, state_gaps
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.run.run import UNCHECKED
 from hdassist.solve import loadcase, pivoting
-from hdassist.solve.answers import ARCSEC, N_MM
-from hdassist.solve.certificate import TOLERANCE, residuals
-from hdassist.solve.formulation import formulate
-from hdassist.solve.loadcase import MANY_STATES
-from hdassist.solve.onebyone import OneByOne
-from hdassist.solve.reference import Reference, principal_transform
-from hdassist.solve.sums import StateSums
+from hdassist.solve.answers import ARCSEC, N_MM, TOLERANCE, StateSums, residuals
+from hdassist.solve.formulation import Reference, formulate, principal_transform
+from hdassist.solve.loadcase import MANY_STATES, OneByOne
 from hdassist.solve.walk import walk_library
 from tests.process import SMALL
 from tests.support import changed, delta_p_of, load_case

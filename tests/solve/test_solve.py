@@ -13,14 +13,16 @@ from hdassist.model.contacts import ROTATION, WITHOUT_DEVIATIONS, StateGaps, con
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.run import cache
 from hdassist.run.run import UNCHECKED, Run
-from hdassist.solve import compiled, onebyone, throughcvxpy
-from hdassist.solve.answers import ARCSEC, proven_answers
-from hdassist.solve.certificate import residuals
-from hdassist.solve.compiled import require_compiled_as_stated, template_differences
+from hdassist.solve import loadcase, through_cvxpy
+from hdassist.solve.answers import ARCSEC, StateSums, proven_answers, residuals
 from hdassist.solve.formulation import formulate
-from hdassist.solve.onebyone import OneByOne
-from hdassist.solve.sums import StateSums
-from hdassist.solve.throughcvxpy import solve_again, solve_through_cvxpy
+from hdassist.solve.loadcase import OneByOne
+from hdassist.solve.through_cvxpy import (
+    require_compiled_as_stated,
+    solve_again,
+    solve_through_cvxpy,
+    template_differences,
+)
 from tests.process import SMALL
 from tests.support import changed, load_case
 
@@ -89,7 +91,7 @@ def test_a_coefficient_changed_in_cvxpy_is_noticed(formulation, system, tmp_path
     problem = cp.Problem(cp.Minimize(objective), constraints)
     altered = replace(formulation)
     altered.__dict__["statement"] = replace(stated, problem=problem, equilibrium=constraints[0])
-    monkeypatch.setattr(compiled, "_proven", set())
+    monkeypatch.setattr(through_cvxpy, "_proven", set())
     monkeypatch.setenv(cache.FOLDER, str(tmp_path))
     with pytest.raises(UntrustedError, match=f"other data than stated: .*{wrong}"):
         require_compiled_as_stated(altered)
@@ -98,12 +100,12 @@ def test_a_coefficient_changed_in_cvxpy_is_noticed(formulation, system, tmp_path
 
 def test_that_the_data_are_as_stated_is_kept_and_nothing_else_is_believed(formulation, tmp_path, monkeypatch):
     def anew():
-        monkeypatch.setattr(compiled, "_proven", set())
+        monkeypatch.setattr(through_cvxpy, "_proven", set())
         require_compiled_as_stated(formulation)
 
     compilations = []
     monkeypatch.setenv(cache.FOLDER, str(tmp_path))
-    monkeypatch.setattr(compiled, "template_differences", lambda _: compilations.append(1) or [])
+    monkeypatch.setattr(through_cvxpy, "template_differences", lambda _: compilations.append(1) or [])
     anew()
     anew()
     assert len(compilations) == 1
@@ -111,7 +113,7 @@ def test_that_the_data_are_as_stated_is_kept_and_nothing_else_is_believed(formul
     kept.write_text("something else")
     anew()
     assert len(compilations) == 2
-    monkeypatch.setattr(compiled, "version", lambda _: "99")
+    monkeypatch.setattr(through_cvxpy, "version", lambda _: "99")
     anew()
     assert len(compilations) == 3
 
@@ -203,7 +205,7 @@ def test_an_unsolved_state_is_named_and_no_number_comes_out(system, formulation)
 
 
 def test_solvers_that_disagree_are_an_error(reference, monkeypatch):
-    import hdassist.solve.throughcvxpy as module
+    import hdassist.solve.through_cvxpy as module
 
     real = module.solve_through_cvxpy
     monkeypatch.setattr(module, "solve_through_cvxpy", lambda *a: (real(*a)[0], real(*a)[1] + 0.02 / ARCSEC))
@@ -245,7 +247,7 @@ def test_where_no_solver_has_an_answer_the_states_behind_are_not_tried(formulati
         raise UntrustedError("no")
 
     without_answer_for(four_states[2], monkeypatch, "_near", "_by_daqp")
-    monkeypatch.setattr(onebyone, "solve_through_cvxpy", refuse)
+    monkeypatch.setattr(loadcase, "solve_through_cvxpy", refuse)
     forces, free, fallbacks = OneByOne(formulation).solve(four_states, 80e3)
     assert fallbacks == 1
     for found in (forces, free):
@@ -270,14 +272,14 @@ def test_a_drive_that_cannot_be_solved_costs_one_state(reference, monkeypatch, C
 def test_daqp_is_stopped_at_a_bound_that_no_solved_state_comes_near(reference, monkeypatch):
     steps = []
 
-    class Counting(onebyone.daqp.Model):
+    class Counting(loadcase.daqp.Model):
         def solve(self):
             x, value, flag, info = super().solve()
-            assert flag == onebyone.SOLVED
+            assert flag == loadcase.SOLVED
             steps.append(info["iterations"] / (len(x) + 3))
             return x, value, flag, info
 
-    monkeypatch.setattr(onebyone.daqp, "Model", Counting)
+    monkeypatch.setattr(loadcase.daqp, "Model", Counting)
     monkeypatch.setattr(OneByOne, "_near", lambda *_: None)
     for support in (0.0, 1.0, 1e9):
         system = contact_system(changed(reference, supports__C_1=support, supports__C_3=support))
@@ -285,17 +287,17 @@ def test_daqp_is_stopped_at_a_bound_that_no_solved_state_comes_near(reference, m
         for torque in (1.0, 80e3, 3e6):
             OneByOne(formulation).solve(np.repeat(system.delta_p[None], 2, axis=0), torque)
     assert len(steps) == 18
-    assert max(steps) < onebyone.ITERATIONS / 3
+    assert max(steps) < loadcase.ITERATIONS / 3
 
 
 @pytest.mark.parametrize("solver", ["clarabel", "osqp", "scs", "highs"])
 def test_a_solver_stopped_at_its_bound_has_no_answer_and_ends_the_run(reference, formulation, monkeypatch, solver):
-    bounds = throughcvxpy.SOLVER_SETTINGS[solver.upper()]
+    bounds = through_cvxpy.SOLVER_SETTINGS[solver.upper()]
     iterations = {"clarabel": "max_iter", "osqp": "max_iter", "scs": "max_iters", "highs": "qp_iteration_limit"}
     assert any(name.startswith("time_limit") for name in bounds)
-    monkeypatch.setitem(throughcvxpy.SOLVER_SETTINGS, solver.upper(), bounds | {iterations[solver]: 2})
-    solve, asked = throughcvxpy.solve_through_cvxpy, []
-    monkeypatch.setattr(onebyone, "solve_through_cvxpy", lambda *a: asked.append(1) or solve(*a))
+    monkeypatch.setitem(through_cvxpy.SOLVER_SETTINGS, solver.upper(), bounds | {iterations[solver]: 2})
+    solve, asked = through_cvxpy.solve_through_cvxpy, []
+    monkeypatch.setattr(loadcase, "solve_through_cvxpy", lambda *a: asked.append(1) or solve(*a))
     states = pitch_locked_states(Kinematics.of(reference), np.arange(40))
     with pytest.raises(UntrustedError, match=r"state not solved at phi_h = 0|could not solve a state"):
         kinematic_error(reference, 80, states=states, run=UNCHECKED, solver=solver)

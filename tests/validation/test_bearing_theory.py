@@ -9,8 +9,8 @@ from scipy.special import ellipe, ellipkm1
 
 from hdassist import load_preset
 from hdassist.model.contacts import FREEDOMS, ROTATION, contact_system
-from hdassist.model.face import Face
-from hdassist.solve.certificate import residuals
+from hdassist.model.geometry import Face
+from hdassist.solve.answers import residuals
 from hdassist.solve.formulation import formulate
 from tests.support import load_case
 from tests.validation.case import Case, Kind, about, parameters

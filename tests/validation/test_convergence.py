@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hdassist import Drive, kinematic_error, load_preset
+from hdassist.error.cycle import self_error
 from hdassist.error.error_map import ErrorMap
-from hdassist.error.self_error import self_error
 from hdassist.model import geometry
 from hdassist.model.contacts import contact_system
 from hdassist.model.kinematics import Kinematics, pitch_locked_states

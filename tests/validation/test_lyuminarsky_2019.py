@@ -10,8 +10,7 @@ from scipy.stats import spearmanr
 
 from hdassist import Drive, kinematic_error, load_preset
 from hdassist.calibration import PhaseScan, phase_scan
-from hdassist.error.cycle import KinematicError
-from hdassist.error.self_error import SelfError, self_error
+from hdassist.error.cycle import KinematicError, SelfError, self_error
 from hdassist.error.trace import trace
 from hdassist.model.geometry import Array
 from hdassist.preset.yamltext import read_yaml

@@ -9,9 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hdassist.error.cycle import kinematic_error
+from hdassist.error.cycle import kinematic_error, self_error
 from hdassist.error.error_map import ErrorMap
-from hdassist.error.self_error import self_error
 from hdassist.error.stiffness import stiffness
 from hdassist.model.contacts import contact_system
 from hdassist.model.deviations import deviation_scalars
