@@ -81,7 +81,7 @@ def tolerance_report(
     drives = [MountedDrives(summary, point, best) for point in points for best in ways]
     worst = min(range(len(points)), key=lambda k: summary.yield_of(True, points[k]).share)
     gains = to_measure(law, samples, worst) if samples else ()
-    measure = summary.verdict is Verdict.INCONCLUSIVE and (measure_words(gains, False) or MORE_DRIVES)
+    measure = summary.verdict is Verdict.INCONCLUSIVE and (measure_words(gains) or MORE_DRIVES)
     few = bool(law.shared) and summary.design_count < FEW_DESIGNS
     few_words = (
         f"designs drawn: {summary.design_count}. Yields of a type range over {FEW_DESIGNS} at least; more drives: -n"
@@ -277,7 +277,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
     drawn = f"{len(samples.weights)} random drives, each of a design of its own, seed {samples.seed}"
     limited = all(law.drive.limit(M_g) is not None for M_g in torques)
     next_ = again("allocate", law.drive, *(() if limited else ("--limit", "LIMIT")))
-    facts = [("measure", measure_words(found.to_measure, False)), ("next", next_)]
+    facts = [("measure", measure_words(found.to_measure)), ("next", next_)]
     return Report(
         command="sensitivity",
         drive=law.drive,
@@ -368,7 +368,7 @@ def allocate_report(
         taken = ", ".join(f"{own:.1f} of {limit:g}″ at {M_g:g} N·m" for M_g, limit, own in held)
         facts.append(("self error", f"takes {taken}; no tolerance changes that"))
     if verdict is Verdict.INCONCLUSIVE:
-        facts.append(("measure", measure_words(to_measure, False) or MORE_DRIVES))
+        facts.append(("measure", measure_words(to_measure) or MORE_DRIVES))
     facts.append(("next", _next(found, ways, verdict, is_to_measure=bool(to_measure))))
     return Report(
         command="allocate",

@@ -121,12 +121,8 @@ def not_known(drive: Drive) -> str:
     return f"taken as 0: {unknown_names(open_)}" if open_ else ""
 
 
-def named(path: str, holes: int = 0) -> str:
-    """A field, figure or error in words with its path in brackets; holes of the seat, 0 for a free angle."""
-    if path.startswith("F_ior@"):
-        M_g, _, rotation = path.removeprefix("F_ior@").partition("+")
-        there = f"hole {round(float(rotation or 0) * holes / 360)}" if holes else f"turned by {rotation}°"
-        return f"F'_ior at {M_g} N·m" + (f" now and {there}" if rotation else "")
+def named(path: str) -> str:
+    """A field or figure in words with its path in brackets."""
     if path not in field_table():
         return f"{path.removeprefix('stiffness.')} (hdassist stiffness)"
     return f"{field_table()[path].meaning} ({path})"
@@ -144,15 +140,13 @@ def influence_words(found: Sequence[Influence], result: str = "F'_ior") -> str:
     return "; ".join(words)
 
 
-def measure_words(found: Sequence[MeasurementGain], held: bool, holes: int = 0) -> str:
-    """The best measurements with the gain expected of each; held, whether there is a limit; holes of the seat."""
+def measure_words(found: Sequence[MeasurementGain]) -> str:
+    """The best measurements with the gain expected of each."""
     words: list[str] = []
-    turned = [each for each in found if "+" in each.measured][1:]  # one of them is enough
-    for each in [each for each in found if each not in turned][:REPORTED]:
-        gain = f"{100 * each.gain:.0f} % " + ("more sure" if held else "less spread")
+    for each in found[:REPORTED]:
         field = each.measured in HOW and words  # the first in words, others by their path
         how = f", {HOW[each.measured]}" if each.measured in HOW else ""
-        words.append(f"{each.measured if field else named(each.measured, holes)}{how}: {gain}")
+        words.append(f"{each.measured if field else named(each.measured)}{how}: {100 * each.gain:.0f} % less spread")
     return "; ".join(words)
 
 

@@ -16,10 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize
 
-from hdassist.belief.evidence import evidence_of
-from hdassist.belief.influence import Influence, MeasurementGain, columns_of, groups_of, influences, shares_of_variance
+from hdassist.belief.influence import Influence, MeasurementGain, influences, measurements
 from hdassist.belief.samples import Samples
-from hdassist.belief.statistics import Probability, log_error, weighted_quantile
+from hdassist.belief.statistics import Probability, weighted_quantile
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import DEVIATION_FIELDS, CostLaw, Drive
@@ -139,25 +138,10 @@ def sensitivities(production: Production, samples: Samples, records: Records) ->
 
 
 def to_measure(law: ProductionLaw, samples: Samples, torque: int) -> tuple[MeasurementGain, ...]:
-    """Measurements of a design at a torque, by its place: the share of the spread of ln F'_ior that each takes off.
-
-    Of inputs that all drives share, and of stiffnesses, the best first.
-    """
-    if not samples.F_ior_arcsec[:, torque].all():
-        return ()
+    """The next measurements of a design, by the share of the spread of ln F'_ior that goes, the best first."""
     shared = {each.path for each in law.shared} - DEVIATION_FIELDS
-    columns = {name: columns_of(samples, samples.shares, name) for name in groups_of(samples) if name in shared}
-    measured = {each.figure for each in evidence_of(law.drive) if each.path.startswith("measured.")}
-    for name in samples.figures.keys() - measured:
-        x = log_error(samples.figures[name])
-        columns[f"stiffness.{name}"] = np.stack([x, x**2], axis=1)
-    y = log_error(samples.F_ior_arcsec[:, torque])
-    found = [
-        MeasurementGain(name, 1 - float(np.sqrt(1 - each.share)))
-        for name, some in columns.items()
-        for each in shares_of_variance({name: some}, y, samples.weights)
-    ]
-    return tuple(sorted(found, key=lambda each: -each.gain))
+    found = measurements(samples, torque) if samples.F_ior_arcsec[:, torque].all() else ()
+    return tuple(each for each in found if each.measured in shared or each.measured.startswith("stiffness."))
 
 
 def _sound(records: list[RandomDrive]) -> list[RandomDrive]:

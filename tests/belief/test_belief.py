@@ -294,11 +294,8 @@ def test_the_field_that_decides_has_the_influence_and_is_the_one_to_measure(by_C
     assert first.group == "supports.C_3"
     assert first.share > 0.9
     found = {each.measured: each.gain for each in measurements(by_C_3, 0)}
-    assert set(found) == {"supports.C_3", "F_ior@4"}
-    middle = measurements(by_C_3, 0, float(np.median(by_C_3.F_ior_arcsec)))
-    gains = {each.measured: each.gain for each in middle}
-    assert 0.35 < gains["supports.C_3"] < 0.5  # half of the verdicts are right by chance
-    assert measurements(by_C_3, 0, 1000.0) == ()  # all keep it: nothing is left to decide
+    assert set(found) == {"supports.C_3"}
+    assert 0.6 < found["supports.C_3"] < 1  # all but a little of the spread
 
 
 def test_a_drive_without_error_is_weighed_like_any_other(by_C_3):
@@ -306,7 +303,7 @@ def test_a_drive_without_error_is_weighed_like_any_other(by_C_3):
     F_ior[3] = 0.0  # of a tiny drive
     none = replace(by_C_3, F_ior_arcsec=F_ior)
     assert influences(none, 0)[0].group == "supports.C_3"
-    assert all(np.isfinite(each.gain) for each in (*measurements(none, 0), *measurements(none, 0, 30.0)))
+    assert all(np.isfinite(each.gain) for each in measurements(none, 0))
 
 
 def test_the_interval_of_a_percentile_holds_the_true_one(by_C_3):
