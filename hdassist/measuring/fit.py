@@ -42,6 +42,7 @@ STUDENT_SHARE = 0.97725  # of a normal distribution, below two standard deviatio
 DRIFTED = 0.05  # of F'_ior: least drift left in that is reported
 DRIFT_CLEAR = 4.0  # standard uncertainties of a drift
 RESOLVED_GAP = 0.75  # of the resolution: least distance at which a line and an order are resolved
+EVEN = 0.9  # how even readings are that show an order and its image alike
 MOMENTS = 3  # of where readings lie in their places
 SLOWEST_ORDER = 0.5  # per cam turn: lower ones are of the output, or drift
 NEIGHBOURS = 10.0  # bins: readings closer than that show the correlation of neighbours
@@ -404,6 +405,14 @@ def residual_power(bins: Bins, residual: Array, variance: float) -> tuple[Array,
         power += np.abs(transform) ** 2
     power /= float((bins.weight**2).sum()) * variance
     return np.arange(1, len(power)) * bins.per_turn / length, power[1:]
+
+
+def even_readings(bins: Bins) -> tuple[float, float, float]:
+    """Readings a cam turn if they lie at even angles, one of these angles [turns], and how even all are, 0 to 1."""
+    turns = bins.turns[bins.sweep == np.bincount(bins.sweep).argmax()]
+    steps = np.diff(turns)
+    step, start = np.polyfit(np.append(0.0, np.cumsum(np.rint(steps / np.median(steps)))), turns, 1).tolist()
+    return 1 / step, start, float(np.abs(np.exp(2j * np.pi * (bins.turns - start) / step).mean()))
 
 
 def distance(probes: Array, orders: Array) -> Array:

@@ -54,6 +54,7 @@ from hdassist.measuring.range import (
     Range,
     UncertaintySource,
     combined,
+    image_change,
     parse_stated,
     ranges_of,
     resolution_source,
@@ -77,7 +78,6 @@ ARCSEC_PER_RAD = 648000 / np.pi
 DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
 SHORTEST_TURNS = 1.0  # cam turns
 STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
-SHORT_SHARE = 0.05  # of the steps that are shorter than the shortest which counts
 DRIFT_LEFT = "linear drift of {:.3g}″ over the record left in (--drift linear), if it is no part of a slow order"
 DRIFT_OFF = (
     "the cycle does not close: linear drift of {:.3g}″ taken off; with it the curve spans {:.1f}″; is the ratio right?"
@@ -299,7 +299,7 @@ def measure(
             continue
         while True:
             own = cleaned.one_way(sign)
-            declared, finest = _declared(own, orders, notes)
+            declared = _declared(own, orders, notes)
             bins = bins_of(own, declared[-1])
             slow = SlowTerms(DRIFTS[drift])
             if not together:
@@ -324,11 +324,11 @@ def measure(
             warnings.append(words)
         drift_left = 0.0
         if not together:  # a comparison looks for drift in the difference, and counts lines as noise
-            fit, drift_left = _with_lines_or_drift(fit, finest)
+            fit, drift_left = _with_lines_or_drift(fit)
             if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
                 warnings.append(DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
                 fit = _fit(bins, declared, ratio, replace(slow, degree=1), notes)
-                fit, drift_left = _with_lines_or_drift(fit, finest)
+                fit, drift_left = _with_lines_or_drift(fit)
             elif drift_left:
                 warnings.append(DRIFT_LEFT.format(drift_left))
         wind_up = torque.uncertainty_arcsec if torque and torque.by == "catalogue" else 0.0
@@ -355,25 +355,20 @@ def require_drift(kind: str) -> None:
         raise UsageError(f"invalid --drift {kind}: expected one of {', '.join(DRIFTS)}")
 
 
-def _with_lines_or_drift(fit: TraceFit, finest: float) -> tuple[TraceFit, float]:
-    """A fit with the lines up to the finest order, and the linear drift [arcsec] that it has not taken off."""
-    fit = with_lines(fit, finest)
+def _with_lines_or_drift(fit: TraceFit) -> tuple[TraceFit, float]:
+    """A fit with its lines, and the linear drift [arcsec] that it has not taken off."""
+    fit = with_lines(fit)
     extent = float(np.ptp(fit.bins.error - fit.residual))
     return fit, 0.0 if len(fit.drift) else drift_of(fit, extent)
 
 
-def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[str]) -> tuple[Sequence[float], float]:
-    """Declared orders, refused where the steps of the angle do not resolve them, the default ones cut instead.
-
-    And the highest order per cam turn that the steps can show as a line: two of the shortest in a period. At even
-    angles a higher one looks like a lower one of the same size.
-    """
+def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[str]) -> Sequence[float]:
+    """Declared orders, refused where the steps of the angle do not resolve them, the default ones cut instead."""
     declared = orders or DEFAULT_ORDERS
     steps = np.concatenate(list(map(np.diff, trace.by_sweep(trace.cam_deg)))) / 360
-    short, long = np.quantile(np.abs(steps[steps != 0]), (SHORT_SHARE, 0.75)).tolist()
-    highest, finest = 1 / (STEPS_PER_PERIOD * long), 1 / (2 * short)
+    highest = 1 / (STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
     if declared[-1] <= highest:
-        return declared, finest
+        return declared
     kept = tuple(order for order in declared if order <= highest)
     if orders is not None or not kept:
         message = f"steps of {360 / (STEPS_PER_PERIOD * highest):.3g}° are too long for order {declared[-1]:g}"
@@ -381,7 +376,7 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
             f"{trace.file}: {message}", f"up to {highest:.2g} can be declared: --orders", Fault.ORDERS_UNTOLD
         )
     notes.append(f"orders up to {kept[-1]:g} only: the steps of the angle resolve no more")
-    return kept, finest
+    return kept
 
 
 def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, notes: list[str]) -> TraceFit:
@@ -439,6 +434,7 @@ def _sweep_result(
     )
     common = (
         # both extremes of a range err by themselves: hence sqrt(2)
+        UncertaintySource("between readings", image_change(fit, grid) / sqrt(2), "orders that even readings hide"),
         UncertaintySource("beyond the orders", sqrt(2) * fit.unmodelled, "residuals that go on from step to step"),
         resolution_source(trace, float(np.sqrt(np.mean(bins.rows * fit.residual**2)))),
         *stated_sources(stated),

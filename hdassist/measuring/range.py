@@ -16,7 +16,7 @@ from math import hypot, isfinite, sqrt
 import numpy as np
 
 from hdassist.errors import UsageError
-from hdassist.measuring.fit import COVERAGE_FACTOR, DESIGN_CHUNK, TraceFit, order_columns
+from hdassist.measuring.fit import COVERAGE_FACTOR, DESIGN_CHUNK, EVEN, TraceFit, curve_of, even_readings, order_columns
 from hdassist.model.geometry import Array
 from hdassist.plaintext import number_of
 from hdassist.readers.trace import MeasuredTrace
@@ -37,6 +37,7 @@ SPREAD_FACTOR = 1.15
 BIAS_SHARE = 1 / 3
 TURN_PARTS = 24  # of a turn, in steps of which single turns begin
 SHRINK = 2.0  # times the power of noise, taken off the power of each order
+HIGHEST_IMAGE = 30.0  # per cam turn: of orders that may be the image of another; ball passes lie below
 CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be shrunk one by one
 
 
@@ -160,6 +161,27 @@ def _spread(fit: TraceFit, turns: Array) -> Array:
     parts = range(0, len(turns), DESIGN_CHUNK)
     columns = (order_columns(turns[k : k + DESIGN_CHUNK], fit.orders) @ fit.factor for k in parts)
     return np.concatenate([np.linalg.norm(each, axis=1) for each in columns])
+
+
+def image_change(fit: TraceFit, turns: Array) -> float:
+    """Greatest change of a range [arcsec] if orders are images of higher ones; angles [turns], shape (angles,).
+
+    N even readings a turn show order N - n as order n. Each declared order with its beats, and all together, are taken
+    for their images up to HIGHEST_IMAGE.
+    """
+    rate, start, evenness = even_readings(fit.bins)
+    image = rate - fit.orders
+    hidden = (image > fit.orders) & (image <= HIGHEST_IMAGE)
+    if evenness < EVEN or not hidden.any():
+        return 0.0
+    turns = np.concatenate([turns, turns + 1 / (2 * POINTS_PER_PERIOD * fit.orders[-1])])  # images are finer
+    each = np.unique(np.rint(fit.orders[hidden]))
+    taken = np.column_stack([hidden, *(hidden & (np.rint(fit.orders) == order) for order in each)])
+    turned = (fit.coefficients.reshape(2, -1).T @ [1, -1j] * np.exp(2j * np.pi * rate * start)).conj()[:, None] * taken
+    curves = curve_of(np.concatenate([turned.real, -turned.imag]), image, turns)
+    kept = np.tile(~taken, (2, 1)) * fit.coefficients[:, None]
+    ranges = np.ptp(curves + curve_of(kept, fit.orders, turns), axis=0)
+    return float(np.abs(ranges - np.ptp(fit.curve(turns))).max())
 
 
 def ranges_of(

@@ -24,9 +24,11 @@ from scipy.ndimage import binary_opening, median_filter
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.fit import (
     BINS_PER_COLUMN,
+    EVEN,
     RESOLVED_GAP,
     TraceFit,
     distance,
+    even_readings,
     fit_orders,
     order_columns,
     residual_power,
@@ -48,6 +50,7 @@ MAX_LINES = 8  # lines
 ORDER_ITERATIONS = 2  # of Gauss and Newton for the order of a line
 SPIKE_SIGMAS = 6.0  # robust standard deviations of the readings around the fit
 SPIKE_RANGE_SHARE = 0.1  # of the fitted curve: a smaller spike has no effect
+SPIKE_SPARSE_SHARE = 0.5  # the same, where a reading beside it is further off than half a period of the highest order
 LONGEST_SPIKE = 2  # readings: a longer one may be the drive
 BESIDE_SPIKE = 7  # readings around one, of whose departures the median is taken
 TO_SIGMA = 1.4826  # standard deviation of normal readings over their median departure
@@ -70,11 +73,13 @@ class Peak:
     chance: float
 
 
-def with_lines(fit: TraceFit, finest: float) -> TraceFit:
-    """A fit with the significant lines of its residuals; finest: the highest order that the readings resolve."""
+def with_lines(fit: TraceFit) -> TraceFit:
+    """A fit with the significant lines of its residuals, as far as the readings resolve them."""
     bins, orders = fit.bins, fit.orders
+    rate, _, evenness = even_readings(bins)
+    finest = min(HIGHEST_LINE * float(orders[-1]), rate / 2 if evenness > EVEN else np.inf)
     while len(fit.lines) < MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
-        peak = highest_peak(fit, min(finest, HIGHEST_LINE * float(orders[-1])))
+        peak = highest_peak(fit, finest)
         if peak is None or peak.chance > LINE_FALSE_ALARM or peak.amplitude < SMALLEST_LINE * fit.amplitude.max():
             break
         try:
@@ -222,8 +227,16 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, 
     noise = TO_SIGMA * float(np.median(size))
     far = size > max(SPIKE_SIGMAS * noise, SPIKE_RANGE_SHARE * float(np.ptp(fitted)), float(size.max()) / 2)
     short = far & ~binary_opening(far, np.ones(LONGEST_SPIKE + 1))
-    # the misfit, greatest at the ends of a record, is smooth: noise alone stands off the readings beside it
-    spikes = np.flatnonzero(short & (beside > np.maximum(size / 2, SPIKE_SIGMAS * TO_SIGMA * np.median(beside))))
+    # the misfit, greatest at the ends of a record, is smooth where rows are many, and comes near others as great
+    short &= beside > np.maximum(size / 2, SPIKE_SIGMAS * TO_SIGMA * np.median(beside))
+    turns = trace.cam_deg[rows] / 360
+    gaps = np.maximum(np.abs(np.diff(turns, append=turns[-1])), np.abs(np.diff(turns, prepend=turns[0])))
+    short &= size > np.where(gaps > 1 / (2 * fit.orders[-1]), SPIKE_SPARSE_SHARE * np.ptp(fitted), 0.0)
+    turn = np.floor(turns - turns.min()).astype(np.int64) + 1
+    greatest = np.zeros(turn.max() + 2)  # of the others in each turn of the cam
+    np.maximum.at(greatest, turn, np.where(short, 0.0, size))
+    others = np.max([greatest[turn + off] for off in (-1, 0, 1)], axis=0)
+    spikes = np.flatnonzero(short & (size > 2 * others))
     if not len(spikes):
         return None
     lines = shortened(trace.line[rows[spikes]].tolist(), NAMED_LINES)
