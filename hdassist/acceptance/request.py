@@ -21,7 +21,7 @@ from pydantic import Field
 from hdassist.acceptance.decision import AcceptedValue, Predictions, order_place, predict
 from hdassist.acceptance.limits import LIMIT_NAME, Limit, LimitText, limits_of, load_limited, named_overrides
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
-from hdassist.errors import DataError, Finding, HdassistError, PresetError, UsageError
+from hdassist.errors import DataError, Fault, Finding, HdassistError, PresetError, UsageError
 from hdassist.files import STDIN
 from hdassist.loading.load import Asked
 from hdassist.measuring.measure import Measurement, Reading
@@ -266,6 +266,9 @@ def _columns(table: CellTable) -> list[Column | None]:
             place = table.file, table.names_line, name.column, name.text
             findings.append(Finding(*place, fault.message, hint=fault.hint))
         columns.append(column)
+    if len(findings) == len(table.names) > 1:
+        remedy = f"a record is measured: hdassist measure {table.file}, or accept PRESET --measured TORQUE={table.file}"
+        raise DataError(f"{table.file}: none of its columns is one of a lot", remedy, Fault.FILE_INVALID)
     if findings:
         raise PresetError(findings)
     return columns

@@ -19,7 +19,7 @@ from hdassist.acceptance.limits import F_IOR, Limit, LimitText
 from hdassist.acceptance.request import Lot
 from hdassist.errors import DataError
 from hdassist.json_parts import attributes
-from hdassist.pages.check import fitted_words, influence_at, steps_at, steps_fact, steps_tables
+from hdassist.pages.check import fitted_words, influence_at, possible_steps
 from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive
 from hdassist.preset.units import convert
@@ -54,10 +54,8 @@ def number(value: float, limit: Limit) -> str:
 
 def _value(check: DecidedCheck) -> str | None:
     """The value; of a lower bound the lower end of its interval, as `hdassist measure` shows it."""
-    if check.value is None:
-        return None
-    if check.extent != "at least":
-        return number(check.value, check)
+    if check.value is None or check.extent != "at least":
+        return None if check.value is None else number(check.value, check)
     return f"≥ {number(max(0.0, check.value - (check.expanded_uncertainty or 0.0)), check)}"
 
 
@@ -66,8 +64,8 @@ def _beside(name: str) -> Callable[[DecidedCheck], str | None]:
     return lambda d: None if (value := getattr(d, name)) is None or d.extent == "at least" else number(value, d)
 
 
-def _range(check: DecidedCheck) -> str | None:
-    return f"{number(check.belief.p5, check)} to {number(check.belief.p95, check)}" if check.belief else None
+def _range(check: DecidedCheck, belief: Belief) -> str:
+    return f"{number(belief.p5, check)} to {number(belief.p95, check)}"
 
 
 def bound(limit: Limit) -> str:
@@ -86,9 +84,10 @@ DECISION_COLUMNS: Quantities[DecidedCheck] = (
     Quantity("verdict", "verdict", value=lambda d: str(d.verdict)),
     Quantity("value", "value", value=_value),
     Quantity("expanded_uncertainty", "± (k=2)", value=_beside("expanded_uncertainty")),
-    Quantity("range", "5 to 95 %", value=_range),
+    Quantity("range", "5 to 95 %", value=lambda d: d.belief and _range(d, d.belief)),
     Quantity("limit", "limit", value=bound),
     Quantity("margin", "margin", value=_beside("margin")),
+    Quantity("guard", "guard", value=lambda d: _beside("guard")(d) if d.guard else None),
     Quantity("kept", "kept", value=lambda d: d.belief and f"{100 * d.belief.probability:.0f} %"),
 )
 
@@ -98,22 +97,9 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
     found = by_severity(shown_checks(answer))
     worst = [check for check in found if check.verdict == found[0].verdict]
     reasons = [
-        f"{shown_label(check)}: {check.reason}" if check.reason else sentence(check) for check in worst[:NAMED_CHECKS]
+        f"{shown_label(each)}: {each.reason}" if each.reason else sentence(each) for each in worst[:NAMED_CHECKS]
     ]
     reasons[-1] += f"; {len(worst) - NAMED_CHECKS} more" if len(worst) > NAMED_CHECKS else ""
-    remarks = [f"{note.code}: {note.text}" for note in answer.remarks]
-    hashes = {each.file: each.sha256 for each in answer.measured} | {each.file: each.sha256 for each in answer.pitch}
-    files = [f"{file}: sha256 {sha256[:12]}" for file, sha256 in hashes.items()]
-    samples = predictions.samples if predictions else None
-    rest = [
-        ("influence", influence_at(predictions) if predictions else ""),
-        ("samples", samples_words(samples) if samples else ""),
-        ("exact", fitted_words(samples.prior) if samples else ""),
-        ("reasons", "\n".join(f"{each.label}: {each.verdict}, {each.reason}" for each in found if each.reason)),
-        ("remarks", "\n".join(remarks)),
-        ("version", f"{__version__}, preset sha256 {str(answer.preset.sha256)[:12]}"),
-        ("files", "\n".join(files)),
-    ]
     return Report(
         command="accept",
         drive=drive,
@@ -121,7 +107,10 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
         verdict=answer.status,
         why=tuple(reasons),
         blocks=(*_tables(answer), Facts.of(_facts(answer, predictions, drive))),
-        details=(*(steps_tables(predictions) if predictions else ()), Facts.of(rest)),
+        details=(
+            *([possible_steps(predictions).table] if predictions else []),
+            Facts.of(_more_facts(answer, predictions)),
+        ),
         certificate=predictions.certificate if predictions else None,
         cross_checks=predictions.cross_checks if predictions else (),
         values=answer_json(answer),
@@ -129,6 +118,19 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
         warnings=answer.warnings,
         exit_code=answer.exit_code,
     )
+
+
+def _more_facts(answer: AcceptAnswer, predictions: Predictions | None) -> Iterator[Fact]:
+    """Influences, samples, grounds of all checks, remarks and files, a label and a text each."""
+    if predictions:
+        yield "influence", influence_at(predictions)
+        yield "samples", samples_words(predictions.samples) if predictions.samples else ""
+        yield "exact", fitted_words(predictions.samples.prior) if predictions.samples else ""
+    yield "reasons", "\n".join(f"{each.label}: {each.verdict}, {each.reason}" for each in answer.checks if each.reason)
+    yield "remarks", "\n".join(f"{note.code}: {note.text}" for note in answer.remarks)
+    yield "version", f"{__version__}, preset sha256 {str(answer.preset.sha256)[:12]}"
+    hashes = {each.file: each.sha256 for each in answer.measured} | {each.file: each.sha256 for each in answer.pitch}
+    yield "files", "\n".join(f"{file}: sha256 {sha256[:12]}" for file, sha256 in hashes.items())
 
 
 def shown_checks(answer: AcceptAnswer) -> list[DecidedCheck]:
@@ -169,8 +171,8 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
 
 def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[Fact]:
     """What it would take, remarks and the next command, a label and a text each."""
-    if predictions and predictions.steps:
-        yield steps_fact(predictions.steps, drive, *steps_at(predictions))
+    if predictions:
+        yield possible_steps(predictions).fact
     codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
     yield "remarks", f"hdassist explain {codes}" if codes else ""
     first = by_severity(answer.checks)[0]
@@ -179,15 +181,15 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
 
 
 def sentence(check: DecidedCheck) -> str:
-    """A check in words: value, uncertainty or range, limit, margin, how it is known."""
-    _, _, value, spread, span, limit, margin, kept = (quantity.of(check) for quantity in DECISION_COLUMNS)
-    if not value:
-        return f"{shown_label(check)}: no value, limit {limit} {check.unit}"
-    measure = value + (f" ± {spread}" if spread else "") + (f" ({span})" if span else "")
-    rest = (margin and f"margin {margin}", kept and f"kept {kept}", check.basis)
-    return ", ".join(
-        [f"{shown_label(check)}: {measure} {check.unit.replace('*', '·')}", f"limit {limit}", *filter(None, rest)]
-    )
+    """A check in words: value, uncertainty or range, limit, margin and the guard that it needs, how it is known."""
+    cells = {quantity.key: quantity.of(check) for quantity in DECISION_COLUMNS}
+    if not cells["value"]:
+        return f"{shown_label(check)}: no value, limit {bound(check)} {check.unit}"
+    spread = f" ± {cells['expanded_uncertainty']}" if cells["expanded_uncertainty"] else ""
+    value = cells["value"] + spread + (f" ({cells['range']})" if cells["range"] else "")
+    rest = [f"{name} {cells[name]}" for name in ("limit", "margin", "guard", "kept") if cells[name]]
+    unit = check.unit.replace("*", "·")
+    return ", ".join(filter(None, (f"{shown_label(check)}: {value} {unit}", *rest, check.basis)))
 
 
 def is_open(check: DecidedCheck) -> bool:
@@ -247,6 +249,15 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
     checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
     open_ = sorted({check.label for check in checks if is_open(check)})
     yield "measure", f"{'; '.join(open_)}: open by its prediction" if open_ else ""
+    beyond = [
+        (each, check) for each in answers for check in each.checks if check.check is F_IOR and check.verdict == "FAIL"
+    ]
+    for first, check in beyond[:1]:
+        value = ("h0=VALUE" if check.basis == "predicted" or check.value is None else f"h0={check.value:g}",)
+        torque = ("--trial-torque", f"{check.M_g_Nm:g}")
+        preset = first.request.preset if first.request else first.preset.name
+        more = f"; {len(beyond) - 1} more" * (len(beyond) > 1)
+        yield "turn it", f"{title(first)}: {again('mount', None, *value, *torque).replace('PRESET', preset)}{more}"
     yield "next", to_explain(checks)
 
 

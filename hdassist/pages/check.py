@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -132,7 +133,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         why=tuple(filter(None, map(verdict_reason, check.points))) or tuple(_undrawn(check)),
         blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
         details=(
-            *steps_tables(check),
+            possible_steps(check).table,
             *error_tables(check),
             Facts.of(check_facts(check)),
             *(error_curve(check, each) for each in others),
@@ -147,16 +148,11 @@ def check_report(check: DesignCheck, seed: int) -> Report:
     )
 
 
-def steps_tables(check: DesignCheck) -> tuple[Table, ...]:
-    """What it would take at the torque that decides; nothing where the limit is kept."""
-    return (steps_table(check.steps, check.drive, *steps_at(check)),) if check.steps else ()
-
-
-def steps_at(check: DesignCheck) -> tuple[float, float | None, str]:
-    """Torque [N*m] and limit [arcsec] that steps are for, and the answer before any, in words."""
+def possible_steps(check: DesignCheck) -> PossibleSteps:
+    """What it would take at the torque that decides; no steps where the limit is kept."""
     point = check.points[check.least_sure]
     now = f"{100 * point.probability.value:.0f} %" if point.probability else f"{point.F_ior_or_error:.1f}″"
-    return point.M_g, point.limit_arcsec, now
+    return PossibleSteps(check.steps, check.drive, point.M_g, point.limit_arcsec, now)
 
 
 def influence_at(check: DesignCheck) -> str:
@@ -195,7 +191,7 @@ def _facts(check: DesignCheck) -> Iterator[Fact]:
     """What it would take, what is taken as 0, and the next command, a label and a text each."""
     if tuple(_undrawn(check)):
         yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.least_sure].M_g:g}=FILE")
-    yield steps_fact(check.steps, check.drive, *steps_at(check))
+    yield possible_steps(check).fact
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive)
@@ -253,7 +249,7 @@ def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
     return Curve(
         *shares_below(samples.F_ior_arcsec[:, check.least_sure], samples.weights),
         x_label="percentile",
-        y_label=f"F'_ior at {point.M_g:g} N·m, ″: percentiles over the unknown inputs{held}",
+        y_label=f"F'_ior at {point.M_g:g} N·m, ″: over the unknown inputs{held}",
         limit=point.left_arcsec,
         rows=2,
     )
@@ -321,21 +317,32 @@ QUESTIONS = {  # to the maker, the drawing or the bench
 COUPLING_ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
 
 
-def steps_table(steps: Sequence[Step], drive: Drive, M_g: float, limit_arcsec: float | None, now: str) -> Table:
-    """Steps at a torque M_g [N*m] with F'_ior or the probability of keeping a limit then; now, the same before any."""
-    heads = ("what would it take", "kept then" if limit_arcsec is not None else "F'_ior then")
-    rows = tuple((step_words(each, drive), outcome_words(each)) for each in steps)
-    return Table(f"at {M_g:g} N·m; now {now}", heads, rows, words=(0, 1))
+@dataclass(frozen=True)
+class PossibleSteps:
+    """Steps at a torque M_g [N*m] towards a limit [arcsec], None without one; now, the answer before any, in words."""
 
+    steps: Sequence[Step]
+    drive: Drive
+    M_g: float
+    limit_arcsec: float | None
+    now: str
 
-def steps_fact(steps: Sequence[Step], drive: Drive, M_g: float, limit_arcsec: float | None, now: str) -> Fact:
-    """The best steps in lines under a label, empty without any."""
-    if not steps:
-        return "steps", ""
-    held = "F'_ior" if limit_arcsec is None else f"{limit_arcsec:g}″ kept"
-    lines = [f"{step_words(each, drive).removesuffix(' (cam.coupling)')}: {outcome_words(each)}" for each in steps]
-    lines = [line.replace("?:", "?") for line in lines[:SHOWN_STEPS]]
-    return "steps", "\n".join([f"{held} at {M_g:g} N·m, now {now}; what it would take:", *lines])
+    @property
+    def table(self) -> Table:
+        """The steps with F'_ior, or the probability of keeping the limit, after each."""
+        heads = ("what would it take", "kept then" if self.limit_arcsec is not None else "F'_ior then")
+        rows = tuple((step_words(each, self.drive), outcome_words(each)) for each in self.steps)
+        return Table(f"at {self.M_g:g} N·m; now {self.now}", heads, rows, words=(0, 1))
+
+    @property
+    def fact(self) -> Fact:
+        """The best steps in lines under a label; empty without any."""
+        held = "F'_ior" if self.limit_arcsec is None else f"{self.limit_arcsec:g}″ kept"
+        lines = [f"{held} at {self.M_g:g} N·m, now {self.now}; what it would take:"]
+        for each in self.steps[:SHOWN_STEPS]:
+            words = step_words(each, self.drive).removesuffix(" (cam.coupling)")
+            lines.append(f"{words.removesuffix('?')}{'?' if words.endswith('?') else ':'} {outcome_words(each)}")
+        return "steps", "\n".join(lines) if self.steps else ""
 
 
 def step_words(step: Step, drive: Drive) -> str:

@@ -19,7 +19,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import TRADE, Card, hole_place
-from hdassist.pages.check import F_ior_table, check_facts, check_report, error_tables, steps_tables
+from hdassist.pages.check import F_ior_table, check_facts, check_report, error_tables, possible_steps
 from hdassist.pages.compare import F_ior_words, sheet_warnings
 from hdassist.pages.curves import ARCMIN, percent_off, stiffness_report
 from hdassist.pages.mount import WORDS, mount_report
@@ -63,7 +63,7 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     mount = mount_report(sheet.advice, seed, limits=[point.left_arcsec for point in sheet.check.points])
     stiff = stiffness_report(drive, sheet.stiffness)
     k, values = Kinematics.of(drive), origin_counts(drive)
-    error = [F_ior_table(sheet.check), *steps_tables(sheet.check), next(error_tables(sheet.check))]
+    error = [F_ior_table(sheet.check), possible_steps(sheet.check).table, next(error_tables(sheet.check))]
     figures = [block for block in (*check.blocks, *check.details) if isinstance(block, Curve)]
     facts, *more = (block for block in (*mount.blocks, *mount.details) if isinstance(block, Facts))
     *_, holes = (block for block in mount.details if isinstance(block, Table))

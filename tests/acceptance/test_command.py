@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdassist.acceptance.decision import GUARD
 from tests.process import SMALL, TINY, run
 from tests.rigs import drive_error, text, whole_range
 
@@ -145,7 +146,9 @@ def test_the_short_page_has_the_verdict_and_what_to_do_next(rig):
     done = accepted(rig, "--measured", "4=run.csv", *limits, budget="encoder=0.1")
     lines = done.stdout.splitlines()
     assert lines[0] == "small: FAIL"
-    assert re.match(r"F'_ior at 4 N·m: \d+\.\d\d ± \d\.\d\d arcsec, limit ≤ 1, margin -\d+\.\d\d, measured$", lines[1])
+    value = r"F'_ior at 4 N·m: \d+\.\d\d ± (\d\.\d\d) arcsec, limit ≤ 1, margin -\d+\.\d\d, guard (\d\.\d\d), measured$"
+    found = re.match(value, " ".join(lines[1:3]))
+    assert found and float(found[2]) == pytest.approx(GUARD / 2 * float(found[1]), abs=0.01)
     assert len(lines) <= 24
     assert "sha256" not in done.stdout
     command = next(line for line in lines if line.startswith("next")).split()[1:]

@@ -81,7 +81,9 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     page = [line for line in result.stdout.splitlines() if line.startswith("17-")]
     assert [line.split()[:2] for line in page] == [[f"17-{n}", v] for n, v in enumerate(verdicts, 1)]
     assert "F'_ior at 1 N·m: 55.00 ± 1.00 arcsec, limit ≤ 40, margin" in page[1]
-    assert "margin 0.20, stated; within the guard band" in " ".join(result.stdout.split())
+    words = " ".join(result.stdout.split())
+    assert "margin 0.20, guard 0.82, stated; within the guard band" in words
+    assert f"turn it 17-2: hdassist mount {SMALL} h0=55 --trial-torque 1 next" in words
     assert "lot.csv:5:10: measured@4: no such file: gone.csv" in page[3]
     for words in (
         "error: 17-4: lot.csv:5:10: measured@4: no such file: gone.csv",
@@ -426,3 +428,11 @@ def test_a_table_that_cannot_be_used_is_an_error_in_json_too(folder, here, text,
     assert words in told["error"]["message"]
     assert words in said
     assert not (folder / "bad.xml").exists()
+
+
+def test_a_record_in_place_of_a_lot_points_to_measure(folder, here):
+    (folder / "run.csv").write_text("phi_h_deg,error_arcsec\n0,1\n1,2\n")
+    code, _, err = here("accept", "run.csv")
+    assert code == 4
+    assert "none of its columns is one of a lot" in err
+    assert "hdassist measure run.csv, or accept PRESET --measured TORQUE=run.csv" in err
