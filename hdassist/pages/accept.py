@@ -24,7 +24,7 @@ from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive
 from hdassist.preset.units import convert
 from hdassist.preset.yamltext import shown
-from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table, four_digits
+from hdassist.report import NO_VALUE, Block, Fact, Facts, Quantities, Quantity, Report, Table, four_digits
 from hdassist.terminal.output import csv_text, together
 from hdassist.terminal.words import WHEEL_WORDS, again, samples_words
 from hdassist.verdict import SEVERITY, percent_text, worst_exit_code
@@ -118,6 +118,13 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
         warnings=answer.warnings,
         exit_code=answer.exit_code,
     )
+
+
+def _details(answer: AcceptAnswer, predictions: Predictions | None) -> Iterator[Block]:
+    """What it would take, and all grounds."""
+    if predictions:
+        yield possible_steps(predictions).table
+    yield Facts.of(_more_facts(answer, predictions))
 
 
 def _more_facts(answer: AcceptAnswer, predictions: Predictions | None) -> Iterator[Fact]:
@@ -254,7 +261,7 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
     ]
     for first, check in beyond[:1]:
         value = ("h0=VALUE" if check.basis == "predicted" or check.value is None else f"h0={check.value:g}",)
-        torque = ("--trial-torque", f"{check.M_g_Nm:g}")
+        torque = ["--trial-torque", f"{check.M_g_Nm:g}"]
         preset = first.request.preset if first.request else first.preset.name
         more = f"; {len(beyond) - 1} more" * (len(beyond) > 1)
         yield "turn it", f"{title(first)}: {again('mount', None, *value, *torque).replace('PRESET', preset)}{more}"

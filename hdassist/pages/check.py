@@ -150,6 +150,8 @@ def check_report(check: DesignCheck, seed: int) -> Report:
 
 def possible_steps(check: DesignCheck) -> PossibleSteps:
     """What it would take at the torque that decides; no steps where the limit is kept."""
+    if not check.steps:
+        return PossibleSteps((), check.drive, 0.0, None, "")
     point = check.points[check.least_sure]
     now = f"{100 * point.probability.value:.0f} %" if point.probability else f"{point.F_ior_or_error:.1f}″"
     return PossibleSteps(check.steps, check.drive, point.M_g, point.limit_arcsec, now)
