@@ -213,14 +213,18 @@ class Curve:
         return (self.y,) if self.second is None else (self.y, self.second)
 
     @property
-    def ends(self) -> tuple[float, float]:
-        """The least and the greatest value that the axis of y holds."""
-        values = [end for _, *both in self.whiskers for end in both] + [0.0] * self.from_zero
-        values += [] if self.limit is None else [self.limit]
+    def extent(self) -> tuple[float, float]:
+        """The least and the greatest value of its series and whiskers."""
         import numpy as np  # with the work that a figure shows, not before it
 
-        drawn = np.concatenate([*self.series, values])
+        drawn = np.concatenate([*self.series, [end for _, *both in self.whiskers for end in both]])
         return float(drawn.min()), float(drawn.max())
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the greatest value of an axis that holds its limit, and 0 where it begins there, too."""
+        values = [*self.extent, *[0.0] * self.from_zero, *([] if self.limit is None else [self.limit])]
+        return min(values), max(values)
 
 
 @dataclass(frozen=True)

@@ -320,13 +320,16 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
             x, line = curve.rotation_deg[order] / per, curve.F_ior_arcsec[k, order]
         tried = [t for t in advice.trials if advice.setup and advice.setup.M_g == M_g]
         marks = [CurveMark(t.rotation_deg / per, t.F_ior_arcsec, "measured", "now") for t in tried]
-        if not tried and advice.word != "ANY_HOLE":
-            marks = [
+        if advice.word != "ANY_HOLE":
+            marks += [
                 CurveMark(p.rotation_deg / per, p.F_ior_arcsec[k], name, "now" if name == "now" else "target")
                 for name, p in marked.items()
                 if name == "now" or p.rotation_deg
             ]
-        notes = ["median, 5 to 95 %"] * sampled + ["M measured"] * bool(tried)
+        if advice.next:
+            next_deg = advice.next.rotation_deg
+            marks.append(CurveMark(next_deg / per, float(ends[1][found.place(next_deg), k]), "next", "target"))
+        notes = ["median, 5 to 95 %"] * sampled
         notes += ["unknown as 0"] * (bool(advice.unknown) and not sampled)
         notes += ["line: limit less self error"] * (limit is not None)
         yield Curve(

@@ -124,7 +124,7 @@ def seen_curve(choice: PlanChoice) -> Curve:
     return Curve(
         np.array([group.mean() for group in groups]),
         np.array([min(points[N] for N in group) for group in groups]),
-        x_label="positions in an output turn" + " (E: enough)" * bool(found),
+        x_label="positions in an output turn",
         y_label=f"% of F'_ior seen in 95 of 100 cases{alike}",
         marks=tuple(CurveMark(N, points[N], "enough", "target") for N in found),
         rows=6,

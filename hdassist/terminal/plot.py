@@ -2,82 +2,103 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import textwrap
+from dataclasses import dataclass, replace
 from math import ceil, cos, radians, sin
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdassist.report import Curve, Seat
+from hdassist.report import Curve, CurveMark, Seat
 from hdassist.terminal.streams import Style
-
-FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
 
 PlotValues = NDArray[np.float64]
 Dots = NDArray[np.bool_]
 
+FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
+FAR = 0.5  # of a figure's height: a limit or a zero further off than that is said, and not drawn
+TALL, TALL_ROWS = 40, 12  # lines of a terminal that has room for plots of so many rows
+DASH = 8  # columns of dots, of which the second of two lines has every other half
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
+SIGNS = {"now": "N", "best": "B", "worst": "W", "next": "?", "measured": "◆", "enough": "E"}  # as the seat has them
 SEAT_WIDTH, SEAT_HEIGHT = 41, 15  # of the drawing, in characters
 NUMBERED_IN_TEXT = 24  # holes that have room for their number
 LETTER_RADIUS = {"now": 0.5, "after": 0.5, "cam": 0.28}  # how far out the letters of directions stand
-WIDEST_PLOT = 80  # columns: wider shows no more
 
 
 def curve(style: Style, drawn: Curve) -> str:
-    """A curve with numbered axes; where points crowd, from least to greatest; marks by the first letter of their words.
+    """A curve with numbered axes; where points crowd, from least to greatest.
 
-    Two series have a glyph each, a third where they meet, and a legend. Returns lines without a final newline.
+    Of two series the second is dashed; their legend stands above, that of marks below. Returns lines without a final
+    newline.
     """
     frame = _Frame.around(style, drawn)
-    if drawn.second is not None:
-        glyphs = " .o#" if style.ascii else " ·o●"
-        kinds = frame.dots(drawn.x, drawn.y) + 2 * frame.dots(drawn.x, drawn.second)
-        legend = ", ".join(f"{glyph} {name}" for glyph, name in zip(glyphs[1:], (*drawn.names, "both"), strict=True))
-        return frame.around_cells(style, np.array([*glyphs])[kinds].tolist(), f"{drawn.y_label}: {legend}")
     fine = frame if style.ascii else frame.finer(DOTS.shape)
     lines = least_and_greatest(drawn.x, drawn.y, fine.columns, drawn.over) if drawn.over else [(drawn.x, drawn.y)]
     dots = np.logical_or.reduce([fine.dots(*line) for line in lines])
+    title, under = drawn.y_label, dict.fromkeys(f"{sign(mark, style)}: {mark.words}" for mark in drawn.marks)
     for x, *both in drawn.whiskers:
         column, (last, first) = fine.place(x, both)
         dots[first : last + 1, column] = True
     cells = np.where(dots, "*", " ").tolist() if style.ascii else dots_to_braille(dots)
+    if drawn.second is not None:
+        second = fine.dots(drawn.x, drawn.second) & ~dots
+        if style.ascii:
+            cells = np.array([*" *o"])[dots + 2 * second].tolist()
+        else:
+            cells = dots_to_braille(dots | (second & (np.arange(fine.columns) % DASH < DASH // 2)))
+        looks = ("*", "o") if style.ascii else ("⠒⠒⠒", "⠒⠒ ⠒⠒")
+        title += ": " + ", ".join(f"{look} {name}" for look, name in zip(looks, drawn.names, strict=True))
     for mark in drawn.marks:
         column, row = frame.place(mark.x, mark.y)
-        cells[row][column] = mark.words[0].upper()
-    return frame.around_cells(style, cells, drawn.y_label)
+        cells[row][column] = sign(mark, style)
+    return frame.around_cells(style, cells, title, f"{drawn.x_label} ({', '.join(under)})" if under else drawn.x_label)
+
+
+def sign(mark: CurveMark, style: Style) -> str:
+    """The sign of a mark, the same on every page: by its words, else their first letter."""
+    found = SIGNS.get(mark.words, mark.words[0].upper())
+    return "o" if style.ascii and not found.isascii() else found
 
 
 @dataclass(frozen=True)
 class _Frame:
-    """Numbered axes around a picture of so many columns and rows, with the figure in it; margin: of numbers beside."""
+    """Numbered axes around a picture of so many columns and rows, with the figure in it; margin: of numbers beside.
+
+    low, high: at the lower and the upper edge.
+    """
 
     figure: Curve
-    ticks: list[float]
+    low: float
+    high: float
     columns: int
     rows: int
     margin: int
 
     @classmethod
     def around(cls, style: Style, figure: Curve) -> _Frame:
-        """Axes that hold all values of a figure and its limit."""
-        marks = ticks(*figure.ends, max(2, figure.rows // 2))
-        margin = max(7, *(len(f"{tick:g}") for tick in marks))
-        apart = max(1, round((figure.rows - 1) / (len(marks) - 1)))
-        columns = min(style.width, WIDEST_PLOT) - margin - 2
-        return cls(figure, marks, columns, apart * (len(marks) - 1) + 1, margin)
+        """Axes that hold all values of a figure, its limit and 0 where these are near."""
+        low, high = figure.extent
+        if high - low <= FLAT * max(1.0, abs(low), abs(high)):
+            low, high = low - 1, high + 1
+        beside = [] if figure.limit is None else [figure.limit]
+        for near in [*beside, *[0.0] * figure.from_zero]:
+            if low - FAR * (high - low) <= near <= high + FAR * (high - low):
+                low, high = min(low, near), max(high, near)
+        rows = max(figure.rows + 1, TALL_ROWS * (style.height >= TALL))
+        margin = max(7, *(len(f"{tick:g}") for tick in ticks_within(low, high, rows // 2)))
+        return cls(figure, low, high, style.width - margin - 2, rows, margin)
 
     def finer(self, cell: tuple[int, ...]) -> _Frame:
         """The same in dots, with rows and columns of them to a character."""
-        return _Frame(self.figure, self.ticks, self.columns * cell[1], self.rows * cell[0], self.margin)
+        return replace(self, columns=self.columns * cell[1], rows=self.rows * cell[0])
 
     def place(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Columns and rows of points."""
         first, span = self.figure.x[0], max(float(np.ptp(self.figure.x)), np.finfo(float).tiny)
         column = ((np.asarray(x) - first) / span * self.columns).astype(int)
-        top, bottom = self.ticks[-1], self.ticks[0]
-        row = np.rint((top - np.asarray(y)) / (top - bottom) * (self.rows - 1)).astype(int)
-        return np.minimum(column, self.columns - 1), row
+        row = np.rint((self.high - np.asarray(y)) / (self.high - self.low) * (self.rows - 1)).astype(int)
+        return np.minimum(column, self.columns - 1), np.clip(row, 0, self.rows - 1)
 
     def dots(self, x: PlotValues, y: PlotValues) -> Dots:
         """A line from point to point, shape (rows, columns); where points lie apart it is straight, at NaN a gap."""
@@ -94,25 +115,40 @@ class _Frame:
             last = inside[-1:]
         return dots
 
-    def around_cells(self, style: Style, cells: Sequence[Sequence[str]], y_label: str) -> str:
+    def around_cells(self, style: Style, cells: list[list[str]], title: str, x_label: str) -> str:
         """The picture with its axes, their numbers and labels, and the figure's limit."""
         corner, side, floor, mark = ("+", "|", "-", "+") if style.ascii else ("└", "│", "─", "┤")
-        lines, figure = [style.text(y_label)], self.figure
-        numbers = dict(zip(self.place(figure.x[0], self.ticks)[1].tolist(), self.ticks, strict=True))
-        limit_row = None if figure.limit is None else self.place(figure.x[0], figure.limit)[1]
+        figure, numbers = self.figure, dict[int, str]()
+        for tick in ticks_within(self.low, self.high, self.rows // 2):
+            numbers.setdefault(int(self.place(figure.x[0], tick)[1]), f"{tick:g} {mark}")
+        if figure.limit is not None:
+            words = f" {figure.limit:.4g} "
+            if self.low <= figure.limit <= self.high:
+                self._draw_limit(cells, floor, words)
+            else:
+                title += f"; limit {words.strip()} lies {'above' if figure.limit > self.high else 'below'}"
+        lines = textwrap.wrap(style.text(title), style.width)
         for k, cell in enumerate(cells):
-            row = "".join(cell).replace(" ", floor if k == limit_row else " ")
-            number = f"{numbers[k]:g} {mark}" if k in numbers else f" {side}"
-            lines.append(f"{number:>{self.margin + 2}}{row}".rstrip())
+            number = numbers.get(k, f" {side}")
+            lines.append(f"{number:>{self.margin + 2}}{''.join(cell)}".rstrip())
         lines.append(" " * (self.margin + 1) + corner + floor * self.columns)
         lines.append(" " * (self.margin + 2) + self._x_numbers())
-        lines.append(" " * (self.margin + 2) + style.text(figure.x_label).center(self.columns).rstrip())
+        below = textwrap.wrap(style.text(x_label), self.columns)
+        lines += [" " * (self.margin + 2) + line.center(self.columns).rstrip() for line in below]
         return "\n".join(lines)
+
+    def _draw_limit(self, cells: list[list[str]], floor: str, words: str) -> None:
+        """Draw the limit across, with its number at the end that the curve leaves free."""
+        row = cells[int(self.place(self.figure.x[0], self.figure.limit or 0.0)[1])]
+        places = [range(self.columns - len(words), self.columns), range(len(words))]
+        free = next((place for place in places if all(row[k] == " " for k in place)), places[0])
+        row[:] = [floor if cell == " " else cell for cell in row]
+        row[free.start : free.stop] = words
 
     def _x_numbers(self) -> str:
         line = [" "] * self.columns
         low, high = self.figure.x[[0, -1]].tolist()
-        for tick in ticks(low, high, 6):
+        for tick in ticks(low, high, max(2, self.columns // 12)):
             if low <= tick <= high:
                 number, place = f"{tick:g}", int(self.place(tick, 0)[0])
                 start = min(max(0, place - len(number) // 2), self.columns - len(number))
@@ -149,6 +185,15 @@ def ticks(low: float, high: float, count: int) -> list[float]:
     step = next(s * power for s in (1, 2, 5, 10, 20) if span / (s * power) <= count)
     first, last = int(np.floor(low / step + 1e-9)), int(np.ceil(high / step - 1e-9))
     return [round(k * step, 12) for k in range(first, max(last, first + 1) + 1)]
+
+
+def ticks_within(low: float, high: float, count: int) -> list[float]:
+    """Round numbers between low and high, about count of them and two at least."""
+    for finer in range(max(2, count), 100):
+        within = [tick for tick in ticks(low, high, finer) if low <= tick <= high]
+        if len(within) >= 2:
+            return within
+    return [low, high]
 
 
 def seat_in_characters(seat: Seat) -> str:

@@ -32,20 +32,24 @@ PLAIN_CHARACTERS = str.maketrans("·µ×−–’█─", "*ux--'#-") | str.make
 
 @dataclass(frozen=True)
 class Style:
-    """Abilities of a stream: 7-bit text only (and some letters beyond it), control codes, and columns."""
+    """Abilities of a stream: 7-bit text only (and some letters beyond it), control codes, columns, and lines."""
 
     ascii: bool
     codes: bool
     width: int
     beyond_ascii: range = range(0)
+    height: int = 24
 
     @classmethod
     def of(cls, stream: TextIO, *, ascii: bool = False, no_color: bool = False) -> Style:
         """Style of a stream, from its terminal, the environment and the options that force it."""
         terminal = stream.isatty()
         plain = no_color or bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
-        width = shutil.get_terminal_size((PIPE_WIDTH, 24)).columns if terminal else PIPE_WIDTH
-        return cls(ascii=ascii or not _shows_unicode(stream), codes=terminal and not plain, width=width)
+        columns = os.environ.get("COLUMNS", "")
+        width, height = int(columns) if columns.isdecimal() and int(columns) else PIPE_WIDTH, 24
+        if terminal:
+            width, height = shutil.get_terminal_size((PIPE_WIDTH, 24))
+        return cls(ascii or not _shows_unicode(stream), terminal and not plain, width, height=height)
 
     def text(self, text: str) -> str:
         """The text as the stream can show it, whatever it has of control characters escaped."""

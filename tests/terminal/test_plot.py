@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.report import Curve, Quantity, Table, as_object, csv_table
+from hdassist.report import Curve, CurveMark, Quantity, Table, as_object, csv_table
 from hdassist.terminal.output import combine, csv_text, json_text
 from hdassist.terminal.plot import curve, dots_to_braille, least_and_greatest
 from hdassist.terminal.streams import Style
@@ -28,8 +28,7 @@ def test_axes_are_numbered_and_carry_units():
     assert lines[-1].strip() == "angle, deg"
     numbers = [float(n) for n in re.findall(r"^ *(-?[\d.]+) ┤", page, flags=re.MULTILINE)]
     assert numbers == sorted(numbers, reverse=True)
-    assert numbers[0] >= 12
-    assert numbers[-1] <= -7
+    assert -7 <= numbers[-1] < numbers[0] <= 12
     assert [float(n) for n in lines[-2].split()] == [0, 100, 200, 300]
 
 
@@ -79,12 +78,43 @@ def test_a_gap_is_drawn_as_one():
 
 
 @pytest.mark.parametrize("more", [{}, {"second": np.linspace(0, 0.5, 50), "names": ("a", "b"), "rows": 20}])
-def test_a_limit_is_a_line_across_within_the_axis(more):
+def test_a_limit_that_is_near_is_a_line_across_with_its_number(more):
     x = np.linspace(0, 1, 50)
-    page = curve(ASCII, Curve(x, x, "x", "y", limit=3.0, **more))
-    across = [row for row in rows(page) if set(row) == {"-"}]
-    assert len(across) == 1
-    assert rows(page).index(across[0]) == 0
+    page = curve(ASCII, Curve(x, x, "x", "y", limit=1.25, **more))
+    first, *others = rows(page)
+    assert set(first) == {*"- 1.25"} and first.endswith("- 1.25")
+    assert not any("1.25" in row for row in others)
+    assert any("*" in row for row in others[: len(others) // 3])  # no empty half
+
+
+def test_a_limit_that_is_far_takes_no_room():
+    x = np.linspace(0, 1, 50)
+    page = curve(ASCII, Curve(x, x, "x", "y", limit=3.0))
+    assert "limit 3 lies above" in page.splitlines()[0]
+    assert "*" in rows(page)[0] and "*" in rows(page)[-1]
+
+
+def test_values_far_from_0_leave_no_half_empty():
+    x = np.linspace(0, 1, 50)
+    assert "*" in rows(curve(ASCII, Curve(x, 20 + 4 * x, "x", "y", from_zero=True)))[-1]
+    near = curve(ASCII, Curve(x, 3 + 9 * x, "x", "y", from_zero=True))
+    assert " 0 +" in near
+
+
+def test_marks_have_one_sign_on_every_page_and_their_legend_beside_it():
+    x = np.linspace(0, 11, 12)
+    marks = [CurveMark(k, float(k), words, "now") for k, words in enumerate(("now", "best", "measured", "next"))]
+    page = curve(BRAILLE, Curve(x, x, "holes", "y", marks=tuple(marks)))
+    assert page.splitlines()[-1].strip() == "holes (N: now, B: best, ◆: measured, ?: next)"
+    assert "".join(rows(page)).count("◆") == 1
+    assert "o: measured" in curve(ASCII, Curve(x, x, "holes", "y", marks=tuple(marks)))
+
+
+def test_a_plot_has_the_width_of_its_terminal_and_twelve_rows_on_a_tall_one():
+    x = np.linspace(0, 1, 50)
+    wide = curve(Style(ascii=False, codes=False, width=140, height=45), Curve(x, x, "x", "y", rows=2))
+    assert max(map(len, wide.splitlines())) == 140
+    assert len(rows(wide)) == 12
 
 
 def test_braille_dots_are_where_unicode_has_them():
@@ -103,7 +133,7 @@ def test_braille_dots_are_where_unicode_has_them():
 def test_any_curve_can_be_drawn(values, width, plain, scale):
     style = Style(ascii=plain, codes=False, width=width)
     page = curve(style, Curve(np.arange(len(values), dtype=float), np.array(values) * scale, "x", "y"))
-    assert max(map(len, page.splitlines())) <= min(width, 80)
+    assert max(map(len, page.splitlines())) <= width
     assert not plain or page.isascii()
 
 
@@ -178,17 +208,15 @@ def test_csv_is_plain():
     assert csv_text(["a", "b"], [[1 / 3, None], ["x,y", 2]]) == f'a,b\n{1 / 3!r},\n"x,y",2\n'
 
 
-def test_two_curves_have_a_glyph_each_and_a_legend():
+def test_two_curves_can_be_told_apart_without_colour():
     x = np.linspace(0, 1, 200)
-    for style, glyphs in ((ASCII, ".o#"), (BRAILLE, "·o●")):
-        page = curve(
-            style, Curve(x, np.sin(6 * x), "x", "y", second=np.sin(6 * x + 0.5), names=("one", "two"), rows=20)
-        )
-        legend, *picture = page.splitlines()
-        assert legend == f"y: {glyphs[0]} one, {glyphs[1]} two, {glyphs[2]} both"
-        assert all(glyph in "".join(picture) for glyph in glyphs)
-        assert max(map(len, page.splitlines())) <= 80
-    same = curve(ASCII, Curve(x, x, "x", "y", second=x, names=("one", "two"), rows=20)).splitlines()[1:]
-    drawn = {glyph for line in same for glyph in line[9:] if glyph in ".o#"}
-    assert "#" in drawn
-    assert "o" not in drawn
+    waves = Curve(x, np.sin(6 * x), "x", "y", second=np.sin(6 * x + 0.5), names=("one", "two"), rows=20)
+    plain = curve(ASCII, waves)
+    assert plain.splitlines()[0] == "y: * one, o two"
+    assert all(sign in "".join(rows(plain)) for sign in "*o")
+    assert curve(BRAILLE, waves).splitlines()[0] == "y: ⠒⠒⠒ one, ⠒⠒ ⠒⠒ two"
+    apart = Curve(x, 0 * x + 1, "x", "y", second=0 * x, names=("one", "two"))
+    solid, dashed = (row for row in rows(curve(BRAILLE, apart)) if row.strip())
+    assert " " not in solid.strip() and dashed.count(" ") > len(dashed) / 3
+    same = rows(curve(ASCII, Curve(x, x, "x", "y", second=x, names=("one", "two"), rows=20)))
+    assert "o" not in "".join(same)
