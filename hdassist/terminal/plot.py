@@ -20,7 +20,14 @@ FAR = 0.5  # of a figure's height: a limit or a zero further off than that is sa
 TALL, TALL_ROWS = 40, 12  # lines of a terminal that has room for plots of so many rows
 DASH = 8  # columns of dots, of which the second of two lines has every other half
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
-SIGNS = {"now": "N", "best": "B", "worst": "W", "next": "?", "measured": "◆", "enough": "E"}  # as the seat has them
+MARK_SIGNS = {
+    "now": "N",
+    "best": "B",
+    "worst": "W",
+    "next": "?",
+    "measured": "◆",
+    "enough": "E",
+}  # as the seat has them
 SEAT_WIDTH, SEAT_HEIGHT = 41, 15  # of the drawing, in characters
 NUMBERED_IN_TEXT = 24  # holes that have room for their number
 LETTER_RADIUS = {"now": 0.5, "after": 0.5, "cam": 0.28}  # how far out the letters of directions stand
@@ -57,7 +64,7 @@ def curve(style: Style, drawn: Curve) -> str:
 
 def sign(mark: CurveMark, style: Style) -> str:
     """The sign of a mark, the same on every page: by its words, else their first letter."""
-    found = SIGNS.get(mark.words, mark.words[0].upper())
+    found = MARK_SIGNS.get(mark.words, mark.words[0].upper())
     return "o" if style.ascii and not found.isascii() else found
 
 
