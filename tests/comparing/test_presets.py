@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import astuple, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -239,6 +240,13 @@ def tiny(*overrides: str):
     return load_preset(TINY, [f"operation.M_g={M_G}", *overrides])
 
 
+@cache
+def checked(*overrides: str):
+    """The check of a tiny drive, once for all tests that need it."""
+    (found,) = checks(tiny(*overrides))
+    return found
+
+
 @pytest.mark.parametrize(
     ("one", "other"),
     [
@@ -254,7 +262,7 @@ def tiny(*overrides: str):
     ],
 )
 def test_pairs_have_the_medians_and_ranges_of_check(one, other):
-    first, second = checks(tiny(*one), tiny(*other))
+    first, second = checked(*one), checked(*other)
     found = drawn_pairs(first, second, same=False)
     sides = (found.before_arcsec, found.weights.sum(1)), (found.after_arcsec, found.weights.sum(0))
     for each, (F_ior, weights) in zip((first, second), sides, strict=True):
@@ -283,7 +291,7 @@ def test_a_bound_that_moves_with_another_field_is_a_change_of_its_own():
     ],
 )
 def test_no_change_contradicts_the_medians_of_check(sets):
-    one, other = checks(tiny(C_3, J_N, *CATALOGUE), tiny(C_3, J_N, *CATALOGUE, *sets))
+    one, other = checked(C_3, J_N, *CATALOGUE), checked(C_3, J_N, *CATALOGUE, *sets)
     there, back = (drive_changes(*pair)[0] for pair in ((one, other), (other, one)))
     change = other.points[0].F_ior_arcsec - one.points[0].F_ior_arcsec
     assert there.F_ior_is[0] in (("less", "unknown") if change < 0 else ("more", "unknown"))

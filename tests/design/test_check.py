@@ -96,9 +96,9 @@ def test_the_rest_stands_in_the_details(answer):
     page = run("check", TINY, "--details", "--no-plot").stdout
     for words in ("one-wave", "self error, ″", "equilibrium", "cam turns"):
         assert words in page
-    (degrees,) = re.search(r"greatest at phi_h, deg +([\d.]+) ", page).groups()
+    (turns,) = re.search(r"greatest at phi_h, turns +([\d.]+) ", page).groups()
     told = json.loads(answer.stdout)["operating_points"][0]["at_max"]["phi_h_deg"]
-    assert float(degrees) == pytest.approx(told, abs=0.05)
+    assert float(turns) == pytest.approx(told / 360, abs=0.005)
 
 
 def test_torques_from_the_command_line_take_the_presets_place():
