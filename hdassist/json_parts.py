@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -31,9 +32,14 @@ def as_json(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value  # arrays and numbers of numpy
 
 
-def attributes(thing: object, *names: str) -> Json:
-    """Some attributes of a result under their names."""
-    return {name: getattr(thing, name) for name in names}
+def attributes(thing: object, *names: str, **paths: str) -> Json:
+    """Some attributes of a result under their names, and others, by their dotted paths, under names of their own."""
+    return {name: attrgetter(path)(thing) for name, path in (dict(zip(names, names, strict=True)) | paths).items()}
+
+
+def objects(things: Iterable[object], *names: str, **paths: str) -> list[Json]:
+    """The same of each of several results."""
+    return [attributes(thing, *names, **paths) for thing in things]
 
 
 def schema_of(command: str) -> str:
@@ -76,18 +82,18 @@ def samples_object(samples: Samples | None) -> dict[str, Any] | None:
     if samples is None:
         return None
     refused = [{"reason": reason, "draws": count} for reason, count in samples.refused.items()]
-    counts = attributes(samples, "effective", "draws", "seed")
-    return {**counts, "draws_of_ranges": samples.of_ranges.draws, "refused": refused}
+    counts = attributes(samples, "effective", "draws", "seed", draws_of_ranges="of_ranges.draws")
+    return {**counts, "refused": refused}
 
 
 def influence_objects(found: Sequence[Influence]) -> list[dict[str, Any]]:
     """Influences for JSON, the largest first."""
-    return [{"field": each.group, "share": each.share} for each in found]
+    return objects(found, "share", field="group")
 
 
 def measure_objects(found: Sequence[MeasurementGain]) -> list[dict[str, Any]]:
     """Measurements for JSON, the largest gain first."""
-    return [{"what": each.measured, "gain": each.gain} for each in found]
+    return objects(found, "gain", what="measured")
 
 
 def pitch_object(measured: MeasuredTeeth | None) -> dict[str, Any]:
@@ -100,9 +106,7 @@ def _wheel(wheel: MeasuredWheel | None) -> dict[str, Any] | None:
         return None
     pitch = wheel.pitch
     return {
-        **attributes(pitch, "file", "sha256", "flank"),
-        "mark_tooth": pitch.mark,
+        **attributes(pitch, "file", "sha256", "flank", "notes", mark_tooth="mark"),
         "mark_deg": wheel.mark_deg,
         "range_um": float(pitch.deviation.max() - pitch.deviation.min()),
-        "notes": list(pitch.notes),
     }

@@ -21,18 +21,29 @@ Fact: TypeAlias = tuple[str, str]  # a label and a text
 NO_VALUE = "-"  # in a table
 
 
+NUMBERS = {  # by the end of a name, which is the unit in JSON: unit and format on pages
+    "arcsec": ("″", ".2f"),
+    "deg": ("°", ".1f"),
+    "Nm": ("N·m", "g"),
+    "N": ("N", ".0f"),
+    "um": ("µm", ".1f"),
+    "revolutions": ("cam turns", ".2f"),
+}
+
+
 @dataclass(frozen=True)
 class Quantity(Generic[T]):
-    """A reported quantity of things T.
+    """A reported quantity of things T, described by its name where nothing else is given.
 
-    key: dotted place in JSON, with the unit in its last part; label and unit: words in tables; digits: format of the
-    number there, or the function that writes it; value: dotted name of its attribute (empty: the key), or a function.
+    key: dotted place in JSON and column of CSV, with the unit at its end; label and unit: words in tables (None: those
+    of the key); digits: format of the number there (None: as its unit has it), or the function that writes it; value:
+    dotted name of its attribute (empty: the key), or a function.
     """
 
     key: str
-    label: str = ""
-    unit: str = ""
-    digits: str | Callable[[Any], str] = ""
+    label: str | None = None
+    unit: str | None = None
+    digits: str | Callable[[Any], str] | None = None
     value: str | Callable[[T], Any] = ""
 
     def of(self, thing: T) -> Any:
@@ -46,17 +57,26 @@ class Quantity(Generic[T]):
 
     def text(self, thing: T) -> str:
         """The quantity as a table shows it."""
-        value = self.of(thing)
+        value, digits = self.of(thing), self._number[1] if self.digits is None else self.digits
         if value is None:
             return NO_VALUE
-        if callable(self.digits):
-            return self.digits(value)
-        return format(value, self.digits) if self.digits else str(value)
+        return digits(value) if callable(digits) else format(value, digits) if digits else str(value)
 
     @property
     def words(self) -> str:
         """Label with unit."""
-        return f"{self.label}, {self.unit}" if self.unit else self.label
+        name = self.key.rpartition(".")[2].removesuffix(f"_{self._end}" * bool(self._number[0]))
+        label = name.replace("_", " ").replace("F ior", "F'_ior") if self.label is None else self.label
+        unit = self._number[0] if self.unit is None else self.unit
+        return f"{label}, {unit}" if unit else label
+
+    @property
+    def _end(self) -> str:
+        return self.key.rpartition("_")[2]
+
+    @property
+    def _number(self) -> tuple[str, str]:
+        return NUMBERS.get(self._end, ("", ""))
 
 
 def four_digits(value: float) -> str:

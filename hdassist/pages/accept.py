@@ -80,15 +80,15 @@ def shown_label(check: DecidedCheck) -> str:
 
 
 DECISION_COLUMNS: Quantities[DecidedCheck] = (
-    Quantity("check", "check", value=lambda d: f"{shown_label(d)}, {d.unit.replace('*', '·')}"),
-    Quantity("verdict", "verdict", value=lambda d: str(d.verdict)),
-    Quantity("value", "value", value=_value),
+    Quantity("check", value=lambda d: f"{shown_label(d)}, {d.unit.replace('*', '·')}"),
+    Quantity("verdict", digits=str),
+    Quantity("value", value=_value),
     Quantity("expanded_uncertainty", "± (k=2)", value=_beside("expanded_uncertainty")),
     Quantity("range", "5 to 95 %", value=lambda d: d.belief and _range(d, d.belief)),
-    Quantity("limit", "limit", value=bound),
-    Quantity("margin", "margin", value=_beside("margin")),
-    Quantity("guard", "guard", value=lambda d: _beside("guard")(d) if d.guard else None),
-    Quantity("kept", "kept", value=lambda d: d.belief and f"{100 * d.belief.probability:.0f} %"),
+    Quantity("limit", value=bound),
+    Quantity("margin", value=_beside("margin")),
+    Quantity("guard", value=lambda d: _beside("guard")(d) if d.guard else None),
+    Quantity("kept", value=lambda d: d.belief and f"{100 * d.belief.probability:.0f} %"),
 )
 
 

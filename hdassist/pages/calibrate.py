@@ -14,13 +14,13 @@ UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less i
 NOTE = "fitted targets are no evidence for the model: targets that were not fitted are"
 FOUND_VALUES: Quantities[FoundValue] = (
     Quantity("path", "field"),
-    Quantity("unit", "unit"),
-    Quantity("start", "start", "", "g"),
-    Quantity("found", "found", "", "g"),
-    Quantity("half_width", "±", "", ".2g"),
-    Quantity("low", "least", "", "g"),
-    Quantity("high", "most", "", "g"),
-    Quantity("determined", "determined", "", ".0%"),
+    Quantity("unit"),
+    Quantity("start", digits="g"),
+    Quantity("found", digits="g"),
+    Quantity("half_width", "±", digits=".2g"),
+    Quantity("low", "least", digits="g"),
+    Quantity("high", "most", digits="g"),
+    Quantity("determined", digits=".0%"),
 )
 
 

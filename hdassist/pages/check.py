@@ -65,13 +65,13 @@ def _percentile_error(percent: int, point: OperatingPoint) -> float | None:
 
 BELIEF_PERCENTILES = {5: "5th percentile", 50: "median", 95: "95th percentile"}
 POINT_QUANTITIES: Quantities[OperatingPoint] = (
-    Quantity("M_g_Nm", "torque M_g", "N·m", "g", "M_g"),
-    Quantity("F_ior_arcsec", "F'_ior", "″", ".2f"),
-    Quantity("self_error_arcsec", "self error", "″", ".2f", "self_error.range_arcsec"),
-    Quantity("F_ior_upper_arcsec", "F'_ior + self error", "″", ".2f"),
-    Quantity("limit_arcsec", "limit", "″", "g"),
-    Quantity("verdict", "verdict"),
-    Quantity("F_ior_shown_arcsec", "F'_ior of the drive shown", "″", ".2f", "error.F_ior_arcsec"),
+    Quantity("M_g_Nm", "torque M_g", value="M_g"),
+    Quantity("F_ior_arcsec"),
+    Quantity("self_error_arcsec", value="self_error.range_arcsec"),
+    Quantity("F_ior_upper_arcsec", "F'_ior + self error"),
+    Quantity("limit_arcsec", digits="g"),
+    Quantity("verdict"),
+    Quantity("F_ior_shown_arcsec", "F'_ior of the drive shown", value="error.F_ior_arcsec"),
     *(
         Quantity(f"{end}.{angle}_deg", words, unit, digits, partial(_angle_deg, end, angle))
         for end, label in (("at_max", "greatest at phi_h"), ("at_min", "least at phi_h"))
@@ -81,24 +81,24 @@ POINT_QUANTITIES: Quantities[OperatingPoint] = (
             ("phi_b", "  phi_b there", "°", ".2f"),
         )
     ),
-    Quantity("one_wave_share", "one-wave meshing, share", "", ".3f", "error.one_wave_share"),
-    Quantity("max_tooth_force_N", "greatest tooth force", "N", ".0f", "error.max_tooth_force_N"),
-    Quantity("wind_up_arcsec", "mean wind-up", "″", ".1f", "error.wind_up_arcsec"),
-    Quantity("tooth_phase_arcsec", "self error of tooth phase", "″", ".2f", "self_error.tooth_phase_arcsec"),
-    Quantity("ball_phase_arcsec", "self error of ball phase", "″", ".2f", "self_error.ball_phase_arcsec"),
+    Quantity("one_wave_share", "one-wave meshing, share", digits=".3f", value="error.one_wave_share"),
+    Quantity("max_tooth_force_N", "greatest tooth force", value="error.max_tooth_force_N"),
+    Quantity("wind_up_arcsec", "mean wind-up", digits=".1f", value="error.wind_up_arcsec"),
+    Quantity("tooth_phase_arcsec", "self error of tooth phase", value="self_error.tooth_phase_arcsec"),
+    Quantity("ball_phase_arcsec", "self error of ball phase", value="self_error.ball_phase_arcsec"),
 )
 BELIEF: Quantities[OperatingPoint] = (
     *(
-        Quantity(f"belief.p{percent}_arcsec", f"F'_ior, {words}", "″", ".2f", f"belief.p{percent}")
+        Quantity(f"belief.p{percent}_arcsec", f"F'_ior, {words}", value=f"belief.p{percent}")
         for percent, words in BELIEF_PERCENTILES.items()
     ),
-    Quantity("belief.probability", "probability of keeping it", "", ".2f", "probability.value"),
+    Quantity("belief.probability", "probability of keeping it", digits=".2f", value="probability.value"),
 )
 MONTE_CARLO: Quantities[OperatingPoint] = (
     *(
         Quantity(
-            f"belief.p{percent}_error_arcsec", f"standard error of the {words}", "″", ".2f",
-            partial(_percentile_error, percent),
+            f"belief.p{percent}_error_arcsec", f"standard error of the {words}",
+            value=partial(_percentile_error, percent),
         )
         for percent, words in BELIEF_PERCENTILES.items()
     ),
@@ -110,12 +110,12 @@ MONTE_CARLO: Quantities[OperatingPoint] = (
 OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of the unknown inputs too
 
 _ON_PAGE: Quantities[OperatingPoint] = (
-    Quantity("M_g", "torque, N·m", "", "g"),
-    Quantity("F_ior", "F'_ior", "", ".2f", lambda p: p.F_ior_or_error),
-    Quantity("belief", "5 to 95 %", "", lambda belief: f"{belief.p5:.1f} to {belief.p95:.1f}"),
-    Quantity("self_error", "self error", "", ".2f", "self_error.range_arcsec"),
-    Quantity("limit_arcsec", "limit", "", "g"),
-    Quantity("verdict", "verdict", value=lambda p: p.verdict if p.limit_arcsec is not None else None),
+    Quantity("M_g_Nm", "torque", value="M_g"),
+    Quantity("F_ior_arcsec", unit="", value="F_ior_or_error"),
+    Quantity("belief", "5 to 95 %", digits=lambda belief: f"{belief.p5:.1f} to {belief.p95:.1f}"),
+    Quantity("self_error_arcsec", unit="", value="self_error.range_arcsec"),
+    Quantity("limit_arcsec", unit="", digits="g"),
+    Quantity("verdict", value=lambda p: p.verdict if p.limit_arcsec is not None else None),
 )
 
 

@@ -22,7 +22,7 @@ from hdassist.pages.curves import stiffness_warnings
 from hdassist.pages.mount import mount_warnings
 from hdassist.preset.fields import UNKNOWN as NOT_KNOWN
 from hdassist.preset.fields import ResolvedField, value_text
-from hdassist.report import NO_VALUE, Curve, Facts, Quantity, Report, Table, as_object, csv_columns
+from hdassist.report import NO_VALUE, Curve, Facts, Quantities, Quantity, Report, Table, as_object, csv_columns
 from hdassist.terminal.output import report_object
 from hdassist.terminal.words import again, named, not_known, on_what
 
@@ -38,21 +38,21 @@ _VERDICT_WORDS = {
     "unexplained": "unexplained",
 }
 
-COMPARED_NUMBERS: tuple[Quantity[Comparison], ...] = (
-    Quantity("measured.range_arcsec", "measured range", "″", ".2f", "sweep.range.value"),
-    Quantity("measured.standard_uncertainty_arcsec", "  uncertainty u", "″", ".2f", "sweep.uncertainty_arcsec"),
-    Quantity("predicted.range_arcsec", "predicted range", "″", ".2f", lambda r: float(np.ptp(r.predicted_curve))),
-    Quantity("difference.rms_arcsec", "difference, rms", "″", ".2f", "difference_rms_arcsec"),
-    Quantity("difference.largest_arcsec", "  largest", "″", "z.2f", lambda r: r.largest[0]),
-    Quantity("difference.largest_at_cam_deg", "  at cam angle", "deg", ".1f", lambda r: 360 * r.largest[1]),
-    Quantity("residual.rms_arcsec", "beyond orders, rms", "″", ".2f", lambda r: float(np.std(r.residual_arcsec))),
-    Quantity("residual.range_arcsec", "  range", "″", ".2f", lambda r: float(np.ptp(r.residual_arcsec))),
-    Quantity("predicted.F_ior_arcsec", "F'_ior, predicted", "″", ".2f", "unchanged.F_ior_arcsec"),
-    Quantity("cam_revolutions", "record", "cam turns", ".2f", "sweep.bins.span"),
+COMPARED_NUMBERS: Quantities[Comparison] = (
+    Quantity("measured.range_arcsec", "measured range", value="sweep.range.value"),
+    Quantity("measured.standard_uncertainty_arcsec", "  uncertainty u", value="sweep.uncertainty_arcsec"),
+    Quantity("predicted.range_arcsec", "predicted range", value=lambda r: float(np.ptp(r.predicted_curve))),
+    Quantity("difference.rms_arcsec", "difference, rms", value="difference_rms_arcsec"),
+    Quantity("difference.largest_arcsec", "  largest", digits="z.2f", value=lambda r: r.largest[0]),
+    Quantity("difference.largest_at_cam_deg", "  at cam angle", value=lambda r: 360 * r.largest[1]),
+    Quantity("residual.rms_arcsec", "beyond orders, rms", value=lambda r: float(np.std(r.residual_arcsec))),
+    Quantity("residual.range_arcsec", "  range", value=lambda r: float(np.ptp(r.residual_arcsec))),
+    Quantity("predicted.F_ior_arcsec", "F'_ior, predicted", value="unchanged.F_ior_arcsec"),
+    Quantity("cam_revolutions", "record", value="sweep.bins.span"),
     Quantity("measured.is_full_cycle", "  is the full cycle", value=lambda r: not r.sweep.is_bound),
-    Quantity("chi_square", "chi-square", "", ".1f", "unchanged.chi_square"),
+    Quantity("chi_square", "chi-square", digits=".1f", value="unchanged.chi_square"),
     Quantity("degrees_of_freedom", "  degrees of freedom", value="unchanged.degrees_of_freedom"),
-)  # fmt: skip
+)
 
 
 def _plus_minus(value: float | None, uncertainty: float | None, digits: int = 1) -> str:
@@ -65,14 +65,14 @@ def _amplitude(found: OrderAmplitude) -> str:
     return _plus_minus(found.amplitude_arcsec, found.uncertainty_arcsec, 2)
 
 
-COMPARED_ORDERS: tuple[Quantity[OrderPair], ...] = (
-    Quantity("per_cam_rev", "order", "", ".2f"),
-    Quantity("measured", "measured", "", _amplitude),
+COMPARED_ORDERS: Quantities[OrderPair] = (
+    Quantity("per_cam_rev", "order", digits=".2f"),
+    Quantity("measured", digits=_amplitude),
     Quantity("measured.phase_deg", "phase", "", ".0f"),
-    Quantity("predicted", "predicted", "", _amplitude),
+    Quantity("predicted", digits=_amplitude),
     Quantity("predicted.phase_deg", "phase", "", ".0f"),
-    Quantity("difference", "difference", "", _amplitude),
-    Quantity("cause", "cause"),
+    Quantity("difference", digits=_amplitude),
+    Quantity("cause"),
 )
 FILE: Quantity[Comparison] = Quantity("file", value="measurement.trace.file")
 

@@ -41,12 +41,12 @@ _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greates
 MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
 ORDER_QUANTITIES: Quantities[Order] = (
-    Quantity("per_cam_rev", "order", "", ".2f"),
-    Quantity("amplitude_arcsec", "amplitude", "″", ".3f"),
-    Quantity("phase_deg", "phase", "deg", ".1f"),
-    Quantity("cause", "cause"),
+    Quantity("per_cam_rev", "order", digits=".2f"),
+    Quantity("amplitude_arcsec", digits=".3f"),
+    Quantity("phase_deg"),
+    Quantity("cause"),
 )
-_ON_PAGE: Quantity[Order] = Quantity("amplitude_arcsec", "″", "", ".2f")
+_ON_PAGE: Quantity[Order] = Quantity("amplitude_arcsec", "″", "")
 
 
 def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
@@ -123,9 +123,9 @@ def percent_off(percent: float) -> str:
 
 
 WHOLE_QUANTITIES: Quantities[Stiffness] = (
-    Quantity("rated_Nm", "rated torque", "N·m", "g", "rated"),
-    Quantity("lost_motion_arcsec", f"lost motion, +-{LOST_MOTION_SHARE:.0%} of rated", "″", ".2f"),
-    Quantity("play_arcsec", "play", "″", ".2f"),
+    Quantity("rated_Nm", "rated torque", value="rated"),
+    Quantity("lost_motion_arcsec", f"lost motion, +-{LOST_MOTION_SHARE:.0%} of rated"),
+    Quantity("play_arcsec"),
 )
 SEGMENT_QUANTITIES: Quantities[Segment] = (
     Quantity("from_Nm", value="start"),
@@ -136,8 +136,8 @@ _SEGMENT_COLUMNS: Quantities[SegmentBeside] = (
     Quantity("name", "", "", lambda name: name.replace("_", "")),
     Quantity("segment", "torque, N·m", "", lambda segment: f"{segment.start:.4g} to {segment.end:.4g}"),
     Quantity("K", "K, 1e4 N·m/rad", "", _scaled, "segment.stiffness"),
-    Quantity("catalogue", "catalogue", "", _scaled),
-    Quantity("off_percent", "off by", "", percent_off),
+    Quantity("catalogue", digits=_scaled),
+    Quantity("off_percent", "off by", digits=percent_off),
     Quantity("by_arcmin", "K, N·m/arcmin", "", ".4g", lambda each: each.segment.stiffness * ARCMIN),
 )
 

@@ -28,24 +28,36 @@ from hdassist.measuring.orders import FULL_SHARE, Gearing, MeasuredOrder
 from hdassist.measuring.range import GAP_PERIODS, STATED, UncertaintySource
 from hdassist.pages.curves import curve_of_turns
 from hdassist.preset.fields import Drive
-from hdassist.report import NO_VALUE, CsvTable, Curve, Facts, Lines, Quantity, Report, ReportSection, Table, as_object
+from hdassist.report import (
+    NO_VALUE,
+    CsvTable,
+    Curve,
+    Facts,
+    Lines,
+    Quantities,
+    Quantity,
+    Report,
+    ReportSection,
+    Table,
+    as_object,
+)
 from hdassist.terminal.words import again
 
 _NAMED_SLOW = 0.1  # of F'_ior: least slow terms in a line
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 3  # in the table, and in a line: the greatest
 DIRECTION_NAMES = {1: "growing", -1: "falling"}
 
-ORDER_COLUMNS: tuple[Quantity[MeasuredOrder], ...] = (
+ORDER_COLUMNS: Quantities[MeasuredOrder] = (
     Quantity("per_cam_rev", "order", "1/turn", ".2f"),
-    Quantity("amplitude_arcsec", "amplitude", "″", ".3f"),
-    Quantity("amplitude_uncertainty_arcsec", "u", "″", ".3f", "uncertainty_arcsec"),
-    Quantity("phase_deg", "phase", "deg", ".1f"),
-    Quantity("cause", "cause", "", "", lambda o: o.cause or None),
-    Quantity("is_of_record", "of the record alone", "", lambda yes: "yes" if yes else ""),
+    Quantity("amplitude_arcsec", digits=".3f"),
+    Quantity("amplitude_uncertainty_arcsec", "u", digits=".3f", value="uncertainty_arcsec"),
+    Quantity("phase_deg"),
+    Quantity("cause", value=lambda o: o.cause or None),
+    Quantity("is_of_record", "of the record alone", digits=lambda yes: "yes" if yes else ""),
 )
-_CYCLE: tuple[Quantity[Gearing], ...] = (
-    Quantity("ratio", "ratio", "", "g"),
-    Quantity("cam_revolutions", "full cycle", "cam turns", "", "cycle"),
+_CYCLE: Quantities[Gearing] = (
+    Quantity("ratio", digits="g"),
+    Quantity("cam_revolutions", "full cycle", digits="", value="cycle"),
     Quantity("output_revolutions", "full cycle", "output turns", "", "cycle_output"),
 )
 
@@ -55,48 +67,42 @@ def ends_text(interval: Sequence[float]) -> str:
     return "{:.2f} to {:.2f}".format(*interval)
 
 
-SWEEP_QUANTITIES: tuple[Quantity[SweepResult], ...] = (
-    Quantity("direction", "cam angle", "", DIRECTION_NAMES.__getitem__),
-    Quantity("F_ior_arcsec", "F'_ior", "″", ".2f", "range.value"),
-    Quantity("standard_uncertainty_arcsec", "  standard uncertainty u", "″", ".2f",
-             "uncertainty_arcsec"),
-    Quantity("interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", "″",
-             ends_text, "interval_arcsec"),
-    Quantity("F_ior_is_lower_bound", "  is a lower bound", "", lambda bound: "yes" if bound else "no",
-             "is_bound"),
-    Quantity("rise_in_another_cycle_arcsec", "  more in another cycle, at most", "″", ".2f",
-             "range.rise"),
-    Quantity("band_limited_range_arcsec", "  with what noise adds", "″", ".2f", "range.fitted"),
-    Quantity("raw_range_arcsec", "  range of the readings", "″", ".2f"),
-    Quantity("revolution_range_arcsec", "range in a cam turn, at most", "″", ".2f", "revolution.value"),
-    Quantity("revolution_range_standard_uncertainty_arcsec", "  standard uncertainty u", "″", ".2f",
-             "revolution.uncertainty"),
-    Quantity("cam_range_arcsec", "orders of the cam alone", "″", ".2f", "cam.value"),
-    Quantity("cam_interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", "″",
-             ends_text, "cam.interval"),
-    Quantity("slow_range_arcsec", "  slow terms of the output", "″", ".2f", "slow_arcsec"),
+SWEEP_QUANTITIES: Quantities[SweepResult] = (
+    Quantity("direction", "cam angle", digits=DIRECTION_NAMES.__getitem__),
+    Quantity("F_ior_arcsec", value="range.value"),
+    Quantity("standard_uncertainty_arcsec", "  standard uncertainty u", value="uncertainty_arcsec"),
+    Quantity("interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", digits=ends_text),
+    Quantity("F_ior_is_lower_bound", "  is a lower bound", digits=lambda yes: "yes" if yes else "no", value="is_bound"),
+    Quantity("rise_in_another_cycle_arcsec", "  more in another cycle, at most", value="range.rise"),
+    Quantity("band_limited_range_arcsec", "  with what noise adds", value="range.fitted"),
+    Quantity("raw_range_arcsec", "  range of the readings"),
+    Quantity("revolution_range_arcsec", "range in a cam turn, at most", value="revolution.value"),
+    Quantity(
+        "revolution_range_standard_uncertainty_arcsec", "  standard uncertainty u", value="revolution.uncertainty"
+    ),
+    Quantity("cam_range_arcsec", "orders of the cam alone", value="cam.value"),
+    Quantity("cam_interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", digits=ends_text, value="cam.interval"),
+    Quantity("slow_range_arcsec", "  slow terms of the output", value="slow_arcsec"),
     Quantity("coverage.share", "share of the cycle visited", "%", lambda share: f"{100 * share:.1f}"),
-    Quantity("coverage.visited_cam_revolutions", "  visited", "cam turns", ".4g", "coverage.cam_turns"),
-    Quantity("rows", "rows", "", "", lambda s: int(s.bins.rows.sum())),
-    Quantity("sweeps", "sweeps", "", "", "bins.sweeps"),
-    Quantity("cam_revolutions", "record", "cam turns", ".2f", "bins.span"),
-    Quantity("drift_arcsec", "drift taken off", "″", ".2f",
-             lambda s: 0.0 if s.is_part else float(s.fit.drift.sum())),
-    Quantity("residuals.rms_arcsec", "beyond the orders, rms", "″", ".2f",
-             lambda s: float(np.std(s.fit.residual))),
-    Quantity("residuals.unmodelled_arcsec", "  not noise", "″", ".2f", "fit.unmodelled"),
-)  # fmt: skip
-_BUDGET: tuple[Quantity[UncertaintySource], ...] = (
-    Quantity("source", "source", "", "", "name"),
-    Quantity("standard_uncertainty_arcsec", "u", "″", ".3f", "arcsec"),
-    Quantity("origin", "from", "", ""),
+    Quantity("coverage.visited_cam_revolutions", "  visited", digits=".4g", value="coverage.cam_turns"),
+    Quantity("rows", value=lambda s: int(s.bins.rows.sum())),
+    Quantity("sweeps", value="bins.sweeps"),
+    Quantity("cam_revolutions", "record", value="bins.span"),
+    Quantity("drift_arcsec", "drift taken off", value=lambda s: 0.0 if s.is_part else float(s.fit.drift.sum())),
+    Quantity("residuals.rms_arcsec", "beyond the orders, rms", value=lambda s: float(np.std(s.fit.residual))),
+    Quantity("residuals.unmodelled_arcsec", "  not noise", value="fit.unmodelled"),
 )
-_ON_PAGE: tuple[Quantity[SweepResult], ...] = (
+_BUDGET: Quantities[UncertaintySource] = (
+    Quantity("source", value="name"),
+    Quantity("standard_uncertainty_arcsec", "u", digits=".3f", value="arcsec"),
+    Quantity("origin", "from"),
+)
+_ON_PAGE: Quantities[SweepResult] = (
     *SWEEP_QUANTITIES[:2],
-    Quantity("interval", "95 %", "", ends_text, "interval_arcsec"),
-    Quantity("u", "u", "", ".2f", "uncertainty_arcsec"),
-    Quantity("in_a_turn", "in a turn", "", ".2f", "revolution.value"),
-    Quantity("visited", "visited", "", lambda c: f"{100 * c.share:.1f} %", "coverage"),
+    Quantity("interval", "95 %", digits=ends_text, value="interval_arcsec"),
+    Quantity("u", digits=".2f", value="uncertainty_arcsec"),
+    Quantity("in_a_turn", digits=".2f", value="revolution.value"),
+    Quantity("visited", digits=lambda c: f"{100 * c.share:.1f} %", value="coverage"),
 )
 
 
@@ -290,20 +296,20 @@ def _interval(found: StatedQuantity) -> list[float] | None:
     return None if found.uncertainty_arcsec is None else [max(0.0, found.arcsec - reach), found.arcsec + reach]
 
 
-_QUANTITIES: tuple[Quantity[StatedQuantity], ...] = (
-    Quantity("name", "quantity", "", ""),
-    Quantity("value_arcsec", "value", "″", ".2f", "arcsec"),
-    Quantity("standard_uncertainty_arcsec", "u", "″", ".2f", "uncertainty_arcsec"),
-    Quantity("interval_arcsec", "95 %", "″", ends_text, _interval),
-    Quantity("of", "of", "", ""),
+_QUANTITIES: Quantities[StatedQuantity] = (
+    Quantity("name", "quantity"),
+    Quantity("value_arcsec", value="arcsec"),
+    Quantity("standard_uncertainty_arcsec", "u", value="uncertainty_arcsec"),
+    Quantity("interval_arcsec", "95 %", digits=ends_text, value=_interval),
+    Quantity("of"),
 )
-_STATED_COLUMNS = (Quantity("", "", "", "", lambda q: _CHECKS[q.name].words), *_QUANTITIES[1:2], *_QUANTITIES[3:])
-_PLACES: tuple[Quantity[PlaceLoop], ...] = (
-    Quantity("place", "place", "", "g"),
-    Quantity("hysteresis_loss_arcsec", "hysteresis loss", "″", ".2f", lambda p: p.hysteresis[0]),
-    Quantity("hysteresis_loss_uncertainty_arcsec", "u", "″", ".2f", lambda p: p.hysteresis[1]),
-    Quantity("lost_motion_arcsec", "lost motion", "″", ".2f", lambda p: p.lost_motion[0]),
-    Quantity("lost_motion_uncertainty_arcsec", "u", "″", ".2f", lambda p: p.lost_motion[1]),
+_STATED_COLUMNS = (Quantity("", value=lambda q: _CHECKS[q.name].words), *_QUANTITIES[1:2], *_QUANTITIES[3:])
+_PLACES: Quantities[PlaceLoop] = (
+    Quantity("place", digits="g"),
+    Quantity("hysteresis_loss_arcsec", value=lambda p: p.hysteresis[0]),
+    Quantity("hysteresis_loss_uncertainty_arcsec", "u", value=lambda p: p.hysteresis[1]),
+    Quantity("lost_motion_arcsec", value=lambda p: p.lost_motion[0]),
+    Quantity("lost_motion_uncertainty_arcsec", "u", value=lambda p: p.lost_motion[1]),
 )
 
 
@@ -360,20 +366,19 @@ def _expanded(found: StatedQuantity) -> float:
     return COVERAGE_FACTOR * (found.uncertainty_arcsec or 0.0)
 
 
-ENTRY_COLUMNS: tuple[Quantity[ArchiveEntry], ...] = (
-    Quantity("date", "date", "", ""),
-    Quantity("hole", "hole", "", ""),
-    Quantity("M_g_Nm", "torque", "", "g"),
-    Quantity("direction", "cam angle", "", DIRECTION_NAMES.__getitem__),
+ENTRY_COLUMNS: Quantities[ArchiveEntry] = (
+    Quantity("date"),
+    Quantity("hole"),
+    Quantity("M_g_Nm", "torque", ""),
+    Quantity("direction", "cam angle", digits=DIRECTION_NAMES.__getitem__),
     Quantity(
         "F_ior_arcsec",
-        "F'_ior",
-        "",
-        "",
-        lambda e: f"≥ {e.low_arcsec:.2f}" if e.F_ior_is_lower_bound else f"{e.F_ior_arcsec:.2f}",
+        unit="",
+        digits="",
+        value=lambda e: f"≥ {e.low_arcsec:.2f}" if e.F_ior_is_lower_bound else f"{e.F_ior_arcsec:.2f}",
     ),
-    Quantity("interval", "95 %", "", "", lambda e: f"{e.low_arcsec:.2f} to {e.high_arcsec:.2f}"),
-    Quantity("temperature_C", "at °C", "", "g"),
+    Quantity("interval", "95 %", value=lambda e: f"{e.low_arcsec:.2f} to {e.high_arcsec:.2f}"),
+    Quantity("temperature_C", "at °C", digits="g"),
 )
 
 

@@ -24,21 +24,21 @@ def _percent(share: float) -> str:
 
 PLAN_QUANTITIES: Quantities[PlanJudgement] = (
     Quantity("test", "test sees, %", value="plan.name"),
-    Quantity("seen.p5", "5 %", "", _percent, lambda judged: judged.seen[0]),
-    Quantity("seen.p50", "50 %", "", _percent, lambda judged: judged.seen[1]),
-    Quantity("seen.p95", "95 %", "", _percent, lambda judged: judged.seen[2]),
-    Quantity("enough", "enough", value=lambda judged: _ENOUGH_WORDS[judged.verdict]),
-    Quantity("false_pass.value", "false PASS", "", _percent),
-    Quantity("false_fail.value", "false FAIL", "", _percent),
+    Quantity("seen.p5", "5 %", digits=_percent, value=lambda judged: judged.seen[0]),
+    Quantity("seen.p50", "50 %", digits=_percent, value=lambda judged: judged.seen[1]),
+    Quantity("seen.p95", "95 %", digits=_percent, value=lambda judged: judged.seen[2]),
+    Quantity("enough", value=lambda judged: _ENOUGH_WORDS[judged.verdict]),
+    Quantity("false_pass.value", "false PASS", digits=_percent),
+    Quantity("false_fail.value", "false FAIL", digits=_percent),
     *map(Quantity, ("false_pass.low", "false_pass.high", "false_fail.low", "false_fail.high")),
     Quantity("readings", value="plan.readings"),
     Quantity("step_output_deg", value=lambda judged: 360 * judged.plan.step_turns),
 )
 LINE_QUANTITIES: Quantities[LineSeen] = (
-    Quantity("per_output_turn", "times an output turn", "", "g"),
-    Quantity("per_cam_turn", "a cam turn", "", ".2f"),
-    Quantity("variance_share", "of variance, %", "", _percent),
-    Quantity("seen_as", "looks like (0: blind)", "", "g"),
+    Quantity("per_output_turn", "times an output turn", digits="g"),
+    Quantity("per_cam_turn", "a cam turn", digits=".2f"),
+    Quantity("variance_share", "share, %", digits=_percent),
+    Quantity("seen_as", "looks like (0: blind)", digits="g"),
 )
 
 
@@ -60,7 +60,7 @@ def plan_report(choice: PlanChoice) -> Report:
     lines = [line for line in choice.lines if not line.seen_as and line.variance_share >= _LARGE_LINE]
     often = ", ".join(f"{line.per_output_turn:g} ({_percent(line.variance_share)} %)" for line in lines)
     facts = (
-        ("blind", f"to lines that come so many times an output turn: {often} of the variance" if lines else ""),
+        ("blind", f"to lines that come so many times an output turn: {often} of its mean square" if lines else ""),
         ("enough", names if choice.asked else ""),
         ("open", more_draws(choice.samples) if choice.samples and is_open else ""),
         ("next", shlex.join(["hdassist", "measure", "record.csv", "--drive", preset_argument(drive)])),
@@ -77,7 +77,12 @@ def plan_report(choice: PlanChoice) -> Report:
             seen_curve(choice),
         ),
         details=(
-            Table.by_row(f"lines of the error as {first.name} show them", LINE_QUANTITIES, choice.lines, words=()),
+            Table.by_row(
+                f"lines of the error as {first.name} show them; share: of its mean square",
+                LINE_QUANTITIES,
+                choice.lines,
+                words=(),
+            ),
         ),
         certificate=choice.certificate,
         values={
@@ -104,7 +109,7 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
     first, drives, wrong = choice.judged[0], choice.drives, choice.drives.demands.wrong
     low, _, high = map(_percent, first.seen)
     F_ior = "{0:.1f} to {2:.1f}".format(*F_ior_arcsec) if choice.samples else f"{F_ior_arcsec[0]:.1f}"
-    yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior}″) of smooth teeth"
+    yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior}″), teeth taken as smooth"
     risk, beyond = first.false_pass, drives.beyond
     if not risk or not beyond:
         yield f"enough without a --limit: to see {100 * SEEN_SHARE:g} % of F'_ior in {100 * (1 - wrong):g} % of cases"
@@ -116,10 +121,10 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
 
 
 def seen_curve(choice: PlanChoice) -> Curve:
-    """Share of F'_ior that is seen in 95 of 100 cases over the number of positions, the least of some neighbours."""
+    """Share of F'_ior that is seen in 95 of 100 cases over the number of positions, the worst of some neighbours."""
     points = {each.plan.readings: 100 * each.seen[0] for each in choice.over_positions}
     groups = np.array_split([*points], min(DRAWN_GROUPS, len(points)))
-    alike = f", least of {len(groups[0])} numbers" * (len(groups[0]) > 1)
+    alike = f"; the worst of {len(groups[0])} neighbours" * (len(groups[0]) > 1)
     found = [each.plan.readings for each in choice.enough if not each.plan.is_record]
     return Curve(
         np.array([group.mean() for group in groups]),

@@ -9,7 +9,7 @@ import numpy as np
 from hdassist.belief.influence import MeasurementGain
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
-from hdassist.json_parts import Json, attributes, influence_objects, measure_objects, samples_object
+from hdassist.json_parts import Json, attributes, influence_objects, measure_objects, objects, samples_object
 from hdassist.report import Curve, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
 from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words, named, probability_words
 from hdassist.tolerance.production import TIGHTER_STEP, ProductionLaw, TolerancedSize
@@ -60,15 +60,15 @@ def _percentile(share: float, drives: MountedDrives) -> float:
 
 PERCENTILES = (("low", "5 %", 0.05), ("median", "median", 0.5), ("high", "95 %", 0.95))
 MOUNTING_COLUMNS: Quantities[MountedDrives] = (
-    Quantity("M_g_Nm", "torque, N·m", "", "g", "point.M_g"),
-    Quantity("wheel", "wheel", value=lambda d: f"best of {d.summary.positions}" if d.best else "as built"),
+    Quantity("M_g_Nm", "torque", value="point.M_g"),
+    Quantity("wheel", value=lambda d: f"best of {d.summary.positions}" if d.best else "as built"),
 )
 F_IOR_COLUMNS: Quantities[MountedDrives] = (
     *(Quantity(f"{name}_arcsec", words, "", ".2f", partial(_percentile, share)) for name, words, share in PERCENTILES),
 )
 YIELD_COLUMNS: Quantities[MountedDrives] = (
-    Quantity("limit", "limit", "", "g", "point.limit"),
-    Quantity("yield", "yield", "", yield_words, "yield_belief"),
+    Quantity("limit", digits="g", value="point.limit"),
+    Quantity("yield", digits=yield_words, value="yield_belief"),
 )
 
 
@@ -81,22 +81,16 @@ def tolerance_report(
     drives = [MountedDrives(summary, point, best) for point in points for best in ways]
     worst = min(range(len(points)), key=lambda k: summary.yield_of(True, points[k]).share)
     gains = to_measure(law, samples, worst) if samples else ()
-    measure = summary.verdict is Verdict.INCONCLUSIVE and (measure_words(gains) or MORE_DRIVES)
-    few = bool(law.shared) and summary.design_count < FEW_DESIGNS
-    few_words = (
-        f"designs drawn: {summary.design_count}. Yields of a type range over {FEW_DESIGNS} at least; more drives: -n"
-    )
-    refused = f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
-    of_designs = f"; yield: {100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over designs"
-    F_ior_table = Table.by_row(
-        "F'_ior, ″, of other drives of the type" + of_designs * bool(summary.has_limit and law.shared),
-        (*MOUNTING_COLUMNS, *F_IOR_COLUMNS, *YIELD_COLUMNS[: 2 * summary.has_limit]),
-        drives,
-        words=(1,),
-    )
+    is_open = summary.verdict is Verdict.INCONCLUSIVE
+    title = "F'_ior, ″, of other drives of the type"
+    if summary.has_limit and law.shared:
+        title += f"; yield: {100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over designs"
+    F_ior = (*MOUNTING_COLUMNS, *F_IOR_COLUMNS)
+    table = Table.by_row(title, (*F_ior, *YIELD_COLUMNS) if summary.has_limit else F_ior, drives, words=(1,))
     plots = [_share_below(drives[k : k + len(ways)]) for k in range(0, len(drives), len(ways))]
-    laws = sorted({f.law for f in law.own if isinstance(f, TolerancedSize)})
-    drawn = [f"given sizes {', '.join(laws)}"] * bool(laws) + ["others even"] * bool(law.not_given) + [f"seed {seed}"]
+    line = "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]}″" for row in table.rows)
+    if summary.has_limit:
+        line = _yields(summary) + f": {summary.verdict}" * (summary.wanted is not None)
     return Report(
         command="tolerance",
         drive=drive,
@@ -104,35 +98,50 @@ def tolerance_report(
         verdict=_yields(summary) if summary.has_limit and summary.wanted is None else str(summary.verdict),
         why=tuple(_reasons(summary)),
         blocks=(
-            F_ior_table,
-            Facts.of([*_best_of(summary, drives), ("measure", measure or ""), ("next", again("sensitivity", drive))]),
+            table,
+            Facts.of([
+                (f"best of {summary.positions}", _best_of(summary, drives)),
+                ("measure", (measure_words(gains) or MORE_DRIVES) if is_open else ""),
+                ("next", again("sensitivity", drive)),
+            ]),
             plots.pop(worst),
         ),
-        details=(Facts((("drawn", ", ".join(drawn)),)), *plots),
+        details=(Facts((("drawn", _drawn(law, seed)),)), *plots),
         certificate=summary,
         values=_values(law, seed, summary, gains),
-        csv=csv_table(
-            drive.name, (*MOUNTING_COLUMNS, *F_IOR_COLUMNS, Quantity("yield", value="yield_belief.share")), drives
-        ),
-        line=_yields(summary) + f": {summary.verdict}" * (summary.wanted is not None)
-        if summary.has_limit
-        else "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]}″" for row in F_ior_table.rows),
-        warnings=(*law_warnings(law), *[few_words] * few, *[refused] * bool(summary.refused)),
+        csv=csv_table(drive.name, (*F_ior, Quantity("yield", value="yield_belief.share")), drives),
+        line=line,
+        warnings=(*law_warnings(law), *_few(law, summary)),
         exit_code=130 if interrupted else summary.verdict.exit_code,
-    )
+    )  # fmt: skip
 
 
-def _best_of(summary: Summary, drives: Sequence[MountedDrives]) -> Iterator[tuple[str, str]]:
+def _drawn(law: ProductionLaw, seed: int) -> str:
+    """How values of the random drives are drawn."""
+    laws = ", ".join(sorted({field.law for field in law.own if isinstance(field, TolerancedSize)}))
+    return f"given sizes {laws}, " * bool(laws) + "others even, " * bool(law.not_given) + f"seed {seed}"
+
+
+def _few(law: ProductionLaw, summary: Summary) -> Iterator[str]:
+    """Warnings of designs that are too few to bound a yield, and of drives without an answer."""
+    if law.shared and summary.design_count < FEW_DESIGNS:
+        least = f"Yields of a type range over {FEW_DESIGNS} at least; more drives: -n"
+        yield f"designs drawn: {summary.design_count}. {least}"
+    if summary.refused:
+        yield f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
+
+
+def _best_of(summary: Summary, drives: Sequence[MountedDrives]) -> str:
     """Why best mounted drives are worse than as built where they are, which one torque alone never shows."""
-    built, best = ([_percentiles(each) for each in drives if each.best is way] for way in (False, True))
-    if best and np.any(np.array(best) > built):
-        of = "its limit" if summary.has_limit else "that as built"
-        words = f"the hole whose greatest F'_ior against {of} is least, one for all torques: at one it may be worse"
-        yield f"best of {summary.positions}", words
-
-
-def _percentiles(drives: MountedDrives) -> list[float]:
-    return [_percentile(share, drives) for *_, share in PERCENTILES]
+    built, best = (
+        np.array([[_percentile(share, each) for *_, share in PERCENTILES] for each in drives if each.best is way])
+        for way in (False, True)
+    )
+    if not best.size or not np.any(best > built):
+        return ""
+    of = "its limit" if summary.has_limit else "that as built"
+    hole = f"the hole whose greatest F'_ior against {of} is least, one for all torques"
+    return f"{hole}: at one it may be worse"
 
 
 def law_warnings(law: ProductionLaw) -> tuple[str, ...]:
@@ -156,9 +165,9 @@ def _reasons(summary: Summary) -> Iterator[str]:
     elif summary.positions > 1 and not summary.has_limit:
         off = []
         for point in summary.points:
-            low, median, high = 100 * np.quantile(point.gains(), GAIN_SHARES)
-            off.append(f"{median:.0f} % ({low:.0f} to {high:.0f}) at {point.M_g:g} N·m")
-        yield f"turning the wheel takes off F'_ior {', '.join(off)}"
+            low, median, high = -100 * np.quantile(point.gains(), GAIN_SHARES)
+            off.append(f"{median:+z.0f} % ({low:+z.0f} to {high:+z.0f}) at {point.M_g:g} N·m")
+        yield f"F'_ior by turning the wheel: {', '.join(off)}"
 
 
 def _share_below(drives: Sequence[MountedDrives]) -> Curve:
@@ -179,29 +188,24 @@ def _values(law: ProductionLaw, seed: int, summary: Summary, gains: Sequence[Mea
     ways = {"as_built": False, "best_position": True}
     has_yield = summary.has_limit and summary.count
     return {
-        "drives": summary.count,
-        "designs": summary.design_count,
+        **attributes(summary, "positions", "sure", "verdict", drives="count", designs="design_count"),
         "refused": len(summary.refused),
         "seed": seed,
         "scatter": [
             {
-                "field": f.path,
+                **attributes(f, "low", "high", field="path"),
                 "kind": f.law if isinstance(f, TolerancedSize) else f.distribution,
-                **attributes(f, "low", "high"),
                 "unit": field_unit(f.path),
                 "shared": f in law.shared,
                 "assumed": f.path in law.not_given,
             }
             for f in law.joint.fields
         ],
-        "yield": {name: yield_object(summary, best) for name, best in ways.items()} if has_yield else None,
+        "yield": {name: _yield_object(summary, best) for name, best in ways.items()} if has_yield else None,
         "yield_wanted": summary.wanted,
-        **attributes(summary, "positions", "sure", "verdict"),
         "operating_points": [
             {
-                "M_g_Nm": point.M_g,
-                "limit_arcsec": point.limit,
-                "self_error_arcsec": point.self_error,
+                **attributes(point, M_g_Nm="M_g", limit_arcsec="limit", self_error_arcsec="self_error"),
                 "gain": dict(zip(("low", "median", "high"), np.quantile(point.gains(), GAIN_SHARES), strict=True)),
                 **{name: _F_ior_object(MountedDrives(summary, point, best)) for name, best in ways.items()},
             }
@@ -218,7 +222,7 @@ def _F_ior_object(drives: MountedDrives) -> Json:
     return as_object(F_IOR_COLUMNS, drives) | intervals
 
 
-def yield_object(summary: Summary, best: bool) -> Json:
+def _yield_object(summary: Summary, best: bool) -> Json:
     """A yield with its range over the designs, and the probability that it is the wanted one, if any."""
     found, wanted = summary.yield_of(best), summary.wanted
     return {
@@ -236,13 +240,13 @@ def yield_range(found: YieldBelief) -> Json:
 
 
 LISTED = (5, 3)  # on the first screen: fields with a tolerance, and others
-NO_SHARE = "no variance: a share too small to be told from chance by so many drives (-n)"
+NO_SHARE = "no share: too small to be told from chance by so many drives (-n)"
 STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
 
 
 @dataclass(frozen=True)
 class FieldEffect:
-    """A field at a torque: its share of the variance of ln F'_ior, and its tolerance's effect; None without any."""
+    """A field at a torque: its share of the spread of F'_ior, and its tolerance's effect; None without any."""
 
     M_g: float
     path: str
@@ -251,21 +255,15 @@ class FieldEffect:
 
 
 EFFECT_CSV: Quantities[FieldEffect] = (
-    Quantity("M_g_Nm", "torque", "N·m", "g", "M_g"),
-    Quantity("field", "field", value="path"),
-    Quantity("share", "variance, %", "", lambda share: f"{100 * share:.0f}", "share"),
+    Quantity("M_g_Nm", value="M_g"),
+    Quantity("field", value="path"),
+    Quantity("share", "spread, %", "", lambda share: f"{100 * share:.0f}"),
     Quantity("now_arcsec", "95th percentile", "", ".2f", "tightened.now"),
     Quantity("tighter_arcsec", STEP_WORDS, "", ".2f", "tightened.then"),
 )
 EFFECT_COLUMNS: Quantities[FieldEffect] = (
     *EFFECT_CSV[1:3],
-    Quantity(
-        "gain",
-        "takes off, ″",
-        "",
-        lambda way: f"{'' if way.proven else '≤ '}{way.gain:.2f}",
-        "tightened",
-    ),
+    Quantity("gain", "takes off, ″", "", lambda way: f"{'≤ ' * (not way.proven)}{way.gain:.2f}", "tightened"),
 )
 
 
@@ -293,10 +291,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
                     "M_g_Nm": M_g,
                     "F_ior_arcsec": {f"p{p}": samples.percentile(p / 100, t) for p in (5, 50, 95)},
                     "influence": influence_objects(found.influences[t]),
-                    "tighter": [
-                        {"field": way.path, **attributes(way, "now", "then", "low", "high", "proven")}
-                        for way in found.tightened[t]
-                    ],
+                    "tighter": objects(found.tightened[t], "now", "then", "low", "high", "proven", field="path"),
                 }
                 for t, M_g in enumerate(torques)
             ],
@@ -322,7 +317,7 @@ def _answer(found: Sensitivities) -> tuple[str, str]:
         return named(first.path), f"made {STEP_WORDS} it takes {gain} off {percentile}"
     reason = f"a tolerance {STEP_WORDS} takes at most {max(first.gain, 0):.2f}″ off {percentile}"
     if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
-        share = f"{100 * largest.share:.0f} % of the variance of ln F'_ior"
+        share = f"{100 * largest.share:.0f} % of the spread of F'_ior"
         return f"no tolerance, measure {named(largest.group)}", f"{share}; {reason}"
     return f"no tolerance, more drives are needed (-n {4 * len(found.samples.weights)})", reason
 
@@ -339,11 +334,9 @@ def _table(effects: Sequence[FieldEffect], tolerances: int, others: int) -> Tabl
     """So many fields with a tolerance, the greatest gain first, and so many others."""
     tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
     rest = [e for e in effects if not e.tightened]
-    title = f"at {effects[0].M_g:g} N·m: share of the variance of ln F'_ior; gain of a tolerance {STEP_WORDS}"
+    title = f"at {effects[0].M_g:g} N·m: share of the spread of F'_ior; gain of a tolerance {STEP_WORDS}"
     shown = [*tight[:tolerances], *rest[:others]]
-    empty = {"share"} if all(each.share is None for each in shown) else set()
-    columns = [q for q in EFFECT_COLUMNS if q.key not in empty]
-    table = Table.by_row(title, columns, shown)
+    table = Table.by_row(title, EFFECT_COLUMNS, shown)
     return replace(table, notes=(NO_SHARE,) * any(each.share is None for each in shown))
 
 
@@ -378,28 +371,23 @@ def allocate_report(
         why=tuple(reasons),
         blocks=(_tolerances_table(found, ways), Facts.of(facts)),
         values={
-            "sure": found.sure,
-            "seed": found.production.seed,
+            **attributes(found, "sure", seed="production.seed", yield_wanted="wanted"),
             "verdict": verdict,
-            "yield_wanted": found.wanted,
             "to_measure": measure_objects(to_measure),
             "limits": [
                 {"M_g_Nm": M_g, "limit_arcsec": limit, "self_error_arcsec": own} for M_g, limit, own in held
             ],
             "laws": [
                 {
-                    **attributes(choice, "now", "least", "most"),
+                    **attributes(choice, "now", "least", "most", field="path", assumed="assumed_law"),
                     **attributes(choice.law, "share", "k"),
-                    "field": choice.path,
                     "unit": field_unit(choice.path),
-                    "assumed": choice.assumed_law,
                 }
                 for choice in choices
             ],
             "allocations": [
                 {
-                    **attributes(way, "turned", "fits", "cost", "probability", "verdict"),
-                    "tolerances": way.values,
+                    **attributes(way, "turned", "fits", "cost", "probability", "verdict", tolerances="values"),
                     "yield": yield_range(way.tried),
                     "drives": way.tried.drives.sum(),
                 }

@@ -43,8 +43,8 @@ def test_json_has_influences_and_what_tighter_tolerances_bring(as_json: subproce
 
 def test_a_share_that_is_missing_is_explained() -> None:
     page = run("sensitivity", TINY, *FEW).stdout
-    assert "no variance: a share too small to be told from chance" in page
-    assert "variance, %" not in page  # of which none is shown
+    assert "no share: too small to be told from chance" in page
+    assert "spread, %" not in page  # of which none is shown
 
 
 def test_csv_has_a_row_a_field() -> None:
