@@ -21,7 +21,7 @@ Fact: TypeAlias = tuple[str, str]  # a label and a text
 NO_VALUE = "-"  # in a table
 
 
-NUMBERS = {  # by the end of a name, which is the unit in JSON: unit and format on pages
+UNITS_OF_NAMES = {  # by the end of a name, which is the unit in JSON: unit and format on pages
     "arcsec": ("″", ".2f"),
     "deg": ("°", ".1f"),
     "Nm": ("N·m", "g"),
@@ -76,7 +76,7 @@ class Quantity(Generic[T]):
 
     @property
     def _number(self) -> tuple[str, str]:
-        return NUMBERS.get(self._end, ("", ""))
+        return UNITS_OF_NAMES.get(self._end, ("", ""))
 
 
 def four_digits(value: float) -> str:

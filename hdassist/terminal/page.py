@@ -46,7 +46,7 @@ RESIDUALS = {  # of a certificate, each a share of its scale
     "equilibrium": "equilibrium",
 }
 STYLES = {"good": "bold green", "bad": "bold red", "open": "bold yellow", "loud": "bold", "quiet": "dim"}  # by tone
-NUMBERS = r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?: ?[%″°]| N·m)?"  # of the grounds of a verdict
+NUMBERS_WITH_UNIT = r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?: ?[%″°]| N·m)?"  # of the grounds of a verdict
 ANY_WIDTH = 100_000  # columns
 PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word is too short
 
@@ -67,7 +67,7 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
         lines = lines[:-1]  # under an axis its words are enough of a gap
     why = [Text(style.text("\n".join(report.why))), Text("")] if report.why else []
     for text in why:
-        text.highlight_regex(NUMBERS, "bold")
+        text.highlight_regex(NUMBERS_WITH_UNIT, "bold")
     return Group(head, *why, *lines, *block_on_page(last, style))
 
 
