@@ -6,7 +6,9 @@ import errno
 import io
 import os
 import re
+import shutil
 import sys
+import textwrap
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache, partial
@@ -34,7 +36,14 @@ SECTIONS = (  # of options, in their order; sections of commands stand before th
 _NOTE = re.compile(r"  \[(?:default: )?\(?([^;\]]*?)\)?(?:; [^\]]*)?\]$")  # default and range, as typer writes them
 WIDEST = 31  # columns of names of options: --limit [NAME@TORQUE=]VALUE ...
 ADDRESSES = 512_000_000  # bytes: with less OpenBLAS waits for ever while it is loaded, or ends the process
+SECTION_COLUMNS, NAME_COLUMNS = 12, 13  # of the start page
 LONGEST_SENTENCE = 1000  # characters: no first sentence of a help text is longer
+
+
+def bold(text: str) -> str:
+    """A text as standard output shows it in bold, where that takes control codes."""
+    plain = bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb" or "--no-color" in sys.argv
+    return typer.style(text, bold=True) if sys.stdout.isatty() and not plain else text
 
 
 class Sectioned:
@@ -52,8 +61,8 @@ class Sectioned:
             if record:
                 panels.setdefault(panel, []).append(record)
         for panel, records in sorted(panels.items(), key=lambda p: SECTIONS.index(p[0]) if p[0] in SECTIONS else -1):
-            with formatter.section(panel):
-                formatter.write_dl(records, col_max=WIDEST)
+            with formatter.section(bold(panel)):
+                formatter.write_dl([(bold(name), words) for name, words in records], col_max=WIDEST)
 
 
 class Command(Sectioned, TyperCommand):
@@ -148,7 +157,7 @@ SUMMARIES = {  # summary of each command by the section of the help in which it 
         "sensitivity": "which tolerance to tighten first, and its gain",
         "allocate": "the cheapest tolerances that reach a yield",
         "sweep": "F'_ior over a grid of values of any fields",
-        "compare": "presets side by side; a measured trace over the predicted one",
+        "compare": "presets side by side; a trace over its prediction",
         "report": "a drive on one page, HTML or Markdown",
     },
     "Bench": {
@@ -158,7 +167,7 @@ SUMMARIES = {  # summary of each command by the section of the help in which it 
         "compensate": "how much a stored correction takes off, and its table",
     },
     "Acceptance": {
-        "plan": "how much a test of F'_ior sees, and which test is enough",
+        "plan": "how much a test of F'_ior sees; which test is enough",
         "accept": "PASS, FAIL or INCONCLUSIVE, for a drive or a lot",
     },
     "Data": {
@@ -272,7 +281,21 @@ def _global(
     hdassist COMMAND -h             a command, examples first
     """
     if ctx.invoked_subcommand is None:
-        typer.echo(ctx.get_help())
+        typer.echo(start_page(shutil.get_terminal_size().columns))
+
+
+def start_page(width: int) -> str:
+    """The commands by their purpose and one example, on one screen; width in columns."""
+    example = f"{bold('hdassist check vzp160')}  a first answer, about a drive of the library"
+    lines = ["Kinematic error F'_ior of harmonic drives, and how to reduce it.", "", f"  {example}"]
+    for section, summaries in SUMMARIES.items():
+        rows = [row for row in summaries.items() if row[0] not in OTHER_NAMES]
+        lines.append("")
+        for head, (name, words) in zip([section, *[""] * (len(rows) - 1)], rows, strict=True):
+            first, *others = textwrap.wrap(words, max(20, width - SECTION_COLUMNS - NAME_COLUMNS))
+            lines.append(f"{head:{SECTION_COLUMNS}}{bold(f'{name:{NAME_COLUMNS}}')}{first}")
+            lines += [" " * (SECTION_COLUMNS + NAME_COLUMNS) + other for other in others]
+    return "\n".join([*lines, "", "hdassist COMMAND -h has examples and options; hdassist -h those of all commands."])
 
 
 def run_command_line() -> None:

@@ -124,9 +124,8 @@ class PresetsListCommand(o.PageOptions):
             values.append({"preset": known, **about, "description": drive.description})
             numbers = (NO_VALUE if each is None else plain(each) for each in sizes.values())
             rows.append((name, *numbers, ", ".join(map(str, counts.values()))))
-        heads = ("preset", "ratio", "mm", "N·m", "values")
-        title = "pitch diameter, rated torque; values given, identified, assumed"
-        table = Table(title, heads, tuple(rows))
+        heads = ("preset", "ratio", "diameter, mm", "rated, N·m", "given, identified, assumed")
+        table = Table("", heads, tuple(rows))
         return Report("presets-list", None, "presets of hdassist", blocks=(table,), values={"presets": values})
 
 

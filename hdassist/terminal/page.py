@@ -1,6 +1,7 @@
 """A report as a page of a terminal: verdict and reasons, its blocks, one line of proof."""
 
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
@@ -115,33 +116,33 @@ def labelled(block: Facts, style: Style) -> RichTable:
 
 
 def tables(block: Table, style: Style) -> Iterator[RenderableType]:
-    """A table, or several with the same first column where all columns are wider than the page."""
+    """A table, a tight one where that is wider than the page, or several with the same first column."""
     screen = console(sys.stdout, style)
+    options = screen.options.update(width=ANY_WIDTH)
     left, title = list(range(1, len(block.heads))), "\n".join((block.title, *block.notes))
-    while True:
-        count = len(left)
-        table = _table(block, [0, *left], style)
-        while (
-            count > 1 and Measurement.get(screen, screen.options.update(width=ANY_WIDTH), table).minimum > style.width
-        ):
-            count -= 1
-            table = _table(block, [0, *left[:count]], style)
+    while left or title:
+        narrower = [(left, False)] + [(left[:count], True) for count in range(len(left), 0, -1)]
+        for columns, is_tight in narrower:
+            table = _table(block, [0, *columns], style, is_tight=is_tight)
+            if Measurement.get(screen, options, table).minimum <= style.width:
+                break
         yield Group(Text(style.text(title), style="bold"), table) if title else table
-        left, title = left[count:], ""
-        if not left:
-            return
+        left, title = left[len(columns) :], ""
 
 
-def _table(block: Table, columns: list[int], style: Style) -> RichTable:
-    """Some columns of a table, of which only words with spaces wrap."""
+def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool) -> RichTable:
+    """Some columns of a table, of which only words with spaces wrap; those of a tight one are near, and heads wrap."""
     found = RichTable(
         box=box.ASCII2 if style.ascii else box.SIMPLE_HEAD,
         pad_edge=False,
         show_edge=style.ascii,
+        padding=(0, 0 if is_tight else 1),
     )
     for k in columns:
         head, *cells = (style.text(row[k]) for row in (block.heads, *block.rows))
-        widest = max(map(cell_len, (head, *cells)))
+        if is_tight:
+            head = textwrap.fill(head, max(1, *map(cell_len, (*cells, *head.split()))), break_on_hyphens=False)
+        widest = max(map(cell_len, (*head.split("\n"), *cells)))
         wraps = k in block.words and any(" " in cell for cell in (head, *cells))
         justify: JustifyMethod = "left" if k in block.words else "right"
         found.add_column(head, justify=justify, overflow="fold", no_wrap=not wraps, min_width=None if wraps else widest)

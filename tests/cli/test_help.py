@@ -1,23 +1,35 @@
 """Help texts: what a newcomer sees first."""
 
+import re
 import subprocess
 import sys
 from importlib import import_module
 
 import pytest
 
-from hdassist.cli import COMMANDS, module_of
+from hdassist.cli import COMMANDS, OTHER_NAMES, module_of
 from hdassist.terminal.options import DECLARED, OptionGroup
-from tests.process import run
+from tests.process import on_terminal, run
 
 NAMES = sorted({*COMMANDS} - {"presets"})
 
 
-def test_without_a_command_there_is_help() -> None:
+def test_without_a_command_all_commands_and_one_example_stand_on_a_screen() -> None:
     done = run()
-    assert done.returncode == 0
-    assert done.stdout == run("--help").stdout
-    assert not done.stderr
+    lines = done.stdout.splitlines()
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(lines) < 30 and max(map(len, lines)) <= 80
+    assert sum("hdassist check vzp160" in line for line in lines) == 1
+    for name in {*COMMANDS} - {*OTHER_NAMES}:
+        assert any(re.search(rf"(^| ){name}  +\S", line) for line in lines), name
+
+
+@pytest.mark.parametrize(("env", "is_bold"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)])
+def test_names_of_commands_are_bold_on_a_terminal_that_shows_it(env: dict[str, str], is_bold: bool) -> None:
+    code, shown = on_terminal(columns=80, env=env)
+    assert code == 0
+    assert ("\x1b[1mmount" in shown) is is_bold
+    assert is_bold or "\x1b" not in shown
 
 
 def test_commands_stand_in_groups_with_their_whole_summaries() -> None:
@@ -100,7 +112,9 @@ loaded = {name.removeprefix("hdassist.") for name in sys.modules if name.startsw
 assert not loaded & {module_of(name).removeprefix("hdassist.") for name in COMMANDS}, loaded
 assert not {"numpy", "pydantic"} & {*sys.modules}
 """
-    subprocess.run([sys.executable, "-c", "from hdassist.cli import COMMANDS, module_of" + code], check=True)
+    subprocess.run(
+        [sys.executable, "-c", "from hdassist.cli import COMMANDS, OTHER_NAMES, module_of" + code], check=True
+    )
 
 
 def test_every_option_that_is_declared_has_its_field():
