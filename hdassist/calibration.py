@@ -123,11 +123,16 @@ class Targets:
 
     def deviations(self, predictions: Sequence[float], inside: float = 0.0) -> list[float]:
         """Deviation of the prediction from each target, as that target's own deviation has it."""
-        return [target.deviation(each, inside) for target, each in zip(self.targets, predictions, strict=True)]
+        return [
+            target.deviation(prediction, inside) for target, prediction in zip(self.targets, predictions, strict=True)
+        ]
 
     def met(self, predictions: Sequence[float]) -> list[bool]:
         """Which targets are met by their predictions."""
-        return [target.low <= each <= target.high for target, each in zip(self.targets, predictions, strict=True)]
+        return [
+            target.low <= prediction <= target.high
+            for target, prediction in zip(self.targets, predictions, strict=True)
+        ]
 
 
 def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
@@ -146,8 +151,8 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
         if not (isinstance(data.get(key), kind) and data[key]):
             document.add((key,), "needs at least one entry", f"like {example}")
             data[key] = kind()
-    unknowns = [each for key, value in data["unknowns"].items() for each in _unknown(document, key, value, drive)]
-    targets = [each for number, item in enumerate(data["targets"]) for each in _target(document, number, item)]
+    unknowns = [unknown for key, value in data["unknowns"].items() for unknown in _unknown(document, key, value, drive)]
+    targets = [target for number, item in enumerate(data["targets"]) for target in _target(document, number, item)]
     if document.findings:
         raise PresetError(ordered_findings(document.findings))
     return Targets(data["name"], hashlib.sha256(text).hexdigest(), tuple(unknowns), tuple(targets))
@@ -266,8 +271,8 @@ def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[flo
             return self_errors[M_g].range_arcsec
         if M_g:  # lost motion
             return Twist(drive).between(-M_g, M_g)
-        found = chords(T_1=asked.get("T_1"), T_2=asked.get("T_2"))
-        return found.lost_motion_arcsec if quantity == "lost_motion" else found.weaker(int(quantity[-1]))
+        curve = chords(T_1=asked.get("T_1"), T_2=asked.get("T_2"))
+        return curve.lost_motion_arcsec if quantity == "lost_motion" else curve.weaker(int(quantity[-1]))
 
     return tuple(map(predicted, targets))
 
@@ -286,13 +291,13 @@ def phase_scan(drive: Drive, M_g: float) -> PhaseScan:
     def least(sign: int) -> tuple[float, float]:
         """The least sign * F'_ior [arcsec] and its phase [deg]."""
         middle = phases[(sign * F_ior).argmin()]
-        found = minimize_scalar(
+        extreme = minimize_scalar(
             lambda phase: sign * F_ior_at_phases(error_map, [phase])[0],
             bounds=(middle - PHASE_STEP, middle + PHASE_STEP),
             method="bounded",
             options={"xatol": PHASE_TOLERANCE},
         )
-        return float(found.fun), float(found.x) % 360
+        return float(extreme.fun), float(extreme.x) % 360
 
     (low, best), (high, worst) = least(+1), least(-1)
     return PhaseScan(low, best, -high, worst)
@@ -371,8 +376,8 @@ def calibrate(
         words = f"no drive within the bounds could be computed; as the preset has it: {search.fits(sobol[:1])[0].fault}"
         raise UntrustedError(words, "look at the bounds, and check the preset", Fault.FIT_UNSETTLED)
     runs = [search.settled(sobol[order[k]], iterations) for k in _distant(sobol[order])[:starts]]
-    first, *others = sorted(runs, key=lambda each: each.cost)
-    places = [first.x, *(each.x for each in others if all(targets.met(search.fits([each.x])[0].predictions)))]
+    first, *others = sorted(runs, key=lambda fit: fit.cost)
+    places = [first.x, *(other.x for other in others if all(targets.met(search.fits([other.x])[0].predictions)))]
     fits = search.fits(places[k] for k in _distant(places))
     # equation (12) of docs/theory.md; half the bounds' width is the half-width of a value that no target sees
     covariance = np.linalg.inv(first.jac.T @ first.jac + 4 * np.eye(len(unknowns)))
@@ -412,8 +417,8 @@ class _Search:
 
     def residuals(self, points: Iterable[Array]) -> Array:
         """Deviations of fits [tolerances], shape (points, targets)."""
-        found = [self.targets.deviations(fit.predictions, INSIDE) for fit in self.fits(points)]
-        return np.asarray(np.nan_to_num(found, nan=IMPOSSIBLE))
+        deviations = [self.targets.deviations(fit.predictions, INSIDE) for fit in self.fits(points)]
+        return np.asarray(np.nan_to_num(deviations, nan=IMPOSSIBLE))
 
     def settled(self, point: Array, iterations: int) -> OptimizeResult:
         """Least squares (11) from a point; status above 0 where it came to rest."""
@@ -467,7 +472,11 @@ def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
 
 def _shortfall(targets: Targets, fit: Fit, values: Sequence[FoundValue]) -> str:
     """Targets that a fit misses and bounds that hold its values back, in words; empty where all targets are met."""
-    found = zip(targets.targets, fit.predictions, targets.met(fit.predictions), strict=True)
-    missed = [f"{each.words} is {short(is_)} {each.unit}, wanted {each.wanted}" for each, is_, met in found if not met]
-    at = [f"{each.path} stands at its bound {plain(each.held_at)}" for each in values if each.held_at is not None]
+    outcomes = zip(targets.targets, fit.predictions, targets.met(fit.predictions), strict=True)
+    missed = [
+        f"{target.words} is {short(is_)} {target.unit}, wanted {target.wanted}"
+        for target, is_, met in outcomes
+        if not met
+    ]
+    at = [f"{value.path} stands at its bound {plain(value.held_at)}" for value in values if value.held_at is not None]
     return "; ".join([*missed, *(at or ["no bound is in the way"])]) if missed else ""

@@ -60,8 +60,12 @@ def accept(
         if limit in inputs.stated:
             values = [inputs.stated[limit]]
         elif limit not in left:
-            found = (AcceptedValue.measured(limit, direction) for direction in measured[limit.M_g_Nm or 0.0].directions)
-            values = sorted((each for each in found if each.value is not None), key=lambda each: -(each.value or 0.0))
+            by_direction = (
+                AcceptedValue.measured(limit, direction) for direction in measured[limit.M_g_Nm or 0.0].directions
+            )
+            values = sorted(
+                (value for value in by_direction if value.value is not None), key=lambda value: -(value.value or 0.0)
+            )
             values = values or [AcceptedValue()]
         elif predictions and limit.check.needs:
             values = [AcceptedValue.predicted(limit, predictions)]
@@ -75,14 +79,14 @@ def accept(
     verdict = worst(decision.verdict for decision in decisions)
     traces = [
         {
-            **attributes(found.trace, "file", "sha256"),
+            **attributes(measurement.trace, "file", "sha256"),
             "M_g_Nm": M_g,
-            "rows": len(found.trace.line),
-            "F_ior_arcsec": found.F_ior_arcsec,
-            "F_ior_is_lower_bound": found.directions[0].is_bound,
-            "standard_uncertainty_arcsec": found.directions[0].uncertainty_arcsec,
+            "rows": len(measurement.trace.line),
+            "F_ior_arcsec": measurement.F_ior_arcsec,
+            "F_ior_is_lower_bound": measurement.directions[0].is_bound,
+            "standard_uncertainty_arcsec": measurement.directions[0].uncertainty_arcsec,
         }
-        for M_g, found in measured.items()
+        for M_g, measurement in measured.items()
     ]
     return ANSWER.validate_python({
         "version": __version__,
@@ -104,15 +108,15 @@ def accept(
     })  # fmt: skip
 
 
-def _decisive(found: Sequence[DecidedCheck]) -> DecidedCheck:
+def _decisive(decisions: Sequence[DecidedCheck]) -> DecidedCheck:
     """The worst decision, the first of those alike.
 
     Beside a direction that visited the whole cycle, one of a part counts only where it is not clear of the limit.
     """
-    if any(d.extent == "whole" for d in found):
-        close = [d for d in found if d.extent == "at least" and (d.margin or 0.0) < d.guard]
-        found = [d for d in found if d.extent == "whole" or d in close]
-    return min(found, key=lambda decision: SEVERITY.index(decision.verdict))
+    if any(d.extent == "whole" for d in decisions):
+        close = [d for d in decisions if d.extent == "at least" and (d.margin or 0.0) < d.guard]
+        decisions = [d for d in decisions if d.extent == "whole" or d in close]
+    return min(decisions, key=lambda decision: SEVERITY.index(decision.verdict))
 
 
 def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[Note]:
@@ -120,13 +124,13 @@ def _of_traces(inputs: Inputs, decisions: Sequence[DecidedCheck]) -> Iterator[No
     for M_g, measurement in inputs.measurements.items():
         where, directions = f"{measurement.trace.file}, {M_g:g} N*m", measurement.directions
         if any(d.M_g_Nm == M_g and d.extent not in (None, "whole") for d in decisions):
-            shares = [each.coverage.share for each in directions if each.is_bound and each.coverage]
+            shares = [direction.coverage.share for direction in directions if direction.is_bound and direction.coverage]
             visited = [f"{100 * share:.3g} % of the full cycle visited" for share in shares]
             yield Note("COVERAGE", f"{where}: {' and '.join(visited) or 'unknown cycle'}")
         if missing := [source.name for source in directions[0].sources if source.arcsec is None]:
             yield Note("BUDGET", f"{where}: nothing stated of {', '.join(missing)}")
-        if lines := dict.fromkeys(f"{line.per_cam_rev:.3f}" for each in directions for line in each.lines):
-            rise = max(each.range.rise for each in directions)
+        if lines := dict.fromkeys(f"{line.per_cam_rev:.3f}" for direction in directions for line in direction.lines):
+            rise = max(direction.range.rise for direction in directions)
             more = f"; F'_ior may be {rise:.3g}″ greater in another cycle" if rise else ""
             yield Note("LINES", f"{where}: {', '.join(lines)} per cam turn{more}")
         yield from (Note("RECORD", f"{where}: {text}") for text in measurement.warnings)
@@ -136,12 +140,14 @@ def _of_decisions(
     inputs: Inputs, decisions: Sequence[DecidedCheck], left_out: Sequence[Limit], predictions: Predictions | None
 ) -> Iterator[Note]:
     """Remarks on values, on unknown inputs, and on limits without a decision."""
-    for each in decisions:
-        if each.expanded_uncertainty is not None and each.expanded_uncertainty > QUARTER * each.limit:
-            text = f"U = {each.expanded_uncertainty:.3g} beside a limit of {each.limit:g}, k = {COVERAGE_FACTOR:g}"
-            yield Note("UNCERTAINTY", f"{each.label}: {text}")
+    for decision in decisions:
+        if decision.expanded_uncertainty is not None and decision.expanded_uncertainty > QUARTER * decision.limit:
+            text = (
+                f"U = {decision.expanded_uncertainty:.3g} beside a limit of {decision.limit:g}, k = {COVERAGE_FACTOR:g}"
+            )
+            yield Note("UNCERTAINTY", f"{decision.label}: {text}")
     rated = inputs.drive.operation.rated
-    for M_g in sorted({each.M_g_Nm for each in decisions if each.M_g_Nm}):
+    for M_g in sorted({decision.M_g_Nm for decision in decisions if decision.M_g_Nm}):
         if rated and abs(M_g) > rated:
             yield Note("RATED", f"{M_g:g} N*m is above the rated torque of {rated:g} N*m")
     if predictions and predictions.unknown:

@@ -232,17 +232,17 @@ ANSWER = TypeAdapter(AcceptAnswer)
 ANSWERS = RecordKind(ANSWER)
 
 
-def of_predictions(found: Predictions | None, wheels: MeasuredTeeth | None) -> Json:
+def of_predictions(predictions: Predictions | None, wheels: MeasuredTeeth | None) -> Json:
     """Fields of an answer that come from predictions, and the measured wheels that they are of, as JSON has them."""
-    fields: Json = {"pitch": [{"wheel": name, **each} for name, each in pitch_object(wheels).items() if each]}
-    if found is None:
+    fields: Json = {"pitch": [{"wheel": name, **wheel} for name, wheel in pitch_object(wheels).items() if wheel]}
+    if predictions is None:
         return fields
     return fields | {
-        "certificate": certificate_object(found.certificate, found.cross_checks),
-        "unknown": unknown_objects(found.unknown),
-        "influence": influence_objects(found.influences),
-        "steps": as_json(found.steps),
-        "samples": samples_object(found.samples),
+        "certificate": certificate_object(predictions.certificate, predictions.cross_checks),
+        "unknown": unknown_objects(predictions.unknown),
+        "influence": influence_objects(predictions.influences),
+        "steps": as_json(predictions.steps),
+        "samples": samples_object(predictions.samples),
     }
 
 
@@ -298,14 +298,14 @@ def read_answers(path: str) -> list[AcceptAnswer]:
     if (kept := read_kept(bytes(data), file, ANSWERS)) is not None:
         return kept
     try:
-        found = json.loads(data.decode("utf-8", "replace"))
-        json.dumps(found, allow_nan=False)
+        content = json.loads(data.decode("utf-8", "replace"))
+        json.dumps(content, allow_nan=False)
     except (ValueError, RecursionError) as fault:
         raise DataError(f"{file}: no JSON: {fault}", hint) from None
-    found = found.get("results", [found]) if isinstance(found, dict) else []
-    if not (found and isinstance(found, list)):
+    content = content.get("results", [content]) if isinstance(content, dict) else []
+    if not (content and isinstance(content, list)):
         raise DataError(f"{file}: no answers in the file", hint)
-    return [_read(one, f"{file}:{number}") for number, one in enumerate(found, 1)]
+    return [_read(one, f"{file}:{number}") for number, one in enumerate(content, 1)]
 
 
 def _read(fields: Any, place: str) -> AcceptAnswer:
@@ -324,8 +324,8 @@ def changed_file(answer: AcceptAnswer) -> DataError | None:
     """
     if answer.request is None:
         return None
-    recorded: dict[str, str | None] = {each.file: each.sha256 for each in answer.measured}
-    recorded |= {each.file: each.sha256 for each in answer.pitch}
+    recorded: dict[str, str | None] = {trace.file: trace.sha256 for trace in answer.measured}
+    recorded |= {wheel.file: wheel.sha256 for wheel in answer.pitch}
     recorded[answer.request.preset] = answer.preset.sha256
     for file in answer.request.files():
         if file == "-":
@@ -359,15 +359,15 @@ class Difference:
     now: Any
 
     def __str__(self) -> str:
-        values = ("none" if each is None else each for each in (self.recorded, self.now))
-        then, now = (f"{each:.9g}" if isinstance(each, float) else each for each in values)
+        values = ("none" if value is None else value for value in (self.recorded, self.now))
+        then, now = (f"{value:.9g}" if isinstance(value, float) else value for value in values)
         return f"{self.key}: {then} then, {now} now"
 
 
 def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[Difference]:
     """Differences of two answers, with the names of their checks; of one without an answer that alone."""
     if bool(recorded.error) != bool(now.error):
-        errors = (each.error and each.error.message for each in (recorded, now))
+        errors = (answer.error and answer.error.message for answer in (recorded, now))
         return [Difference("verdict", recorded.status, now.status), Difference("error", *errors)]
     return list(differences(_by_check(recorded), _by_check(now)))
 
@@ -375,16 +375,16 @@ def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[Differ
 def _by_check(answer: AcceptAnswer) -> Json:
     """An answer with its checks by name."""
     names = (f"{place} {check.label}" for place, check in enumerate(answer.checks, 1))
-    found = answer_json(answer)
-    return found | {"checks": dict(zip(names, found["checks"], strict=True))}
+    fields = answer_json(answer)
+    return fields | {"checks": dict(zip(names, fields["checks"], strict=True))}
 
 
 def differences(recorded: Any, now: Any, key: str = "", allowed: float = ROUNDING) -> Iterator[Difference]:
     """Differences of two JSON values, but for NOT_COMPARED; key, of both; allowed, how far numbers may lie apart."""
-    then, comes = (dict(enumerate(each)) if isinstance(each, list) else each for each in (recorded, now))
+    then, comes = (dict(enumerate(value)) if isinstance(value, list) else value for value in (recorded, now))
     if isinstance(then, dict) and isinstance(comes, dict):
-        numbers = [abs(each) for each in (*then.values(), *comes.values()) if isinstance(each, float)]
-        within = max([ROUNDING, *(RELATIVE * each for each in numbers)])
+        numbers = [abs(number) for number in (*then.values(), *comes.values()) if isinstance(number, float)]
+        within = max([ROUNDING, *(RELATIVE * number for number in numbers)])
         for name in dict.fromkeys([*then, *comes]):
             if name not in NOT_COMPARED:
                 inner = f"{key}.{name}".removeprefix(".")

@@ -131,14 +131,14 @@ class Predictions(DesignCheck):
     @property
     def cross_checks(self) -> tuple[CrossCheck, ...]:
         """Cross-checks by another solver."""
-        found = (getattr(part, "cross_check", None) for part in self.quantities.parts)
-        return tuple(filter(None, found))
+        checks = (getattr(part, "cross_check", None) for part in self.quantities.parts)
+        return tuple(filter(None, checks))
 
     def is_open(self, limit: Limit) -> bool:
         """Whether anything that is not known exactly moves the value of a limit: deviations move the cycle alone."""
         moves_cycle = "cycle" in limit.check.needs
         fields = self.prior.fields if self.prior else ()
-        return any(moves_cycle or not each.path.startswith(TABLE_SECTIONS) for each in fields)
+        return any(moves_cycle or not field.path.startswith(TABLE_SECTIONS) for field in fields)
 
     def belief(self, limit: Limit) -> Belief | None:
         """The value of a limit over all that is not known exactly; None where nothing moves it, or was not drawn."""
@@ -171,14 +171,14 @@ def quantities(
     errors = run.map(error_of, cycles)
     own = run.map(partial(self_error, drive, run=run.of_task), [own_at] * bool(own_at))
     twist = run.map(partial(stiffness, points=1, run=run.of_task), [drive] * twists)
-    found = PredictedQuantities(
+    known = PredictedQuantities(
         Kinematics.of(drive),
         dict(zip(cycles, errors, strict=True)),
         dict(zip(own_at, next(own, []), strict=True)),
         tuple(twist),
     )
-    run.finished(found.certificate.states)
-    return found
+    run.finished(known.certificate.states)
+    return known
 
 
 def predict(
@@ -208,15 +208,17 @@ def predict(
         )
         for M_g in torques_of((limit for limit in limits if limit.check is F_IOR), "cycle")
     ]  # fmt: skip
-    found = Predictions(drive, tuple(points), wheels, unknown, prior, limits=tuple(limits), quantities=known, sure=sure)
-    open_ = [limit for limit in limits if found.is_open(limit)]
+    predictions = Predictions(
+        drive, tuple(points), wheels, unknown, prior, limits=tuple(limits), quantities=known, sure=sure
+    )
+    open_ = [limit for limit in limits if predictions.is_open(limit)]
     if not (open_ and draws and searchable(drive) and not wheels):
-        return found
+        return predictions
 
     def enough(samples: Samples) -> bool:
-        beliefs = map(found.with_samples(samples).belief, open_)
+        beliefs = map(predictions.with_samples(samples).belief, open_)
         kept = [Probability(b.probability, b.probability_low, b.probability_high) for b in beliefs if b]
-        return all(each.is_stable(sure) for each in kept)
+        return all(probability.is_stable(sure) for probability in kept)
 
     figured = tuple(limit for limit in open_ if limit.check is not F_IOR)
     samples = draw_samples(
@@ -224,18 +226,18 @@ def predict(
         tuple(dict.fromkeys([*drive.operation.M_g, *(point.M_g for point in points)])),  # those of check too
         evidence=evidence_of(drive),
         further=partial(_figures, figured) if figured else None,
-        further_name=" ".join(f"{each.check.code}@{each.M_g_Nm}#{each.per_cam_rev}" for each in figured),
+        further_name=" ".join(f"{limit.check.code}@{limit.M_g_Nm}#{limit.per_cam_rev}" for limit in figured),
         enough=enough,
         effort=SamplingEffort.of(draws),
         run=run,
     )
-    return found.with_samples(samples)
+    return predictions.with_samples(samples)
 
 
 def _figures(limits: tuple[Limit, ...], drive: Drive) -> tuple[dict[str, float], Certificate]:
     """Values of a drive, by the label of the limit that they are for, with their proof."""
-    found = quantities(drive, limits, partial(estimated_cycle, drive), run=UNCHECKED)
-    return {each.label: found.value(each) for each in limits}, found.certificate
+    known = quantities(drive, limits, partial(estimated_cycle, drive), run=UNCHECKED)
+    return {limit.label: known.value(limit) for limit in limits}, known.certificate
 
 
 def order_place(kinematics: Kinematics, order: float) -> int:
@@ -294,19 +296,19 @@ class AcceptedValue(ClosedRecord):
         return cls(value, expanded, "stated", "whole")
 
     @classmethod
-    def measured(cls, limit: Limit, found: SweepResult) -> AcceptedValue:
+    def measured(cls, limit: Limit, sweep: SweepResult) -> AcceptedValue:
         """The value by one direction of a trace, with the expanded uncertainty; none where that does not tell it."""
-        read = MEASURED[limit.code](found, limit.per_cam_rev or 0.0) if limit.check.of_trace else None
+        read = MEASURED[limit.code](sweep, limit.per_cam_rev or 0.0) if limit.check.of_trace else None
         if read is None:
             return cls()
         value, uncertainty, rise = read
-        unstated = tuple(source.name for source in found.sources if source.arcsec is None)
-        extent = limit.check.of_part if found.is_bound else "whole"
+        unstated = tuple(source.name for source in sweep.sources if source.arcsec is None)
+        extent = limit.check.of_part if sweep.is_bound else "whole"
         return cls(value, COVERAGE_FACTOR * uncertainty, "measured", extent, rise, unstated)
 
 
-def _amplitude(found: SweepResult, order: float) -> tuple[float, float, float] | None:
-    near = [o for o in found.orders if abs(o.per_cam_rev - order) <= 0.5 / found.bins.span]
+def _amplitude(sweep: SweepResult, order: float) -> tuple[float, float, float] | None:
+    near = [o for o in sweep.orders if abs(o.per_cam_rev - order) <= 0.5 / sweep.bins.span]
     best = min(near, key=lambda o: abs(o.per_cam_rev - order), default=None)
     return (best.amplitude_arcsec, best.uncertainty_arcsec, 0.0) if best else None
 
@@ -336,16 +338,16 @@ class DecidedCheck(AcceptedValue, Limit):
     reason: str | None = None
 
 
-def decide(limit: Limit, found: AcceptedValue, rule: Rule, sure: float) -> DecidedCheck:
+def decide(limit: Limit, held: AcceptedValue, rule: Rule, sure: float) -> DecidedCheck:
     """Decide on a value by a rule; sure: probability of keeping a limit that PASS of a prediction needs."""
-    known = found.value is not None and found.basis != "predicted"
-    found = replace(found, expanded_uncertainty=(found.expanded_uncertainty or 0.0) if known else None)
-    guard = GUARD * (found.expanded_uncertainty or 0.0) / COVERAGE_FACTOR if rule == "guard" else 0.0
-    margin = None if found.value is None else limit.room(found.value)
-    verdict, reason = _verdict(found, margin, guard, rule, sure)
+    known = held.value is not None and held.basis != "predicted"
+    held = replace(held, expanded_uncertainty=(held.expanded_uncertainty or 0.0) if known else None)
+    guard = GUARD * (held.expanded_uncertainty or 0.0) / COVERAGE_FACTOR if rule == "guard" else 0.0
+    margin = None if held.value is None else limit.room(held.value)
+    verdict, reason = _verdict(held, margin, guard, rule, sure)
     return DecidedCheck(
         **vars(limit),
-        **vars(found),
+        **vars(held),
         guard=guard,
         limit_is="greatest" if limit.check.upper else "least",
         margin=margin,
@@ -355,30 +357,30 @@ def decide(limit: Limit, found: AcceptedValue, rule: Rule, sure: float) -> Decid
     )
 
 
-def _verdict(found: AcceptedValue, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
+def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule, sure: float) -> tuple[Verdict, str]:
     """The verdict on a value by its room to the limit, and why where that is not plain."""
     if room is None:
         return Verdict.INCONCLUSIVE, "neither the record nor a given value (--value) tells it"
-    if belief := found.belief:
+    if belief := known.belief:
         verdict = verdict_by_probability(belief.probability, sure)
         open_ = verdict is Verdict.INCONCLUSIVE
         kept = percent_text(belief.probability, belief.probability_low, belief.probability_high, sure)
         return verdict, f"kept with a probability of {kept}" * open_
-    if found.extent == "not known":
+    if known.extent == "not known":
         return Verdict.INCONCLUSIVE, "what is not known exactly was not drawn"
-    if found.extent == "part":
+    if known.extent == "part":
         return Verdict.INCONCLUSIVE, "of a part of the cycle only"
     if room < -guard:
-        within = found.extent == "at least" and room + (found.expanded_uncertainty or 0.0) > 0
-        return Verdict.FAIL, f"the estimate {found.value:.4g} is beyond the limit by its rule" * within
-    if found.extent == "at least":
+        within = known.extent == "at least" and room + (known.expanded_uncertainty or 0.0) > 0
+        return Verdict.FAIL, f"the estimate {known.value:.4g} is beyond the limit by its rule" * within
+    if known.extent == "at least":
         return Verdict.INCONCLUSIVE, "a lower bound: part of the cycle only"
-    strict = rule == "guard" and found.basis != "predicted"
-    if room - (found.rise if strict else 0.0) < guard:
-        lines = f", with {found.rise:.3g} that lines may add in another cycle" if strict and found.rise else ""
+    strict = rule == "guard" and known.basis != "predicted"
+    if room - (known.rise if strict else 0.0) < guard:
+        lines = f", with {known.rise:.3g} that lines may add in another cycle" if strict and known.rise else ""
         return Verdict.INCONCLUSIVE, f"within the guard band{lines}"
-    if strict and found.unstated:
-        names, options = ", ".join(found.unstated), ",".join(f"{name}=U" for name in found.unstated)
+    if strict and known.unstated:
+        names, options = ", ".join(known.unstated), ",".join(f"{name}=U" for name in known.unstated)
         words = f"nothing stated of {names}: --budget {options}, U in ″, 0 where a source adds nothing"
         return Verdict.INCONCLUSIVE, words
     return Verdict.PASS, ""

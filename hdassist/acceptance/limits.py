@@ -94,10 +94,10 @@ class Limit(ClosedRecord):
     @property
     def check(self) -> Check:
         """The check of the limit. Raises DataError: none has the code."""
-        found = CODES.get(self.code)
-        if not isinstance(found, Check):
+        entry = CODES.get(self.code)
+        if not isinstance(entry, Check):
             raise DataError(f"no check has the code {self.code}")
-        return found
+        return entry
 
     @property
     def label(self) -> str:
@@ -125,13 +125,13 @@ def limits_of(drive: Drive) -> tuple[Limit, ...]:
 
     Raises DataError: there is none.
     """
-    found = tuple(limit for check in CHECKS for limit in _limits_of(check, drive))
-    if not found:
+    limits = tuple(limit for check in CHECKS for limit in _limits_of(check, drive))
+    if not limits:
         raise DataError(
             f"{drive.name}: no limit to accept it by",
             "acceptance: {F_ior: {80: 30}} in the preset, or --limit F_ior=30",
         )
-    return found
+    return limits
 
 
 def _limits_of(check: Check, drive: Drive) -> Iterator[Limit]:
@@ -154,7 +154,9 @@ def _limits_of(check: Check, drive: Drive) -> Iterator[Limit]:
 
 def torques_of(limits: Iterable[Limit], need: str) -> tuple[float, ...]:
     """Torques [N*m] at which limits need something of a drive (Need), each once."""
-    return tuple(dict.fromkeys(each.M_g_Nm for each in limits if need in each.check.needs and each.M_g_Nm is not None))
+    return tuple(
+        dict.fromkeys(limit.M_g_Nm for limit in limits if need in limit.check.needs and limit.M_g_Nm is not None)
+    )
 
 
 @dataclass(frozen=True)
@@ -178,10 +180,10 @@ class LimitText:
         name, equals, value = (part.strip() for part in text.partition("="))
         if option == "--limit" and not equals and name[:1] in tuple("+-.0123456789"):
             name, value = F_IOR.field, name
-        found = LIMIT_NAME.fullmatch(name)
-        if not (found and value):
+        match = LIMIT_NAME.fullmatch(name)
+        if not (match and value):
             raise UsageError(f"invalid {option} {text}: expected {USE[option]}", HINT)
-        return cls(name, value, *(float(number) if number else None for number in found.groups()))
+        return cls(name, value, *(float(number) if number else None for number in match.groups()))
 
     @property
     def field(self) -> str:
@@ -229,7 +231,7 @@ def named_overrides(message: str, names: Sequence[str]) -> str:
     """A message about overrides of a preset with the names that some of them have (empty: none), in their order."""
 
     def name(match: re.Match[str]) -> str:
-        found = names[int(match[1]) - 1 : int(match[1])]
-        return f"{found[0]}: " if any(found) else match[0]
+        names_of_override = names[int(match[1]) - 1 : int(match[1])]
+        return f"{names_of_override[0]}: " if any(names_of_override) else match[0]
 
     return _OVERRIDE.sub(name, message)

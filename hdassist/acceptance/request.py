@@ -71,11 +71,11 @@ class Inputs:
                 if is_overridden("acceptance.order_amplitude", drive.origin.overrides):
                     raise
                 raise DataError(f"{drive.name}: acceptance.order_amplitude: {error.message}", error.hint) from None
-        by_trace = [each for each in limits if each.check.of_trace and each.M_g_Nm in self.measurements]
-        if without := set(self.measurements) - {each.M_g_Nm for each in by_trace}:
+        by_trace = [limit for limit in limits if limit.check.of_trace and limit.M_g_Nm in self.measurements]
+        if without := set(self.measurements) - {limit.M_g_Nm for limit in by_trace}:
             words = f"{drive.name}: measured at {min(without):g} N*m, where it has no limit"
             raise DataError(words, f"--limit F_ior@{min(without):g}=30")
-        return tuple(each for each in limits if each not in by_trace and each not in self.stated)
+        return tuple(limit for limit in limits if limit not in by_trace and limit not in self.stated)
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Request(ClosedRecord):
         files: dict[float, str] = {}
         for text in self.measured:
             torque, file = torque_and_file(text)
-            held = dict.fromkeys(each.M_g_Nm for each in limits_of(drive) if each.M_g_Nm is not None)
+            held = dict.fromkeys(limit.M_g_Nm for limit in limits_of(drive) if limit.M_g_Nm is not None)
             torques = [float(torque)] if torque else list(held or drive.operation.M_g[:1])
             if len(torques) > 1:
                 named = ", ".join(f"{M_g:g}={text}" for M_g in torques)
@@ -179,13 +179,13 @@ def stated_values(texts: Sequence[str], drive: Drive) -> dict[Limit, AcceptedVal
 
     Raises UsageError: a text that is no value, one without its uncertainty, or one that no limit of the drive is for.
     """
-    found: dict[Limit, AcceptedValue] = {}
+    values: dict[Limit, AcceptedValue] = {}
     for given in (LimitText.parse(text, "--value") for text in texts):
         limit = given.limit_of(limits_of(drive))
-        if limit in found:
+        if limit in values:
             raise UsageError(f"--value {given}: given twice")
-        found[limit] = AcceptedValue.stated(given, limit)
-    return found
+        values[limit] = AcceptedValue.stated(given, limit)
+    return values
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,7 @@ class LotRow:
 
     def _in_cell(self, line: str) -> str:
         """A line of a message, with the cell in place of the option that it names."""
-        called = max((each for each in self.cells if each in line), key=len, default="")
+        called = max((cell for cell in self.cells if cell in line), key=len, default="")
         if not called:
             return line
         name, text = self.cells[called]
@@ -335,7 +335,7 @@ def _row(
         words = f"stands in line {first[given['serial']]} too"
         wrong(1, "serial", words, given["serial"], "one row for each drive")
     given |= {mark: float(given[mark]) for mark in MARK_COLUMNS if mark in given}
-    wheels = {each.name: given.pop(each.name) for each in fields(WheelFiles) if each.name in given}
+    wheels = {option.name: given.pop(option.name) for option in fields(WheelFiles) if option.name in given}
     request = replace(base, **given, wheels=replace(base.wheels, **wheels))
     if not request.preset:
         wrong(1, "preset", "missing", hint="a column preset, or --preset NAME for all rows")

@@ -230,7 +230,7 @@ class RecordReader:
     def mirrored(self, asked: Alignment, base: VectorFit) -> tuple[MirroredFile, VectorFit] | None:
         """The best of all other ways to count, and its fit; None where it is not clearly better than that of base."""
         ways = [(other, *self.fitted(other)) for other in asked.swapped]
-        other, fitter, fit = min(ways, key=lambda each: each[2].chi_square)
+        other, fitter, fit = min(ways, key=lambda way: way[2].chi_square)
         if fit.chi_square > MIRRORED * base.chi_square:
             return None
         within = fitter.record.within_noise(fit.chi_square, len(base.free))
@@ -246,9 +246,9 @@ def mirrored_reading(measurement: Measurement, drive: Drive, M_g: float, asked: 
     fitter, base = reader.fitted(asked)
     if explanation(base, base, fitter).sufficient:
         return None
-    found = reader.mirrored(asked, base)
-    if found and (found[0].within_noise or found[1].chi_square <= SURELY_MIRRORED * base.chi_square):
-        return found[0]
+    better = reader.mirrored(asked, base)
+    if better and (better[0].within_noise or better[1].chi_square <= SURELY_MIRRORED * base.chi_square):
+        return better[0]
     return None
 
 
@@ -409,5 +409,5 @@ def _angle_uncertainties(base: VectorFit, unchanged: Explanation) -> tuple[float
     """Standard uncertainties [deg] of start and zero of the alignment, None of one that is given."""
     blind = (base.unidentifiable**2).sum(axis=1) > BLIND_SHARE
     fitted = iter(np.where(blind, UNIDENTIFIABLE_ANGLE, np.sqrt(unchanged.excess * np.diag(base.covariance))).tolist())
-    start, zero = (next(fitted) if each else None for each in unchanged.alignment.fitted)
+    start, zero = (next(fitted) if is_fitted else None for is_fitted in unchanged.alignment.fitted)
     return start, zero

@@ -126,8 +126,8 @@ class DrivePairs:
         for sense, inside in (("less", change < 0), ("more", change > 0)):
             # once over the samples of each drive: of so many that chance alone could make it otherwise
             marginals = [(self.weights.sum(1 - k), (self.weights * inside).sum(1 - k)) for k in self.sampled]
-            found = [probability_of(hits / np.maximum(of, LEAST_WEIGHT), of) for of, hits in marginals]
-            if all(each.low >= SURE for each in found) and inside.any():
+            probabilities = [probability_of(hits / np.maximum(of, LEAST_WEIGHT), of) for of, hits in marginals]
+            if all(probability.low >= SURE for probability in probabilities) and inside.any():
                 return sense
         return UNKNOWN
 
@@ -184,15 +184,15 @@ def drawn_pairs(
     trusted.
     """
     one, other = _Believed(first), _Believed(second)
-    rows, others = (even_rows(each.weights, count if one.samples or other.samples else 1) for each in (one, other))
+    rows, others = (even_rows(side.weights, count if one.samples or other.samples else 1) for side in (one, other))
     drives = tuple(zip(one.drives(rows), other.drives(others), strict=True))
     if same:
         return DrivePairs(one.F_ior_arcsec, one.F_ior_arcsec, np.diag(one.weights), drives)
-    measured = any(each.M_g for each in other.evidence)
+    measured = any(figure.M_g for figure in other.evidence)
     if one.samples and other.samples and not measured and {*one.evidence} <= {*other.evidence}:
         with suppress(UntrustedError):
             return _paired(one, other, rows, run)
-    sampled = tuple(k for k, each in enumerate((one, other)) if each.samples)
+    sampled = tuple(k for k, side in enumerate((one, other)) if side.samples)
     return DrivePairs(one.F_ior_arcsec, other.F_ior_arcsec, np.outer(one.weights, other.weights), drives, sampled)
 
 
@@ -200,22 +200,22 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
     """Pairs of some samples of a first drive, each with a drive alike. Raises UntrustedError where too few agree."""
     assert one.samples and other.samples
     shares, count = one.samples.shares[rows], len(rows)
-    paths, apart = [each.path for each in one.prior.fields], differently_open(one.drive, other.drive)
+    paths, apart = [field.path for field in one.prior.fields], differently_open(one.drive, other.drive)
     paired = other.prior.joined(np.random.default_rng(run.seed).random((count, len(other.prior.fields) + 1)))
     for k, field in enumerate(other.prior.fields):
         if field.path not in apart:
             paired[:, k] = shares[:, paths.index(field.path)]
     paired[:, -1] = 0  # each goes on to F'_ior
-    found, proof = other.samples, EMPTY
-    if one.evidence or other.evidence or not np.array_equal(paired[:, :-1], found.shares):
+    samples, proof = other.samples, EMPTY
+    if one.evidence or other.evidence or not np.array_equal(paired[:, :-1], samples.shares):
         prior = PairedPrior(other.drive, other.prior.fields, paired=paired)
-        found = draw_samples(
-            prior, found.torques, evidence=other.evidence, further=_no_figures, enough=lambda _: False,
+        samples = draw_samples(
+            prior, samples.torques, evidence=other.evidence, further=_no_figures, enough=lambda _: False,
             effort=SamplingEffort(effective=1, most_draws=count), run=run,
         )  # fmt: skip
-        proof = found.certificate
-    solved = np.flatnonzero([each.F_ior_arcsec is not None for each in found.made])
-    figures = [[each.figures for each in of.made if each.F_ior_arcsec is not None] for of in (one.samples, found)]
+        proof = samples.certificate
+    solved = np.flatnonzero([draw.F_ior_arcsec is not None for draw in samples.made])
+    figures = [[draw.figures for draw in of.made if draw.F_ior_arcsec is not None] for of in (one.samples, samples)]
     gain = [
         log_likelihood(other.evidence, now) - log_likelihood(one.evidence, figures[0][row])
         for row, now in zip(rows[solved], figures[1], strict=True)
@@ -230,10 +230,10 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
     if left > 0:
         joint += np.outer(of_one - alike, of_other - alike) / left
     chosen = solved[even_rows(weights, count)]
-    others = map(other.drive.with_values, found.values(even_rows(weights, count)))
+    others = map(other.drive.with_values, samples.values(even_rows(weights, count)))
     drives = zip(one.drives(rows[chosen]), others, strict=True)
     before = one.F_ior_arcsec[rows]
-    return DrivePairs(before, found.F_ior_arcsec, joint[:, solved], tuple(drives), certificate=proof)
+    return DrivePairs(before, samples.F_ior_arcsec, joint[:, solved], tuple(drives), certificate=proof)
 
 
 def _no_figures(_drive: Drive) -> tuple[dict[str, float], Certificate]:
@@ -325,9 +325,9 @@ class DrivesComparison:
 
         Of the first one, that no other is less; None where inputs are unknown and were not drawn.
         """
-        found = [self.changes[self.best - 1]] if self.best else self.changes
-        odds = [each for changes in found for each in changes.probability_better]
-        known = [each for each in odds if each is not None]
+        decisive = [self.changes[self.best - 1]] if self.best else self.changes
+        odds = [chance for changes in decisive for chance in changes.probability_better]
+        known = [chance for chance in odds if chance is not None]
         if len(known) < len(odds):
             return None
         return min(known) if self.best else 1 - max(known)
@@ -339,14 +339,14 @@ def at_common_torques(drives: Sequence[Drive]) -> list[Drive]:
     Where there is none, at the shares of their rated torques that the torques of the first one are.
     """
     first = drives[0]
-    common = tuple(M_g for M_g in first.operation.M_g if all(M_g in each.operation.M_g for each in drives))
+    common = tuple(M_g for M_g in first.operation.M_g if all(M_g in drive.operation.M_g for drive in drives))
     shares = [M_g / rated_torque(first) for M_g in first.operation.M_g]
-    found = []
+    moved = []
     for drive in drives:
         torques = common or tuple(float(f"{share * rated_torque(drive):.6g}") for share in shares)
         changed = {"M_g": torques}
-        found.append(drive.model_copy(update={"operation": drive.operation.model_copy(update=changed)}))
-    return found
+        moved.append(drive.model_copy(update={"operation": drive.operation.model_copy(update=changed)}))
+    return moved
 
 
 def differing_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
@@ -368,7 +368,7 @@ def differing_fields(drives: Sequence[Drive]) -> list[str]:
 
 def estimate_comparison(drives: Sequence[Drive], draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a comparison solves, about, for a progress bar."""
-    searches = sum(DRAWN_PAIRS + SCREENED_PAIRS * len(differing_fields((drives[0], each))) for each in drives[1:])
+    searches = sum(DRAWN_PAIRS + SCREENED_PAIRS * len(differing_fields((drives[0], drive))) for drive in drives[1:])
     return sum(sheet_states(drive, draws) for drive in drives) + DRAWN_STATES * len(drives[0].operation.M_g) * searches
 
 
@@ -380,8 +380,8 @@ def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, r
     """
     sheets = tuple(sheet_of(drive, draws=draws, run=run) for drive in drives)
     first, *others = (sheet.check for sheet in sheets)
-    found = [drive_changes(first, other, pairs=min(draws, DRAWN_PAIRS), run=run) for other in others]
-    changes, proofs = zip(*found, strict=True)
+    answers = [drive_changes(first, other, pairs=min(draws, DRAWN_PAIRS), run=run) for other in others]
+    changes, proofs = zip(*answers, strict=True)
     proof = sum(proofs, sum((sheet.certificate for sheet in sheets), EMPTY))
     return DrivesComparison(sheets, differing_rows(drives), changes, proof)
 
@@ -396,12 +396,12 @@ def drive_changes(
     can be trusted.
     """
     differing = differing_fields((first.drive, second.drive))
-    loads = [each.drive.operation.M_g for each in (first, second)]
+    loads = [checked.drive.operation.M_g for checked in (first, second)]
     same = not differing and loads[0] == loads[1] and evidence_of(first.drive) == evidence_of(second.drive)
-    found = drawn_pairs(first, second, same=same, count=pairs, run=run)
-    proof, drives = found.certificate, found.drives[:SINGLE_PAIRS]
+    sampled_pairs = drawn_pairs(first, second, same=same, count=pairs, run=run)
+    proof, drives = sampled_pairs.certificate, sampled_pairs.drives[:SINGLE_PAIRS]
     # bounds of what is unknown hang on other fields
-    open_ = [each.path for each in prior_of(second.drive).fields]
+    open_ = [field.path for field in prior_of(second.drive).fields]
     moved = [path for path in open_ if any(one.value(path) != other.value(path) for one, other in drives)]
     paths = dict.fromkeys((*differing, *moved))
     drawn = bool(first.samples or second.samples)
@@ -439,12 +439,17 @@ def drive_changes(
     screened = [change.field for change in largest_first(paths, SCREENED_PAIRS)]
     single = largest_first(screened[:REPORTED_FIELDS], len(drives))
     undrawn = any(point.F_ior_arcsec is None for point in (*first.points, *second.points))
-    rows, columns = np.nonzero(found.weights)
+    rows, columns = np.nonzero(sampled_pairs.weights)
     changes = DriveChanges(
-        len(found.drives),
-        (UNKNOWN,) * len(first.points) if undrawn and not same else found.senses(),
-        (None,) * len(first.points) if undrawn and not same else found.probabilities_less(),
-        ErrorChange.of("", found.before_arcsec[rows], found.after_arcsec[columns], found.weights[rows, columns]),
+        len(sampled_pairs.drives),
+        (UNKNOWN,) * len(first.points) if undrawn and not same else sampled_pairs.senses(),
+        (None,) * len(first.points) if undrawn and not same else sampled_pairs.probabilities_less(),
+        ErrorChange.of(
+            "",
+            sampled_pairs.before_arcsec[rows],
+            sampled_pairs.after_arcsec[columns],
+            sampled_pairs.weights[rows, columns],
+        ),
         tuple(single),
         tuple(path for path in paths if path not in screened),
     )
@@ -454,11 +459,13 @@ def drive_changes(
 def _errors(drive: Drive, torques: Sequence[float], drawn: bool) -> tuple[Array, Certificate]:
     """F'_ior of a drive [arcsec], shape (torques,), with its proof; NaN where there is no answer."""
     try:
-        found = (
-            [drawn_extremes(each, Batch.of(drive)) for each in error_maps(drive, torques)]
+        by_torque = (
+            [drawn_extremes(error_map, Batch.of(drive)) for error_map in error_maps(drive, torques)]
             if drawn and searchable(drive)
             else extremes_of(drive, torques)
         )
     except HdassistError:
         return np.full(len(torques), np.nan), EMPTY
-    return np.array([each.first for each in found]), sum((each.certificate for each in found), EMPTY)
+    return np.array([extremes.first for extremes in by_torque]), sum(
+        (extremes.certificate for extremes in by_torque), EMPTY
+    )

@@ -229,7 +229,7 @@ class RecordedOrders:
         """Start and zero [deg] that fit waves best on a grid of the fitted ones, shape (2,), and chi-square (13)."""
         fitted = self.alignment.fitted
         count = SCANNED.get(sum(fitted), 1)
-        steps = [np.arange(count if each else 1) * (360 / count) for each in fitted]
+        steps = [np.arange(count if is_fitted else 1) * (360 / count) for is_fitted in fitted]
         grid = angles + np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
         chi_square = (self.whitened(self.measured - self.predicted(waves, grid)) ** 2).sum(axis=1)
         return grid[chi_square.argmin()], float(chi_square.min())

@@ -64,8 +64,8 @@ class OperatingPoint:
     @property
     def F_ior_or_error(self) -> float:
         """The same, or where nothing was drawn that of the error as the preset has it, unknown as 0 [arcsec]."""
-        found = self.error.F_ior_arcsec if self.error else np.nan
-        return found if self.F_ior_arcsec is None else self.F_ior_arcsec
+        as_given = self.error.F_ior_arcsec if self.error else np.nan
+        return as_given if self.F_ior_arcsec is None else self.F_ior_arcsec
 
     @property
     def F_ior_upper_arcsec(self) -> float | None:
@@ -106,8 +106,8 @@ class OperatingPoint:
         """Verdict on the probability of keeping the limit; where all is known, on the value; NO_LIMIT without one."""
         if self.limit_arcsec is None:
             return Verdict.NO_LIMIT
-        if found := self.probability:
-            return verdict_by_probability(found.value, self.sure)
+        if kept := self.probability:
+            return verdict_by_probability(kept.value, self.sure)
         if self.F_ior_upper_arcsec is None:
             return Verdict.INCONCLUSIVE
         return Verdict.PASS if self.F_ior_upper_arcsec <= self.limit_arcsec else Verdict.FAIL
@@ -187,7 +187,7 @@ class DesignCheck:
             low, high = point.range_arcsec or (1.0, 1.0)
             return high / max(low, 1e-9)
 
-        worst_ones = [k for k, each in enumerate(self.points) if each.verdict is self.verdict]
+        worst_ones = [k for k, point in enumerate(self.points) if point.verdict is self.verdict]
         return max(worst_ones, key=doubt, default=0)
 
     @cached_property
@@ -204,10 +204,10 @@ class DesignCheck:
         over = [p.M_g for p in self.points if rated is not None and abs(p.M_g) > rated]
         remarks = [f"{M_g:g} N*m is above the rated torque of {rated:g} N*m" for M_g in over]
         if self.prior and self.prior.fields and not self.samples:
-            paths = [each.path for each in self.prior.fields]
+            paths = [field.path for field in self.prior.fields]
             more = f" and {len(paths) - 4} more" if len(paths) > 4 else ""
             remarks.append(f"not known, and computed as given or 0: {', '.join(paths[:4])}{more}; no range over them")
-        measured = any(each.path.startswith("measured.") for each in evidence_of(self.drive))
+        measured = any(figure.path.startswith("measured.") for figure in evidence_of(self.drive))
         if measured and self.prior and not self.prior.fields:
             remarks.append("nothing in the preset is open, so what was measured on the drive weighs nothing")
         return (*self.drive.origin.warnings, *remarks)
@@ -217,7 +217,7 @@ def accuracy_words(accuracy: float | None, points: Sequence[OperatingPoint]) -> 
     """F'_ior at the least load beside an accuracy [arcsec], measured without any; empty where none is given."""
     if accuracy is None:
         return ""
-    point = min(points, key=lambda each: abs(each.M_g))
+    point = min(points, key=lambda point: abs(point.M_g))
     compared = " to ".join(dict.fromkeys(f"{100 * end / accuracy:.0f}" for end in point.range_arcsec or ()))
     words = f"F'_ior at {point.M_g:g} N·m is {compared} % of it" if compared else "F'_ior is not known"
     return f"accuracy {accuracy:g}″ (no load); {words}"
@@ -257,13 +257,13 @@ def check(
     known, prior = beside_measured_teeth(drive, measured)
     rows = zip(torques, self_error(drive, torques, run=run), [drive.limit(M_g) for M_g in torques], strict=True)
     points = tuple(OperatingPoint(*row, open_=bool(prior.fields), sure=sure) for row in rows)
-    found = DesignCheck(drive, points, measured, unknowns(known), prior)
+    checked = DesignCheck(drive, points, measured, unknowns(known), prior)
     left = [point.left_arcsec for point in points]
     sampled = searchable(drive) and not measured and bool(prior.fields)
     if sampled and draws and not samples:
-        so_far = None if seen is None else lambda samples: seen(found.with_samples(samples))
+        so_far = None if seen is None else lambda samples: seen(checked.with_samples(samples))
         samples = drive_samples(prior, left, draws=draws, sure=sure, run=run, seen=so_far)
-    found = found.with_samples(samples) if samples else found
+    checked = checked.with_samples(samples) if samples else checked
     shown = [_middle(there, samples, k) if samples else there for k in range(len(torques))]
     unchecked, errors = replace(run.of_task, cross_check=None), list[KinematicError]()
     for error in run.map(partial(kinematic_error, teeth=teeth, solver=solver, run=unchecked), shown, torques):
@@ -273,8 +273,8 @@ def check(
     samples_of_states = [error.sampled(seed=run.seed) for error in errors]
     again: Callable[[], Any] = partial(apart, _cross_checks, shown, samples_of_states, teeth, run.of_task)
     checks = run.map(call, [again])
-    found = found.with_errors(errors).with_steps(run)
-    return found.with_errors([replace(e, cross_check=c) for e, c in zip(errors, next(checks), strict=True)])
+    checked = checked.with_errors(errors).with_steps(run)
+    return checked.with_errors([replace(e, cross_check=c) for e, c in zip(errors, next(checks), strict=True)])
 
 
 def beside_measured_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, DrivePrior]:

@@ -62,8 +62,8 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
 @cache
 def _fields() -> dict[str, PresetField]:
     """Fields that can be varied, by path."""
-    found = field_table().items()
-    return {path: field for path, field in found if path == TORQUE or field.kind in ("number", "count")}
+    table = field_table().items()
+    return {path: field for path, field in table if path == TORQUE or field.kind in ("number", "count")}
 
 
 def _axis(text: str) -> Axis:
@@ -74,7 +74,7 @@ def _axis(text: str) -> Axis:
     path = ".".join(map(str, path_of(key)))
     field = _fields().get(path)
     if field is None:
-        same = (each for each in _fields() if each.split(".")[1] == path.split(".")[-1])
+        same = (field for field in _fields() if field.split(".")[1] == path.split(".")[-1])
         close = f"did you mean {meant}?" if (meant := next(same, "")) else near_miss(path, _fields())
         raise _invalid(text, "a field of a single number", close or "write section.key, like gears.j_n")
     unit, is_count = field.unit, field.kind == "count"
@@ -89,12 +89,12 @@ def _axis(text: str) -> Axis:
     parts = [part.strip() for part in values.split(":" if ":" in values else ",")]
     if ":" in values and len(parts) != 3:
         raise _invalid(text, "KEY=START:STOP:STEPS", FORM)
-    found = [number(part) for part in (parts if ":" not in values else parts[:2])]
-    if len(set(found)) < len(found):
+    numbers = [number(part) for part in (parts if ":" not in values else parts[:2])]
+    if len(set(numbers)) < len(numbers):
         raise _invalid(text, "each value once")
     if ":" in values:
-        found = _grid(text, Fraction(repr(found[0])), Fraction(repr(found[1])), parts[2], is_count)
-    return Axis(path, unit, tuple(found))
+        numbers = _grid(text, Fraction(repr(numbers[0])), Fraction(repr(numbers[1])), parts[2], is_count)
+    return Axis(path, unit, tuple(numbers))
 
 
 def _grid(text: str, start: Fraction, stop: Fraction, steps: str, is_count: bool) -> list[float]:
@@ -154,11 +154,11 @@ class Sweep:
         """The sweep of a preset, read with its overrides as drive. Raises UsageError for too many rows."""
         is_varied = TORQUE in [axis.path for axis in varied]
         further = () if is_varied else (Axis(TORQUE, "N*m", drive.operation.M_g),)
-        found = cls(text, file, drive.origin.overrides, tuple(varied), further)
-        if found.rows > MOST_ROWS:
+        sweep = cls(text, file, drive.origin.overrides, tuple(varied), further)
+        if sweep.rows > MOST_ROWS:
             hint = "fewer steps, or fewer fields"
-            raise UsageError(f"{VARY} asks for {found.rows} rows, more than {MOST_ROWS}", hint)
-        return found
+            raise UsageError(f"{VARY} asks for {sweep.rows} rows, more than {MOST_ROWS}", hint)
+        return sweep
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -200,13 +200,13 @@ class Sweep:
         changes, M_g = {axis.path: values[axis.path] for axis in self.varied}, values[TORQUE]
         sets = [f"{path}={[value] if path == TORQUE else value!r}" for path, value in changes.items()]
         try:  # the drive of a row is validated as any other
-            (found,) = extremes_of(load_text(self.text, self.file, [*self.overrides, *sets]), [M_g])
+            (extremes,) = extremes_of(load_text(self.text, self.file, [*self.overrides, *sets]), [M_g])
         except HdassistError as error:
             reason = OVERRIDE_PLACE.sub("", error.message).replace("\n", "; ")
             code = DataError.exit_code if isinstance(error, UsageError) else error.exit_code
             return SweepRow(values=changes, M_g_Nm=M_g, reason=reason, exit_code=code)
-        proof = attributes(found.certificate, "states", "max_residual")
-        return SweepRow(values=changes, M_g_Nm=M_g, F_ior_arcsec=found.first, **proof)
+        proof = attributes(extremes.certificate, "states", "max_residual")
+        return SweepRow(values=changes, M_g_Nm=M_g, F_ior_arcsec=extremes.first, **proof)
 
 
 @dataclass(frozen=True, eq=False)

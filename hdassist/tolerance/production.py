@@ -84,12 +84,12 @@ class ProductionLaw:
     @property
     def tolerances(self) -> tuple[TolerancedSize, ...]:
         """Sizes that are drawn up to a tolerance of the preset."""
-        return tuple(each for each in self.own if isinstance(each, TolerancedSize))
+        return tuple(field for field in self.own if isinstance(field, TolerancedSize))
 
     @property
     def not_given(self) -> tuple[str, ...]:
         """Sizes that are drawn up to a bound which is no tolerance, as `check` draws them."""
-        sizes = [each for each in self.own if each.path == each.group and each.path in DEVIATION_FIELDS]
+        sizes = [field for field in self.own if field.path == field.group and field.path in DEVIATION_FIELDS]
         return tuple(f.path for f in sizes if not isinstance(f, TolerancedSize) and f.distribution != "normal")
 
     def values(self, seed: int, drive: int) -> dict[str, float]:
@@ -116,26 +116,32 @@ def production_law(
     known, directions that are as the preset has them. Raises UsageError for a direction that is none, or is called
     known and is not.
     """
-    if none := {*known} - {each.direction for each in DEVIATIONS if drive.value(each.direction) is not None}:
+    if none := {*known} - {
+        deviation.direction for deviation in DEVIATIONS if drive.value(deviation.direction) is not None
+    }:
         raise UsageError(f"{min(none)} cannot be known: it is no direction that the preset gives")
-    priors = {each.path: each for each in prior_of(drive).fields}
-    assumed = {each.path for each in assumptions(drive)} if chosen else set()
+    priors = {field.path: field for field in prior_of(drive).fields}
+    assumed = {assumption.path for assumption in assumptions(drive)} if chosen else set()
     own: list[FieldPrior] = []
-    for each in DEVIATIONS:
-        high = drive.number(each.size)
-        if each.size in priors and not (each.size in assumed and high):
-            own.append(priors[each.size])
+    for deviation in DEVIATIONS:
+        high = drive.number(deviation.size)
+        if deviation.size in priors and not (deviation.size in assumed and high):
+            own.append(priors[deviation.size])
         elif high > 0:
-            own.append(TolerancedSize(each.size, "even", 0.0, high, "drive", each.size, "its tolerance", law=law))
+            own.append(
+                TolerancedSize(deviation.size, "even", 0.0, high, "drive", deviation.size, "its tolerance", law=law)
+            )
         else:
             continue
-        given = drive.value(each.direction) is not None
-        if given and each.direction in priors:
-            own.append(priors[each.direction])
-        elif each.direction not in known:
+        given = drive.value(deviation.direction) is not None
+        if given and deviation.direction in priors:
+            own.append(priors[deviation.direction])
+        elif deviation.direction not in known:
             reason = "parts are put together as they come"
-            own.append(FieldPrior(each.direction, "even", 0.0, 360.0 / each.order, "drive", each.size, reason))
-    others = [each for each in priors.values() if each.path not in DEVIATION_FIELDS]
+            own.append(
+                FieldPrior(deviation.direction, "even", 0.0, 360.0 / deviation.order, "drive", deviation.size, reason)
+            )
+    others = [prior for prior in priors.values() if prior.path not in DEVIATION_FIELDS]
     clearances = tuple(f for f in others if f.distribution == "normal" and f.owner != "design")
     shared = tuple(f for f in others if f not in clearances)
     return ProductionLaw(drive, shared, (*own, *clearances))
@@ -216,14 +222,14 @@ class Production:
             self.law.joint,
             self.torques,
             evidence=evidence_of(self.drive, of_type=True),
-            enough=lambda found: len(found.weights) >= count,
+            enough=lambda so_far: len(so_far.weights) >= count,
             effort=SamplingEffort(1, drives + 1, DRAWS_PER_DESIGN * count, min(count, max(16, count // 4))),
             run=replace(run, seed=self.seed),
         )
         if len(samples.weights) < count:
             words = f"{len(samples.weights)} of {samples.draws} draws are designs that agree with the evidence"
             raise UntrustedError(f"{words}, {count} are needed", "narrow the assumed ranges, or ask for fewer drives")
-        paths = [each.path for each in self.law.shared]
+        paths = [field.path for field in self.law.shared]
         drawn = samples.values()
         designs = tuple(
             ({path: values[path] for path in paths}, float(weight))
@@ -233,7 +239,7 @@ class Production:
 
     def records(self, first: int, last: int) -> list[RandomDrive]:
         """Records of drives first to last - 1, whatever else is or was computed."""
-        found = []
+        records = []
         made: list[tuple[Drive, list[ErrorMap]]] = []
 
         def maps(drive: Drive) -> list[ErrorMap]:
@@ -246,10 +252,10 @@ class Production:
             own = self.law.values(self.seed, k)
             about = RandomDrive(design=self.design_of(k), weight=weight, values={**design, **own})
             try:
-                found.append(replace(about, **self._solved(about.values, maps)))
+                records.append(replace(about, **self._solved(about.values, maps)))
             except HdassistError as error:
-                found.append(replace(about, refused=error.message))
-        return found
+                records.append(replace(about, refused=error.message))
+        return records
 
     @property
     def kind(self) -> RecordKind[RandomDrive]:
@@ -272,8 +278,8 @@ class Production:
             "rotations_deg": list(self.rotations),
             "limits_arcsec": None if self.limits is None else list(self.limits),
             "drives_per_design": self.per_design,
-            "own": [asdict(each) for each in self.law.own],
-            "shared": [asdict(each) for each in self.law.shared],
+            "own": [asdict(field) for field in self.law.own],
+            "shared": [asdict(field) for field in self.law.shared],
         }
 
     def _solved(self, values: Mapping[str, float], maps: MapsOf) -> dict[str, Any]:
@@ -286,18 +292,18 @@ class Production:
         batch = Batch(drive, columns | {p: columns.get(p, drive.number(p)) + turns for p in turned})
         rows, proof = np.zeros(1, dtype=np.int64), EMPTY
         if len(turns) > 1:
-            coarse = [each.estimated_ranges(batch, CHOOSING) for each in maps(drive)]
+            coarse = [error_map.estimated_ranges(batch, CHOOSING) for error_map in maps(drive)]
             F_ior = np.array([ranges for ranges, _ in coarse])
             proof = sum((part for _, part in coarse), EMPTY)
             rows = np.union1d([0], np.argsort(self._merit(F_ior), kind="stable")[:CHOSEN])
         chosen = batch.take(rows)
-        found = [each.many_extremes(chosen, grid=PROVING) for each in maps(drive)]
-        proof = sum((each.certificate for each in found), proof)
-        exact = np.array([each.F_ior_arcsec for each in found])
+        by_torque = [error_map.many_extremes(chosen, grid=PROVING) for error_map in maps(drive)]
+        proof = sum((extremes.certificate for extremes in by_torque), proof)
+        exact = np.array([extremes.F_ior_arcsec for extremes in by_torque])
         best = int(np.argmin(self._merit(exact)))
         tighter = None
         if self.steps:
-            tighter, part = self._tighter(chosen.take(np.array([best])), best, found, maps(drive))
+            tighter, part = self._tighter(chosen.take(np.array([best])), best, by_torque, maps(drive))
             proof += part
         return {
             "F_ior_arcsec": tuple(exact[:, 0].tolist()),
@@ -309,7 +315,7 @@ class Production:
         }
 
     def _tighter(
-        self, one: Batch, row: int, found: Sequence[Extremes], maps: Sequence[ErrorMap]
+        self, one: Batch, row: int, present: Sequence[Extremes], maps: Sequence[ErrorMap]
     ) -> tuple[dict[str, tuple[float, ...]], Certificate]:
         """F'_ior of a drive between the states of its extremes, with each size a step less; the proof.
 
@@ -321,7 +327,7 @@ class Production:
             columns[path] = columns[path] * np.where(np.arange(len(paths)) == k, TIGHTER_STEP, 1.0)
         batch, rows = Batch(one.drive, columns), np.arange(len(paths))
         differences, proof = [], EMPTY
-        for extremes, error_map in zip(found, maps, strict=True):
+        for extremes, error_map in zip(present, maps, strict=True):
             ends = []
             for state in (extremes.at_max[row], extremes.at_min[row]):
                 states = error_map.states.take(np.full(len(paths), state))

@@ -103,14 +103,17 @@ def sensitivities(production: Production, samples: Samples, records: Records) ->
     Argument: records, which gives so many records of a production. Raises UntrustedError where a drive has no answer.
     """
     drive, torques, law = production.drive, production.torques, production.law
-    found = _sound(records(production, len(production.designs)))
-    F_ior, weights = np.array([each.F_ior_arcsec for each in found]), np.array([each.weight for each in found])
+    as_drawn = _sound(records(production, len(production.designs)))
+    F_ior, weights = (
+        np.array([record.F_ior_arcsec for record in as_drawn]),
+        np.array([record.weight for record in as_drawn]),
+    )
     limits = [drive.limit(M_g) or 0.0 for M_g in torques]
     scale = np.array(limits) if all(limits) else np.ones(len(torques))
     now = [weighted_quantile(column, weights, HIGH_SHARE) for column in F_ior.T]
     worst = int(np.argmax(now / scale))
     sizes = [f.path for f in law.joint.fields if f.path == f.group and f.path in DEVIATION_FIELDS]
-    then = {path: np.array([(each.tighter or {})[path] for each in found]) for path in sizes}
+    then = {path: np.array([(record.tighter or {})[path] for record in as_drawn]) for path in sizes}
     ways = {path: _tightened(path, F_ior, then[path], weights, proven=False) for path in sizes}
     while True:
         first = min(ways, key=lambda path: ways[path][worst].then)
@@ -120,28 +123,28 @@ def sensitivities(production: Production, samples: Samples, records: Records) ->
             ({**values, first: TIGHTER_STEP * values[first]}, weight) for values, weight in production.designs
         )
         again = _sound(records(replace(production, designs=designs, steps=False), len(designs)))
-        ways[first] = _tightened(first, F_ior, np.array([each.F_ior_arcsec for each in again]), weights, proven=True)
-        found += again
+        ways[first] = _tightened(
+            first, F_ior, np.array([record.F_ior_arcsec for record in again]), weights, proven=True
+        )
+        as_drawn += again
     return Sensitivities(
         law,
         samples,
         worst,
-        tuple(
-            tuple(sorted((way[t] for way in ways.values()), key=lambda each: each.then)) for t in range(len(torques))
-        ),
+        tuple(tuple(sorted((way[t] for way in ways.values()), key=lambda way: way.then)) for t in range(len(torques))),
         tuple(influences(samples, t) if samples.F_ior_arcsec[:, t].all() else () for t in range(len(torques))),
         to_measure(law, samples, worst),
-        len(found),
-        sum(each.states for each in found),
-        max(each.max_residual for each in found),
+        len(as_drawn),
+        sum(record.states for record in as_drawn),
+        max(record.max_residual for record in as_drawn),
     )
 
 
 def to_measure(law: ProductionLaw, samples: Samples, torque: int) -> tuple[MeasurementGain, ...]:
     """The next measurements of a design, by the share of the spread of ln F'_ior that goes, the best first."""
-    shared = {each.path for each in law.shared} - DEVIATION_FIELDS
-    found = measurements(samples, torque) if samples.F_ior_arcsec[:, torque].all() else ()
-    return tuple(each for each in found if each.measured in shared or each.measured.startswith("stiffness."))
+    shared = {field.path for field in law.shared} - DEVIATION_FIELDS
+    gains = measurements(samples, torque) if samples.F_ior_arcsec[:, torque].all() else ()
+    return tuple(gain for gain in gains if gain.measured in shared or gain.measured.startswith("stiffness."))
 
 
 def _sound(records: list[RandomDrive]) -> list[RandomDrive]:
@@ -154,7 +157,7 @@ def _sound(records: list[RandomDrive]) -> list[RandomDrive]:
 def _tightened(path: str, F_ior: Array, then: Array, weights: Array, *, proven: bool) -> list[Tightened]:
     """Gain of a step of a tolerance at each torque, from F'_ior [arcsec] now and then, shape (drives, torques)."""
     resampled = np.random.default_rng(0).integers(0, len(F_ior), (RESAMPLES, len(F_ior)))
-    found = []
+    steps = []
     for before, after in zip(F_ior.T, then.T, strict=True):
         now, here = (weighted_quantile(values, weights, HIGH_SHARE) for values in (before, after))
         gains = [
@@ -163,8 +166,8 @@ def _tightened(path: str, F_ior: Array, then: Array, weights: Array, *, proven: 
             for rows in resampled
         ]
         low, high = now - np.quantile(gains, ENDS[::-1])
-        found.append(Tightened(path, now, here, float(low), float(high), proven))
-    return found
+        steps.append(Tightened(path, now, here, float(low), float(high), proven))
+    return steps
 
 
 @dataclass(frozen=True)
@@ -188,14 +191,14 @@ class Tolerance:
 
 def tolerances(drive: Drive, law: ProductionLaw) -> tuple[Tolerance, ...]:
     """Tolerances of a drive that may be chosen: sizes that are drawn up to a value of the preset."""
-    found = []
-    for each in law.tolerances:
-        cost, now = drive.cost.get(each.path), each.high
+    choices = []
+    for tolerance in law.tolerances:
+        cost, now = drive.cost.get(tolerance.path), tolerance.high
         least = cost.least if cost and cost.least is not None else TIGHTER * now
-        found.append(
-            Tolerance(each.path, now, least, max(LOOSER * now, least), cost or CostLaw.of_defaults(), cost is None)
+        choices.append(
+            Tolerance(tolerance.path, now, least, max(LOOSER * now, least), cost or CostLaw.of_defaults(), cost is None)
         )
-    return tuple(found)
+    return tuple(choices)
 
 
 @dataclass(frozen=True)
@@ -247,22 +250,22 @@ class Allocator:
         Where none are proven, the last ones that were tried.
         """
         values, aim = {choice.path: choice.now for choice in self.choices}, AIM
-        records, found = self._tried(turned, values, 0)
-        proven = [found] if found.fits else []
+        records, tried = self._tried(turned, values, 0)
+        proven = [tried] if tried.fits else []
         for attempt in range(1, self.rounds + 1):
             sought = self._sought(records, values, aim)
             if all(abs(np.log(sought[path] / values[path])) < LIMIT_AGREES / 2 for path in values):
                 break
             values = sought
-            records, found = self._tried(turned, values, attempt)
-            proven += [found] if found.fits else []
+            records, tried = self._tried(turned, values, attempt)
+            proven += [tried] if tried.fits else []
             below = self._ratio_of(records, values)(values)
             at_most = all(values[choice.path] >= choice.most * (1 - LIMIT_AGREES) for choice in self.choices)
             at_least = all(values[choice.path] <= choice.least * (1 + LIMIT_AGREES) for choice in self.choices)
-            if (found.fits and (below > aim - LIMIT_AGREES or at_most)) or (at_least and not found.fits):
+            if (tried.fits and (below > aim - LIMIT_AGREES or at_most)) or (at_least and not tried.fits):
                 break
-            aim *= 1.0 if found.fits else STRICTER
-        return min(proven, key=lambda each: each.cost, default=found)
+            aim *= 1.0 if tried.fits else STRICTER
+        return min(proven, key=lambda allocation: allocation.cost, default=tried)
 
     def _tried(self, turned: bool, values: Mapping[str, float], attempt: int) -> tuple[list[RandomDrive], Allocation]:
         """Random drives with given tolerances, other drives at each attempt, and their allocation."""
@@ -298,7 +301,7 @@ class Allocator:
 
         if left(low) <= 0:
             return values(low)
-        found = minimize(
+        cheapest = minimize(
             lambda x: float(np.sum(share * np.exp(k * (first - x)))),
             np.clip(np.log([now[choice.path] for choice in self.choices]), low, high),
             jac=lambda x: -share * k * np.exp(k * (first - x)),
@@ -307,7 +310,7 @@ class Allocator:
             method="SLSQP",
             options={"eps": SLOPE_STEP},
         )
-        return values(np.clip(found.x, low, high))
+        return values(np.clip(cheapest.x, low, high))
 
     def _ratio_of(
         self, records: Sequence[RandomDrive], now: Mapping[str, float]

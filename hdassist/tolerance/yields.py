@@ -107,7 +107,7 @@ class YieldBelief:
         """Beta distributions of the yields of designs, and the posterior weight of each, shape (distributions,)."""
         if len(self.weights) == 1:
             return np.array([0.5]), np.array([0.5]), np.ones(1)
-        mean, concentration = (each.ravel() for each in np.meshgrid(MEANS, CONCENTRATIONS, indexing="ij"))
+        mean, concentration = (axis.ravel() for axis in np.meshgrid(MEANS, CONCENTRATIONS, indexing="ij"))
         a, b = mean * concentration, (1 - mean) * concentration
         likelihood = betabinom.logpmf(kinds[:, 0], kinds[:, 1], a[:, None], b[:, None])
         posterior = effective_number(self.weights) * likelihood @ weights
@@ -203,7 +203,7 @@ class Summary:
         Arguments: refused_pass, whether drives without an answer count as good; else they count as bad.
         """
         points = self.points if point is None else (point,)
-        ok = np.all([each.passes(np.array(each.best if best else each.as_built)) for each in points], axis=0)
+        ok = np.all([point.passes(np.array(point.best if best else point.as_built)) for point in points], axis=0)
         designs = np.concatenate([np.array(self.designs, dtype=np.int64), np.array(self.refused, dtype=np.int64)])
         ok = np.concatenate([ok, np.full(len(self.refused), refused_pass)])
         names, place = np.unique(designs, return_inverse=True)
@@ -223,9 +223,9 @@ class Summary:
             return Verdict.NO_LIMIT
         if not self.count:
             return Verdict.INCONCLUSIVE
-        found = [self.yield_of(True, refused_pass=good).probability(self.wanted) for good in (False, True)]
-        settled = is_settled(found[0].low, found[1].high, self.sure)
-        return verdict_by_probability(found[0].value, self.sure) if settled else Verdict.INCONCLUSIVE
+        reached = [self.yield_of(True, refused_pass=good).probability(self.wanted) for good in (False, True)]
+        settled = is_settled(reached[0].low, reached[1].high, self.sure)
+        return verdict_by_probability(reached[0].value, self.sure) if settled else Verdict.INCONCLUSIVE
 
     def percentile(self, F_ior: Sequence[float], share: float) -> Percentile:
         """Percentile of F'_ior [arcsec] of the drives; drives of a design are no independent ones in its interval."""
@@ -245,4 +245,4 @@ def rooms(limits: Sequence[float | None], self_errors: Sequence[float]) -> list[
     None alone where no torque has one, or one is not above the self error.
     """
     left = [None if limit is None else limit - own for limit, own in zip(limits, self_errors, strict=True)]
-    return left if min((each for each in left if each is not None), default=0) > 0 else None
+    return left if min((room for room in left if room is not None), default=0) > 0 else None
