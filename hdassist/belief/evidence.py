@@ -139,12 +139,12 @@ def values_of_errors(errors: Sequence[Evidence]) -> tuple[Array, Array, Array]:
 
 
 SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed
-LENGTH = 0.5  # rad of the seat over which a misfit is alike: of other stiffnesses, second orders, an oval wheel
-MISFITS = (0.0, 0.04, 0.08, 0.12)  # standard deviation of the misfit as a share of the mean F'_ior, all alike likely
+LENGTH = 0.6  # rad of the seat over which a misfit is alike, as of drives that differ in stiffness (benchmarks.misfit)
+MISFITS = (0.0, 0.02, 0.04, 0.08)  # standard deviation of it as a share of the mean F'_ior, all alike likely; as there
 SMOOTH_ORDERS = 16  # of the Fourier series of a misfit over the seat: the next would be 1e-11
 SMOOTH_NUMBERS = 2 * SMOOTH_ORDERS + 1
 LEAST_SHOWN = 0.1  # of the model's F'_ior, that a drive has at least
-MISREAD = 0.05  # probability of one of the values to be misread
+MISREAD = 0.03  # probability of a value to be misread; of several values one is at most
 MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
 UNSHOWN = 18.0  # squared standard deviations beyond which a sample does not show F'_ior as measured
 ANY_TWO = 3  # values: of no more, none is left out as misread, for the two that agree may do so by chance
@@ -213,10 +213,11 @@ def error_kinds(values: int, log_noises: Mapping[float, float]) -> list[ErrorKin
 
     Argument: log_noises, logarithm of how probable a noise over the stated one is, but for a factor.
     """
-    whole = logsumexp(list(log_noises.values())) + np.log(len(MISFITS) / (1 - MISREAD))
+    right = (1 - MISREAD) ** values
+    whole = logsumexp(list(log_noises.values())) + np.log(len(MISFITS) / right)
     plain = [ErrorKind(s, noise, -1, log - whole) for s in MISFITS for noise, log in log_noises.items()]
-    misread = np.log(MISREAD / max(values, 1) / len(MISFITS))
-    return plain + [ErrorKind(s, 1.0, k, misread) for k in range(values) for s in MISFITS]
+    each = (1 - right) / max(values, 1) / len(MISFITS)
+    return plain + [ErrorKind(s, 1.0, k, np.log(each)) for k in range(values) for s in MISFITS]
 
 
 def log_likelihoods(

@@ -141,8 +141,8 @@ LIKELIEST = 4096  # samples that are looked at closer
 FAR_LIKELIER = 100.0  # times as probable: a torque is taken for that at which values were measured
 COMPARED = 16  # drives with a table of one system, to see its error
 FREE_SHARE = 0.5  # probability before any value that no drive of the preset shows them
-FREE_CURVES, FREE_LEVEL = 256, 0.3  # curves of no drive; standard deviation of the logarithm of their level
-FREE_WAVES = (0.3, 0.12, 0.06)  # standard deviations of their waves over the seat, once, twice, three times a turn
+FREE_CURVES, FREE_ORDERS = 256, 4  # curves of no drive, and times that their waves go around the seat
+FREE_LEVEL, NEAR_LEVEL = 1.0, 0.3  # standard deviation of the logarithm of their level, and of those that are drawn
 OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 
 
@@ -251,17 +251,25 @@ class HoleSamples:
         return replace(every, weight=(left / left.sum()).reshape(every.weight.shape))
 
     def _with_free_curves(self, trials: Sequence[Trial]) -> HoleSamples:
-        """Samples with curves over the seat that no drive made, about as high as the values, in any direction."""
+        """Samples with curves over the seat that no drive made, in any direction.
+
+        Their level is lognormal about that of the samples, their waves over the seat are as large as those of the
+        samples: another drive is as smooth. They are drawn about as high as the values, and weighed for that.
+        """
         rng, shape = np.random.default_rng([self.seed, 3]), (FREE_CURVES, 1)
-        angle = 2 * np.pi * np.arange(self.weight.shape[1]) / self.weight.shape[1]
-        log = np.log(np.mean([each.F_ior_arcsec for each in trials])) + FREE_LEVEL * rng.standard_normal(shape)
-        for order, size in enumerate(FREE_WAVES, 1):
-            log = log + size * rng.standard_normal(shape) * np.cos(order * angle + 2 * np.pi * rng.random(shape))
+        log_F, share = np.log(self.F_ior_arcsec), self.weight.sum(axis=1)
+        count = log_F.shape[1]
+        waves = np.sqrt(share @ np.square(2 / count * np.abs(np.fft.rfft(log_F))))  # amplitudes, root mean square
+        off, level = rng.standard_normal(shape), share @ log_F.mean(axis=1)
+        log = np.log(np.mean([each.F_ior_arcsec for each in trials])) + NEAR_LEVEL * off
+        density = NEAR_LEVEL / FREE_LEVEL * np.exp((off**2 - ((log - level) / FREE_LEVEL) ** 2) / 2)
+        for order in range(1, FREE_ORDERS + 1):
+            turn = order * 2 * np.pi * (np.arange(count) / count + rng.random(shape))
+            log = log + waves[order] * rng.standard_normal(shape) * np.cos(turn)
         over = {M_g: float(np.median(F_ior / self.F_ior_arcsec)) for M_g, F_ior in self.F_ior_by_torque.items()}
         F_ior = {M_g: np.vstack([of, over[M_g] * np.exp(log)]) for M_g, of in self.F_ior_by_torque.items()}
-        free = np.full(log.shape, FREE_SHARE / log.size)
         values = {path: np.vstack([of, np.full(log.shape, np.nan)]) for path, of in self.values.items()}
-        weight = np.vstack([(1 - FREE_SHARE) * self.weight, free])
+        weight = np.vstack([(1 - FREE_SHARE) * self.weight, FREE_SHARE / log.size * density * np.ones(count)])
         return replace(self, F_ior_by_torque=F_ior, weight=weight, values=values)
 
 

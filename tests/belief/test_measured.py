@@ -85,7 +85,7 @@ def test_draws_of_the_deviations_share_a_stiffness_whose_table_costs_most(hidden
 
 def test_errors_count_by_the_normal_distribution_of_scale_misfit_noise_and_one_misread_value():
     y, f, told = np.array([[24.0, 15.0, 20.0], [25.0, 15.5, 28.0], [0.5, 1.0, 0.5]])
-    turns = (0.0, 60.0, 180.0)
+    turns, right = (0.0, 60.0, 180.0), (1 - MISREAD) ** 3
 
     def density(f):
         total = 0.0
@@ -93,7 +93,7 @@ def test_errors_count_by_the_normal_distribution_of_scale_misfit_noise_and_one_m
             spread = np.where(np.arange(3) == wrong, np.hypot(told, MISREAD_SHARE * y), told)
             for misfit in MISFITS:
                 both = (misfit * f.mean()) ** 2 * kernel(turns, turns) + SCALE**2 * np.outer(f, f) + np.diag(spread**2)
-                share = (1 - MISREAD if wrong < 0 else MISREAD / 3) / len(MISFITS)
+                share = (right if wrong < 0 else (1 - right) / 3) / len(MISFITS)
                 total += share * np.exp(-0.5 * (y - f) @ np.linalg.solve(both, y - f)) / np.sqrt(np.linalg.det(both))
         return total
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from hdassist import load_preset
-from hdassist.belief.evidence import MISFITS, MISREAD, MISREAD_SHARE, SCALE, ErrorKind, kernel
+from hdassist.belief.evidence import MISFITS, MISREAD, MISREAD_SHARE, SCALE, ErrorKind, error_kinds, kernel
 from hdassist.error.error_map import ErrorMap
 from hdassist.mounting.advice import advise_after
 from hdassist.mounting.decision import value_of_measurement
@@ -149,8 +149,8 @@ def test_a_value_is_misread_with_the_probability_of_the_normal_distribution() ->
     y, tried = np.array([20.0, 20.5, 26.0]), (0.0, 120.0, 240.0)
     shares = {(misfit, noise, -1): np.exp(log) for misfit in MISFITS for noise, log in LOG_NOISES.items()}
     whole = sum(shares.values())
-    shares = {kind: (1 - MISREAD) * share / whole for kind, share in shares.items()}
-    shares |= {(misfit, 1.0, k): MISREAD / 3 / len(MISFITS) for misfit in MISFITS for k in range(3)}
+    shares = {kind: (1 - MISREAD) ** 3 * share / whole for kind, share in shares.items()}
+    shares |= {(misfit, 1.0, k): (1 - (1 - MISREAD) ** 3) / 3 / len(MISFITS) for misfit in MISFITS for k in range(3)}
     weights = {}
     for (misfit, noise, k), share in shares.items():
         spread = noise * np.array([np.hypot(rig, MISREAD_SHARE * y[j]) if j == k else rig for j in range(3)])
@@ -265,3 +265,29 @@ def test_one_misread_value_of_six_is_named_and_the_hole_all_the_same(cloud: Hole
         advice = advise_after(ONE, wrong, cloud.setup, samples=cloud)
         assert advice.suspected == wrong[k]
         assert values[advice.decision.best] < 1.05 * min(values)
+
+
+def test_curves_of_no_drive_are_as_smooth_as_those_of_drives_and_gain_nothing_by_lying_near_the_values() -> None:
+    """Drives whose F'_ior goes once around the seat, by a tenth: other curves do too, and their level is not given."""
+    turn = 2 * np.pi * (np.arange(HOLES) / HOLES - np.linspace(0, 1, 64, endpoint=False)[:, None])
+    once, tried = synthetic(20 * np.exp(0.1 * np.cos(turn))), [Trial(0.0, 20.0), Trial(120.0, 20.5)]
+    near = once.near(tried)
+    waves = 2 / HOLES * np.abs(np.fft.rfft(np.log(near.F_ior_arcsec[64:])))
+    assert np.sqrt(np.mean(waves[:, 1] ** 2)) == pytest.approx(0.1, rel=0.1)
+    assert waves[:, 2:].max() < 1e-9
+    by_values = posterior_of(near, tried, [0.0]).by_values
+    assert by_values < 0.3  # the level of drives agrees with the values, of others it could be any
+
+
+def test_each_value_may_be_misread_and_one_that_no_other_agrees_with_is_named() -> None:
+    shares = {k: sum(np.exp(e.log_share) for e in error_kinds(6, LOG_NOISES) if e.misread == k) for k in range(-1, 6)}
+    assert sum(shares.values()) == pytest.approx(1)
+    assert [shares[k] for k in range(6)] == pytest.approx([(1 - (1 - MISREAD) ** 6) / 6] * 6)
+    turn = 2 * np.pi * (np.arange(HOLES) / HOLES - np.linspace(0, 1, 64, endpoint=False)[:, None])
+    once = synthetic(20 * np.exp(0.3 * np.cos(turn)))
+    right = once.F_ior_arcsec[5]
+    for wrong in (0, 3):
+        y = {hole: right[hole] * (1.6 if hole == HOLES // 6 * wrong else 1) for hole in range(0, HOLES, 2)}
+        tried = [Trial(POSITIONS[hole], float(value)) for hole, value in y.items()]
+        found = posterior_of(once.near(tried), tried, [0.0]).misread
+        assert found.argmax() == wrong and found[wrong] > 0.9

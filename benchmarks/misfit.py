@@ -1,0 +1,70 @@
+"""How drives of a preset differ over the seat where stiffness differs: `python -m benchmarks.misfit [PRESET] [M_G]`.
+
+Deviations are the same, all else is drawn. Of each two curves of F'_ior over 24 positions one is scaled and turned (by
+two positions at most) until they differ least. The rest is by how much, and how smoothly, a drive differs from the
+nearest of a preset: MISFITS and LENGTH of belief/evidence.py stand for it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from itertools import permutations
+
+import numpy as np
+from scipy.special import ive
+
+from hdassist.model.geometry import Array
+
+POSITIONS, SYSTEMS, DEVIATIONS, MOST_TURNED = 24, 8, 6, 2
+
+
+def curves(name: str, M_g: float) -> Array:
+    """F'_ior [arcsec] of draws, shape (systems, deviations, positions)."""
+    from hdassist import load_preset
+    from hdassist.belief.meshing import meshing_shift
+    from hdassist.belief.prior import RIGID_SHIFT
+    from hdassist.belief.proposals import open_deviations
+    from hdassist.error.error_map import Batch, error_maps
+    from hdassist.error.sloped import drawn_extremes
+    from hdassist.model.deviations import carried
+    from hdassist.mounting.posterior import open_prior
+
+    prior, found = open_prior(load_preset(name)), []
+    turns = np.linspace(0, 360, POSITIONS, endpoint=False)
+    deviations = {each.path for each in open_deviations(prior)}
+    drawn = [{p: v for p, v in each.items() if p in deviations} for each in prior.values(prior.shares(DEVIATIONS, 5))]
+    for values in prior.values(prior.shares(SYSTEMS, 3)):
+        drive = prior.drive.with_values({p: v for p, v in values.items() if p not in deviations})
+        drive = drive.with_values({RIGID_SHIFT: meshing_shift(drive)[0]}) if prior.meshing else drive
+        (error_map,) = error_maps(drive, [M_g])
+        every = [drive.with_values(each) for each in drawn]
+        batches = [Batch(each, {path: each.number(path) + turns for path in carried(each)}) for each in every]
+        found.append([drawn_extremes(error_map, each).F_ior_arcsec for each in batches])
+    return np.array(found)
+
+
+def main() -> None:
+    """Print sizes of differences and their waves over the seat beside those of the kernel."""
+    from hdassist.belief.evidence import LENGTH
+
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("preset", nargs="?", default="vzp160")
+    parser.add_argument("M_g", nargs="?", type=float, default=80.0)
+    args = parser.parse_args()
+    F_ior, differences = curves(args.preset, args.M_g), []
+    for one, other in permutations(range(SYSTEMS), 2):
+        for y, f in zip(F_ior[one], F_ior[other], strict=True):
+            turned = np.stack([np.roll(f, k) for k in range(-MOST_TURNED, MOST_TURNED + 1)])
+            scaled = turned * ((turned @ y) / np.square(turned).sum(axis=1))[:, None]
+            rest = (scaled - y) / y.mean()
+            differences.append(rest[np.argmin(np.square(rest).sum(axis=1))])
+    sizes = np.sqrt(np.square(differences).mean(axis=1))
+    power = np.square(np.abs(np.fft.rfft(differences))).mean(axis=0) * np.where(np.arange(POSITIONS // 2 + 1), 2, 1)
+    order = np.arange(7)
+    print("share of the mean F'_ior, rms, median, 90 %:", np.sqrt(np.mean(sizes**2)), *np.quantile(sizes, (0.5, 0.9)))
+    print("waves a turn of the seat, share of each:", (power / power.sum())[:7].round(3))
+    print("of the kernel:                         ", (ive(order, LENGTH**-2) * np.where(order, 2, 1)).round(3))
+
+
+if __name__ == "__main__":
+    main()
