@@ -15,15 +15,13 @@ from hdassist.plaintext import NUMBER
 from hdassist.preset.yamltext import InvalidValueError, near_miss, shown
 
 _TABLE = tomllib.loads(files("hdassist.preset").joinpath("units.toml").read_text("utf-8"), parse_float=Decimal)
-# by dimension: words about units that could be taken for another one, and the size of the others
+_SPELLINGS = str.maketrans(_TABLE.pop("spellings"))
+_ALIASES: dict[str, str] = _TABLE.pop("aliases")
+# by dimension: words about units that could be taken for another one
 _MISTAKEN: dict[str, dict[str, str]] = {dimension: units.pop("mistaken", {}) for dimension, units in _TABLE.items()}
-_SIZES: dict[str, dict[str, Decimal]] = _TABLE
+_LISTED = {unit: (dimension, size) for dimension, units in _TABLE.items() for unit, size in units.items()}
+_UNITS: dict[str, tuple[str, Decimal]] = _LISTED | {alias: _LISTED[unit] for alias, unit in _ALIASES.items()}
 
-_SPELLINGS = str.maketrans({
-    "µ": "u", "μ": "u", "·": "*", "⋅": "*", "∙": "*", "•": "*", "×": "*", "²": "2",
-    "′": "'", "″": '"', "º": "°",
-})  # fmt: skip
-_DOUBLES = {"°", "'", '"', "Nm", "N m", "kNm", "kN m", "Nmm", "N mm", "mNm"}  # known by another name as well
 _SPLIT = re.compile(rf"({NUMBER})\s*(.*)", re.DOTALL)
 _SIGN = r"(?:±|\+/-|\+-)"
 _SPREAD = re.compile(rf"(.*?)\s*{_SIGN}\s*(.*)", re.DOTALL)
@@ -122,8 +120,7 @@ def read_count(value: Any) -> int:
 
 def units_for(unit: str) -> tuple[str, ...]:
     """Every unit that converts to the given one, as messages write it; empty for a pure number."""
-    dimension = _dimension(unit)
-    return tuple(u for u in _SIZES[dimension] if u not in _DOUBLES) if dimension else ()
+    return tuple(other for other, (dimension, _) in _LISTED.items() if unit and dimension == _UNITS[unit][0])
 
 
 def _normal(unit: str) -> str:
@@ -131,22 +128,18 @@ def _normal(unit: str) -> str:
     return re.sub(r"\s+", " ", unit.replace("^2", "2").replace("**", "*"))
 
 
-def _dimension(unit: str) -> str:
-    return next((name for name, units in _SIZES.items() if unit in units), "")
-
-
 def _factor(given: str, unit: str) -> Decimal:
-    dimension = _dimension(unit)
-    if not dimension:
+    if not unit:
         raise UnitError("takes a pure number, without a unit")
-    sizes = _SIZES[dimension]
-    if given in sizes:
-        return sizes[given] / sizes[unit]
+    dimension, own_size = _UNITS[unit]
+    other, size = _UNITS.get(given, ("", own_size))
+    if other == dimension:
+        return size / own_size
     shown_unit = shown(given, 30)
     if hint := _MISTAKEN[dimension].get(given):
         raise UnitError(f"the unit {shown_unit} could be mistaken", hint)
     fitting = f"a bare number is in {unit}; units: {', '.join(units_for(unit))}"
-    if other := _dimension(given):
+    if other:
         raise UnitError(f"{shown_unit} is the unit of {other}, {dimension} is wanted", fitting)
     raise UnitError(f"unknown unit {shown_unit}", near_miss(given[:30], units_for(unit)) or fitting)
 
