@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from io import StringIO
 from math import isfinite
@@ -15,6 +15,7 @@ from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.plaintext import NUMBER
 from hdassist.preset.fields import (
+    KEYED_TABLES,
     MAX_NAME,
     PRESET_SCHEMA,
     UNKNOWN,
@@ -222,13 +223,12 @@ def preset_schema() -> dict[str, Any]:
     properties = schema["properties"]
     for name, model in sections():  # one that may be left out may be empty
         properties[name] = {"anyOf": [_table_schema(model)] + [{"type": "null"}] * (not fields[name].is_required)}
-    items: dict[str, tuple[Iterable[str], dict[str, Any]]] = {
-        "uncertainty": (measures(), _number_schema(fields["uncertainty"])),
-        "fit": (measures(), {"type": "array", "items": _number_schema(fields["fit"])}),
-        "cost": (deviation_sizes(), _table_schema(CostLaw)),
-        "source": (field_table(), _table_schema(Source)),
-    }
-    for name, (paths, item) in items.items():
+    for name, paths, item in (
+        ("uncertainty", measures(), _number_schema(fields["uncertainty"])),
+        ("fit", measures(), {"type": "array", "items": _number_schema(fields["fit"])}),
+        ("cost", deviation_sizes(), _table_schema(CostLaw)),
+        ("source", field_table(), _table_schema(Source)),
+    ):
         properties[name] = {"propertyNames": {"enum": [*paths]}, "type": "object", "additionalProperties": item}
     properties["schema"] = {"const": PRESET_SCHEMA, "description": "form of this file"}
     schema["required"].append("schema")
@@ -249,18 +249,18 @@ def _table_schema(model: type[Section]) -> dict[str, Any]:
 
 def _field_schema(field: PresetField) -> dict[str, Any]:
     """Schema of a field as presets are written: texts for numbers, one item for a list, a number for a table."""
-    number = _number_schema(field)
-    items, table = {"type": "array", "items": number}, {"type": "object", "additionalProperties": number}
-    forms: dict[str, list[dict[str, Any]]] = {
-        "text": [{"type": "string"}], "line": [{"type": "string"}], "choice": [{"enum": [*field.choices]}],
-        "numbers": [items, number], "range": [items | {"minItems": 2, "maxItems": 2}],
-        "holes": [{"const": "all"}, items, number], "limits": [table, number], "orders": [table, number],
-        "readings": [table | {"additionalProperties": NUMBER_TEXT}],
-    }  # fmt: skip
+    number, text = _number_schema(field), {"type": "string"}
+    table: Any = {"type": "object", "additionalProperties": NUMBER_TEXT if field.kind == "readings" else number}
+    several = table if field.kind in KEYED_TABLES else {"type": "array", "items": number}
+    forms: Any = {
+        "number": [number], "count": [number], "text": [text], "line": [text], "choice": [{"enum": [*field.choices]}],
+        "range": [several | {"minItems": 2, "maxItems": 2}], "readings": [table],
+        "holes": [{"const": "all"}, several, number],
+    }.get(field.kind, [several, number])  # fmt: skip
     empty = [{"type": "null"}] * field.is_optional + [{"const": UNKNOWN}] * field.unknown
     default = {} if field.is_required else {"default": field.default}
     about = f"{field.meaning}{field.unit and f' [{field.unit}]'}"
-    return {"description": about, "anyOf": forms.get(field.kind, [number]) + empty} | default
+    return {"description": about, "anyOf": [*forms, *empty]} | default
 
 
 def _number_schema(field: PresetField) -> dict[str, Any]:
