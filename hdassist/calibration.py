@@ -176,8 +176,11 @@ def _numbers(
         at, unit = (*path, key), units.get(key)
         if unit in (TEXT, None):
             values[key] = value
-        elif (number := document.read(at, read_number, value, unit)) is not None:
-            values[key] = number
+        elif at not in document.bad:
+            try:
+                values[key] = read_number(value, unit)
+            except InvalidValueError as fault:
+                document.refuse(at, fault)
         if key not in units:
             document.add(at, "unknown key", near_miss(key, units) or f"known: {', '.join(units)}", "", key=True)
         elif unit == TEXT and not isinstance(value, str):

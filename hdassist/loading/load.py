@@ -5,24 +5,22 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from math import isfinite
 from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from hdassist.errors import Finding, PresetError, UsageError
 from hdassist.model.rules import conflicts
-from hdassist.plaintext import number_of
 from hdassist.preset.fields import (
     BY_PATH,
     IDENTIFIED_WITH,
-    KEYED_TABLES,
     PATH_TABLES,
     PRESET_SCHEMA,
     REMOVED,
     Drive,
     Origin,
-    PresetField,
     Section,
-    UncertainReading,
     deviation_sizes,
     field_table,
     measures,
@@ -32,7 +30,7 @@ from hdassist.preset.fields import (
 )
 from hdassist.preset.knowledge import COUPLING_FIELDS, SUPPORT_FIELD, implausible, with_cam_support
 from hdassist.preset.library import read_preset
-from hdassist.preset.units import is_spread, read_number, read_spread
+from hdassist.preset.units import is_spread, read_spread
 from hdassist.preset.yamltext import (
     MAX_FINDINGS,
     OVERRIDE,
@@ -150,26 +148,28 @@ def _drive(document: Document) -> Drive | None:
     elif data.pop("schema") != PRESET_SCHEMA and ("schema",) not in document.bad:
         document.add(("schema",), f"must be {PRESET_SCHEMA}")
     _settle_spreads(document, data)
-    tables = _read_table(document, (), data, Drive)
-    drive = Drive.model_validate(tables) if document.bad <= {("schema",)} else None
+    data |= {name: _known_paths(document, name, data[name]) for name in PATH_TABLES if isinstance(data.get(name), dict)}
+    values, drive = dict[str, Any](), None  # values that hold, by path
+    try:
+        drive = Drive.model_validate(data, context=values)
+    except ValidationError as error:
+        for fault in error.errors(include_url=False):
+            _add_fault(document, fault)
+    bad = {path_text(path[:2]) for path in document.bad}
+    for path, field in field_table().items():
+        if not field.is_required and bad.isdisjoint((path, path.split(".")[0])):
+            values.setdefault(path, field.default)
     if drive:  # the cam's support is that of its coupling: not given, or the coupling alone is on the command line
         fields = [tuple(path.split(".")) for path in (SUPPORT_FIELD, *COUPLING_FIELDS)]
         own, *tried = (path in document.places and document.is_override(path) for path in fields)
         if drive.supports.C_3 is None or (any(tried) and not own):
             drive = with_cam_support(drive)
-    bad, valid = {path[:2] for path in document.bad}, dict[str, Any]()  # fields without a finding, by path
-    for path, field in field_table().items():
-        section, name = path.split(".")
-        values = tables.get(section, {})
-        if drive:
-            valid[path] = drive.value(path)
-        elif bad.isdisjoint({(section,), (section, name)}) and (name in values or not field.is_required):
-            valid[path] = values.get(name, field.default)
-    for conflict, involved in conflicts(valid):
+            values |= {SUPPORT_FIELD: drive.supports.C_3, "drive.source": drive.source}
+    for conflict, involved in conflicts({path: values[path] for path in field_table() if path in values}):
         paths = [tuple(path.split(".", 2)) for path in (conflict.path, *involved)]
         place = next((p for p in paths if document.is_override(p)), paths[0])
         document.add(place, conflict.message, conflict.hint, conflict.got)
-    _check_tables(drive.model_dump() if drive else tables, valid, document)
+    _check_tables(values, document)
     return drive
 
 
@@ -192,15 +192,15 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
                 data["uncertainty"] = table = table | {path: spread}
 
 
-def _check_tables(tables: dict[str, Any], valid: dict[str, Any], document: Document) -> None:
+def _check_tables(values: dict[str, Any], document: Document) -> None:
     """An uncertainty needs a value, and a value lies in its plausible range; one on the command line is tried.
 
     All fields of a fit have equally many draws, of which the first is the value.
     """
-    draws = tables.get("fit", {})
-    counts = {path: len(values) for path, values in draws.items() if values}
+    draws: dict[str, Any] = values.get("drive.fit", {})
+    counts = {path: len(each) for path, each in draws.items()}
     for path, count in counts.items():
-        own, first, value = tuple(path.split(".")), next(iter(counts)), valid.get(path)
+        own, first, value = tuple(path.split(".")), next(iter(counts)), values.get(path)
         if count != counts[first]:
             words = f"has {count} draws, {first} has {counts[first]}"
             document.add(("fit", path), words, "draw k of all fields is one drive")
@@ -208,11 +208,11 @@ def _check_tables(tables: dict[str, Any], valid: dict[str, Any], document: Docum
             document.warn(
                 own, f"{plain(value)} is not the first draw of its fit", "it is taken as it is, without a range"
             )
-    for path in tables.get("uncertainty", ()):
-        if path in valid and valid[path] is None:
+    for path in values.get("drive.uncertainty", ()):
+        if path in values and values[path] is None:
             document.add(("uncertainty", path), "an uncertainty of a value that is not given", f"give {path} as well")
-    for path, source in tables.get("source", {}).items():
-        bounds, value = source.get("range"), valid.get(path)
+    for path, source in values.get("drive.source", {}).items():
+        bounds, value = source.range, values.get(path)
         if not bounds or value is None or document.is_override(tuple(path.split("."))):
             continue
         if not bounds[0] <= value <= bounds[1]:
@@ -220,120 +220,40 @@ def _check_tables(tables: dict[str, Any], valid: dict[str, Any], document: Docum
             document.add(("source", path, "range"), words, "correct one of them", ends)
 
 
-def _read_table(document: Document, path: Path, table: Any, model: type[Section]) -> dict[str, Any]:
-    """Values of the fields of a model that a table gives, each as the field holds it; faults are findings."""
-    if not _is_table(document, path, table, model):
-        return {}
-    for key, value in table.items():
-        if key not in model.model_fields and (*path, key) not in document.bad:
-            hint = "" if len(document.findings) > MAX_FINDINGS else _unknown_hint((*path, key), value, model)
-            document.add((*path, key), "unknown key", hint, "", key=True)
-    read, classes = dict[str, Any](), dict(sections())
-    for name, field in model.declared().items():
-        place, section = (*path, name), classes.get(name)
-        if name not in table:
-            if field.is_required and section:
-                needed = [name for name, each in section.declared().items() if each.is_required]
-                document.add(place, "missing section", f"it needs {', '.join(needed)}", "")
-            elif field.is_required:
-                document.add(place, "missing key", f"{field.meaning}{field.unit and f', in {field.unit}'}", "")
-        elif section:
-            read[name] = _read_table(document, place, table[name], section)
-        elif name in PATH_TABLES:
-            read[name] = _read_by_path(document, name, table[name])
-        elif field.kind == "range":
-            read[name] = document.read(place, _read_range, str(path[1]), table[name])
-        else:
-            read[name] = _read_value(document, place, field, table[name])
-    return read
-
-
-def _is_table(document: Document, path: Path, table: Any, model: type[Section] | None) -> bool:
-    """Whether a value is a table of keys, those of a model if any; a finding where it is not."""
-    if path in document.bad:
-        return False
-    if not isinstance(table, dict):
-        document.add(path, "must be a table of keys", f"its keys: {', '.join(model.model_fields)}" if model else "")
-    return isinstance(table, dict)
-
-
-def _read_by_path(document: Document, name: str, table: Any) -> dict[str, Any]:
-    """Entries of the table "uncertainty", "fit", "cost" or "source"; faults are findings."""
-    model, read = BY_PATH.get(name), dict[str, Any]()
-    if not _is_table(document, (name,), table, model):
-        return read
+def _known_paths(document: Document, name: str, table: dict[str, Any]) -> dict[str, Any]:
+    """Entries of a table by paths of fields whose path it takes; the others are findings."""
     known, words = {
-        "uncertainty": (tuple(measures()), "names no field of a single number"),
-        "fit": (tuple(measures()), "names no field of a single number"),
-        "cost": (deviation_sizes(), "names no size of a deviation"),
+        "cost": (tuple(deviation_sizes()), "names no size of a deviation"),
         "source": (tuple(field_table()), "names no field"),
-    }[name]
-    for path, entry in table.items():
-        place = (name, path)
-        if path not in known:
+    }.get(name, (tuple(measures()), "names no field of a single number"))
+    for path in table.keys() - {*known}:
+        hint = f"like {known[0]}" if path in field_table() else "write section.key, like gears.z_g"
+        if path not in field_table() and len(document.findings) <= MAX_FINDINGS:
             same = (each for each in known if each.split(".")[1] == path.split(".")[-1])
-            hint = near_miss(next(same, path), known) or "write section.key, like gears.z_g"
-            hint = f"like {known[0]}" if path in field_table() else hint * (len(table) <= MAX_FINDINGS)
-            document.add(place, words, hint, shown(path) or "nothing", key=True)
-        elif model:
-            read[path] = _read_table(document, place, entry, model)
-        elif name == "fit":
-            read[path] = document.read(place, _read_draws, path, entry)
-        else:
-            read[path] = document.read(place, Drive.declared()[name].number, entry, measures()[path].unit)
-    return read
+            hint = near_miss(next(same, path), known) or hint
+        document.add((name, path), words, hint, shown(path) or "nothing", key=True)
+    return {path: entry for path, entry in table.items() if path in known}
 
 
-def _read_range(path: str, bounds: Any) -> tuple[float, float] | None:
-    """A plausible range of a field, by path, in its unit. Raises InvalidValueError: it is none."""
-    field = field_table()[path]
-    if bounds is None:
-        return None
-    if path not in measures():
-        raise InvalidValueError("only single measures have a range")
-    if not isinstance(bounds, list) or len(bounds) != 2:
-        raise InvalidValueError("must be two numbers, the lower one first", "like [0, 20]")
-    low, high = (read_number(bound, field.unit) for bound in bounds)
-    if not (field.holds(low) and field.holds(high)):
-        raise InvalidValueError(f"reaches beyond what the field takes: {field.range_words(field.unit)}")
-    if low >= high:
-        raise InvalidValueError("the lower one must stand first")
-    return low, high
-
-
-def _read_draws(path: str, draws: Any) -> tuple[float, ...]:
-    """Equally likely values of a field, by path, in its unit. Raises InvalidValueError: they are none."""
-    field = field_table()[path]
-    if not isinstance(draws, list) or len(draws) < 2:
-        raise InvalidValueError("must be two numbers or more, the preset's own value first", "like [8950, 9020]")
-    found = tuple(read_number(draw, field.unit) for draw in draws)
-    if beyond := [value for value in found if not field.holds(value)]:
-        raise InvalidValueError(f"{plain(beyond[0])} is out of range: {field.range_words(field.unit)}")
-    return found
-
-
-def _read_value(document: Document, path: Path, field: PresetField, value: Any) -> Any:
-    """The value of a field as the field holds it, None where it cannot be read; faults are findings."""
-    found, kind = document.read(path, field.read, value), field.kind
-    if isinstance(found, list):
-        return tuple(document.read((*path, index), field.number, item) for index, item in enumerate(found))
-    if not isinstance(found, dict):
-        return found
-    pattern, expected, like_key, _ = KEYED_TABLES[kind]
-    known = set[tuple[object, ...]]()
-
-    def read(key: str, item: Any) -> float | UncertainReading:
-        numbers = [number_of(part.removeprefix("h")) for part in key.split("@")]
-        meant = (key[:1] if kind == "readings" and key[:1] == "h" else "", *numbers)
-        fits = re.fullmatch(pattern, key) and all(map(isfinite, numbers))
-        if not (fits and all(numbers[kind == "readings" :])) and (kind, key) != ("limits", "all"):
-            raise InvalidValueError(f"must be {expected}", like_key, at_key=True)
-        if meant in known:
-            raise InvalidValueError("given twice", at_key=True)
-        known.add(meant)
-        return field.reading(item) if kind == "readings" else field.number(item)
-
-    return {key: document.read((*path, key), read, key, item) for key, item in found.items()}
+def _add_fault(document: Document, fault: ErrorDetails) -> None:
+    """Add the finding on a fault of validation; none on a value that has one already."""
+    path, error = fault["loc"], fault.get("ctx", {}).get("error")
+    if path in document.bad:
+        return
+    own, is_short = {**dict(sections()), **BY_PATH}.get(str(path[0])), len(document.findings) <= MAX_FINDINGS
+    model = own if own and len(path) > 1 else Drive
+    if isinstance(error, InvalidValueError):
+        document.refuse(path, error)
+    elif fault["type"] == "extra_forbidden":
+        document.add(path, "unknown key", _unknown_hint(path, fault["input"], model) if is_short else "", "", key=True)
+    elif fault["type"] != "missing":
+        document.add(path, "must be a table of keys", f"its keys: {', '.join(own.model_fields)}" if own else "")
+    elif own and model is Drive:
+        needed = [name for name, field in own.declared().items() if field.is_required]
+        document.add(path, "missing section", f"it needs {', '.join(needed)}", "")
+    else:
+        field = model.declared()[str(path[-1])]
+        document.add(path, "missing key", f"{field.meaning}{field.unit and f', in {field.unit}'}", "")
 
 
 def _unknown_hint(path: Path, value: Any, model: type[Section]) -> str:

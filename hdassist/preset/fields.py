@@ -6,16 +6,27 @@ converts them. A deviation that a preset does not give is unknown, not zero.
 
 from __future__ import annotations
 
+import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
 from math import inf, isfinite
 from typing import Annotated, Any, Literal, NamedTuple, Self, get_args, get_origin
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, PrivateAttr
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    PrivateAttr,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+)
 from pydantic.fields import FieldInfo
+from pydantic_core import InitErrorDetails
 
 from hdassist.plaintext import NUMBER, UNSIGNED, number_of
 from hdassist.preset.units import read_count, read_number, read_spread
@@ -39,6 +50,17 @@ class Section(BaseModel):
         for name in declared:
             if "None" in cls.__annotations__[name] or "default" in declared[name]:
                 setattr(cls, name, declared[name].get("default"))
+
+    @field_validator("*", mode="wrap")
+    @classmethod
+    def _read(cls, value: Any, validated: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+        """A value; as a preset has it where the context collects the values that hold, by path ("gears.m")."""
+        if info.context is None:
+            return validated(value)
+        name = str(info.field_name)
+        read = validated(cls.declared()[name].read(value))
+        info.context[f"{cls.__name__.lower()}.{name}"] = read
+        return read
 
     @classmethod
     @cache
@@ -73,8 +95,9 @@ class UncertainReading(NamedTuple):
 
 
 FieldKind = Literal[
-    "number", "count", "text", "line", "choice", "numbers", "range", "holes", "limits", "orders", "readings"
-]
+    "number", "count", "text", "line", "choice", "numbers", "range", "holes", "limits", "orders", "readings",
+    "uncertainty", "fit", "source", "table",
+]  # fmt: skip
 # types of fields whose kind that of their values does not say
 OneLine = Annotated[str, AfterValidator(_one_line), "line"]  # of a name: a line break could forge a line of a report
 PerTorque = Annotated[dict[str, float], "limits"]
@@ -119,16 +142,19 @@ class PresetField:
         """The declaration of a field of a model."""
         parts = get_args(info.annotation)
         kinds = (KINDS.get(part, part) for part in (*info.metadata, info.annotation, *parts))
-        named = next((kind for kind in kinds if isinstance(kind, str)), "number")
+        named = next((kind for kind in kinds if isinstance(kind, str)), "table")
         kind = "choice" if get_origin(info.annotation) is Literal else named
         about = {"kind": kind, "choices": tuple(map(str, parts)), "is_optional": type(None) in parts}
         return cls(**declared | about | {"default": info.get_default(), "is_required": info.is_required()})
 
     def read(self, value: Any) -> Any:
-        """The value that a preset has as the field holds it; of several values the list or table of their texts.
+        """The value that a preset has as the field holds it; of a table below, with values for its fields to read.
 
-        Raises InvalidValueError: it cannot be read.
+        Raises InvalidValueError, and ValidationError for items: it cannot be read.
         """
+        if self.kind == "range":
+            path, ends = value
+            return field_table()[path].bounds(ends)
         if self.kind == "choice":
             if value not in self.choices:
                 words = f"must be one of {', '.join(self.choices)}"
@@ -153,12 +179,37 @@ class PresetField:
         elif self.kind in KEYED_TABLES:
             if not isinstance(value, dict) and (like_table := KEYED_TABLES[self.kind][3]):
                 raise InvalidValueError("must be a table of keys", like_table)
-            return value if isinstance(value, dict) else {"all": value}
-        elif self.kind == "numbers" or value != "all":
+            known = set[tuple[object, ...]]()
+            return _read_items(value if isinstance(value, dict) else {"all": value}, partial(self._entry, known))
+        elif self.kind == "numbers" or (self.kind == "holes" and value != "all"):
             if isinstance(value, dict) or (self.kind == "holes" and isinstance(value, str)):
                 raise InvalidValueError(WANTED_LISTS[self.kind])
-            return value if isinstance(value, list) else [value]
+            items = enumerate(value if isinstance(value, list) else [value])
+            return tuple(_read_items(dict(items), lambda _, item: self.number(item)).values())
+        elif self.kind in ("uncertainty", "fit", "source") and isinstance(value, dict):
+            return _read_items(value, self._by_path)
         return value
+
+    def _by_path(self, path: str, entry: Any) -> Any:
+        """An entry of a table by paths of fields; the range in one of a source goes on with its path."""
+        if self.kind == "uncertainty":
+            return self.number(entry, field_table()[path].unit)
+        if self.kind == "fit":
+            return field_table()[path].draws(entry)
+        has_range = isinstance(entry, dict) and entry.get("range") is not None
+        return entry | {"range": (path, entry["range"])} if has_range else entry
+
+    def _entry(self, known: set[tuple[object, ...]], key: str, value: Any) -> float | UncertainReading:
+        """The value of a key of a table; known: the keys before it, to which it is added."""
+        pattern, expected, like_key, _ = KEYED_TABLES[self.kind]
+        numbers = [number_of(part.removeprefix("h")) for part in key.split("@")]
+        fits = re.fullmatch(pattern, key) and all(map(isfinite, numbers)) and all(numbers[self.kind == "readings" :])
+        if not fits and (self.kind, key) != ("limits", "all"):
+            raise InvalidValueError(f"must be {expected}", like_key, at_key=True)
+        if (meant := (key[:1] == "h", *numbers)) in known:
+            raise InvalidValueError("given twice", at_key=True)
+        known.add(meant)
+        return self.reading(value) if self.kind == "readings" else self.number(value)
 
     def number(self, value: Any, unit: str | None = None) -> float:
         """A number in a unit, that of the field by default, and in its range.
@@ -179,6 +230,28 @@ class PresetField:
             raise InvalidValueError(f"out of range: value and uncertainty {self.range_words(self.unit)}")
         return reading
 
+    def draws(self, values: Any) -> tuple[float, ...]:
+        """Equally likely values of the field. Raises InvalidValueError: they are none."""
+        if not isinstance(values, list) or len(values) < 2:
+            raise InvalidValueError("must be two numbers or more, the preset's own value first", "like [8950, 9020]")
+        found = tuple(read_number(value, self.unit) for value in values)
+        if beyond := [value for value in found if not self.holds(value)]:
+            raise InvalidValueError(f"{plain(beyond[0])} is out of range: {self.range_words(self.unit)}")
+        return found
+
+    def bounds(self, ends: Any) -> tuple[float, float]:
+        """A plausible range of the field. Raises InvalidValueError: it is none."""
+        if self.kind != "number":
+            raise InvalidValueError("only single measures have a range")
+        if not isinstance(ends, list) or len(ends) != 2:
+            raise InvalidValueError("must be two numbers, the lower one first", "like [0, 20]")
+        low, high = (read_number(end, self.unit) for end in ends)
+        if not (self.holds(low) and self.holds(high)):
+            raise InvalidValueError(f"reaches beyond what the field takes: {self.range_words(self.unit)}")
+        if low >= high:
+            raise InvalidValueError("the lower one must stand first")
+        return low, high
+
     def holds(self, value: float) -> bool:
         """Whether a number is within the range of the field."""
         return isfinite(value) and self.gt < value <= self.le and value >= self.ge
@@ -189,6 +262,19 @@ class PresetField:
         if self.le < inf:
             return f"{low} to {plain(self.le)} {unit}".rstrip()
         return f"{low} {unit}".rstrip() + " or more" if low else ""
+
+
+def _read_items(items: Mapping[Any, Any], read: Callable[[Any, Any], Any]) -> dict[Any, Any]:
+    """Items of a table or list, by key, as a function reads each. Raises ValidationError with the faults of all."""
+    values, faults = {}, list[InitErrorDetails]()
+    for key, item in items.items():
+        try:
+            values[key] = read(key, item)
+        except InvalidValueError as fault:
+            faults.append({"type": "value_error", "loc": (key,), "input": item, "ctx": {"error": fault}})
+    if faults:
+        raise ValidationError.from_exception_data("items", faults)
+    return values
 
 
 def is_number(key: str) -> bool:
@@ -471,16 +557,16 @@ class Drive(Section):
     tolerances: Tolerances = Tolerances.of_defaults()
     phases: Phases = Phases.of_defaults()
     harmonics: Harmonics = Harmonics.of_defaults()
-    uncertainty: dict[str, float]
-    fit: dict[str, tuple[float, ...]]
+    uncertainty: Annotated[dict[str, float], "uncertainty"]
+    fit: Annotated[dict[str, tuple[float, ...]], "fit"]
     mounting: Mounting = Mounting.of_defaults()
     operation: Operation
     catalogue: Catalogue = Catalogue.of_defaults()
     measured: Measured = Measured.of_defaults()
     acceptance: Acceptance = Acceptance.of_defaults()
     numerics: Numerics = Numerics.of_defaults()
-    cost: dict[str, CostLaw]
-    source: dict[str, Source]
+    cost: Annotated[dict[str, CostLaw], "table"]
+    source: Annotated[dict[str, Source], "source"]
 
     _origin: Origin = PrivateAttr(default=Origin())
 

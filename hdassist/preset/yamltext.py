@@ -9,7 +9,7 @@ import re
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -23,7 +23,6 @@ MAX_FINDINGS = 100
 OVERRIDE = "--set"  # stands for the file in findings on overrides
 
 Path = tuple[str | int, ...]
-ReadT = TypeVar("ReadT")
 
 
 @dataclass(frozen=True)
@@ -80,18 +79,12 @@ class Document:
         file, mark = self.where(path, key)
         return Finding(file, *mark, path_text(path), message, got, hint)
 
-    def read(self, path: Path, reader: Callable[..., ReadT], *arguments: Any) -> ReadT | None:
-        """What a reader makes of a value; None of one with a finding, such as the InvalidValueError that it raises."""
-        if path in self.bad:
-            return None
-        try:
-            return reader(*arguments)
-        except InvalidValueError as fault:
-            if path not in self.places:
-                path = path[:2]  # the only item of a list, or the limit for all torques, written as one value
-            got = (shown(str(path[-1])) or "nothing") if fault.at_key else None
-            self.add(path, fault.message, fault.hint, got, key=fault.at_key)
-            return None
+    def refuse(self, path: Path, fault: InvalidValueError) -> None:
+        """Add the finding on a value that cannot be read."""
+        if path not in self.places:
+            path = path[:2]  # the only item of a list, or the limit for all torques, written as one value
+        got = (shown(str(path[-1])) or "nothing") if fault.at_key else None
+        self.add(path, fault.message, fault.hint, got, key=fault.at_key)
 
     def where(self, path: Path, key: bool = False) -> tuple[str, Mark]:
         """File and place of a value or key; of the nearest table around it where it is not given."""
@@ -255,7 +248,7 @@ class _Reader:
             value = self._value(next(self.events), at, mark)
             if isinstance(key, list | dict):
                 self._find(mark, path, "a key must be a single word", hint="a text or a number")
-            else:
+            elif not _SURROGATE.search(name):
                 table[name] = value  # of a key given twice the last one, whose place is known
         return table
 
