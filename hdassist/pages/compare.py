@@ -26,7 +26,7 @@ from hdassist.report import NO_VALUE, Curve, Facts, Quantities, Quantity, Report
 from hdassist.terminal.output import report_object
 from hdassist.terminal.words import again, named, not_known, on_what
 
-_PLOTTED_ROWS = 6
+_PLOTTED_ROWS = 4
 PLOTTED_TURNS = 1.0  # of the cam, to either side of the largest difference
 TABLED_ORDERS = 12  # the greatest
 SHORT_PAGE = 5  # numbers on a short page
