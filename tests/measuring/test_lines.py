@@ -181,13 +181,14 @@ def test_an_order_that_few_rows_hardly_resolve_is_part_of_the_range(order, uneve
 
 def test_an_order_that_even_rows_show_as_another_is_held():
     # 35 to 39 even rows a turn: order 24 looks like 11 to 15, and F'_ior came out too small in half of the records
-    for seed in range(4):
-        rng = np.random.default_rng(seed)
-        rows, size, phase = int(rng.integers(35, 40)), rng.uniform(1, 2), rng.uniform(0, 2 * np.pi, 3)
+    for seed in range(3):
+        rng = np.random.default_rng([24, 0, seed])
+        rows, size, phase = int(rng.integers(35, 40)), rng.uniform(1, 2), rng.uniform(0, 2 * np.pi, 4)
 
         def curve(turns, size=size, phase=phase):
-            oval = np.cos(4 * np.pi * turns + phase[0]) * (1 + 0.3 * np.cos(2 * np.pi * turns / 30 + phase[1]))
-            return 10 * oval + size * (1 + np.cos(np.pi * turns / 15)) * np.cos(48 * np.pi * turns + phase[2])
+            cam, output = 2 * np.pi * turns, 2 * np.pi * turns / 30
+            high = np.cos(24 * cam + phase[2]) + 0.5 * np.cos(24 * cam + output + phase[3])
+            return 10 * np.cos(2 * cam + phase[0]) * (1 + 0.3 * np.cos(output + phase[1])) + size * high
 
         turns = np.arange(30.5 * rows) / rows
         (found,) = measure(recorded(turns, curve(turns) + 0.3 * rng.standard_normal(len(turns))), ratio=30).directions
