@@ -57,9 +57,9 @@ class ReadingPlan:
         name = f"record of {cam_turns:g} cam turn{'s' * (cam_turns != 1)}"
         return cls(name, round(cam_turns * POINTS_A_TURN), 1 / POINTS_A_TURN / ratio, is_record=True)
 
-    def sees_all(self, cycle_output: int) -> bool:
-        """Whether no part is left out of a cycle of so many output turns."""
-        return self.is_record and self.readings * self.step_turns >= cycle_output - 1e-9
+    def sees_all(self, output_turns: float) -> bool:
+        """Whether no part is left out of so many output turns."""
+        return self.is_record and self.readings * self.step_turns >= output_turns - 1e-9
 
     def seen_as(self, per_output_turn: Array) -> Array:
         """How often lines seem to come in the test; 0: the same in all readings, so that the test is blind to it.
@@ -106,7 +106,8 @@ class DrivesUnderTest:
     """Drives that may come to a test: their error [arcsec] over the full cycle, shape (drives, points), and weights.
 
     cycle_output: output turns of the cycle; left_arcsec: the room that the limit leaves F'_ior, None without one;
-    demands; seed of the starts and of the noise.
+    demands; seed of the starts and of the noise; travel: output turns in use, from where the test starts, whose range
+    is F'_ior.
     """
 
     curves: Array
@@ -115,11 +116,25 @@ class DrivesUnderTest:
     left_arcsec: float | None = None
     demands: PlanDemands = PlanDemands()
     seed: int = 0
+    travel: float | None = None
+
+    @cached_property
+    def starts(self) -> Array:
+        """Where tests start, as shares of the cycle, shape (drives, starts)."""
+        drives = len(self.curves)
+        return np.random.default_rng(self.seed).random((drives, max(LEAST_STARTS, RANDOM_STARTS // drives)))
 
     @cached_property
     def F_ior_arcsec(self) -> Array:
-        """F'_ior of each drive, shape (drives, 1)."""
-        return np.asarray(np.ptp(self.curves, axis=1, keepdims=True))
+        """F'_ior of each drive, shape (drives, 1); of the travel from each start, shape (drives, starts)."""
+        if self.travel is None:
+            return np.asarray(np.ptp(self.curves, axis=1, keepdims=True))
+        halves = self.curves.reshape(len(self.curves), -1, POINTS_A_TURN // 2)
+        count = halves.shape[1]
+        reach = np.arange(min(count, int(self.travel / self.cycle_output * count) + 2))
+        places = np.floor(self.starts[..., None] * count + reach).astype(np.int64) % count
+        high, low = (np.take_along_axis(each[:, None], places, axis=2) for each in (halves.max(2), halves.min(2)))
+        return np.asarray(high.max(axis=2) - low.min(axis=2))
 
     def percentiles(self, values: Array) -> tuple[float, float, float]:
         """5th, 50th and 95th percentile of values, shape (drives, starts)."""
@@ -138,7 +153,7 @@ class DrivesUnderTest:
         return None if self.left_arcsec is None else self.probability(self.F_ior_arcsec > self.left_arcsec)
 
     def seen_shares(self, plan: ReadingPlan, starts: Array) -> Array:
-        """Share of F'_ior that a plan sees, from where it starts, as a share of the cycle; shape (drives, starts)."""
+        """Share of F'_ior that a plan sees from starts, shares of the cycle, shape (drives, starts)."""
         steps, points = np.arange(plan.readings) * plan.step_turns / self.cycle_output, self.curves.shape[1]
         at = (np.rint((start[:, None] + steps) * points).astype(np.int64) % points for start in starts)
         seen = [np.ptp(curve[places], axis=1) for curve, places in zip(self.curves, at, strict=True)]
@@ -146,11 +161,12 @@ class DrivesUnderTest:
 
     def judge(self, plan: ReadingPlan) -> PlanJudgement:
         """The part that a plan sees, and how often its verdict is wrong."""
-        rng, demands, drives = np.random.default_rng(self.seed), self.demands, len(self.curves)
-        shares = self.seen_shares(plan, rng.random((drives, max(LEAST_STARTS, RANDOM_STARTS // drives))))
+        demands, shares = self.demands, self.seen_shares(plan, self.starts)
+        rng = np.random.default_rng(self.seed)
+        rng.random(self.starts.shape)  # which the starts are
         seen = self.percentiles(shares)
         noise = demands.noise_arcsec * rng.standard_normal((1 + plan.both, *shares.shape)).max(axis=0)
-        sees_all = plan.sees_all(self.cycle_output)
+        sees_all = plan.sees_all(self.travel or self.cycle_output)
         if self.left_arcsec is None:
             missed = NEVER if sees_all else self.probability(shares < SEEN_SHARE)
             return PlanJudgement(plan, seen, None, None, self._verdict(missed.low, missed.high))
@@ -212,12 +228,14 @@ def choose_plan(
     *,
     demands: PlanDemands = PlanDemands(),
     draws: int = EFFECTIVE_SAMPLES,
+    travel_deg: float | None = None,
     run: Run = Run(),
 ) -> PlanChoice:
     """Plans of a test at the first torque of a drive that has a limit, at the first where none has.
 
     Arguments: asked, a plan to judge beside the others; demands; draws, effective samples of all that is not known
-    exactly, 0 for none. Raises UsageError for rolling balls, UntrustedError as `check` does.
+    exactly, 0 for none; travel_deg of the output, the preset's where None.
+    Raises UsageError for rolling balls, UntrustedError as `check` does.
     """
     if not searchable(drive):
         raise UsageError("a plan needs locked balls", "--set bearing.ball_motion=locked")
@@ -231,10 +249,16 @@ def choose_plan(
         weights, proof = samples.weights, proof + samples.certificate
         curves *= samples.F_ior_arcsec[:, [place]] / np.maximum(np.ptp(curves, axis=1, keepdims=True), LEAST_ARCSEC)
     cycle, ratio = lines.kinematics.cycle_cam_revolutions, abs(lines.kinematics.u)
-    drives = DrivesUnderTest(curves, weights, round(cycle / ratio), left[place], demands, run.seed)
+    output, used = round(cycle / ratio), (travel_deg or drive.acceptance.travel) / 360
+    drives = DrivesUnderTest(
+        curves, weights, output, left[place], demands, run.seed, used if used < output - 1e-9 else None
+    )
+    turns = drives.travel or 1.0
     counts = range(FEWEST_POSITIONS, round(MOST_A_CAM_TURN * ratio) + 1)
-    scan = tuple(drives.judge(ReadingPlan.positions(N)) for N in counts)
-    records = [drives.judge(ReadingPlan.record(turns, ratio)) for turns in sorted({1.0, 10.0, ratio, float(cycle)})]
+    scan = tuple(drives.judge(ReadingPlan.positions(N, turns)) for N in counts)
+    every = drives.travel * ratio if drives.travel else float(cycle)
+    lengths = sorted(each for each in {1.0, 10.0, ratio, every} if each <= every)
+    records = [drives.judge(ReadingPlan.record(each, ratio)) for each in lengths]
     fewest, shortest = ([each for each in some if each.verdict is Verdict.PASS][:1] for some in (scan, records))
     own = [drives.judge(asked)] if asked else []
     shown = [*own, scan[QUOTED_POSITIONS - FEWEST_POSITIONS], *fewest, *records]

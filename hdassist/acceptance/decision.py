@@ -44,6 +44,7 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.through_cvxpy import CrossCheck
 from hdassist.verdict import SURE, Verdict, percent_text, verdict_by_probability
 
+OF_TRAVEL = "predicted over the full cycle: less may come in acceptance.travel, which a record shows"
 GUARD = 1.65  # standard uncertainties: one-sided 95 %
 Basis = Literal["measured", "stated", "predicted"]
 Rule = Literal["guard", "simple"]
@@ -139,6 +140,12 @@ class Predictions(DesignCheck):
         moves_cycle = "cycle" in limit.check.needs
         fields = self.prior.fields if self.prior else ()
         return any(moves_cycle or not field.path.startswith(TABLE_SECTIONS) for field in fields)
+
+    @property
+    def is_of_travel(self) -> bool:
+        """Whether the drive turns through less than its full cycle, which is predicted: less may come."""
+        kinematics = Kinematics.of(self.drive)
+        return self.drive.acceptance.travel < 360 * kinematics.cycle_cam_revolutions / abs(kinematics.u)
 
     def belief(self, limit: Limit) -> Belief | None:
         """The value of a limit over all that is not known exactly; None where nothing moves it, or was not drawn."""
@@ -273,9 +280,10 @@ class AcceptedValue(ClosedRecord):
     @classmethod
     def predicted(cls, limit: Limit, predictions: Predictions) -> AcceptedValue:
         """The value of predictions that a limit is for."""
+        whole: Extent = "at most" if limit.check.of_trace and predictions.is_of_travel else "whole"
         if belief := predictions.belief(limit):
-            return cls(belief.p50, None, "predicted", "whole", belief=belief)
-        extent: Extent = "not known" if predictions.is_open(limit) else "whole"
+            return cls(belief.p50, None, "predicted", whole, belief=belief)
+        extent = "not known" if predictions.is_open(limit) else whole
         return cls(predictions.quantities.value(limit), None, "predicted", extent)
 
     @classmethod
@@ -363,6 +371,8 @@ def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule,
         return Verdict.INCONCLUSIVE, "neither the record nor a given value (--value) tells it"
     if belief := known.belief:
         verdict = verdict_by_probability(belief.probability, sure)
+        if verdict is Verdict.FAIL and known.extent == "at most":
+            return Verdict.INCONCLUSIVE, OF_TRAVEL
         open_ = verdict is Verdict.INCONCLUSIVE
         kept = percent_text(belief.probability, belief.probability_low, belief.probability_high, sure)
         return verdict, f"kept with a probability of {kept}" * open_
@@ -371,6 +381,8 @@ def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule,
     if known.extent == "part":
         return Verdict.INCONCLUSIVE, "of a part of the cycle only"
     if room < -guard:
+        if known.extent == "at most":
+            return Verdict.INCONCLUSIVE, OF_TRAVEL
         within = known.extent == "at least" and room + (known.expanded_uncertainty or 0.0) > 0
         return Verdict.FAIL, f"the estimate {known.value:.4g} is beyond the limit by its rule" * within
     if known.extent == "at least":

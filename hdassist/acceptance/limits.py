@@ -22,7 +22,7 @@ from hdassist.preset.yamltext import OVERRIDE
 from hdassist.run.kept import ClosedRecord
 
 Need = Literal["cycle", "self error", "stiffness"]
-Extent = Literal["whole", "at least", "part", "not known"]
+Extent = Literal["whole", "at least", "at most", "part", "not known"]
 Option = Literal["--limit", "--value"]
 ValueT = TypeVar("ValueT", float, Array)
 

@@ -146,7 +146,10 @@ class Request(ClosedRecord):
         apart.
         """
         files = self.traces(drive).items()
-        measurements = {M_g: self.reading.measured(file, drive, seed=self.seed) for M_g, file in files}
+        travel = drive.acceptance.travel
+        measurements = {
+            M_g: self.reading.measured(file, drive, seed=self.seed, travel_deg=travel) for M_g, file in files
+        }
         return Inputs(drive, measurements, stated_values(self.values, drive), self.read_wheels(drive))
 
     def read_wheels(self, drive: Drive) -> MeasuredTeeth | None:

@@ -6,7 +6,7 @@ from collections.abc import Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError, UsageError
 from hdassist.terminal import options as o
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from hdassist.acceptance.request import Lot, LotRow, Request
     from hdassist.json_parts import Json
     from hdassist.planning import ReadingPlan
+    from hdassist.preset.fields import Drive
     from hdassist.report import Report
     from hdassist.run.kept import Kept
     from hdassist.terminal.output import Output
@@ -49,13 +50,15 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
     noise: float = 0.0
     corrected: bool = False
     wrong: float = 0.05
+    travel: float | None = None
 
-    def plan(self) -> ReadingPlan | None:
-        """The test to judge, None where none was asked about. Raises UsageError for options without one."""
+    def plan(self, drive: Drive) -> ReadingPlan | None:
+        """The test of a drive to judge, None where none was asked about. Raises UsageError for options without one."""
         from hdassist.planning import ReadingPlan
 
         if self.positions is not None:
-            return ReadingPlan.positions(self.positions, self.turns, self.both)
+            used = (self.travel or drive.acceptance.travel) / 360
+            return ReadingPlan.positions(self.positions, min(used, 1) if self.turns == 1 else self.turns, self.both)
         if self.both or self.turns != 1:
             raise UsageError("--turns and --both are of a test to judge", "--positions 12")
         return None
@@ -66,10 +69,11 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
         from hdassist.pages.plan import plan_report
         from hdassist.planning import PlanDemands, choose_plan
 
-        asked, demands = self.plan(), PlanDemands(self.wrong, self.noise, self.corrected)
-        drive = self.load(preset)
+        drive, demands = self.load(preset), PlanDemands(self.wrong, self.noise, self.corrected)
+        asked = self.plan(drive)
+        how: dict[str, Any] = {"demands": demands, "draws": self.draws, "travel_deg": self.travel}
         with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
-            return plan_report(choose_plan(drive, asked=asked, demands=demands, draws=self.draws, run=run))
+            return plan_report(choose_plan(drive, asked=asked, run=run, **how))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -83,6 +83,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
     files: list[str]
     preset: str | None = None
     ratio: float | None = None
+    travel: float | None = None
     seed: int = 0
 
     def run(self) -> int:
@@ -113,7 +114,8 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                     if self.archive:
                         raise UsageError(f"{name}: positions and torque loops are not kept in an archive", "traces are")
                     return bench_report(record, drive, self.seed)
-                result = form.of_table(table, drive, self.ratio, seed=self.seed)
+                travel = self.travel or (drive and drive.acceptance.travel)
+                result = form.of_table(table, drive, self.ratio, seed=self.seed, travel_deg=travel)
                 done.append(result)
                 take(result)
                 return measure_report(result, drive, self.words_of_reading())
@@ -202,6 +204,7 @@ class CompensateCommand(
     preset: str
     files: list[str] | None = None
     ratio: float | None = None
+    travel: float | None = None
     form: Literal["phasors", "output", "cam", "half-cam"] = "phasors"
     points: int | None = None
     output_turns: Literal["with", "against"] | None = None
@@ -223,7 +226,9 @@ class CompensateCommand(
         """Error of a record of the drive, at a torque M_g [N*m] where it is its own; may_be_noise as of `measure`."""
         from hdassist.correction.records import recorded_error, require_sense
 
-        found = self.reading().measured(file, drive, seed=self.seed, together=True, may_be_noise=may_be_noise)
+        travel = self.travel or drive.acceptance.travel
+        how = {"seed": self.seed, "together": True, "may_be_noise": may_be_noise, "travel_deg": travel}
+        found = self.reading().measured(file, drive, **how)
         if M_g is not None:
             require_sense(found, drive, M_g, self.alignment())
         return recorded_error(found, drive, self.alignment())
@@ -249,7 +254,7 @@ class CompensateCommand(
         form = self.correction_form()
         target = self.controller_target(form, force=self.force)
         M_g = option_value("--torque", self.torque[0], "N*m")
-        found = self.reading().measured(file, None, self.ratio, seed=self.seed, together=True)
+        found = self.reading().measured(file, None, self.ratio, seed=self.seed, together=True, travel_deg=self.travel)
         result = correction_alone(found, self.alignment(), M_g, form, self.output_turns)
         self.write_controller(result, target)
         return compensate_report(result, is_written=bool(self.csv or target), warnings=found.warnings)

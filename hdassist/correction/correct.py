@@ -27,6 +27,7 @@ from hdassist.correction.records import (
     RecordedError,
     agreeing_drives,
     alike_lines,
+    record_of,
     recorded_lines,
     solved_error,
     with_more_lines,
@@ -62,18 +63,24 @@ class LoadedError:
     """Error of drives as one may be, at a torque: lines, and the actual error [arcsec], shape (drives, points).
 
     beyond: range of all that the lines do not have, over that of the error; F_ior_arcsec: of the lines that a
-    record of the full cycle has, without its noise, None without one.
+    record of the full cycle has, without its noise, None without one; visited: points that count, shape (points,), None
+    where all do.
     """
 
     lines: ErrorLines
     actual: Array
     beyond: float
     F_ior_arcsec: float | None = None
+    visited: NDArray[np.bool_] | None = None
+
+    def range_of(self, curves: Array) -> Array:
+        """Ranges of curves, shape (..., points), over the points that count."""
+        return np.asarray(np.ptp(curves if self.visited is None else curves[..., self.visited], axis=-1))
 
     @property
     def ranges(self) -> Array:
         """Ranges of the error without a correction [arcsec], shape (drives,)."""
-        ranges = np.ptp(self.actual, axis=1)
+        ranges = self.range_of(self.actual)
         return np.asarray(ranges if self.F_ior_arcsec is None else np.full_like(ranges, self.F_ior_arcsec))
 
 
@@ -145,6 +152,15 @@ class Correction:
         return self.corrections[self.M_g]
 
     @property
+    def recorded_deg(self) -> tuple[float, float] | None:
+        """Angles of the output between which a record of a travel has the error; None of the full cycle."""
+        record = self.records.get(self.M_g)
+        if record is None or record.recorded_turns is None:
+            return None
+        low, high = sorted(360 * each / self.errors[self.M_g].lines.kinematics.u for each in record.recorded_turns)
+        return low, high
+
+    @property
     def strong_lines(self) -> tuple[float, ...]:
         """The strongest lines, the strongest first: times a turn of the output."""
         lines = self.errors[self.M_g].lines
@@ -207,7 +223,9 @@ def correction_of(
 def recorded_belief(lines: ErrorLines, record: RecordedError, run: Run) -> LoadedError:
     """Error of drives that agree with a record of the full cycle; lines, of drives as this one may be."""
     found = recorded_lines(lines, record, run)
-    return LoadedError(found, -found.curves, 0.0, float(np.ptp(found.mean.curves)))
+    visited = record.visited(lines.kinematics) if record.recorded_turns else None
+    error = LoadedError(found, -found.curves, 0.0, visited=visited)
+    return replace(error, F_ior_arcsec=float(error.range_of(found.mean.curves)[0]))
 
 
 def fitted_correction(
@@ -321,7 +339,7 @@ def ranges_left(
     kinematics = error.lines.kinematics
     taken, places = correction_curve(correction, kinematics), np.arange(error.actual.shape[1]) / error.actual.shape[1]
     shifts = [off / kinematics.cycle_cam_revolutions for off in off_turns]
-    left = [np.ptp(error.actual - between_points(taken, places + shift), axis=1) for shift in shifts]
+    left = [error.range_of(error.actual - between_points(taken, places + shift)) for shift in shifts]
     return np.asarray(np.hypot(left, error.beyond * error.ranges))
 
 
@@ -390,14 +408,15 @@ def correction_alone(
     if sweep.is_bound:
         share = f"{100 * sweep.coverage.share:.0f} % of the full cycle" if sweep.coverage else "no full cycle"
         words = f"{trace.file}: {share}, in which lines that lie close together are not told apart"
-        raise UntrustedError(words, "record the full cycle, or with a preset: hdassist compensate PRESET FILE")
+        hint = "record the full cycle, say the travel (--travel DEG), or with a preset: hdassist compensate PRESET FILE"
+        raise UntrustedError(words, hint)
     moving = round(2 * gearing.ratio)
     kinematics = Kinematics(moving, moving + 2, "rigid")
     if way == "with":
         kinematics = Kinematics(moving - 2, moving, "flexspline")
     none_known = ErrorLines(kinematics, np.zeros(0, dtype=np.int64), np.zeros((1, 0), dtype=complex), EMPTY)
     alignment = asked.of_file(trace, kinematics)
-    record = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error)
+    record = record_of(sweep, alignment, kinematics, is_travel=found.is_of_travel)
     error = recorded_belief(none_known, record, Run(seed=found.seed))
     return fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)
 

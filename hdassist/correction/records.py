@@ -22,7 +22,7 @@ from hdassist.correction.forms import between_points
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import POINTS_A_TURN, Complex, ErrorLines, error_lines
 from hdassist.errors import UntrustedError
-from hdassist.measuring.measure import Measurement
+from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknowns
@@ -30,6 +30,7 @@ from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
+BEND_TURNS = 0.1  # of the cam, beyond the ends of a travel, in which the error bends from going on to its mirror image
 RECORDED_DRAWS = 64  # drives that agree with a record
 LEAST_LINE = 0.02  # of the mean square of lines: that of each one by a misfit
 ROUNDS = 3  # of least squares: readings that are not quite even mix lines
@@ -53,12 +54,43 @@ LARGEST = 3.0  # standard deviations that a field differs by, at most
 class RecordedError:
     """Error F_kpp [arcsec] that was read where the cam had turned so far from the record's zero, shape (readings,).
 
-    is_part: whether that is less than the full cycle.
+    is_part: whether that is less than the full cycle; recorded_turns: first and last of a travel that was recorded,
+    None of others.
     """
 
     cam_turns: Array
     error_arcsec: Array
     is_part: bool = False
+    recorded_turns: tuple[float, float] | None = None
+
+    def visited(self, kinematics: Kinematics) -> NDArray[np.bool_]:
+        """Points of the curves of lines in the travel that was recorded, all of the full cycle."""
+        turns = np.arange(POINTS_A_TURN * kinematics.cycle_cam_revolutions) / POINTS_A_TURN
+        first, last = self.recorded_turns or (0.0, float(turns[-1]))
+        return np.asarray(np.mod(turns - first, _whole_turns(last - first, kinematics)) <= last - first)
+
+    def filled(self, kinematics: Kinematics, fitted: Array) -> RecordedError:
+        """The record of a travel continued over the full cycle, mirrored at both ends, from one end into the other.
+
+        So a correction has no leap where the output never comes, and no bend at the ends. fitted: of each reading.
+        """
+        order = np.argsort(self.cam_turns, kind="stable")
+        turns, error = self.cam_turns[order], self.error_arcsec[order]
+        first, span = float(turns[0]), float(np.ptp(turns))
+        whole = _whole_turns(span, kinematics)
+        beyond = np.arange(span, whole, span / len(turns))[1:]
+        share = (1 + np.cos(np.pi * (beyond - span) / max(whole - span, 1e-12))) / 2  # of the last end
+
+        def mirrored(away: Array, end: int) -> Array:
+            inwards = span - np.abs(np.mod(away, 2 * span) - span)
+            even = np.interp(turns[end] + (inwards if end == 0 else -inwards), turns, error)
+            return np.asarray(even + 2 * np.exp(-((away / BEND_TURNS) ** 2)) * (fitted[order][end] - even))
+
+        found = share * mirrored(beyond - span, -1) + (1 - share) * mirrored(whole - beyond, 0)
+        turns, error = np.append(turns, first + beyond), np.append(error, found)
+        repeats = max(1, round(kinematics.cycle_cam_revolutions / whole))
+        again = np.arange(repeats)[:, None] * whole
+        return RecordedError((turns + again).ravel(), np.tile(error, repeats), recorded_turns=(first, first + span))
 
     def points(self, lines: ErrorLines, finer: int = 1) -> NDArray[np.int64]:
         """The nearest points of the curves of lines, or of so many times as many."""
@@ -128,7 +160,22 @@ def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> 
     """
     trace, sweep = measurement.trace, measurement.directions[0]
     alignment = asked.of_file(trace, Kinematics.of(drive))
-    return RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
+    return record_of(sweep, alignment, Kinematics.of(drive), is_travel=measurement.is_of_travel)
+
+
+def record_of(sweep: SweepResult, alignment: Alignment, kinematics: Kinematics, *, is_travel: bool) -> RecordedError:
+    """Error of a direction without level and drift; of a travel that was visited, continued over the full cycle."""
+    fit = sweep.fit
+    found = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * fit.error, sweep.is_bound)
+    if sweep.is_bound or not is_travel:
+        return found
+    return found.filled(kinematics, alignment.sign * (fit.error - fit.residual))
+
+
+def _whole_turns(turns: float, kinematics: Kinematics) -> float:
+    """Turns of the cam in as many whole turns of the output as have so many."""
+    period = abs(kinematics.u)
+    return float(period * np.ceil(turns / period - 1e-9))
 
 
 def solved_error(drive: Drive, M_g: float, run: Run) -> tuple[RecordedError, Certificate]:

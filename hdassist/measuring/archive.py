@@ -65,6 +65,7 @@ class ArchiveEntry:
     low_arcsec: Arcsec
     high_arcsec: Arcsec
     F_ior_is_lower_bound: bool
+    travel_deg: float | None = None
     unstated: tuple[str, ...]
 
 
@@ -105,7 +106,8 @@ def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
     Raises UsageError: conditions that cannot be, or another file; DataError: it cannot be written, or does not hold.
     """
     today = datetime.now(UTC).date().isoformat()
-    about = {"date": today, **conditions, "file": found.trace.file, "sha256": found.trace.sha256}
+    travel = found.gearing and found.gearing.travel_deg
+    about = {"date": today, "travel_deg": travel, **conditions, "file": found.trace.file, "sha256": found.trace.sha256}
     try:
         fresh = [
             _ENTRY.validate_python(
@@ -160,10 +162,10 @@ def read_archive(folder: str, serial: str) -> list[ArchiveEntry]:
 
 def histories(entries: Iterable[ArchiveEntry]) -> tuple[DriveHistory, ...]:
     """Changes of a drive by hole, torque and direction, where it was measured over the whole cycle twice or more."""
-    groups: dict[tuple[str | None, float | None, int], list[ArchiveEntry]] = {}
+    groups: dict[tuple[str | float | None, ...], list[ArchiveEntry]] = {}
     for each in entries:
         if not each.F_ior_is_lower_bound:
-            groups.setdefault((each.hole, each.M_g_Nm, each.direction), []).append(each)
+            groups.setdefault((each.hole, each.M_g_Nm, each.travel_deg, each.direction), []).append(each)
     compared = [own for own in groups.values() if len(own) > 1]
     found = []
     for own in compared:

@@ -139,12 +139,14 @@ class SlowTerms:
     """Terms beside the orders: a drift, powers of the travel up to a degree, and slopes over columns of the bins.
 
     by_angle: Legendre polynomials of the cam angle instead, for all that is slow in a part of an output turn; over:
-    names of the columns, speed for a lag between the encoders, load for the wind-up.
+    names of the columns, speed for a lag between the encoders, load for the wind-up. ridge: added to the normal
+    equations of unit diagonal, so that orders which the record does not tell apart stay small, but not their sum.
     """
 
     degree: int = 0
     by_angle: bool = False
     over: tuple[str, ...] = ()
+    ridge: float = 0.0
 
     @property
     def periods(self) -> float:
@@ -179,6 +181,7 @@ class TraceDesign:
             gram += (matrix * bins.weight[rows, None]).T @ matrix
         scale = 1 / np.sqrt(np.diag(gram))
         values, vectors = np.linalg.eigh(gram * scale * scale[:, None])
+        values += slow.ridge
         self.condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
         if self.condition > WORST_CONDITION:
             hint = "record one cam turn or more, evenly; or declare fewer orders: --orders 1,2,4"
@@ -245,7 +248,11 @@ class TraceFit:
     def noise(self) -> tuple[Array, Array]:
         """Power of the noise at each order over that of independent residuals; factor of an interval of the order."""
         ones = np.ones(len(self.orders))
-        return noise_floor(self.design, self.residual, self.variance) or (self.correlated * ones, ones)
+        power, student = noise_floor(self.design, self.residual, self.variance) or (self.correlated * ones, ones)
+        if self.design.slow.ridge:  # large errors of orders that are not told apart cancel
+            _, cluster = np.unique(np.rint(self.orders), return_inverse=True)
+            power = (np.bincount(cluster, power) / np.bincount(cluster))[cluster]
+        return power, student
 
     @cached_property
     def factor(self) -> Array:

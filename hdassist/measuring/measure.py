@@ -258,6 +258,11 @@ class Measurement:
     torque: RecordedTorque | None = None
 
     @property
+    def is_of_travel(self) -> bool:
+        """Whether the error counts in less than the full cycle."""
+        return self.gearing is not None and self.gearing.travel is not None
+
+    @property
     def F_ior_arcsec(self) -> float:
         """F'_ior: the greater one of both directions."""
         return self.directions[0].range.value
@@ -274,19 +279,22 @@ def measure(
     seed: int = 0,
     together: bool = False,
     may_be_noise: bool = False,
+    travel_deg: float | None = None,
 ) -> Measurement:
     """F'_ior, orders and coverage of a measured trace.
 
     Arguments: trace; drive or ratio, for cycle, coverage and beats with the output; orders per cam turn, rising, to
     which the error is limited (None: 1 to 12, or as far as the steps of the angle resolve them); drift, none, linear
     or quadratic, to take off; stated, standard uncertainties [arcsec] by source; seed of the bootstrap;
-    together, both directions as one, which is then 0; may_be_noise, whether F'_ior need not be clear of its noise.
+    together, both directions as one, which is then 0; may_be_noise, whether F'_ior need not be clear of its noise;
+    travel_deg, of the output: F'_ior is the range of the error there, and slow terms are part of it.
     Raises UsageError: a wrong argument; DataError: less than one cam turn in one direction; UntrustedError: orders that
     the record does not resolve, or an F'_ior that is not clear of its noise.
     """
     require_drift(drift)
     gearing = gearing_of(drive, ratio)
-    ratio = gearing.ratio if gearing else USUAL_RATIO
+    gearing = gearing and gearing.within(travel_deg)
+    ratio, is_travel = (gearing.ratio, gearing.travel is not None) if gearing else (USUAL_RATIO, False)
     notes, warnings = list(trace.notes), []
     cleaned, directions = trace, []
     torque = None if trace.load is None else RecordedTorque.of(trace.load)
@@ -302,8 +310,9 @@ def measure(
             declared = _declared(own, orders, notes)
             bins = bins_of(own, declared[-1])
             slow = SlowTerms(DRIFTS[drift])
+            if is_travel or not together:
+                slow = slow_terms(bins.span, ratio, slow.degree, is_travel=is_travel)
             if not together:
-                slow = slow_terms(bins.span, ratio, slow.degree)
                 slow = replace(slow, over=("speed",) * (trace.time_s is not None and speed_changes(bins)))
             fit = _fit(bins, declared, ratio, slow, notes)
             if torque and torque.changes and torque.by != "catalogue":
@@ -382,7 +391,8 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
 def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, notes: list[str]) -> TraceFit:
     """Fit with beats where the record resolves them and has bins enough, else without."""
     with_beats, without = (
-        order_grid(declared, bins.span, ratio, beats=beats, slow=not slow.by_angle) for beats in (True, False)
+        order_grid(declared, bins.span, ratio, beats=beats, slow=not slow.by_angle, is_travel=slow.ridge > 0)
+        for beats in (True, False)
     )
     if len(with_beats) > len(without) and len(bins) >= BINS_PER_COLUMN * 2 * (2 * len(with_beats) + 4):
         try:
@@ -419,7 +429,7 @@ def _sweep_result(
         cycle = gearing.cycle * per_turn
         visited = np.unique(np.mod(places, cycle))
         steps = int(np.isin(np.mod(visited + 1, cycle), visited).sum())  # from one visited place to the next
-        visits = Coverage(steps / per_turn, steps / cycle)
+        visits = Coverage(steps / per_turn, min(1.0, steps / per_turn / gearing.cam_turns))
         if bins.span >= WHOLE_TURN * gearing.ratio and not len(fit.lines):
             places = visited
     grid = places / per_turn

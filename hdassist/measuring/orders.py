@@ -21,6 +21,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 
+FULL_CYCLE_DEG = 720.0  # of the output, at most
 LEAST_RATIO, GREATEST_RATIO = 10.0, 1000.0
 RATIO_ROUNDING = 1e-9
 FULL_SHARE = 0.95  # share from which the cycle counts as visited
@@ -33,6 +34,8 @@ DRIFTING = 4.0  # cam turns: from here on one order to either side stands for be
 SIZE_ITERATIONS = 8  # of the size of beats that a record leaves open
 UNSEEN_FACTOR = 2.5  # ovals of both wheels cancel more often than beats that are drawn: found with solved cycles
 WHOLE_TURN = 0.97  # of an output turn: a record that has its beats
+TRAVEL_GAP = 0.6  # of the resolution, between orders of a travel
+TRAVEL_RIDGE = 1e-7  # of the normal equations: in the travel, the curve moves by less than its noise
 LINE_CAUSE = "none of the orders, or not told apart from one: ball pass, cage, rig"
 BEAT_CAUSE = "beats of an order with the output, or a line: part of an output turn does not tell them apart"
 LINE_WIDTH = 1.5  # of the resolution, to either side: a wave's own peak
@@ -45,10 +48,29 @@ CAM_CAUSE = "once per cam turn: also the cam's encoder"
 
 @dataclass(frozen=True)
 class Gearing:
-    """Cam turns per output turn (without sign), and cam turns of the full cycle."""
+    """Cam turns per output turn (without sign), of the full cycle, and of the travel, where that is less.
+
+    travel: None where the drive turns through its full cycle.
+    """
 
     ratio: float
     cycle: int
+    travel: float | None = None
+
+    @property
+    def cam_turns(self) -> float:
+        """Turns of the cam whose error counts: of the travel, or of the full cycle."""
+        return self.travel or self.cycle
+
+    @property
+    def travel_deg(self) -> float | None:
+        """Travel of the output."""
+        return self.travel and 360 * self.travel / self.ratio
+
+    def within(self, travel_deg: float | None) -> Gearing:
+        """The same of a drive whose output turns through so many degrees; None for the full cycle."""
+        travel = (travel_deg or FULL_CYCLE_DEG) / 360 * self.ratio
+        return replace(self, travel=travel if travel < self.cycle else None)
 
     @property
     def cycle_output(self) -> int:
@@ -125,12 +147,14 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
     return tuple(sorted(orders))
 
 
-def slow_terms(turns: float, ratio: float, degree: int) -> SlowTerms:
+def slow_terms(turns: float, ratio: float, degree: int, *, is_travel: bool = False) -> SlowTerms:
     """Slow terms of a record over turns of the cam: a drift of a degree, or more where it is part of an output turn.
 
     There a drift and the orders of the output, up to SLOW_ORDERS a turn of it, look alike, and polynomials stand for
-    both.
+    both, unless the record is all of the travel: then slow terms are error, and all orders are those of whole turns.
     """
+    if is_travel:
+        return SlowTerms(degree, ridge=TRAVEL_RIDGE)
     part = turns / ratio
     if turns < DRIFTING or part >= WHOLE_TURN:
         return SlowTerms(degree)
@@ -138,16 +162,27 @@ def slow_terms(turns: float, ratio: float, degree: int) -> SlowTerms:
 
 
 def order_grid(
-    declared: Sequence[float], turns: float, ratio: float, *, beats: bool = True, slow: bool = True
+    declared: Sequence[float],
+    turns: float,
+    ratio: float,
+    *,
+    beats: bool = True,
+    slow: bool = True,
+    is_travel: bool = False,
 ) -> Array:
     """Orders per cam turn to fit, rising, shape (orders,).
 
     Arguments: declared orders; turns of the cam that the record spans; ratio; beats,
-    whether to put them around the declared orders, as far as the record resolves them; slow, and around 0.
+    whether to put them around the declared orders, as far as the record resolves them; slow, and around 0; is_travel,
+    whether they are those of whole turns, or nearer than the record resolves: its curve has no period then.
     """
     base = 1 / ratio
     width = BEATS * base
-    step = base if turns * base >= WHOLE_TURN else 1 / turns
+    if is_travel:
+        step = max(base, TRAVEL_GAP / turns)
+        width = step * np.ceil(width / step - 1e-9)
+    else:
+        step = base if turns * base >= WHOLE_TURN else 1 / turns
     count = max(int(width / step + 1e-9), int(turns >= DRIFTING)) if beats else 0
     around = np.arange(-count, count + 1) * step
     every = np.concatenate([around[around > 0] if slow else [], *(order + around for order in declared)])

@@ -164,6 +164,11 @@ def _record_facts(result: Correction) -> Iterator[tuple[str, str]]:
         fitted = ", ".join([*(each.path for each in unknowns(result.drive)), "values in doubt (docs/correct.md)"])
         yield "fitted", f"{fitted}; misfit {100 * result.misfit:.0f} % of the error"
         yield "measure", "the full cycle: it needs no fit"
+    elif ends := result.recorded_deg:
+        words = (
+            f"{ends[0]:.1f} to {ends[1]:.1f}° of the output; beyond its ends the correction goes on, without a promise"
+        )
+        yield "record", f"at {recorded} N·m, {words}"
     elif recorded:
         yield "record", f"at {recorded} N·m, whose angles the correction has"
     if not result.drive and turns[0] < TOLD_NOISE_CYCLES * cycle:

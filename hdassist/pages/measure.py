@@ -59,6 +59,7 @@ _CYCLE: Quantities[Gearing] = (
     Quantity("ratio", digits="g"),
     Quantity("cam_revolutions", "full cycle", digits="", value="cycle"),
     Quantity("output_revolutions", "full cycle", "output turns", "", "cycle_output"),
+    Quantity("travel_deg", "travel of the output", "deg", "g"),
 )
 
 
@@ -112,6 +113,7 @@ def measure_report(result: Measurement, drive: Drive | None, options: Sequence[s
     Arguments: drive, None where it is not known; options by which the file was read, for the next command.
     """
     found, *others = result.directions
+    travel = f" over {result.gearing.travel_deg:.4g}° of travel" if result.gearing and result.gearing.travel else ""
     trace, gearing, reversal, lag = result.trace, result.gearing, result.reversal, result.lag
     return Report(
         command="measure",
@@ -119,7 +121,7 @@ def measure_report(result: Measurement, drive: Drive | None, options: Sequence[s
         head=f"{trace.file}, {len(trace.line)} rows" + (f", {drive.name}" if drive else ""),
         verdict=f"F'_ior at least {found.interval_arcsec[0]:.2f}″"
         if found.is_bound
-        else f"F'_ior {found.range.value:.2f}″",
+        else f"F'_ior {found.range.value:.2f}″{travel}",
         why=tuple(_lower_bound(result, found)),
         blocks=(
             Table.by_row("", _ON_PAGE, result.directions, words=(0,)),
@@ -154,6 +156,8 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
     """Why F'_ior is a lower bound; empty of the full cycle."""
     if found.coverage is None or result.gearing is None:
         yield f"a lower bound: {found.bins.span:.2f} cam turns; without --drive or --ratio the cycle is unknown"
+    elif found.is_bound and result.gearing.travel:
+        yield f"a lower bound: {100 * found.coverage.share:.1f} % of {result.gearing.travel_deg:.4g}° of travel visited"
     elif found.is_bound:
         cycle, output = result.gearing.cycle, result.gearing.cycle_output
         turns = f"{cycle} cam turns, {output} output turn{'s' * (output != 1)}"
@@ -191,7 +195,8 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> 
     yield "measure", f"not in u: {', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
     if file != STDIN:
-        command, record = ("compare", file) if found.is_bound else ("mount", f"h0={file}")
+        is_cycle = result.gearing and not (found.is_bound or result.gearing.travel)
+        command, record = ("compare", file) if not is_cycle else ("mount", f"h0={file}")
         yield "next", again(command, drive, record, *options)
 
 

@@ -46,7 +46,7 @@ def plan_report(choice: PlanChoice) -> Report:
     """Which test of F'_ior of a drive is enough, and how much the first of the plans sees."""
     drive, drives, first = choice.drive, choice.drives, choice.judged[0].plan
     limit, F_ior = drive.limit(choice.M_g), drives.percentiles(drives.F_ior_arcsec)
-    if choice.samples:  # the range that every page has
+    if choice.samples and not drives.travel:  # the range that every page has
         belief = ErrorBelief.of(choice.samples, drive.operation.M_g.index(choice.M_g))
         F_ior = belief.p5, belief.p50, belief.p95
     names = " or a ".join(each.plan.name for each in choice.enough)
@@ -108,8 +108,10 @@ def plan_report(choice: PlanChoice) -> Report:
 def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterator[str]:
     first, drives, wrong = choice.judged[0], choice.drives, choice.drives.demands.wrong
     low, _, high = map(_percent, first.seen)
-    F_ior = "{0:.1f} to {2:.1f}".format(*F_ior_arcsec) if choice.samples else f"{F_ior_arcsec[0]:.1f}"
-    yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior}″), teeth taken as smooth"
+    is_range = choice.samples or drives.travel
+    F_ior = "{0:.1f} to {2:.1f}".format(*F_ior_arcsec) if is_range else f"{F_ior_arcsec[0]:.1f}"
+    of_travel = f" over {360 * drives.travel:.4g}° of travel" if drives.travel else ""
+    yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior}″){of_travel}, teeth taken as smooth"
     risk, beyond = first.false_pass, drives.beyond
     if not risk or not beyond:
         yield f"enough without a --limit: to see {100 * SEEN_SHARE:g} % of F'_ior in {100 * (1 - wrong):g} % of cases"

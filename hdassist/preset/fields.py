@@ -494,6 +494,7 @@ class Acceptance(Section):
     turn_range: PerTorque
     self_error: PerTorque
     order_amplitude: PerOrder
+    travel: float
     rule: Literal["guard", "simple"]
 
 

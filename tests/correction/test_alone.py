@@ -210,3 +210,36 @@ def by_rows(folder: Path, reading):
     lines = [line for line in (folder / "table.h").read_text().splitlines() if not line.startswith("#")]
     at, error = np.array([line.split(",") for line in lines[1:]], float).T
     return np.interp(reading, at, error, period=360)
+
+
+@pytest.mark.parametrize(("travel_deg", "ratio"), [(300.0, 100.0), (120.0, 99.5)])
+def test_a_joint_s_record_gives_a_table_over_its_travel(tmp_path, travel_deg, ratio):
+    # refused before: 83 and 33 % of a cycle, in which lines that lie close together are not told apart
+    rng = np.random.default_rng(round(travel_deg))
+    start, count = 20.0, round(travel_deg / 360 * ratio * 120)
+
+    def error(turns):
+        cam, output = 2 * np.pi * turns, 2 * np.pi * turns / ratio
+        oval = 10 * np.cos(2 * cam + 1) * (1 + 0.4 * np.cos(output + 2))
+        return oval + 3 * np.cos(cam + 0.5 * np.sin(output)) + 6 * np.cos(output + 3)
+
+    turns = start + np.arange(count) / 120
+    rows = np.column_stack([360 * turns, error(turns) + 0.2 * rng.standard_normal(count)])
+    np.savetxt(tmp_path / "run.csv", rows, fmt="%.6f", delimiter=",", header="cam_deg,error_arcsec", comments="")
+    options = ["--ratio", f"{ratio:g}", "--travel", f"{travel_deg:g}", "--torque", "80", "--form", "output"]
+    options += ["--output-turns", "with", "--error-is", "output-cam"]
+    written = ["--csv", str(tmp_path / "table.csv"), "--write", f"csv={tmp_path / 'plain.csv'}"]
+    answer = run("compensate", str(tmp_path / "run.csv"), *options, *written, "--json")
+    assert answer.returncode == 0, answer.stderr
+    promised = json.loads(answer.stdout)["correction"]["expected"][0]
+    table = np.genfromtxt(tmp_path / "table.csv", delimiter=",", names=True)
+    fine = start + np.arange(round(travel_deg / 360 * ratio * 400)) / 400
+    taken = np.interp(360 * fine / ratio, table["output_deg"], table["error_arcsec"], period=360)
+    left = np.ptp(error(fine) - taken)
+    assert left < promised["p95"] < 0.3 * np.ptp(error(fine))
+    ends = 360 * start / ratio, 360 * start / ratio + travel_deg
+    assert f"recorded from {ends[0]:.4g}" in (tmp_path / "plain.csv").read_text()
+    assert np.abs(table["error_arcsec"]).max() < np.abs(error(fine)).max() + 2
+    refused = run("compensate", str(tmp_path / "run.csv"), *options[:2], *options[4:])
+    assert refused.returncode == 5
+    assert "--travel" in refused.stderr

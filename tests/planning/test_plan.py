@@ -133,3 +133,19 @@ def test_plans_of_a_drive_with_unknown_directions():
     assert choice.judged[0].plan == ReadingPlan.positions(12)
     assert sum(line.variance_share for line in choice.lines) == pytest.approx(1, abs=0.1)
     assert all(line.per_output_turn.is_integer() for line in choice.lines)  # a cycle of one turn
+
+
+def test_a_plan_of_a_joint_is_of_its_travel():
+    drive = load_preset(SMALL)
+    whole, joint = (choose_plan(drive, draws=0, travel_deg=travel).drives for travel in (None, 60.0))
+    assert whole.travel is None
+    assert joint.F_ior_arcsec.shape == joint.starts.shape
+    assert joint.F_ior_arcsec.max() <= whole.F_ior_arcsec.max() + 1e-9
+    assert joint.F_ior_arcsec.min() < whole.F_ior_arcsec.min()
+    points = joint.curves.shape[1]
+    start = int(joint.starts[0, 0] * points)
+    own = np.ptp(joint.curves[0][(start + np.arange(points // 6)) % points])
+    assert own <= joint.F_ior_arcsec[0, 0] <= 1.1 * own
+    plan = ReadingPlan.record(60 / 360 * 30, 30)
+    assert joint.judge(plan).verdict == "PASS"
+    assert plan.sees_all(joint.travel)
