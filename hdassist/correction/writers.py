@@ -174,17 +174,16 @@ def about_lines(
     for_torque = f"for {table.M_g:g} N*m"
     if table.other_M_g is not None:
         for_torque += f" counting up, {table.other_M_g:g} N*m counting down"
-    ends = sorted(axis.zero_deg + axis.sense * each for each in table.recorded_deg or ())
+    travel = []
+    if table.recorded_deg:
+        low, high = sorted(axis.zero_deg + axis.sense * each for each in table.recorded_deg)
+        travel = [f"recorded from {low:.6g} to {high:.6g} deg of the output: beyond, continued without a promise"]
     lines = [
         f"hdassist {__version__}: correction of the kinematic error, {controller.name}, axis {axis.name}",
         f"preset {table.preset or '-'}, sha256 {preset_sha256 or '-'}",
         f"{for_torque}; {table.turn} turn, {table.points} points, straight lines between",
         *worm,
-        *(
-            f"recorded from {low:.6g} to {high:.6g} deg of the output: beyond, continued without a promise"
-            for low, high in [ends]
-            if ends
-        ),
+        *travel,
         f"zero: the axis reads {axis.zero_deg:.6g} deg where cam and output stand at zero (phi_h = 0)",
         f"counts up {way} seen from the cam side; error = actual less ideal angle of the output, taken off",
         *(
