@@ -259,6 +259,7 @@ def _values(result: Comparison) -> Json:
 
 
 NAMED_PATHS = 6  # in a line
+NO_ERROR = 1e-9  # arcsec
 LARGEST_SHARE = 100.0  # of F'_ior of A: a greater one says that A has hardly any error
 DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "better", "most by")
 
@@ -275,7 +276,7 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
         verdict=verdict,
         blocks=(
             Table(
-                "F'_ior, ″: median (5 to 95 %); better: probability of less than A",
+                "F'_ior, ″: median (5 to 95 %); against A: of the medians; better: probability of less",
                 DRIVE_HEADS,
                 tuple(_drive_rows(result)),
                 words=(0, 6),
@@ -320,23 +321,27 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
     """A cell for each of DRIVE_HEADS of each drive at each torque."""
     for k in range(len(result.torques)):
         for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
-            change, most = _change(changes, k) if changes else (NO_VALUE, NO_VALUE)
-            better = changes.probability_better[k] if changes else None
-            percent = NO_VALUE if better is None else f"{100 * better:.0f} %"
+            change, better, most = _against(result, sheet, changes, k) if changes else [NO_VALUE] * 3
             best, point = sheet.advice.choice.target, sheet.check.points[k]
             mounted = f"{best.F_ior_arcsec[k]:.1f}, {hole_place(best)}"
-            yield letter, f"{point.M_g:g} N·m", F_ior_words(point, ".1f"), mounted, change, percent, most
+            yield letter, f"{point.M_g:g} N·m", F_ior_words(point, ".1f"), mounted, change, better, most
 
 
-def _change(changes: DriveChanges, k: int) -> tuple[str, str]:
-    """How F'_ior changes from A at a torque by its place, and the field that alone does most."""
+def _against(result: DrivesComparison, sheet: DriveSheet, changes: DriveChanges, k: int) -> tuple[str, str, str]:
+    """How F'_ior changes from A at a torque by its place, how sure less is, and the field that alone does most."""
+    odds = changes.probability_better[k]
     most = max(changes.single, key=lambda change: abs(change.change_arcsec[k]), default=None)
-    sense, share = changes.F_ior_is[k], changes.together.share[k]
-    if sense == NOT_KNOWN and changes.probability_better[k] is not None:
-        sense = "less" if changes.together.change_arcsec[k] < 0 else "more"
-    plain = sense == "the same" or share > LARGEST_SHARE
-    words = "open" if sense == NOT_KNOWN else sense if plain else f"{100 * share:.0f} % {sense}"
-    return words, most.field if most else NO_VALUE
+    better = NO_VALUE if odds is None else f"{100 * odds:.0f} %"
+    return _change(result, sheet, changes, k), better, most.field if most else NO_VALUE
+
+
+def _change(result: DrivesComparison, sheet: DriveSheet, changes: DriveChanges, k: int) -> str:
+    """The change from A in per cent, of the medians of F'_ior; in a word where that says more."""
+    sense, before = changes.F_ior_is[k], result.sheets[0].check.points[k].F_ior_or_error
+    share = sheet.check.points[k].F_ior_or_error / max(before, NO_ERROR) - 1
+    if sense == NOT_KNOWN and changes.probability_better[k] is None:
+        return "open"
+    return sense if sense == "the same" else "more" if share > LARGEST_SHARE else f"{100 * share:+.0f} %"
 
 
 def _loads(result: DrivesComparison) -> list[str]:
@@ -350,8 +355,9 @@ def _verdict(result: DrivesComparison) -> str:
     """The drive to take, how sure that is, and the change of each but A, at each of several torques."""
     letters, verdicts = [*_lettered(result)], []
     loads = [f" at {load}" * (len(result.torques) > 1) for load in _loads(result)]
-    for letter, changes in zip(letters[1:], result.changes, strict=True):
-        verdicts.append(f"{letter} " + ", ".join(_change(changes, k)[0] + load for k, load in enumerate(loads)))
+    for letter, sheet, changes in zip(letters[1:], result.sheets[1:], result.changes, strict=True):
+        words = (_change(result, sheet, changes, k) + load for k, load in enumerate(loads))
+        verdicts.append(f"{letter} {', '.join(words)}")
     odds = result.probability_best
     drawn = odds is not None and any(sheet.check.samples for sheet in result.sheets)
     sure = f", {100 * (odds or 0.0):.0f} % sure" * drawn

@@ -95,7 +95,7 @@ def test_the_numbers_are_those_of_the_drives_alone(better):
 def test_the_answer_alone_is_the_change_of_each_drive(better):
     values = [sheet.check.points[0].error.F_ior_arcsec for sheet in better.sheets]
     report = drives_report(better, 0)
-    assert report.verdict == report.line == f"take B: B {100 * (1 - values[1] / values[0]):.0f} % less"
+    assert report.verdict == report.line == f"take B: B {100 * (values[1] / values[0] - 1):+.0f} %"
 
 
 def test_where_no_torque_is_common_each_drive_has_the_same_share_of_its_rated_torque():
@@ -142,8 +142,8 @@ def test_a_change_that_unknown_inputs_could_reverse_is_open(better):
     assert ": keep A: B open F'_ior" not in page()
     assert ": take B: B open F'_ior" in page(probability_better=(None,))
     likely = page(probability_better=(0.8,))
-    assert re.search(r": take B: B \d+ % less F'_ior", likely)
-    assert re.search(r"% less 80 % tolerances.F_i2", likely)
+    assert re.search(r": take B: B -\d+ % F'_ior", likely)
+    assert re.search(r" -\d+ % 80 % tolerances.F_i2", likely)
     assert "open unknown inputs could reverse this change" in likely
 
 
@@ -321,11 +321,11 @@ def test_each_of_three_drives_has_as_built_mounted_best_and_its_field_on_one_scr
     lines = page.splitlines()
     share = 100 * better.changes[0].together.share[0]
     files = ", ".join(f"{letter} {SMALL}" for letter in "ABC")
-    assert " ".join(page.split()).startswith(f"{files}: take B: B {share:.0f} % less; C {share:.0f} % less ")
+    assert " ".join(page.split()).startswith(f"{files}: take B: B {-share:+.0f} %; C {-share:+.0f} % ")
     for letter, sheet in zip("ABC", three.sheets, strict=True):
         built = sheet.check.points[0].error.F_ior_arcsec
         best = sheet.advice.choice.target
-        change = r"- +- +-$" if letter == "A" else rf"{share:.0f} % less +100 % +tolerances.F_i2$"
+        change = r"- +- +-$" if letter == "A" else rf"{-share:+.0f} % +100 % +tolerances.F_i2$"
         row = rf"^{letter} +4 N·m +{built:.1f} +{best.F_ior_arcsec[0]:.1f}, hole {best.hole} +{change}"
         assert re.search(row, page, re.MULTILINE), row
     assert len(lines) <= 24
