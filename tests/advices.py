@@ -16,7 +16,7 @@ from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import MountingCurve
 from hdassist.mounting.posterior import Trial, TrialSetup
 from hdassist.pages.card import Card, card_of
-from hdassist.pages.mount import mount_card_facts
+from hdassist.pages.mount import mount_warnings
 from hdassist.readers.pitch import ASSUMED
 from hdassist.solve.answers import EMPTY
 from hdassist.terminal.words import texts
@@ -97,8 +97,5 @@ TRIALS = [Trial(0.0, 28.1), Trial(120.0, 17.35), Trial(245.3, 24.9)] * 3  # more
 
 
 def card(advice: Advice, language: str = "en", serial: str = "", trials: Sequence[Trial] = ()) -> Card:
-    say = texts(language)
-    facts = mount_card_facts(advice, say)
-    if trials:
-        facts = replace(facts, M_g=1.0, trials=tuple(trials))
-    return card_of(facts, say, serial=serial, made=MADE)
+    say, warnings = texts(language), mount_warnings(advice, texts(language))
+    return card_of(replace(advice, trials=tuple(trials)), say, warnings, serial=serial, made=MADE)

@@ -15,7 +15,6 @@ from hdassist.verdict import SURE
 if TYPE_CHECKING:
     from hdassist.mounting.advice import Advice
     from hdassist.mounting.posterior import Trial
-    from hdassist.pages.card import CardFacts
     from hdassist.preset.fields import Drive
     from hdassist.readers.pitch import WheelFiles
     from hdassist.terminal.output import Output
@@ -91,9 +90,7 @@ class MountCommand(
 
         code = give("mount", run_each("mount", [self.preset], one, out), out)
         if card and advices:
-            from hdassist.pages.mount import mount_card_facts
-
-            write_text(card.path, card.text(mount_card_facts(advices[0], card.say)), card.force)
+            write_text(card.path, card.text(advices[0]), card.force)
         return code
 
     def _advice(self, out: o.Output) -> Advice:
@@ -223,10 +220,12 @@ class CardFile:
             raise UsageError(f"a serial number has up to {SERIAL} printable characters")
         return cls(path, kind, say, serial.strip())
 
-    def text(self, facts: CardFacts) -> str:
-        """The card as its file has it."""
+    def text(self, advice: Advice) -> str:
+        """The card of an advice as its file has it."""
         from hdassist.pages.card import card_of
+        from hdassist.pages.mount import mount_warnings
         from hdassist.pages.report import card_html, card_text
 
-        card = card_of(facts, self.say, serial=self.serial, made=date.today())
+        warnings = mount_warnings(advice, self.say)
+        card = card_of(advice, self.say, warnings, serial=self.serial, made=date.today())
         return card_html(card) if self.kind == ".html" else card_text(card, ascii=self.ascii)

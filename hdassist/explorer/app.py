@@ -54,7 +54,6 @@ from hdassist.explorer.state import Session, about_field, stepped
 from hdassist.loading.write import with_changes
 from hdassist.model.unknown import unknowns
 from hdassist.mounting.positions import hole_words, usable_positions
-from hdassist.pages.mount import mount_card_facts
 from hdassist.pages.report import report_html, report_markdown
 from hdassist.plaintext import visible
 from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
@@ -163,10 +162,9 @@ class Exporting(Asking):
             self.notify(f"no card: {why}", severity="warning")
             return
         say = texts()
-        facts = mount_card_facts(advice, say)
         hint = f"{', '.join(CARD_SUFFIXES)}; from {'the measured values' if advice.trials else 'the prediction'}"
         name = self.named("-card.html")
-        self.ask_file("assembly card", name, hint, lambda path: CardFile.named(path, say, "").text(facts))
+        self.ask_file("assembly card", name, hint, lambda path: CardFile.named(path, say, "").text(advice))
 
     def ask_file(
         self, title: str, name: str, hint: str, text: Callable[[str], str], written: Callable[[], object] = str

@@ -4,11 +4,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from datetime import date
 
-from hdassist.belief.statistics import Probability
-from hdassist.model.deviations import MeasuredTeeth
-from hdassist.mounting.decision import Word
+from hdassist.model.deviations import standing_offset
+from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import Choice, Position, hole_of
-from hdassist.mounting.posterior import Trial
 from hdassist.preset.fields import Drive, origin_counts
 from hdassist.preset.yamltext import shown
 from hdassist.report import Block, Facts, Hole, Lines, Paragraph, Seat, SeatMark, Table
@@ -102,33 +100,6 @@ CARD_TRIALS = 8  # that a card has room for
 
 
 @dataclass(frozen=True)
-class CardFacts:
-    """Contents of a card, of any advice.
-
-    choice, and word for it; cam_deg, direction of the cam offset, None where it has none that is known; measured
-    wheels; probability that the choice is right, and cost, share of F'_ior that a turn earns then, None where it is not
-    known; high_arcsec, 95th percentile of F'_ior in the hole at each torque; to_try, where to measure if it comes out
-    wrong; correction, words for the stored one that the drive is to have; open_: number of values that were drawn;
-    warnings, in the reader's language; trials, measured at M_g [N*m]: then the wheel lies in the last of them, and
-    turns count from before the first.
-    """
-
-    choice: Choice
-    word: Word
-    cam_deg: float | None
-    measured: MeasuredTeeth | None = None
-    probability: Probability | None = None
-    cost: float = 0.0
-    high_arcsec: tuple[float, ...] | None = None
-    to_try: tuple[Position, ...] = ()
-    correction: str = ""
-    open_: int = 0
-    warnings: tuple[str, ...] = ()
-    M_g: float | None = None
-    trials: tuple[Trial, ...] = ()
-
-
-@dataclass(frozen=True)
 class Card:
     """One page for the bench.
 
@@ -154,38 +125,39 @@ class Card:
         return tuple(getattr(self, each.name) for each in fields(self)[2:])
 
 
-def card_of(facts: CardFacts, say: Texts, *, serial: str = "", made: date) -> Card:
+def card_of(advice: Advice, say: Texts, warnings: Sequence[str] = (), *, serial: str = "", made: date) -> Card:
     """The card of an advice that is complete.
 
-    Arguments: facts; say, the texts of a language; serial, number of the drive; made, date of making.
+    Arguments: advice, after trials with the wheel in the last of them, and turns that count from before the first; say,
+    the texts of a language; warnings in it; serial, number of the drive; made, date of making.
     """
-    if facts.trials:
+    if advice.trials:
         say = say.variant("trials")
-    choice, order = facts.choice, after_trials if facts.trials else instruction
-    seat = seat_of(choice, say, choice.chosen if choice.turn else None, tuple(_pointers(facts, say)))
+    choice, order = advice.choice, after_trials if advice.trials else instruction
+    seat = seat_of(choice, say, choice.chosen if choice.turn else None, tuple(_pointers(advice, say)))
     return Card(
         language=say.language,
         title=say("card.title"),
-        subject=_subject(facts, say, serial),
+        subject=_subject(advice, say, serial),
         instruction=Paragraph(order(choice, say, gains=False)),
         seat=seat,
         directions=Lines(
             "", tuple(f"{p.letter}: {p.words}, {say.angle(round(p.angle_deg, 1))}" for p in seat.pointers)
         ),
         torques=_torques(choice, say),
-        chance=Lines(f"{say('chance.title')}: {say(f'word.{facts.word}')}", tuple(_chances(facts, say))),
-        checks=Lines(say("checks.title"), tuple(_checks(facts, say)), "[ ]"),
-        warnings=Lines(say("warnings.title"), tuple(_warnings(facts.warnings, say)), "!"),
+        chance=Lines(f"{say('chance.title')}: {say(f'word.{advice.word}')}", tuple(_chances(advice, say))),
+        checks=Lines(say("checks.title"), tuple(_checks(advice, say)), "[ ]"),
+        warnings=Lines(say("warnings.title"), tuple(_warnings(warnings, say)), "!"),
         sign=Facts(((say("sign.date"), ""), (say("sign.name"), ""))),
-        foot=Lines("", tuple(_foot(facts, say, made))),
+        foot=Lines("", tuple(_foot(advice, say, made))),
     )
 
 
-def _subject(facts: CardFacts, say: Texts, serial: str) -> Facts:
-    drive = facts.choice.drive
+def _subject(advice: Advice, say: Texts, serial: str) -> Facts:
+    drive = advice.drive
     gears, holes, fixed = drive.gears, drive.mounting.holes, wheel(drive, say)
     symbol, deviation = ("xi_b", "F'_i2") if drive.mounting.fixed == "rigid" else ("xi_g", "F'_i1")
-    measured = facts.measured and facts.measured.fixed(drive)
+    measured = advice.measured and advice.measured.fixed(drive)
     known = drive.mounting.mark_kind if drive.value(f"phases.{symbol}") is not None else "unknown"
     kind = "tooth" if measured else known
     tooth = measured.pitch.mark if measured else None
@@ -202,11 +174,11 @@ def _subject(facts: CardFacts, say: Texts, serial: str) -> Facts:
     return Facts(tuple((say(f"card.{name}"), text) for name, text in rows.items()))
 
 
-def _pointers(facts: CardFacts, say: Texts) -> Iterator[SeatMark]:
+def _pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
     """Directions of the mark now and afterwards (one where they are the same), and of the cam offset if it has one."""
-    drive, turned = facts.choice.drive, facts.choice.target.rotation_deg
+    drive, turned = advice.drive, advice.choice.target.rotation_deg
     rigid = drive.mounting.fixed == "rigid"
-    measured = facts.measured and facts.measured.fixed(drive)
+    measured = advice.measured and advice.measured.fixed(drive)
     mark = measured.mark_deg if measured else drive.value("phases.xi_b" if rigid else "phases.xi_g")
     if mark is None:
         pass  # nobody knows where it points
@@ -215,8 +187,10 @@ def _pointers(facts: CardFacts, say: Texts) -> Iterator[SeatMark]:
         yield SeatMark("after", (mark % 360 + turned) % 360, "b", say("pointer.after"))
     else:
         yield SeatMark("after", mark % 360, "b", say("pointer.stays"))
-    if facts.cam_deg is not None:
-        yield SeatMark("cam", facts.cam_deg % 360, "c", say("pointer.cam", symbol="e_hb" if rigid else "e_hg"))
+    offset, cam = standing_offset(drive)
+    cam_deg = advice.after.facing[0] if advice.after else drive.value(cam) if drive.value(offset) else None
+    if cam_deg is not None:
+        yield SeatMark("cam", cam_deg % 360, "c", say("pointer.cam", symbol="e_hb" if rigid else "e_hg"))
 
 
 def _torques(choice: Choice, say: Texts) -> Table:
@@ -229,21 +203,22 @@ def _torques(choice: Choice, say: Texts) -> Table:
     return Table(say("torques.title"), tuple(say(f"torques.{name}") for name in names), tuple(rows))
 
 
-def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
+def _chances(advice: Advice, say: Texts) -> Iterator[str]:
     """How sure the choice is, what to do if it comes out wrong, and what it rests on."""
-    choice, found = facts.choice, facts.probability
-    if facts.word == "ANY_HOLE":
+    choice, found = advice.choice, advice.decision
+    if advice.word == "ANY_HOLE":
         yield say("chance.any")
-    elif not found:
+    elif not found.is_sampled:
         yield say("chance.given")
     else:
-        cost = say.percent(facts.cost)
         name = "chance.turn" if choice.turn else "chance.leave"
-        yield say(name, count=facts.open_, cost=cost, sure=say.percent(found.value))
-    holes = ", ".join(hole_place(p, say) for p in facts.to_try or (choice.current,))
-    if facts.high_arcsec:
+        odds = {"cost": say.percent(found.cost), "sure": say.percent(found.probability.value)}
+        yield say(name, count=len(advice.open_), **odds)
+    to_try = [advice.next] if advice.trials else advice.to_try
+    holes = ", ".join(hole_place(p, say) for p in [p for p in to_try if p] or [choice.current])
+    if found.is_sampled:
         k = min(range(len(choice.torques)), key=lambda k: abs(choice.torques[k]))
-        high, torque = say.number(facts.high_arcsec[k], ".1f"), say.torque(choice.torques[k])
+        high, torque = say.number(found.quantile(0.95, found.best)[k], ".1f"), say.torque(choice.torques[k])
         yield say("chance.wrong", high=high, torque=torque, holes=holes)
     else:
         yield say("chance.worse", holes=holes)
@@ -251,15 +226,15 @@ def _chances(facts: CardFacts, say: Texts) -> Iterator[str]:
     yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
 
 
-def _checks(facts: CardFacts, say: Texts) -> list[str]:
-    chosen, place = facts.choice.chosen, ["place_first"] if facts.trials else []
-    if facts.choice.turn:
+def _checks(advice: Advice, say: Texts) -> list[str]:
+    chosen, place = advice.choice.chosen, ["place_first"] if advice.trials else []
+    if advice.choice.turn:
         place = ["place_angle" if chosen.hole is None else "place_hole"]
     names = ("clean", "pilot", *place, "free", "screws", "mesh")
     found = [say(f"checks.{name}", turn=turn(chosen, say), hole=chosen.hole) for name in names]
-    target = facts.choice.target
+    target = advice.choice.target
     where = place_at(target.rotation_deg, target.hole, say)
-    return found + [say("checks.correction", where=where)] * bool(facts.correction)
+    return found + [say("checks.correction", where=where)] * bool(advice.correction)
 
 
 def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:
@@ -270,28 +245,28 @@ def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:
     return (say("warning.preset", count=len(origin.warnings)),) if origin.warnings else ()
 
 
-def _warnings(found: tuple[str, ...], say: Texts) -> Iterator[str]:
+def _warnings(found: Sequence[str], say: Texts) -> Iterator[str]:
     yield from map(_cut, found[:WARNINGS])
     if len(found) > WARNINGS:
         yield say("warnings.more", count=len(found) - WARNINGS)
 
 
-def _foot(facts: CardFacts, say: Texts, made: date) -> Iterator[str]:
-    drive = facts.choice.drive
-    if facts.trials:
+def _foot(advice: Advice, say: Texts, made: date) -> Iterator[str]:
+    drive = advice.drive
+    if advice.trials:
         trials = [
             say(
                 "foot.trial",
                 where=place_at(t.rotation_deg, hole_of(t.rotation_deg, drive.mounting.holes), say),
                 value=say.number(t.F_ior_arcsec),
             )
-            for t in facts.trials[:CARD_TRIALS]
+            for t in advice.trials[:CARD_TRIALS]
         ]
-        yield say("foot.trials", torque=say.torque(facts.M_g or 0.0), trials="; ".join(trials))
+        yield say("foot.trials", torque=say.torque(advice.setup.M_g if advice.setup else 0.0), trials="; ".join(trials))
     yield say("foot.source")
     digest = drive.origin.sha256[:DIGITS]
     yield say("foot.origin", version=__version__, name=drive.name, digest=digest, date=say.date(made))
-    for name, measured in facts.measured.by_name.items() if facts.measured else ():
+    for name, measured in advice.measured.by_name.items() if advice.measured else ():
         file, digest = shown(measured.pitch.file), measured.pitch.sha256[:DIGITS]
         yield say("foot.measured", wheel=say(f"wheel.{WHEELS[name]}"), file=file, digest=digest)
     if drive.origin.overrides:

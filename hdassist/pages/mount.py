@@ -9,7 +9,6 @@ import numpy as np
 
 from hdassist.error.cycle import limits_left
 from hdassist.json_parts import Json, attributes, influence_objects, pitch_object, samples_object, unknown_objects
-from hdassist.model.deviations import standing_offset
 from hdassist.model.unknown import unknown_names
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
 from hdassist.mounting.decision import FEWEST_VALUES
@@ -19,7 +18,6 @@ from hdassist.pages.card import (
     ENGLISH,
     TRADE,
     WHEELS,
-    CardFacts,
     after_trials,
     hole_place,
     instruction,
@@ -256,8 +254,8 @@ def _name(advice: Advice, rotation_deg: float) -> str:
 def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
     """Gain, influences, samples, noise and offset by the values, a label and a text each."""
     if advice.decision.is_sampled and not advice.correction:
-        low, middle, high = (100 * each for each in advice.gain_range)
-        yield "gain", f"{low:.0f} to {high:.0f} % less error than where it stands (5 to 95 %), median {middle:.0f} %"
+        low, middle, high = (-100 * each for each in advice.gain_range)
+        yield "gain", f"{middle:+z.0f} % ({low:+z.0f} to {high:+z.0f}) F'_ior against where it stands"
     if advice.samples:
         yield "influence", influence_words(advice.influences, "the gain")
         yield "unknown", unknown_names(advice.unknown)
@@ -297,8 +295,8 @@ def positions_table(advice: Advice, places: Sequence[int], title: str = "") -> T
     return Table(
         f"{first}{left}, ″{spread}", ("", where, *heads, *of_shares, "loss"), tuple(rows),
         notes=(
-            *((better,) if sampled else ()), "loss: expected against the best hole, %",
-            "turns counter-clockwise from the cam side",
+            *((better,) if sampled else ()),
+            "loss: against the best hole, %; turns counter-clockwise from the cam side",
         ),
     )  # fmt: skip
 
@@ -343,39 +341,31 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
 def _values(advice: Advice, seed: int) -> Json:
     """One shape, whatever was given."""
     found, choice, curve, after = advice.decision, advice.choice, advice.curve, advice.after
-    turn = choice.turn
     positions = [_action(advice, place) for place in range(len(found.rotations_deg))]
-    value, checked, probability = advice.value, advice.verification, found.probability if found.is_sampled else None
+    value, checked, setup = advice.value, advice.verification, advice.setup
+    probability = found.probability if found.is_sampled else None
     now = [dict(zip(LEVELS, found.range_of(each), strict=True)) for each in found.now_arcsec]
     spans = [found.range_of(each.max(axis=1) / each.min(axis=1))[::2] for each in found.F_ior_arcsec]
-    size, _ = after.offset if after else (np.zeros(0), None)
+    size = after.offset[0] if after else np.zeros(0)
     facing, facing_sd = after.facing if after else (None, None)
-    return {
-        "word": advice.word,
-        "hole": choice.target.hole,
-        "rotation_deg_chosen": choice.target.rotation_deg,
+    answer = {
+        **attributes(advice, "word", M_g_Nm="torques", probability_needed="sure"),
+        **attributes(choice, "turn", "current", hole="target.hole", rotation_deg_chosen="target.rotation_deg"),
+        **attributes(choice, recommended="target", best_bet="chosen"),
+        "worst": choice.ranked[-1],
         "probability": probability,
-        "probability_needed": advice.sure,
         "instruction": instruction_of(advice),
-        "M_g_Nm": advice.torques,
         "positions": positions,
         "worst_over_best": spans,
         "by_torque": [
-            {"torque_Nm": M_g, "hole": p.hole, "rotation_deg": p.rotation_deg}
-            for M_g, p in zip(advice.torques, advice.by_torque, strict=True)
+            {"torque_Nm": M_g, **attributes(each, "hole", "rotation_deg")}
+            for M_g, each in zip(advice.torques, advice.by_torque, strict=True)
         ],
-        "next": advice.next
-        and value
-        and {**attributes(advice.next, "hole", "rotation_deg"), "gain_arcsec": value.gain_arcsec},
+        "next": None,
         "worth": [{"values": count, "F_ior_arcsec": F_ior} for count, F_ior in advice.worths],
         "suspected": advice.suspected and _trial(advice, advice.suspected),
-        "order": "turn" if turn else "leave",
-        "turn": turn,
+        "order": "turn" if choice.turn else "leave",
         "settled": advice.word in ("TURN", "LEAVE"),
-        "recommended": choice.target,
-        "best_bet": choice.chosen,
-        "current": choice.current,
-        "worst": choice.ranked[-1],
         "gain": advice.gain_range[1],
         "gain_range": dict(zip(LEVELS, advice.gain_range, strict=True)),
         "probability_gain": probability,
@@ -383,58 +373,57 @@ def _values(advice: Advice, seed: int) -> Json:
         "influence": influence_objects(advice.influences),
         "samples": samples_object(advice.samples),
         "effective_samples": after.effective if after else found.effective,
-        "curves": [
-            {"M_g_Nm": M_g, "phase_deg": curve.phase_deg, "F_ior_arcsec": values, "every_state": every}
-            for M_g, values, every in zip(curve.torques, curve.F_ior_arcsec, curve.every_state, strict=True)
-        ]
-        if curve
-        else [],
-        "rotation_deg": curve.rotation_deg if curve else [],
-        "belief": {
-            "now": [{"M_g_Nm": M_g, **each} for M_g, each in zip(advice.torques, now, strict=True)],
-            "positions": positions,
-            "worst_over_best": spans,
-        }
-        if found.is_sampled
-        else None,
+        "curves": [],
+        "rotation_deg": [],
+        "belief": None,
         "compensated": _compensated(advice),
-        "trials": {
-            **attributes(advice.setup, "noise_arcsec", "M_g"),
-            "noise_found_arcsec": advice.setup.noise_arcsec * float(after.noise.mean()) if after else None,
-            "measured": [
-                {**_trial(advice, trial), "probability_misread": misread}
-                for trial, misread in zip(advice.trials, after.misread if after else (), strict=True)
-            ],
-            "probability_by_values_alone": after.by_values if after else None,
-        }
-        if advice.setup
-        else None,
+        "trials": None,
         "offset": {
             "size_um": float(size.mean()) if len(size) else None,
             "size_sd_um": float(size.std()) if len(size) else None,
             "direction_deg": facing,
             "direction_sd_deg": facing_sd,
         },
-        "verification": checked
-        and {
-            **_trial(advice, checked.trial),
-            **attributes(checked, "expected_arcsec", "low_arcsec", "high_arcsec", "as_predicted"),
-            "verdict": "GO_BACK" if checked.back_to else "KEEP",
-            "position": _trial(advice, checked.back_to or checked.trial),
-        },
+        "verification": None,
         "pitch": pitch_object(advice.measured),
         "unknown": unknown_objects(advice.unknown),
         "seed": seed,
     }
+    if advice.next and value:
+        answer["next"] = attributes(advice.next, "hole", "rotation_deg") | attributes(value, "gain_arcsec")
+    if curve:
+        answer["rotation_deg"] = curve.rotation_deg
+        answer["curves"] = [
+            {"M_g_Nm": M_g, "phase_deg": curve.phase_deg, "F_ior_arcsec": values, "every_state": every}
+            for M_g, values, every in zip(curve.torques, curve.F_ior_arcsec, curve.every_state, strict=True)
+        ]
+    if found.is_sampled:
+        by_torque = [{"M_g_Nm": M_g, **each} for M_g, each in zip(advice.torques, now, strict=True)]
+        answer["belief"] = {"now": by_torque, "positions": positions, "worst_over_best": spans}
+    if setup:
+        misread = zip(advice.trials, after.misread if after else (), strict=True)
+        answer["trials"] = {
+            **attributes(setup, "noise_arcsec", "M_g"),
+            "noise_found_arcsec": setup.noise_arcsec * float(after.noise.mean()) if after else None,
+            "measured": [{**_trial(advice, trial), "probability_misread": odds} for trial, odds in misread],
+            "probability_by_values_alone": after.by_values if after else None,
+        }
+    if checked:
+        answer["verification"] = {
+            **_trial(advice, checked.trial),
+            **attributes(checked, "expected_arcsec", "low_arcsec", "high_arcsec", "as_predicted"),
+            "verdict": "GO_BACK" if checked.back_to else "KEEP",
+            "position": _trial(advice, checked.back_to or checked.trial),
+        }
+    return answer
 
 
 def _action(advice: Advice, place: int) -> Json:
     """A hole with F'_ior at each torque and how good it is."""
     action = asdict(advice.decision.action(place))
-    F_ior = action.pop("F_ior_arcsec")
-    old = {name: F_ior[level] for name, level in OLD_LEVELS.items()}
-    position = advice.position(place)
-    return {"hole": position.hole, "phase_deg": position.phase_deg, **action, "F_ior_arcsec": {**F_ior, **old}}
+    F_ior = action["F_ior_arcsec"]
+    F_ior |= {name: F_ior[level] for name, level in OLD_LEVELS.items()}
+    return attributes(advice.position(place), "hole", "phase_deg") | action
 
 
 def _compensated(advice: Advice) -> Json | None:
@@ -455,44 +444,20 @@ def _trial(advice: Advice, trial: Trial) -> Json:
 
 def _csv(advice: Advice) -> CsvTable:
     """Header and rows of a table, one row per torque and position."""
-    if result := advice.curve:
-        torques, positions = result.F_ior_arcsec.shape
+    found, curve, count = advice.decision, advice.curve, len(advice.torques)
+    rotations = curve.rotation_deg if curve else np.array(found.rotations_deg)
+    columns = {"M_g_Nm": np.repeat(advice.torques, len(rotations)), "rotation_deg": np.tile(rotations, count)}
+    if curve:
         return csv_columns(
-            M_g_Nm=np.repeat(result.torques, positions),
-            rotation_deg=np.tile(result.rotation_deg, torques),
-            phase_deg=np.tile(result.phase_deg, torques),
-            F_ior_arcsec=result.F_ior_arcsec.ravel(),
-            every_state=result.every_state.ravel().astype(int),
+            **columns,
+            phase_deg=np.tile(curve.phase_deg, count),
+            F_ior_arcsec=curve.F_ior_arcsec.ravel(),
+            every_state=curve.every_state.ravel().astype(int),
         )
-    found, count = advice.decision, len(advice.torques)
-    medians = np.array([found.quantile(0.5, place) for place in range(len(found.rotations_deg))]).T
+    medians = [found.quantile(0.5, place)[k] for k in range(count) for place in range(len(rotations))]
     return csv_columns(
-        M_g_Nm=np.repeat(advice.torques, medians.shape[1]),
-        rotation_deg=np.tile(found.rotations_deg, count),
-        F_ior_expected_arcsec=medians.ravel(),
+        **columns,
+        F_ior_expected_arcsec=medians,
         probability_good=np.tile(found.probability_good, count),
         expected_loss=np.tile(found.expected_loss, count),
-    )
-
-
-def mount_card_facts(advice: Advice, say: Texts) -> CardFacts:
-    """Contents of the assembly card of an advice; say, the texts of its language."""
-    drive, found = advice.drive, advice.decision
-    offset, cam = standing_offset(drive)
-    cam_deg = drive.value(cam) if drive.value(offset) else None
-    sampled = found.is_sampled and advice.word != "ANY_HOLE"
-    return CardFacts(
-        choice=advice.choice,
-        word=advice.word,
-        cam_deg=advice.after.facing[0] if advice.after else cam_deg,
-        measured=advice.measured,
-        probability=found.probability if sampled else None,
-        cost=found.cost,
-        high_arcsec=found.quantile(0.95, found.best) if found.is_sampled else None,
-        to_try=tuple(p for p in ((advice.next,) if advice.trials else advice.to_try) if p),
-        correction=advice.correction,
-        open_=len(advice.open_) if found.is_sampled else 0,
-        warnings=mount_warnings(advice, say),
-        M_g=advice.setup.M_g if advice.setup else None,
-        trials=advice.trials,
     )
