@@ -259,7 +259,7 @@ def _values(result: Comparison) -> Json:
 
 
 NAMED_PATHS = 6  # in a line
-NO_ERROR = 1e-9  # arcsec
+_NO_ERROR = 1e-9  # arcsec
 LARGEST_SHARE = 100.0  # of F'_ior of A: a greater one says that A has hardly any error
 DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "better", "most by")
 
@@ -338,7 +338,7 @@ def _against(result: DrivesComparison, sheet: DriveSheet, changes: DriveChanges,
 def _change(result: DrivesComparison, sheet: DriveSheet, changes: DriveChanges, k: int) -> str:
     """The change from A in per cent, of the medians of F'_ior; in a word where that says more."""
     sense, before = changes.F_ior_is[k], result.sheets[0].check.points[k].F_ior_or_error
-    share = sheet.check.points[k].F_ior_or_error / max(before, NO_ERROR) - 1
+    share = sheet.check.points[k].F_ior_or_error / max(before, _NO_ERROR) - 1
     if sense == NOT_KNOWN and changes.probability_better[k] is None:
         return "open"
     return sense if sense == "the same" else "more" if share > LARGEST_SHARE else f"{100 * share:+.0f} %"

@@ -334,7 +334,7 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
             x, line, "turned by, holes" if holes else "turned by, °", "; ".join([f"F'_ior at {M_g:g} N·m, ″", *notes]),
             whiskers=tuple(zip((turns / per).tolist(), ends[0][:, k].tolist(), ends[2][:, k].tolist(), strict=True))
             * sampled,
-            marks=tuple(marks), limit=limit, points=bool(holes), from_zero=True, rows=6,
+            marks=tuple(marks), limit=limit, points=bool(holes), from_zero=True, rows=5,
         )  # fmt: skip
 
 
