@@ -1,7 +1,7 @@
 """What the search of draws misses of a fine grid, over draws, holes and torques: `python -m benchmarks.draws`.
 
-Draws of a preset as check makes them, each with its wheel in twelve holes at the preset's torques, found by few states
-with slopes (hdassist/error/sloped.py) and by the search from a fine grid of states (error_map.many_extremes).
+Draws of a preset as check makes them, each with its wheel in twelve holes at the preset's torques, found from one
+grid of states with slopes, as draws are, and from three (hdassist/error/extremes.py).
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from hdassist import Drive
 
 HOLES = 12
-FINE = 60  # positions of each wheel where states are solved first
 DRAWS = 64
 
 
@@ -51,16 +50,16 @@ def drawn_drives(preset: str, count: int) -> list[Drive]:
 def searched(drive: Drive) -> list[Searched]:
     """Both searches of a drive at its torques."""
     from hdassist.error.error_map import Batch, error_maps
-    from hdassist.error.sloped import drawn_extremes
+    from hdassist.error.extremes import DRAWN_GRIDS, FINE_GRIDS, many_extremes
     from hdassist.solve.walk import Walk
 
     batch, found = Batch.turned(drive, [360 / HOLES * k for k in range(HOLES)]), []
     for error_map in error_maps(drive, drive.operation.M_g):
         error_map.load_case()  # with the reference, which both have
         begun, climbed = time.process_time(), Walk.climbed
-        few = drawn_extremes(error_map, batch)
+        few = many_extremes(error_map, batch, DRAWN_GRIDS)
         between = time.process_time()
-        fine = error_map.many_extremes(batch, grid=FINE)
+        fine = many_extremes(error_map, batch, FINE_GRIDS)
         seconds = between - begun, time.process_time() - between
         states = fine.certificate.states, few.certificate.states, Walk.climbed - climbed
         found.append(

@@ -17,6 +17,7 @@ from benchmarks.machine import seconds
 from benchmarks.words import NUMPY, WARM_DAQP
 from hdassist import Drive, load_preset
 from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.extremes import many_extremes
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.model.deviations import state_gaps
 from hdassist.model.kinematics import Kinematics, neighbours_together, pitch_locked_states
@@ -91,7 +92,7 @@ def searched(drive: Drive, M_g: float) -> list[StateGaps]:
         return solve(case, gaps, *others, **options)
 
     with patch.object(LoadCase, "solve", kept):
-        ErrorMap(drive, M_g).many_extremes(Batch.of(drive))
+        many_extremes(ErrorMap(drive, M_g), Batch.of(drive))
     return batches
 
 

@@ -31,7 +31,7 @@ from scipy.stats.qmc import Sobol
 from hdassist import load_preset
 from hdassist.error.cycle import self_error
 from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.sloped import drawn_extremes
+from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
 from hdassist.error.stiffness import stiffness
 from hdassist.error.trace import trace
 from hdassist.errors import HdassistError
@@ -95,7 +95,7 @@ def figures(drive: Drive) -> dict[str, list[float]]:
         error_map = ErrorMap(drive, M_g)
 
         def at(some: Array, error_map: ErrorMap = error_map) -> Array:
-            return drawn_extremes(error_map, Batch.turned(drive, some - own)).F_ior_arcsec
+            return many_extremes(error_map, Batch.turned(drive, some - own), DRAWN_GRIDS).F_ior_arcsec
 
         F_ior = at(phases)
         scans.append(F_ior.tolist())

@@ -43,6 +43,7 @@ class Compared:
 def compared(case: tuple[Drive, float]) -> Compared | None:
     """Compare both ways of a drive at a torque [N*m]; None where its answer is outside the limits of the model."""
     from hdassist.error.error_map import Batch, ErrorMap
+    from hdassist.error.extremes import many_extremes
     from hdassist.errors import UntrustedError
 
     drive, M_g = case
@@ -50,7 +51,7 @@ def compared(case: tuple[Drive, float]) -> Compared | None:
         begun = time.process_time()
         every = ErrorMap(drive, M_g).extremes()
         between = time.process_time()
-        proposed = ErrorMap(drive, M_g).many_extremes(Batch.of(drive))
+        proposed = many_extremes(ErrorMap(drive, M_g), Batch.of(drive))
         seconds = (between - begun, time.process_time() - between)
     except UntrustedError:
         return None

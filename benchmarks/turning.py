@@ -117,8 +117,9 @@ def worst_over_best(drive: Drive, M_g: float) -> float:
     import numpy as np
 
     from hdassist.error.error_map import Batch, ErrorMap
+    from hdassist.error.extremes import many_extremes
 
-    F_ior = ErrorMap(drive, M_g).many_extremes(Batch.turned(drive, np.arange(0, 360, 30.0))).F_ior_arcsec
+    F_ior = many_extremes(ErrorMap(drive, M_g), Batch.turned(drive, np.arange(0, 360, 30.0))).F_ior_arcsec
     return float(F_ior.max() / F_ior.min())
 
 

@@ -31,6 +31,7 @@ from hdassist.belief.prior import LOGARITHMIC, FieldPrior, owner_of
 from hdassist.belief.statistics import sobol_points
 from hdassist.error.cycle import self_error
 from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.extremes import many_extremes
 from hdassist.error.stiffness import Twist, stiffness
 from hdassist.errors import DataError, Fault, HdassistError, PresetError, UntrustedError
 from hdassist.model.geometry import Array
@@ -283,7 +284,7 @@ def predictions(drive: Drive, targets: Sequence[CalibrationTarget]) -> tuple[flo
 def F_ior_at_phases(error_map: ErrorMap, phases: Iterable[float]) -> Array:
     """F'_ior [arcsec] of a map's drive at mounting phases [deg], shape (phases,)."""
     own = phase_deg(error_map.drive)
-    return error_map.many_extremes(Batch.turned(error_map.drive, [phase - own for phase in phases])).F_ior_arcsec
+    return many_extremes(error_map, Batch.turned(error_map.drive, [phase - own for phase in phases])).F_ior_arcsec
 
 
 def phase_scan(drive: Drive, M_g: float) -> PhaseScan:

@@ -9,6 +9,7 @@ from benchmarks.rows import rows
 from benchmarks.words import NUMPY, REASONS, WALK, WARM_DAQP
 from hdassist import load_preset
 from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.extremes import many_extremes
 from hdassist.model.contacts import contact_system
 from hdassist.solve.formulation import formulate
 from tests.process import SMALL
@@ -70,7 +71,7 @@ def test_parts_that_were_measured_anew_are_named():
 def test_engines_take_turns_over_the_states_that_proposals_solve():
     drive = load_preset(SMALL)
     batches = engine.searched(drive, M_G)
-    assert sum(map(len, batches)) == ErrorMap(drive, M_G).many_extremes(Batch.of(drive)).certificate.states
+    assert sum(map(len, batches)) == many_extremes(ErrorMap(drive, M_G), Batch.of(drive)).certificate.states
     found = engine._engines(formulate(contact_system(drive)), M_G * 1e3, [batches[0][:100]], 1)
     assert list(found) == [*(words for words, _ in engine.walks()), NUMPY, WARM_DAQP]
 

@@ -22,7 +22,7 @@ from pydantic import Field, TypeAdapter
 from hdassist.belief.evidence import Evidence
 from hdassist.belief.prior import DrivePrior
 from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.sloped import drawn_extremes
+from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.run.cache import cached, keep, keeps_answers, program
@@ -45,7 +45,7 @@ def errors_by_turn(
     """
     proof, now, turned, there = EMPTY, dict[float, float](), dict[float, Array](), dict[tuple[float, float], float]()
     for error_map in maps:
-        found = drawn_extremes(error_map, Batch.of(drive))
+        found = many_extremes(error_map, Batch.of(drive), DRAWN_GRIDS)
         M_g, now[error_map.M_g] = error_map.M_g, found.first
         turned[M_g], of_turned = _at_turns(error_map, drive, found.first, rotations_deg)
         # by themselves, so that their digits are the same whatever else is searched
@@ -65,7 +65,7 @@ def _at_turns(error_map: ErrorMap, drive: Drive, now: float, turns: Sequence[flo
     F_ior, away = np.full(len(turns), now), np.flatnonzero(np.array(turns) % 360)
     if not len(away):
         return F_ior, EMPTY
-    there = drawn_extremes(error_map, Batch.turned(drive, np.array(turns)[away]))
+    there = many_extremes(error_map, Batch.turned(drive, np.array(turns)[away]), DRAWN_GRIDS)
     F_ior[away] = there.F_ior_arcsec
     return F_ior, there.certificate
 

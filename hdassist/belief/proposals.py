@@ -29,7 +29,7 @@ from hdassist.belief.evidence import (
 from hdassist.belief.prior import DrivePrior, FieldPrior
 from hdassist.belief.statistics import log_error, sobol_points
 from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.sloped import drawn_extremes
+from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
 from hdassist.error.table import TABLE_SECTIONS, Mesh, Reach, error_table
 from hdassist.model.deviations import carried, standing_offset
 from hdassist.model.geometry import Array
@@ -177,7 +177,7 @@ def tabled_errors(maps: Sequence[ErrorMap], prior: DrivePrior, effort: TableEffo
     sizes = {path: float(column.max()) for path, column in columns.items() if path in deviation_sizes()}
     reach, rows = Reach.of(drive.with_values(sizes)), np.arange(effort.compared)
     some = {path: column[rows, (number + 5 * rows) % shape[1]] for path, column in columns.items()}
-    exact = [drawn_extremes(each, Batch(drive, some)) for each in maps if len(rows)]
+    exact = [many_extremes(each, Batch(drive, some), DRAWN_GRIDS) for each in maps if len(rows)]
     tables = [error_table(each, reach, effort.mesh) for each in maps]
     read = [log_error(table.F_ior(some)) for table in tables if len(rows)]
     log_missed = [log_error(known.F_ior_arcsec) - each for known, each in zip(exact, read, strict=True)]
@@ -242,7 +242,7 @@ class DeviationProposal:
         for each in self.errors:
             turned = {p: columns.get(p, drive.number(p)) + np.full(len(some), each.rotation_deg) for p in paths}
             batch = Batch(drive, columns | turned)
-            extremes.append(drawn_extremes(maps[torques.index(each.M_g)], batch))
+            extremes.append(many_extremes(maps[torques.index(each.M_g)], batch, DRAWN_GRIDS))
         searched = np.stack([each.F_ior_arcsec for each in extremes], axis=1)
         log = log_likelihood_of_errors(searched, *values_of_errors(self.errors))
         agreeing = np.exp(log - log.max())

@@ -27,7 +27,7 @@ from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import even_rows, log_error, weighted_quantile
 from hdassist.error.error_map import Batch, ErrorMap, Extremes, error_maps, searchable
-from hdassist.error.sloped import drawn_extremes
+from hdassist.error.extremes import DRAWN_GRIDS, FINE_GRIDS, many_extremes
 from hdassist.error.waves import WAVE_POINTS, ErrorWaves
 from hdassist.errors import HdassistError
 from hdassist.model.deviations import carried
@@ -301,7 +301,7 @@ def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, dra
 
 def _extremes(error_map: ErrorMap, batch: Batch, drawn: bool) -> Extremes:
     """Extremes of drives: of drawn ones as samples have them."""
-    return drawn_extremes(error_map, batch) if drawn else error_map.many_extremes(batch)
+    return many_extremes(error_map, batch, DRAWN_GRIDS if drawn else FINE_GRIDS)
 
 
 def _range(k_g: NDArray[np.int64], k_b: NDArray[np.int64], z: NDArray[np.complex128]) -> float:

@@ -20,8 +20,8 @@ from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, SamplingEffort, draw_samples
 from hdassist.belief.statistics import RESOLVED_ERROR, effective_number, even_rows, probability_of, weighted_quantile
 from hdassist.design.check import DesignCheck, check, check_states
-from hdassist.error.error_map import Batch, Indices, error_maps, extremes_of, searchable
-from hdassist.error.sloped import DRAWN_STATES, drawn_extremes
+from hdassist.error.error_map import Batch, Indices, error_maps, searchable
+from hdassist.error.extremes import DRAWN_GRIDS, DRAWN_STATES, extremes_of, many_extremes
 from hdassist.error.stiffness import Stiffness, rated_torque, stiffness, stiffness_states
 from hdassist.errors import HdassistError, UntrustedError
 from hdassist.model.geometry import Array
@@ -460,7 +460,7 @@ def _errors(drive: Drive, torques: Sequence[float], drawn: bool) -> tuple[Array,
     """F'_ior of a drive [arcsec], shape (torques,), with its proof; NaN where there is no answer."""
     try:
         by_torque = (
-            [drawn_extremes(error_map, Batch.of(drive)) for error_map in error_maps(drive, torques)]
+            [many_extremes(error_map, Batch.of(drive), DRAWN_GRIDS) for error_map in error_maps(drive, torques)]
             if drawn and searchable(drive)
             else extremes_of(drive, torques)
         )

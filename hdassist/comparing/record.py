@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdassist.error.cycle import kinematic_error
-from hdassist.error.error_map import extremes_of
+from hdassist.error.extremes import extremes_of
 from hdassist.error.waves import Complex, ErrorWaves
 from hdassist.errors import UntrustedError
 from hdassist.measuring.fit import order_columns

@@ -25,7 +25,7 @@ from hdassist.belief.statistics import Probability
 from hdassist.belief.steps import Step, steps_of
 from hdassist.error.cycle import KinematicError, SelfError, cross_check_of, kinematic_error, self_error
 from hdassist.error.error_map import searchable
-from hdassist.error.sloped import DRAWN_STATES
+from hdassist.error.extremes import DRAWN_STATES
 from hdassist.model.deviations import MeasuredTeeth, ToothDeviations
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, unknowns

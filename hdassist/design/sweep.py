@@ -12,7 +12,7 @@ from math import prod
 import numpy as np
 from pydantic import TypeAdapter
 
-from hdassist.error.error_map import extremes_of
+from hdassist.error.extremes import extremes_of
 from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
 from hdassist.json_parts import attributes
 from hdassist.loading.load import OVERRIDE_PLACE, load_text

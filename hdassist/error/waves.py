@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.error.cycle import KinematicError, kinematic_error
-from hdassist.error.error_map import SHORT_CYCLE, ErrorMap, there_and_back
+from hdassist.error.error_map import ErrorMap, there_and_back
+from hdassist.error.extremes import SHORT_CYCLE
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Array

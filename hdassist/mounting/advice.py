@@ -19,8 +19,8 @@ from hdassist.belief.samples import (
     limits_settled,
 )
 from hdassist.error.cycle import limits_left
-from hdassist.error.error_map import SEARCHED, searchable
-from hdassist.error.sloped import DRAWN_STATES
+from hdassist.error.error_map import searchable
+from hdassist.error.extremes import DRAWN_STATES, FINE_STATES
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.model.deviations import MeasuredTeeth, standing_offset
 from hdassist.model.geometry import Array
@@ -248,7 +248,7 @@ def advice_states(
     if not is_searched(drive, positions, drawn=drawn, measured=measured):
         return torques * positions * cycle
     sampled = draws * DRAWN_STATES * (1 + positions) if drawn else 0
-    return torques * (positions * SEARCHED + 2 * cycle + sampled)
+    return torques * (positions * FINE_STATES + 2 * cycle + sampled)
 
 
 def advise(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
 from hdassist.error.error_map import Batch, error_maps, searchable
+from hdassist.error.extremes import many_extremes
 from hdassist.errors import UsageError
 from hdassist.model.deviations import MeasuredTeeth, ToothDeviations, carried, tooth_phases
 from hdassist.model.geometry import Array
@@ -267,7 +268,7 @@ def _solved(
 
 def _searched(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> tuple[Array, Certificate]:
     """F'_ior [arcsec] of extremes that were proposed and proven, shape (torques, rotations)."""
-    found = [each.many_extremes(Batch.turned(drive, rotations)) for each in error_maps(drive, torques)]
+    found = [many_extremes(each, Batch.turned(drive, rotations)) for each in error_maps(drive, torques)]
     return np.array([each.F_ior_arcsec for each in found]), sum((each.certificate for each in found), EMPTY)
 
 

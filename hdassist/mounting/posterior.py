@@ -50,7 +50,7 @@ from hdassist.belief.proposals import (
 )
 from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
 from hdassist.error.error_map import error_maps, searchable
-from hdassist.error.sloped import DRAWN_STATES
+from hdassist.error.extremes import DRAWN_STATES
 from hdassist.error.table import Mesh
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.measuring.measure import Reading

@@ -25,7 +25,7 @@ from hdassist.belief.prior import DrivePrior, FieldPrior, prior_of
 from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
 from hdassist.error.cycle import state_place
 from hdassist.error.error_map import Batch, ErrorMap, Extremes, error_maps, searchable
-from hdassist.error.sloped import DRAWN_STATES
+from hdassist.error.extremes import DRAWN_GRIDS, DRAWN_STATES, many_extremes
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.model.contacts import StateGaps
 from hdassist.model.deviations import carried
@@ -44,8 +44,6 @@ RAYLEIGH_TAIL = (
     3.0  # the tolerance in standard deviations of each part of a Rayleigh-distributed size: 1 in 90 lies beyond
 )
 PRODUCTION_FREE_STEP = 30.0  # deg between positions where the seat has no holes
-CHOOSING, PROVING = 12, 24  # positions of each wheel: 3 % of F'_ior may be missed, and 0.02 arcsec
-CHOSEN = 2  # positions of the fixed wheel that are searched, beside the present one
 TIGHTER_STEP = 0.8  # of a tolerance: one step tighter
 DRAWS_PER_DESIGN = 64  # draws of a design, at most, for each that agrees with the evidence
 MapsOf = Callable[[Drive], list[ErrorMap]]  # of a drive, one a torque
@@ -290,25 +288,18 @@ class Production:
         turns, turned = np.array(self.rotations), carried(drive)
         columns = {p: np.full(len(turns), value) for p, value in values.items() if p in DEVIATION_FIELDS}
         batch = Batch(drive, columns | {p: columns.get(p, drive.number(p)) + turns for p in turned})
-        rows, proof = np.zeros(1, dtype=np.int64), EMPTY
-        if len(turns) > 1:
-            coarse = [error_map.estimated_ranges(batch, CHOOSING) for error_map in maps(drive)]
-            F_ior = np.array([ranges for ranges, _ in coarse])
-            proof = sum((part for _, part in coarse), EMPTY)
-            rows = np.union1d([0], np.argsort(self._merit(F_ior), kind="stable")[:CHOSEN])
-        chosen = batch.take(rows)
-        by_torque = [error_map.many_extremes(chosen, grid=PROVING) for error_map in maps(drive)]
-        proof = sum((extremes.certificate for extremes in by_torque), proof)
+        by_torque = [many_extremes(error_map, batch, DRAWN_GRIDS) for error_map in maps(drive)]
+        proof = sum((extremes.certificate for extremes in by_torque), EMPTY)
         exact = np.array([extremes.F_ior_arcsec for extremes in by_torque])
         best = int(np.argmin(self._merit(exact)))
         tighter = None
         if self.steps:
-            tighter, part = self._tighter(chosen.take(np.array([best])), best, by_torque, maps(drive))
+            tighter, part = self._tighter(batch.take(np.array([best])), best, by_torque, maps(drive))
             proof += part
         return {
             "F_ior_arcsec": tuple(exact[:, 0].tolist()),
             "best_F_ior_arcsec": tuple(exact[:, best].tolist()),
-            "best_rotation_deg": self.rotations[rows[best]],
+            "best_rotation_deg": self.rotations[best],
             "tighter": tighter,
             "states": proof.states,
             "max_residual": proof.max_residual,

@@ -20,7 +20,7 @@ from hdassist.belief.statistics import (
     weighted_quantile,
 )
 from hdassist.calibration import CalibrationTarget, predictions
-from hdassist.error.error_map import extremes_of
+from hdassist.error.extremes import extremes_of
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
 from hdassist.run.run import Run

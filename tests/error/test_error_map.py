@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.error.error_map import Batch, ErrorMap, extremes_of, searchable
+from hdassist.error.error_map import Batch, ErrorMap, searchable
+from hdassist.error.extremes import extremes_of, many_extremes
 from hdassist.errors import UsageError
 from hdassist.model.kinematics import Kinematics
 from hdassist.mounting.positions import rotated
@@ -33,7 +34,7 @@ def test_extremes_are_those_of_every_state_and_proposed_ones_are_near(seed):
     drive, M_g = random_drive(seed), (1.0, 4.0)[seed % 2]
     full = kinematic_error(drive, M_g, run=UNCHECKED)
     error_map = ErrorMap(drive, M_g)
-    every, proposed = error_map.extremes(), error_map.many_extremes(Batch.of(drive))
+    every, proposed = error_map.extremes(), many_extremes(error_map, Batch.of(drive))
     assert every.first == pytest.approx(full.F_ior_arcsec, abs=1e-8)
     assert (every.at_max[0], every.at_min[0], every.certificate.states) == (full.at_max, full.at_min, len(full.states))
     assert proposed.first == pytest.approx(full.F_ior_arcsec, abs=0.01)
@@ -43,18 +44,6 @@ def test_extremes_are_those_of_every_state_and_proposed_ones_are_near(seed):
     assert proposed.certificate.max_residual < 1e-8
 
 
-def test_ranges_between_the_states_of_a_grid_are_near_those_of_every_state():
-    for seed in range(3):
-        drive = random_drive(seed)
-        error_map = ErrorMap(drive, 1.0)
-        exact = error_map.extremes().first
-        (coarse,), proof = error_map.estimated_ranges(Batch.of(drive), 12)
-        (fine,), _ = error_map.estimated_ranges(Batch.of(drive), 24)
-        assert coarse == pytest.approx(exact, rel=0.3)  # at kinks parabolas go too far
-        assert fine == pytest.approx(exact, rel=0.08)
-        assert proof.states == 144
-
-
 # islands of the error that climbs from a coarse grid did not come to: they were up to 2.1 arcsec low
 @pytest.mark.parametrize(
     ("seed", "beta"), [(223, 0.5), (461, 0.5), (163, 0.5), (276, 0.5), (296, 0.5), (406, 0.5), (685, 0.5), (276, 0.22)]
@@ -62,7 +51,7 @@ def test_ranges_between_the_states_of_a_grid_are_near_those_of_every_state():
 def test_proposals_find_islands(seed, beta):
     drive, M_g = searched_drive("light", seed, (*WITH_ISLANDS, f"bearing.beta={beta}"))
     error_map = ErrorMap(drive, M_g)
-    assert error_map.many_extremes(Batch.of(drive)).first == pytest.approx(error_map.extremes().first, abs=0.01)
+    assert many_extremes(error_map, Batch.of(drive)).first == pytest.approx(error_map.extremes().first, abs=0.01)
 
 
 # along a crease a state may be higher than its neighbours and lower than one some steps on: 0.13 arcsec were missed
@@ -70,16 +59,16 @@ def test_proposals_find_islands(seed, beta):
 def test_proposals_go_along_creases(seed):
     drive, M_g = searched_drive("any", seed)
     error_map = ErrorMap(drive, M_g)
-    assert error_map.many_extremes(Batch.of(drive)).first == pytest.approx(error_map.extremes().first, abs=1e-6)
+    assert many_extremes(error_map, Batch.of(drive)).first == pytest.approx(error_map.extremes().first, abs=1e-6)
 
 
-def test_turned_drives_are_searched_together_from_a_coarse_grid(reference):
+def test_turned_drives_are_searched_together(reference):
     turns = [0.0, 90.0, 240.0]
-    found = ErrorMap(reference, 800).many_extremes(Batch.turned(reference, turns), grid=14)
+    found = many_extremes(ErrorMap(reference, 800), Batch.turned(reference, turns))
     exact = [ErrorMap(rotated(reference, turn), 800).extremes().first for turn in turns]
     assert found.F_ior_arcsec == pytest.approx(exact, abs=1e-6)
     assert np.ptp(exact) > 1, "they differ, or this shows nothing"
-    assert found.certificate.states < 3 * 500
+    assert found.certificate.states < 3 * 1500
 
 
 @pytest.mark.slow
@@ -88,7 +77,7 @@ def test_proposals_find_what_every_state_shows_of_random_drives(kind):
     for seed in range(1000, 1060):
         drive, M_g = searched_drive(kind, seed)
         error_map = ErrorMap(drive, M_g)
-        found = error_map.many_extremes(Batch.of(drive))
+        found = many_extremes(error_map, Batch.of(drive))
         assert found.first == pytest.approx(error_map.extremes().first, abs=0.05), seed
 
 
@@ -99,7 +88,7 @@ def test_reference_values(reference, M_g, phase, F_ior):
     turned = changed(reference, phases__xi_b=float(phase))
     error_map = ErrorMap(reference, M_g)
     assert error_map.extremes(turned).first == pytest.approx(F_ior, abs=0.005)
-    proposed = error_map.many_extremes(Batch.of(turned))
+    proposed = many_extremes(error_map, Batch.of(turned))
     assert proposed.first == pytest.approx(F_ior, abs=0.005)
     assert proposed.certificate.states < 20200 / 4
 
@@ -110,7 +99,7 @@ def test_reference_values(reference, M_g, phase, F_ior):
 def test_odd_teeth_and_the_other_wheel_fixed(sets):
     drive = load_preset(SMALL, sets)
     full = kinematic_error(drive, 4.0, run=UNCHECKED)
-    every, proposed = ErrorMap(drive, 4.0).extremes(), ErrorMap(drive, 4.0).many_extremes(Batch.of(drive))
+    every, proposed = ErrorMap(drive, 4.0).extremes(), many_extremes(ErrorMap(drive, 4.0), Batch.of(drive))
     assert every.first == pytest.approx(full.F_ior_arcsec, abs=1e-8)
     assert (every.at_max[0], every.at_min[0]) == (full.at_max, full.at_min)
     assert proposed.first == pytest.approx(full.F_ior_arcsec, abs=0.01)
@@ -122,7 +111,7 @@ def test_a_drive_without_deviations_has_no_error():
         {f"tolerances.{name}": 0.0 for name in ("F_i1", "F_i2", "e_hh", "e_hg", "e_hb")}
     )
     assert ErrorMap(drive, 80.0).extremes().first == pytest.approx(0, abs=1e-6)
-    assert ErrorMap(drive, 80.0).many_extremes(Batch.of(drive)).first == pytest.approx(0, abs=1e-6)
+    assert many_extremes(ErrorMap(drive, 80.0), Batch.of(drive)).first == pytest.approx(0, abs=1e-6)
 
 
 def test_short_cycles_and_rolling_balls_are_solved_in_every_state():

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.error.error_map import Batch, ErrorMap, Extremes
+from hdassist.error import extremes
+from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.extremes import many_extremes
 from hdassist.model.contacts import contact_system
 from hdassist.preset.fields import Drive
 from hdassist.run.run import UNCHECKED
@@ -37,20 +39,21 @@ def exact(small: Drive, batch: Batch) -> np.ndarray:
     return np.array([kinematic_error(d, 1.0, run=UNCHECKED).F_ior_arcsec for d in drives])
 
 
-def proposed(error_map: ErrorMap, batch: Batch) -> Extremes:
-    """From a grid, though the cycle is short."""
-    return error_map.many_extremes(batch, grid=12, short_cycle=0)
+@pytest.fixture(autouse=True)
+def few_states(monkeypatch) -> None:
+    """From grids, though the cycle is short."""
+    monkeypatch.setattr(extremes, "SHORT_CYCLE", 0)
 
 
 def test_they_are_those_of_every_state(small: Drive, batch: Batch, exact: np.ndarray) -> None:
-    found = proposed(ErrorMap(small, 1.0), batch)
+    found = many_extremes(ErrorMap(small, 1.0), batch)
     assert np.abs(found.F_ior_arcsec - exact).max() < 1e-6
     assert found.certificate.states < COUNT * 1860 / 2
     assert found.certificate.max_residual < 1e-8
 
 
 def test_the_states_are_the_extremes(small: Drive, batch: Batch) -> None:
-    found = proposed(ErrorMap(small, 1.0), batch.take(np.array([5])))
+    found = many_extremes(ErrorMap(small, 1.0), batch.take(np.array([5])))
     drive = small.with_values({p: float(v[5]) for p, v in batch.columns.items()})
     error = kinematic_error(drive, 1.0, run=UNCHECKED)
     assert (found.at_max[0], found.at_min[0]) == (error.at_max, error.at_min)
@@ -63,7 +66,7 @@ def test_a_drive_has_the_same_digits_once_more_and_from_the_contacts_of_another_
     like = ErrorMap(small, 1.0, formulate(contact_system(small)))
     rows = np.array([2, 7])
     found, again = (
-        proposed(ErrorMap(softer, 1.0, formulate(contact_system(softer)), like=like.fresh), batch.take(rows))
+        many_extremes(ErrorMap(softer, 1.0, formulate(contact_system(softer)), like=like.fresh), batch.take(rows))
         for _ in range(2)
     )
     assert (found.F_ior_arcsec == again.F_ior_arcsec).all()

@@ -20,7 +20,7 @@ def walk_over_drives(library: Path) -> int:
 
     from hdassist import load_preset
     from hdassist.error.error_map import Batch, ErrorMap
-    from hdassist.error.sloped import drawn_extremes
+    from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
     from hdassist.model.contacts import StateGaps
     from hdassist.model.deviations import ToothDeviations
     from hdassist.preset.library import preset_names
@@ -45,7 +45,7 @@ def walk_over_drives(library: Path) -> int:
                 every = {"pull": True, "slope": True}
                 sums = engine._walk.solve(some, M_g * 1e3, **every) if engine._walk else engine.sums(some, **every)
                 solved += len(sums.rotation)
-        solved += drawn_extremes(ErrorMap(drive, M_g), Batch.turned(drive, [0.0, 30.0])).certificate.states
+        solved += many_extremes(ErrorMap(drive, M_g), Batch.turned(drive, [0.0, 30.0]), DRAWN_GRIDS).certificate.states
     return solved
 
 

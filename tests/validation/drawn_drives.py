@@ -9,6 +9,7 @@ import numpy as np
 from hdassist import load_preset
 from hdassist.belief.prior import prior_of
 from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.extremes import many_extremes
 from hdassist.model.geometry import Array
 
 DEVIATIONS = ("tolerances.", "phases.", "harmonics.")
@@ -36,7 +37,7 @@ def F_ior_drawn(size: int, count: int, harmonics: float = 1.0, wheels: float = 1
     """F'_ior [arcsec] of drawn drives at the least torque of their preset, shape (count,)."""
     batch, _ = drawn_drives(size, count, harmonics, wheels)
     search = ErrorMap(batch.drive, min(batch.drive.operation.M_g))
-    return search.many_extremes(batch, grid=40).F_ior_arcsec
+    return many_extremes(search, batch).F_ior_arcsec
 
 
 def percentiles(values: Array) -> str:

@@ -11,6 +11,7 @@ from scipy.stats import qmc
 from hdassist import Drive, load_preset
 from hdassist.calibration import read_targets
 from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.extremes import many_extremes
 from hdassist.model.geometry import Array
 
 TARGETS = Path(__file__).parents[2] / "docs/vzp160.targets.yaml"
@@ -30,7 +31,7 @@ def F_ior_over_sets() -> Array:
 def by_phase(drive: Drive) -> Array:
     """F'_ior [arcsec] of a drive at TORQUES and PHASES."""
     batch = Batch(drive, {"phases.xi_b": PHASES})
-    return np.array([ErrorMap(drive, M_g).many_extremes(batch, grid=40).F_ior_arcsec for M_g in TORQUES])
+    return np.array([many_extremes(ErrorMap(drive, M_g), batch).F_ior_arcsec for M_g in TORQUES])
 
 
 def span(values: Array, digits: str = ".3g") -> str:

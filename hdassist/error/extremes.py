@@ -1,37 +1,44 @@
-"""Extremes of drives that share a contact system, from few states with slopes: of draws, of which there are very many.
+"""Extremes of drives that share a contact system, from few states with slopes.
 
 A state gives, beside the rotation, its slopes by the scalars of the deviations. Three things propose hills: cubic
 splines through a coarse grid of states with their slopes, what the tangents of those reach beyond, and crests where a
 mesh zone lets go and the error jumps over its clearance, which the share of the zone shows from afar. From there
 solve/climb.py goes up. The states that it finds are solved and proven once more, and are states of the cycle, so F'_ior
-can only be too small; `python -m benchmarks.draws` has by how much.
+can only be too small: by how much of drives that were proposed by several grids, `python -m benchmarks.proposals` has,
+and of draws, of which there are very many, by one, `python -m benchmarks.draws`.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial, reduce
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdassist.error.cycle import state_place
 from hdassist.error.error_map import (
-    LEAST_F_IOR,
-    SHORT_CYCLE,
     Batch,
     ErrorMap,
     Extremes,
-    Hills,
     Indices,
-    hills_of,
+    error_maps,
+    every_state,
+    searchable,
     there_and_back,
 )
 from hdassist.model.contacts import StateGaps
 from hdassist.model.geometry import Array
+from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC, EMPTY
 from hdassist.solve.climb import Rules, Starts, Torus
 
-POSITIONS = 9  # of each wheel: odd, so that half a turn on, where the error is much alike, lies between them
+# positions of each wheel in a grid: of draws odd, so that half a turn on, where the error is much alike, lies between
+# them; islands of the error that one grid overlooks another one shows
+DRAWN_GRIDS, FINE_GRIDS = (9,), (9, 14, 19)
+SHORT_CYCLE = 4000  # states of a cycle below which all are solved of one drive
+LEAST_F_IOR = 4.0  # arcsec: F'_ior of which shares are taken, at least
 SPLINE_POINTS = 4  # times as many at which a spline is read
 STEEPEST = 1.5  # slope of a spline over that to the next state, at most: a crease would make it swing
 BEYOND = 0.25  # of what tangents reach beyond the spline, that a hill may have
@@ -41,21 +48,92 @@ RADIUS = 0.5  # of a step of the grid: how far a climb looks around
 RINGS = 8, 4  # steps from the highest state found, where others look for another slope up
 BACK = 0.15  # of a step of the grid: so far before a crest a climb begins
 STEPS = 10  # of a climb at most
-DRAWN_STATES = 110  # that a drive takes at a torque, about, beside those of climbs
-GAIN = 0.002  # arcsec that a state has to promise beyond the highest
+DRAWN_STATES, FINE_STATES = 110, 700  # that a drive takes at a torque, about, beside those of climbs
+GAIN = {DRAWN_GRIDS: 0.002, FINE_GRIDS: 0.0002}  # arcsec that a state has to promise beyond the highest
 
 
-def drawn_extremes(error_map: ErrorMap, batch: Batch) -> Extremes:
+@dataclass(frozen=True)
+class Hills:
+    """Points that may be an extreme: row of the drive, sign of the extreme, point, shape (hills, 2), height [arcsec].
+
+    Height is that of the error upside down where the sign is negative.
+    """
+
+    row: Indices
+    sign: Indices
+    point: Indices
+    height: Array
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def __getitem__(self, chosen: NDArray[np.bool_]) -> Hills:
+        return Hills(self.row[chosen], self.sign[chosen], self.point[chosen], self.height[chosen])
+
+    def and_these(self, others: Hills) -> Hills:
+        """These and others."""
+        return Hills(*(np.concatenate(both) for both in zip(vars(self).values(), vars(others).values(), strict=True)))
+
+    @property
+    def tops(self) -> Array:
+        """Greatest height of each drive as it is, and of it upside down [arcsec], shape (drives, 2)."""
+        best = np.full((self.row.max(initial=0) + 1, 2), -np.inf)
+        np.maximum.at(best, (self.row, self.sign // 2), self.height)  # column 0, or -1 upside down
+        return best
+
+    def near_top(self, share: float) -> Hills:
+        """Those that are no more than a share of F'_ior below the highest one of their drive and sign."""
+        tops = self.tops
+        F_ior = np.maximum(tops.sum(axis=1), LEAST_F_IOR)
+        return self[tops[self.row, self.sign // 2] - self.height <= share * F_ior[self.row]]
+
+
+def hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> Hills:
+    """Points of maps of the torus, shape (drives, k, l), with no higher one beside them, of those upside down no lower.
+
+    Between the points of a map they lie where a parabola through their neighbours has its top. Arguments: up, down,
+    maps of what the error is at most and at least; to_points, from places in a map, shape (hills, 2), to points at
+    which there is a state.
+    """
+    drives, up = len(up), np.concatenate([up, -down])
+    highest = up
+    for axis in (1, 2):
+        beside = np.maximum(np.roll(highest, 1, axis), np.roll(highest, -1, axis))
+        highest = np.maximum(highest, beside)
+    side, *at = np.nonzero(up >= highest)
+    steps, k, l = np.arange(-1, 2), *(each[:, None] for each in at)
+    patch = up[side[:, None, None], ((k + steps) % up.shape[1])[:, :, None], ((l + steps) % up.shape[2])[:, None]]
+    height, place = patch[:, 1, 1].copy(), np.stack(at, axis=1).astype(float)
+    for axis, (before, here, behind) in enumerate((patch[:, :, 1].T, patch[:, 1, :].T)):
+        bend = np.minimum(before + behind - 2 * here, -1e-12)
+        shift = np.clip((before - behind) / (2 * bend), -0.5, 0.5)
+        place[:, axis] += shift
+        height -= bend * shift**2 / 2
+    upside_down, row = np.divmod(side, drives)
+    return Hills(row, 1 - 2 * upside_down, to_points(place), height)
+
+
+def many_extremes(error_map: ErrorMap, batch: Batch, grids: tuple[int, ...] = FINE_GRIDS) -> Extremes:
     """Extremes of drives, few states of each; of a short cycle every state.
 
-    Raises UntrustedError where an answer cannot be trusted.
+    Argument: grids that propose hills, DRAWN_GRIDS or FINE_GRIDS. Raises UntrustedError where an answer cannot be
+    trusted.
     """
-    if len(error_map.states) < SHORT_CYCLE:
-        return error_map.many_extremes(batch)
-    return _Sloped(error_map, batch).extremes()
+    search = _Search(error_map, batch)
+    return search.every() if len(error_map.states) < SHORT_CYCLE else search.extremes(grids)
 
 
-class _Sloped:
+def extremes_of(drive: Drive, torques: Sequence[float]) -> list[Extremes]:
+    """Extremes of one drive of many at torques [N*m], by few states.
+
+    Every state is solved where the balls roll. Raises UntrustedError where an answer cannot be trusted.
+    """
+    if not searchable(drive):
+        return [every_state(drive, M_g) for M_g in torques]
+    return [many_extremes(each, Batch.of(drive)) for each in error_maps(drive, torques)]
+
+
+class _Search:
     """States of drives on the torus of the wheels' places, solved with slopes."""
 
     def __init__(self, error_map: ErrorMap, batch: Batch) -> None:
@@ -65,20 +143,33 @@ class _Sloped:
         self._torus = Torus(*batch.by_wheel(states.alpha_b[:z_b], states.alpha_g[:z_g]), error_map.finest)
         self._certificate = EMPTY
 
-    def extremes(self) -> Extremes:
-        """Extremes of all drives."""
-        hills = self._first_states(*self._proposed())
+    def every(self) -> Extremes:
+        """Extremes of all drives from every state."""
+        states = len(self._map.states)
+        point = np.tile(np.argwhere(self._map.board >= 0), (self._drives, 1))
+        rotation = self._at(np.repeat(np.arange(self._drives), states), point)[0].reshape(-1, states)
+        ends = np.stack([rotation.argmax(axis=1), rotation.argmin(axis=1)], axis=1)
+        return self._found(point[ends].reshape(-1, 2), np.take_along_axis(rotation, ends, axis=1))
+
+    def extremes(self, grids: tuple[int, ...]) -> Extremes:
+        """Extremes of all drives, proposed by grids of so many positions of each wheel."""
+        proposed = [self._proposed(n) for n in grids]
+        hills = reduce(Hills.and_these, (found for found, _ in proposed))
+        hills = self._first_states(hills, np.max([known for _, known in proposed], axis=0))
         groups = hills.row * 2 + (hills.sign < 0)  # of a drive first the hills, then those upside down
         order = np.lexsort((-hills.height, groups))
         hills = Hills(*(each[order] for each in vars(hills).values()))
         _, first = np.unique(groups[order], return_index=True)
         starts = Starts(first, hills.row[first], hills.sign[first], hills.point)
-        radius = round(RADIUS * float(self._size.mean()) / POSITIONS)
-        tops = self._case.climb(self._torus, starts, Rules(STEPS, GAIN / ARCSEC, (radius, *RINGS)))
+        radius = round(RADIUS * float(self._size.mean()) / min(grids))
+        tops = self._case.climb(self._torus, starts, Rules(STEPS, GAIN[grids] / ARCSEC, (radius, *RINGS)))
         rotation, *_ = self._at(np.repeat(np.arange(self._drives), 2), tops)
-        ends = self._map.state(tops).reshape(-1, 2)
-        at_max, at_min = ends[:, :: self._map.sign].T
-        return Extremes(rotation[::2] - rotation[1::2], at_max, at_min, self._certificate)
+        return self._found(tops, rotation.reshape(-1, 2))
+
+    def _found(self, tops: Indices, rotation: Array) -> Extremes:
+        """Extremes by the points of the greatest and the least rotation, and these [arcsec], shape (drives, 2)."""
+        at_max, at_min = self._map.state(tops).reshape(-1, 2)[:, :: self._map.sign].T
+        return Extremes(rotation[:, 0] - rotation[:, 1], at_max, at_min, self._certificate)
 
     def _at(self, row: Indices, point: Indices) -> tuple[Array, Array, Array]:
         """Rotation [arcsec] of drives at points, shape (states, 2), its slopes [arcsec/mm], and share of a zone."""
@@ -89,9 +180,9 @@ class _Sloped:
         assert answers.slope_arcsec_per_mm is not None
         return answers.rotation_arcsec, answers.slope_arcsec_per_mm, answers.zone_share[:, 0]
 
-    def _proposed(self) -> tuple[Hills, Array]:
+    def _proposed(self, n: int) -> tuple[Hills, Array]:
         """Hills that splines and tangents of a grid of states propose; greatest height there, shape (drives, 2)."""
-        n, drives = POSITIONS, self._drives
+        drives = self._drives
         index = np.stack(np.unravel_index(there_and_back((n, n)), (n, n)), axis=1)
         exact, row = index * (self._size / n), np.tile(np.arange(drives), n * n)
         points = np.repeat(self._map.to_lattice(exact), drives, axis=0)
@@ -107,14 +198,14 @@ class _Sloped:
         up, down = between_states(*flat[:3])
         known = np.stack([flat[0].max(axis=(1, 2)), -flat[0].min(axis=(1, 2))], axis=1)
         step = self._size / up.shape[1:]
-        return hills_of(up, lambda place: self._map.to_lattice(place * step), down).and_these(crests), known
+        return hills_of(up, down, lambda place: self._map.to_lattice(place * step)).and_these(crests), known
 
     def _crests(self, value: Array, by_b: Array, by_g: Array, share: Array) -> Hills:
         """Places between states of the grid where a mesh zone lets go, and what the higher tangent has there.
 
         Arguments: those of between_states; share of the torque that one zone takes, shape (drives, n, n).
         """
-        n, found = POSITIONS, list[Hills]()
+        n, found = len(value[0]), list[Hills]()
         for axis, slope in ((1, by_b), (2, by_g)):
             ahead, slope_ahead = np.roll(value, -1, axis), np.roll(slope, -1, axis)
             for zone in (share, 1 - share):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.error import sloped
+from hdassist.error import extremes
 from hdassist.error.error_map import Batch, ErrorMap
-from hdassist.error.sloped import between_states, drawn_extremes
+from hdassist.error.extremes import DRAWN_GRIDS, between_states, many_extremes
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.mounting.positions import rotated
 from hdassist.solve.answers import N_MM
@@ -39,7 +39,7 @@ def test_slopes_are_those_of_small_changes(compiled, M_g):
 def test_few_states_find_what_every_state_shows(kind, seed):
     drive, M_g = searched_drive(kind, seed)
     error_map = ErrorMap(drive, M_g)
-    found = drawn_extremes(error_map, Batch.turned(drive, TURNS))
+    found = many_extremes(error_map, Batch.turned(drive, TURNS), DRAWN_GRIDS)
     exact = np.array([error_map.extremes(rotated(drive, turn)).first for turn in TURNS])
     assert (found.F_ior_arcsec <= exact + 1e-6).all(), "states of the cycle: never too great"
     assert np.abs(found.F_ior_arcsec - exact).max() < 0.05
@@ -51,7 +51,7 @@ def test_few_states_find_what_every_state_shows(kind, seed):
 def test_its_states_are_the_extremes():
     drive, M_g = searched_drive("heavy", 1)
     error_map = ErrorMap(drive, M_g)
-    found = drawn_extremes(error_map, Batch.of(drive))
+    found = many_extremes(error_map, Batch.of(drive), DRAWN_GRIDS)
     states = error_map.states.take(np.array([found.at_max[0], found.at_min[0]]))
     gaps = StateGaps(Batch.of(drive).scalars(np.zeros(2, dtype=int), states.alpha_g, states.alpha_b))
     rotation = error_map.load_case().solve(gaps, str).rotation_arcsec
@@ -61,13 +61,13 @@ def test_its_states_are_the_extremes():
 @pytest.mark.skipif(not HAS_COMPILER, reason="no C compiler: the numpy engine runs")
 def test_climbs_without_a_compiler_come_to_the_same_states(monkeypatch):
     small = load_preset(SMALL)
-    monkeypatch.setattr(sloped, "SHORT_CYCLE", 0)
+    monkeypatch.setattr(extremes, "SHORT_CYCLE", 0)
     batch = Batch(small, {"tolerances.e_hb": np.array([20.0, 60.0]), "phases.phi_hb": np.array([10.0, 200.0])})
     error_map = ErrorMap(small, 4.0)
-    compiled = drawn_extremes(error_map, batch)
+    compiled = many_extremes(error_map, batch, DRAWN_GRIDS)
     plain = partial(load_case, error_map.fresh.formulation, 4.0 * N_MM, error_map.fresh, many=True, compiled=False)
     monkeypatch.setattr(error_map, "load_case", plain)
-    found = drawn_extremes(error_map, batch)
+    found = many_extremes(error_map, batch, DRAWN_GRIDS)
     assert found.F_ior_arcsec == pytest.approx(compiled.F_ior_arcsec, abs=1e-6)
     drives = [small.with_values({path: float(of[i]) for path, of in batch.columns.items()}) for i in (0, 1)]
     exact = [error_map.extremes(drive).first for drive in drives]
@@ -91,7 +91,7 @@ def test_what_may_lie_between_states_holds_a_smooth_map():
     value = np.add.outer(np.sin(x), np.cos(x))[None]
     by_b, by_g = np.add.outer(np.cos(x), 0 * x)[None], np.add.outer(0 * x, -np.sin(x))[None]
     up, down = between_states(value, by_b * x[1], by_g * x[1])
-    fine = 2 * np.pi * np.arange(n * sloped.SPLINE_POINTS) / (n * sloped.SPLINE_POINTS)
+    fine = 2 * np.pi * np.arange(n * extremes.SPLINE_POINTS) / (n * extremes.SPLINE_POINTS)
     there = np.add.outer(np.sin(fine), np.cos(fine))
     assert (up[0] >= there - 0.01).all()
     assert (down[0] <= there + 0.01).all()
