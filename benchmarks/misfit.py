@@ -20,7 +20,7 @@ POSITIONS, SYSTEMS, DEVIATIONS, MOST_TURNED = 24, 8, 6, 2
 
 def curves(name: str, M_g: float) -> Array:
     """F'_ior [arcsec] of draws, shape (systems, deviations, positions)."""
-    from hdassist.error.sloped import drawn_extremes
+    from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
 
     from hdassist import load_preset
     from hdassist.belief.meshing import meshing_shift
@@ -40,7 +40,7 @@ def curves(name: str, M_g: float) -> Array:
         (error_map,) = error_maps(drive, [M_g])
         every = [drive.with_values(each) for each in drawn]
         batches = [Batch(each, {path: each.number(path) + turns for path in carried(each)}) for each in every]
-        found.append([drawn_extremes(error_map, each).F_ior_arcsec for each in batches])
+        found.append([many_extremes(error_map, each, DRAWN_GRIDS).F_ior_arcsec for each in batches])
     return np.array(found)
 
 

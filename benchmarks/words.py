@@ -40,8 +40,8 @@ REASONS = {
     "report own.yaml": "check, mount, stiffness and its own figures, one after the other. Next: samples that all "
     "share.",
     "proposals": "a hill between the points of the grid, or a long crease, along which a climb ends early. The values "
-    "of one drive as it is given do not rest on proposals: they solve every state; drawn drives do. Next: a finer "
-    "grid where one zone takes nearly all.",
+    "of one drive as it is given do not rest on proposals: they solve every state; drawn drives do. Next: a "
+    "fourth grid where one zone takes nearly all.",
     "check": "shares as they were before draws had slopes: "
     "64 drives drawn from all that is not known 47 %, the import of cvxpy 12 % and the cross-check of ten "
     "states 9 %, the self error 11 % (400 pairs of phases, each with contacts and a programme of its own: states in C "
@@ -103,9 +103,9 @@ CHOSEN = """\
   test, and each state keeps its certificate.
 - **Every state of one drive**, proposals only of very many: at the walk's speed the whole cycle costs about as much
   as a search for its extremes did, and misses no state. The misses of proposals are the table above.
-- **A grid of 60 x 60 positions and states solved on its hills**, not cells that are halved: 40 x 40 missed an island
-  of 0.4 arcsec. From there a search climbs as long as a neighbour is higher, and looks around five steps at the end:
-  along a crease of the error, where contacts change, three of 170 drives of any torque were 0.04 to 0.13 arcsec low.
+- **Three grids of states with slopes** (9 x 9, 14 x 14, 19 x 19), not one of 60 x 60 states without: some 800 states for
+  3 700, and the islands of the error that were the hard cases of the latter are all found. One grid of 15 x 15 missed
+  two of eight of them, by 0.7 arcsec, one of 25 x 25 another one: what one grid overlooks another one shows.
 - **Each pair of phases of the self error by itself**, not flanks and balls by a Schur complement over bore contacts
   that are factored once: of `check vzp160` the self error is 10 %, and of that all 800 states solved in C are a
   quarter, some 2.4 % of the command, more than which no factoring can save. Sums and residuals in numpy are another
@@ -119,7 +119,7 @@ CHOSEN = """\
 """
 
 DRAWN = """\
-Proposals of `ErrorMap.many_extremes` against every state (`python -m benchmarks.proposals`): states and processor
+Extremes that three grids propose against every state (`python -m benchmarks.proposals`): states and processor
 time are medians a drive. Hard cases: `vzp160` with e_hb of 0, 80 and 120 µm, in the positions of the wheel with the
 least and the greatest error, at both torques. Random drives: `vzp160` with cam offsets and phases drawn anew, at 80
 N·m (light), at 800 N·m (heavy), and at any torque with all other deviations, `j_n` and `g_b` drawn too (seeded). The
@@ -129,7 +129,6 @@ share in brackets is the greatest of those that miss more than 0.01″.
 SEARCHED = """\
 ## Searches of draws
 
-Draws of `vzp160`, each with its wheel in twelve holes, from few states with slopes, against the search from 60 x 60
-positions (`python -m benchmarks.draws`): F'_ior is of states of the cycle by both, so a negative miss is one of the
-slopes, a positive one of the grid.
+Draws of `vzp160`, each with its wheel in twelve holes, searched from one grid of states with slopes, against three
+(`python -m benchmarks.draws`): F'_ior is of states of the cycle by both, so a negative miss is one of the single grid.
 """
