@@ -20,13 +20,12 @@ POSITIONS, SYSTEMS, DEVIATIONS, MOST_TURNED = 24, 8, 6, 2
 
 def curves(name: str, M_g: float) -> Array:
     """F'_ior [arcsec] of draws, shape (systems, deviations, positions)."""
-    from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
-
     from hdassist import load_preset
     from hdassist.belief.meshing import meshing_shift
     from hdassist.belief.prior import RIGID_SHIFT
     from hdassist.belief.proposals import open_deviations
     from hdassist.error.error_map import Batch, error_maps
+    from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
     from hdassist.model.deviations import carried
     from hdassist.mounting.posterior import open_prior
 

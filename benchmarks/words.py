@@ -103,7 +103,7 @@ CHOSEN = """\
   test, and each state keeps its certificate.
 - **Every state of one drive**, proposals only of very many: at the walk's speed the whole cycle costs about as much
   as a search for its extremes did, and misses no state. The misses of proposals are the table above.
-- **Three grids of states with slopes** (9 x 9, 14 x 14, 19 x 19), not one of 60 x 60 states without: some 800 states for
+- **Three grids of states with slopes** (9 x 9, 14 x 14, 19 x 19), not one of 60 x 60 without: some 800 states for
   3 700, and the islands of the error that were the hard cases of the latter are all found. One grid of 15 x 15 missed
   two of eight of them, by 0.7 arcsec, one of 25 x 25 another one: what one grid overlooks another one shows.
 - **Each pair of phases of the self error by itself**, not flanks and balls by a Schur complement over bore contacts
