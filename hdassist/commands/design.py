@@ -329,8 +329,8 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
 
         def one(_: str) -> Report:
             with out.progress(", ".join(names)):  # words before numpy is imported
-                from hdassist.comparing.drives import at_common_torques, compare_drives, estimate_comparison
                 from hdassist.pages.compare import comparison_warnings, drives_report
+                from hdassist.variants import at_common_torques, compare_drives, estimate_comparison
 
                 drives = at_common_torques([self.load(name) for name in names])
                 words = ", ".join(drive.name for drive in drives)
@@ -394,8 +394,8 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
     def report(self, out: o.Output, preset: str) -> o.Report:
         """All about a drive."""
-        from hdassist.comparing.drives import sheet_of, sheet_states
         from hdassist.pages.report import drive_report
+        from hdassist.variants import sheet_of, sheet_states
 
         drive = self.load(preset)
         with out.run(drive.name, sheet_states(drive, self.draws), self) as run:

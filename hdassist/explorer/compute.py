@@ -13,7 +13,6 @@ import numpy as np
 from hdassist.belief.draws import errors_by_turn
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
-from hdassist.comparing.drives import differing_fields
 from hdassist.design.check import DesignCheck, check
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import error_maps, searchable
@@ -33,6 +32,7 @@ from hdassist.pages.curves import trace_report
 from hdassist.pages.mount import mount_report
 from hdassist.preset.fields import Drive, field_table
 from hdassist.run.run import UNCHECKED, Run, workers
+from hdassist.variants import differing_fields
 
 FEWEST_SEEN = 8  # effective samples: the range of fewer is none
 SEED = 0  # of samples and of states solved again, as the commands have it

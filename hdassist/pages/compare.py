@@ -9,7 +9,6 @@ from string import ascii_uppercase
 import numpy as np
 
 from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison, Explanation, VectorChange, equally_good
-from hdassist.comparing.drives import DriveChanges, DrivesComparison, DriveSheet, ErrorChange
 from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmplitude, OrderPair
 from hdassist.design.check import OperatingPoint
 from hdassist.files import STDIN
@@ -25,6 +24,7 @@ from hdassist.preset.fields import ResolvedField, value_text
 from hdassist.report import NO_VALUE, Curve, Facts, Quantities, Quantity, Report, Table, as_object, csv_columns
 from hdassist.terminal.output import report_object
 from hdassist.terminal.words import again, named, not_known, on_what
+from hdassist.variants import DriveChanges, DrivesComparison, DriveSheet, ErrorChange
 
 _PLOTTED_ROWS = 4
 PLOTTED_TURNS = 1.0  # of the cam, to either side of the largest difference

@@ -13,7 +13,6 @@ from markupsafe import Markup
 from rich.console import Group
 from rich.text import Text
 
-from hdassist.comparing.drives import DriveSheet
 from hdassist.error.stiffness import segments_beside
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
@@ -44,6 +43,7 @@ from hdassist.terminal.page import block_on_page, in_characters
 from hdassist.terminal.plot import least_and_greatest, ticks
 from hdassist.terminal.streams import Style
 from hdassist.terminal.words import named, proof, samples_words
+from hdassist.variants import DriveSheet
 from hdassist.verdict import Verdict
 from hdassist.version import __version__
 

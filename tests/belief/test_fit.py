@@ -11,9 +11,9 @@ from hdassist.belief.draws import Draw, KeptDraws
 from hdassist.belief.evidence import STIFFNESS_FIGURES, Evidence
 from hdassist.belief.prior import prior_of
 from hdassist.belief.proposals import PILOT_DRAWS, proposed_draws
-from hdassist.comparing.drives import differently_open
 from hdassist.loading.load import load_text
 from hdassist.loading.write import with_found_values
+from hdassist.variants import differently_open
 from tests.process import TINY, run
 
 ROWS = [(18.0, 2000.0), (16.0, 2300.0), (19.0, 1900.0), (17.0, 2100.0)]

@@ -10,12 +10,12 @@ from hdassist import load_preset
 from hdassist.belief.evidence import stiffness_figures
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
-from hdassist.comparing.drives import sheet_of
 from hdassist.design.check import check
 from hdassist.error.error_map import ErrorMap
 from hdassist.mounting.advice import advise
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.run.run import Run
+from hdassist.variants import sheet_of
 from tests.process import TINY, run
 from tests.support import PROVEN
 

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.comparing.drives import DriveSheet, sheet_of
 from hdassist.pages.check import check_report
 from hdassist.pages.mount import instruction_of, mount_report
 from hdassist.pages.report import ENVELOPE_COLUMNS, drive_report, outline, report_html, report_markdown
@@ -23,6 +22,7 @@ from hdassist.report import Curve, Facts, Lines, Paragraph, ReportSection, Seat,
 from hdassist.terminal.output import report_object
 from hdassist.terminal.streams import Style
 from hdassist.terminal.words import proof
+from hdassist.variants import DriveSheet, sheet_of
 from tests.process import SMALL, run
 
 LIMIT = "acceptance.F_ior=40"

@@ -14,7 +14,11 @@ import pytest
 from hdassist import kinematic_error, load_preset, mounting_curve, stiffness
 from hdassist.belief.statistics import weighted_quantile
 from hdassist.commands.design import is_preset
-from hdassist.comparing.drives import (
+from hdassist.design.check import check
+from hdassist.pages.compare import drives_report
+from hdassist.run.run import UNCHECKED
+from hdassist.terminal.output import report_object
+from hdassist.variants import (
     DrivePairs,
     at_common_torques,
     compare_drives,
@@ -23,10 +27,6 @@ from hdassist.comparing.drives import (
     drawn_pairs,
     drive_changes,
 )
-from hdassist.design.check import check
-from hdassist.pages.compare import drives_report
-from hdassist.run.run import UNCHECKED
-from hdassist.terminal.output import report_object
 from tests.paper import on_paper
 from tests.process import SMALL, TINY, run
 from tests.support import PROVEN
