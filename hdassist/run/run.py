@@ -318,7 +318,7 @@ class Processes(ThreadPoolExecutor):
                 forkserver.ensure_running()
         for _ in range(self._count):
             here, there = context.Pipe()
-            process = context.Process(target=_work, args=(here, there, os.getpid()), daemon=True)
+            process = context.Process(target=_work, args=(here, there, os.getpid()))
             with there, nullcontext() if way == "forkserver" else stops_held_back():
                 process.start()
             self._processes.append(process)
@@ -364,27 +364,12 @@ class Processes(ThreadPoolExecutor):
 def apart(function: Callable[..., Any], *arguments: Any) -> Any:
     """Result of a function that imports much, found by a worker in a process of its own, which takes its memory along.
 
-    Elsewhere, and where processes are not forked, in this one. Raises BrokenExecutor: that process was ended.
+    Elsewhere, and where processes are not forked, in this one. Raises UntrustedError: that process was ended.
     """
     if multiprocessing.parent_process() is None or _way() != "fork":
         return function(*arguments)
-    here, there = multiprocessing.Pipe()
-    if not (child := os.fork()):
-        _work(here, there, os.getppid())
-        os._exit(0)
-    with here, there:
-        try:
-            here.send((function, arguments, {}))
-            there.close()
-            is_done, found = here.recv()
-        except (EOFError, OSError):
-            raise BrokenExecutor from None
-        finally:
-            here.close()
-            os.waitpid(child, 0)
-    if is_done:
-        return found
-    raise found
+    with workers(1) as own:
+        return own.submit(function, *arguments).result()
 
 
 def _work(here: Connection, there: Connection, parent: int) -> None:
