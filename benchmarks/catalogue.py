@@ -15,7 +15,7 @@ from pathlib import Path
 from hdassist import Drive, Stiffness, load_preset, stiffness
 from hdassist.loading.load import load_text
 from hdassist.loading.write import similar_preset
-from hdassist.preset.similarity import PITCH_DIAMETER, SimilarValue
+from hdassist.preset.knowledge import PITCH_DIAMETER, SimilarValue
 from hdassist.run.run import UNCHECKED
 
 ROOT = Path(__file__).parents[1]

@@ -34,7 +34,7 @@ def rows(draws: int) -> Iterator[tuple[str, list[float], list[float], float, int
     from hdassist.belief.statistics import weighted_quantile
     from hdassist.loading.load import load_text
     from hdassist.loading.write import similar_preset
-    from hdassist.preset.similarity import read_requirements
+    from hdassist.preset.knowledge import read_requirements
 
     like = load_preset("vzp160")
     text = similar_preset("own", like, read_requirements(like, ratio=100.0, pitch_diameter="63.5 mm", torque="67"))

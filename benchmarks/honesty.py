@@ -99,7 +99,7 @@ def hidden_drive(rng: np.random.Generator, ratios: tuple[float, ...] = (50, 80, 
     from hdassist.loading.load import load_text
     from hdassist.loading.write import similar_preset
     from hdassist.model.rules import first_conflict
-    from hdassist.preset.similarity import read_requirements
+    from hdassist.preset.knowledge import read_requirements
 
     like = load_preset("vzp160")
     ratio, diameter = float(rng.choice(ratios)), float(rng.choice([42, 63.5, 90, 160]))

@@ -37,10 +37,8 @@ from hdassist.errors import DataError, Fault, HdassistError, PresetError, Untrus
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.mounting.positions import phase_deg
-from hdassist.preset import yamltext
 from hdassist.preset.fields import Drive, field_table, measures, plain, short
-from hdassist.preset.units import read_number
-from hdassist.preset.yamltext import Document, InvalidValueError, Path, near_miss, ordered_findings
+from hdassist.preset.text import Document, InvalidValueError, Path, near_miss, ordered_findings, read_number, read_yaml
 from hdassist.run.run import UNCHECKED, Run
 
 TARGETS_SCHEMA = "hdassist.targets/1"
@@ -142,7 +140,7 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
     Arguments: text; file, its name in messages; drive, the ranges of whose source are bounds where none are given.
     Raises PresetError with every finding.
     """
-    document = yamltext.read_yaml(text, file)
+    document = read_yaml(text, file)
     if document.findings:
         raise PresetError(ordered_findings(document.findings))
     data = {"name": ""} | _numbers(document, (), document.data, {"schema": None, "name": TEXT, **dict.fromkeys(PARTS)})

@@ -37,7 +37,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknowns
 from hdassist.preset.fields import Drive
-from hdassist.preset.units import UnitError, is_spread, read_spread
+from hdassist.preset.text import UnitError, is_spread, read_spread
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate

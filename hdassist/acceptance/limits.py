@@ -18,7 +18,7 @@ from hdassist.loading.load import Asked, load_preset
 from hdassist.model.geometry import Array
 from hdassist.plaintext import NUMBER
 from hdassist.preset.fields import Acceptance, Drive, FieldKind
-from hdassist.preset.yamltext import OVERRIDE
+from hdassist.preset.text import OVERRIDE
 from hdassist.run.kept import ClosedRecord
 
 Need = Literal["cycle", "self error", "stiffness"]

@@ -30,7 +30,7 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.plaintext import number_of
 from hdassist.preset.fields import REMOVED, Drive, OneLine, field_table, is_number, is_overridden, path_of
 from hdassist.preset.library import preset_names
-from hdassist.preset.yamltext import InvalidValueError, near_miss, shown
+from hdassist.preset.text import InvalidValueError, near_miss, shown
 from hdassist.readers.pitch import WheelFiles
 from hdassist.readers.table import CellTable, read_texts
 from hdassist.run.kept import ClosedRecord

@@ -244,7 +244,7 @@ class CompensateCommand(
         """Correction of a record without a preset. Raises UsageError for options that need one."""
         from hdassist.correction.correct import correction_alone
         from hdassist.pages.compensate import compensate_report
-        from hdassist.preset.similarity import option_value
+        from hdassist.preset.knowledge import option_value
 
         remedy = "more needs a preset: hdassist compensate PRESET FILE..."
         if len(self.torque) != 1 or self.files:

@@ -302,7 +302,7 @@ class PresetsNewCommand(WishOptions):
         """Write the preset; returns the exit code."""
         from hdassist.loading.load import load_preset
         from hdassist.loading.write import similar_preset
-        from hdassist.preset.similarity import read_requirements
+        from hdassist.preset.knowledge import read_requirements
         from hdassist.terminal.streams import write_text
 
         wish = asdict(self.only(WishOptions))

@@ -19,8 +19,7 @@ from hdassist.loading.load import OVERRIDE_PLACE, load_text
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
 from hdassist.preset.fields import Drive, PresetField, field_table, is_overridden, path_of
-from hdassist.preset.units import read_count, read_number
-from hdassist.preset.yamltext import InvalidValueError, near_miss, scalar_value, shown
+from hdassist.preset.text import InvalidValueError, near_miss, read_count, read_number, scalar_value, shown
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.solve.answers import Residual
 

@@ -30,8 +30,7 @@ from hdassist.preset.fields import (
 )
 from hdassist.preset.knowledge import COUPLING_FIELDS, SUPPORT_FIELD, implausible, with_cam_support
 from hdassist.preset.library import read_preset
-from hdassist.preset.units import is_spread, read_spread
-from hdassist.preset.yamltext import (
+from hdassist.preset.text import (
     MAX_FINDINGS,
     OVERRIDE,
     Document,
@@ -39,9 +38,11 @@ from hdassist.preset.yamltext import (
     Mark,
     Path,
     SourceSpan,
+    is_spread,
     near_miss,
     ordered_findings,
     path_text,
+    read_spread,
     read_yaml,
     shown,
 )

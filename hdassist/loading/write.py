@@ -32,9 +32,8 @@ from hdassist.preset.fields import (
     sections,
     text_of,
 )
-from hdassist.preset.knowledge import COUPLING_FIELDS
-from hdassist.preset.similarity import Requirements, SimilarValue, similar
-from hdassist.preset.yamltext import scalar_value
+from hdassist.preset.knowledge import COUPLING_FIELDS, Requirements, SimilarValue, similar
+from hdassist.preset.text import scalar_value
 
 if TYPE_CHECKING:
     from ruamel.yaml import YAML

@@ -61,7 +61,7 @@ from hdassist.mounting.positions import hole_of
 from hdassist.plaintext import number_of
 from hdassist.preset.fields import Drive, measures
 from hdassist.preset.rules import position_fault, turn_of
-from hdassist.preset.yamltext import shown
+from hdassist.preset.text import shown
 from hdassist.readers.trace import LARGEST_ERROR
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate

@@ -22,8 +22,7 @@ from hdassist.json_parts import attributes
 from hdassist.pages.check import fitted_words, influence_at, possible_steps
 from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive
-from hdassist.preset.units import convert
-from hdassist.preset.yamltext import shown
+from hdassist.preset.text import convert, shown
 from hdassist.report import NO_VALUE, Block, Fact, Facts, Quantities, Quantity, Report, Table, four_digits
 from hdassist.terminal.output import csv_text, together
 from hdassist.terminal.words import WHEEL_WORDS, again, samples_words

@@ -8,7 +8,7 @@ from hdassist.model.deviations import standing_offset
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.positions import Choice, Position, hole_of
 from hdassist.preset.fields import Drive, origin_counts
-from hdassist.preset.yamltext import shown
+from hdassist.preset.text import shown
 from hdassist.report import Block, Facts, Hole, Lines, Paragraph, Seat, SeatMark, Table
 from hdassist.terminal.words import HOME, Texts, texts
 from hdassist.version import __version__

@@ -25,7 +25,7 @@ from hdassist.pages.card import (
     seat_of,
     warnings_of,
 )
-from hdassist.preset.yamltext import shown
+from hdassist.preset.text import shown
 from hdassist.readers.pitch import ASSUMED
 from hdassist.report import CsvTable, Curve, CurveMark, Facts, Figure, Report, Table, csv_columns
 from hdassist.terminal.words import Texts, again, heading, influence_words, probability_words, samples_words

@@ -29,8 +29,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
 from hdassist.plaintext import NUMBER, UNSIGNED, number_of
-from hdassist.preset.units import read_count, read_number, read_spread
-from hdassist.preset.yamltext import InvalidValueError, Path, near_miss
+from hdassist.preset.text import InvalidValueError, Path, near_miss, read_count, read_number, read_spread
 
 CLOSED = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 UNKNOWN = "unknown"  # written in a preset in place of a value

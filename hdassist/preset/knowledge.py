@@ -1,17 +1,22 @@
-"""Knowledge of strain wave drives in general: laws of growth, bounds, proportions, deviations, the cam's support.
+"""Knowledge of strain wave drives in general, and the fields of a drive like a known one by it.
 
 Lengths grow with the pitch diameter d, the module is d over the teeth, the wave and the clearance of the teeth keep
 their size in modules, stiffnesses grow with d and compliances with 1/d (one modulus of elasticity), torques with d^3.
-Tolerances do not scale like that: they follow ISO 1328-1.
+Tolerances do not scale like that: they follow ISO 1328-1. Of a new drive options give some fields; all others have a
+law and a plausible range, and profile shifts keep the bore in proportion to the pitch diameter.
 """
 
+import re
 import tomllib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from importlib.resources import files
-from math import pi
+from math import isfinite, log10, pi
+from typing import Any, NoReturn
 
-from hdassist.preset.fields import Drive, Source
+from hdassist.errors import UsageError
+from hdassist.preset.fields import COMPOSITES, Drive, Source, field_table, plain
+from hdassist.preset.text import InvalidValueError, near_miss, read_number, scalar_value, shown
 
 REFERENCE = 160.0  # mm, pitch diameter at which the ranges below are stated
 REFERENCE_MODULE = 0.8  # mm, of the bounds that are in modules
@@ -148,3 +153,302 @@ def _support(drive: Drive) -> tuple[float, float, float, str] | None:
         shaft = 3 * drive.material.E * pi * cam.shaft_d**4 / 64 / cam.overhang**3
         value, low, high = (float(f"{1 / (1 / shaft + 1 / (k * cam.shaft_d)):.4g}") for k in SHAFT_BEARING)
     return value, low, high, why
+
+
+PITCH_DIAMETER = "gears.pitch_diameter"
+STIFFNESS = "catalogue.K"
+FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
+FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
+ASSUMED_CLASSES = (7, 8)  # of ISO 1328-1: that of the value of F'_i, and that of the upper end of its range
+# only where the drive to be like gives them, and not as 0; else left to their defaults
+WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING_FIELDS)
+SIMILAR_WORDS = {
+    "same": "as {like}",
+    "d": "{like} x {s:.4g}, as d",
+    "1/d": "{like} / {s:.4g}, as 1/d",
+    "m": "{value:.4g} modules, as {like}",
+}
+
+
+@dataclass(frozen=True)
+class SimilarValue:
+    """Value of a field in its unit, its kind (given or assumed), its source, and its plausible range."""
+
+    value: Any
+    kind: str
+    ref: str
+    range: tuple[float, float] | None = None
+
+
+# on a new drive: its fields, by path, its PITCH_DIAMETER [mm], and its STIFFNESS, K1 to K3 [N*m/rad] at once
+Requirements = dict[str, SimilarValue]
+
+
+def rated_of(drive: Drive) -> float:
+    """Rated torque [N*m] of a drive; without one, the greatest of its torques."""
+    return drive.operation.rated or max(map(abs, drive.operation.M_g))
+
+
+def size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
+    """Pitch diameter [mm] of a drive that is like another one, and its K3 over that of catalogues for it.
+
+    It is the required diameter; without one, that of K3 by the cube law of catalogues; without K3, that of the torque
+    by the cube law; without any, that of the other drive. Raises UsageError: a torque or a stiffness that no drive of
+    the size has.
+    """
+    own, stiffer = like.gears.pitch_diameter, 1.0
+    T = required["operation.rated"].value if "operation.rated" in required else None
+    K: tuple[float, ...] = required[STIFFNESS].value if STIFFNESS in required else ()
+    if K and not 0 < K[0] <= K[1] <= K[2]:
+        raise UsageError(f"K1, K2, K3 must be above 0 and rise: {', '.join(map(plain, K))} N*m/rad")
+    if size := required.get(PITCH_DIAMETER):
+        of_catalogues = CATALOGUE_K3 * (size.value / REFERENCE) ** 3
+        stiffer = K[2] / of_catalogues if K else 1.0
+        if not 1 / FARTHEST_STIFFNESS <= stiffer <= FARTHEST_STIFFNESS:
+            _refuse_size(f"K3 = {plain(K[2])} N*m/rad", size.value, f"about {rounded(of_catalogues, 2):g}")
+    elif K:
+        d = rounded(REFERENCE * (K[2] / CATALOGUE_K3) ** (1 / 3))
+        why = f"{d:g} mm from K3 = {plain(K[2])} N*m/rad, which grows with d^3 in catalogues"
+        size = SimilarValue(d, "assumed", why)
+    elif T is None:
+        return SimilarValue(own, "assumed", f"the pitch diameter of {like.name}, {own:g} mm"), stiffer
+    else:
+        d = rounded(own * (T / rated_of(like)) ** (1 / 3))
+        low, high = ((T / density) ** (1 / 3) for density in reversed(TORQUE_DENSITY))
+        why = f"{d:g} mm from {plain(T)} N*m, d^3 as {like.name}; catalogues have {low:.3g} to {high:.3g} mm for it"
+        return SimilarValue(d, "assumed", why), stiffer
+    low, high = (density * size.value**3 for density in TORQUE_DENSITY)
+    if T is not None and not low / FARTHEST_TORQUE <= T <= high * FARTHEST_TORQUE:
+        usual = f"{rounded(low, 2):g} to {rounded(high, 2):g} N*m"
+        _refuse_size(f"a rated torque of {plain(T)} N*m", size.value, usual)
+    return size, stiffer
+
+
+def _refuse_size(required: str, d: float, usual: str) -> NoReturn:
+    raise UsageError(
+        f"{required} contradicts a pitch diameter of {d:.6g} mm: drives of that size have {usual}",
+        "leave one of them out: the other one says it",
+    )
+
+
+def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
+    """Fields of a drive that is like another one, by path: the required ones as given, all others as assumed.
+
+    Deviations other than F'_i, offsets and phases are unknown and left out.
+    Raises UsageError: requirements that contradict each other.
+    """
+    size, stiffer = size_of(like, required)
+    d, s = size.value, size.value / like.gears.pitch_diameter
+    given = {path for path in field_table() if (p := path.split("."))[1] in getattr(like, p[0]).model_fields_set}
+    as_like = dict[str, SimilarValue]()
+    for path in given:  # teeth, and settings in which the drive differs from their defaults
+        value = like.value(path)
+        if path.startswith(("gears.z_g", "mounting.fixed", "numerics.")) and value != field_table()[path].default:
+            as_like[path] = SimilarValue(value, "assumed", f"as {like.name}")
+    teeth = required.get("gears.z_g", as_like["gears.z_g"])
+    m = rounded(d / teeth.value, 12)
+    entries = as_like | {
+        "gears.z_b": replace(teeth, value=teeth.value + 2),
+        "gears.m": SimilarValue(m, size.kind, f"{d:.6g} mm / {teeth.value} teeth; {size.ref}"),
+    }
+    for path, law in LAWS.items():
+        optional = path in WHERE_GIVEN and not (path in given and like.value(path))
+        if like.value(path) is not None and path != like.unused_tooth_field and not optional:
+            entries[path] = _scaled(like, path, law, s, m, stiffer)
+    entries |= _shifts(like, entries, d) | _tolerances(d, m)
+    entries |= _load(like, required, s, d) | _backlash(d) | required
+    if stiffness := required.get(STIFFNESS):
+        entries |= {f"{STIFFNESS}_{k}": replace(stiffness, value=K) for k, K in enumerate(stiffness.value, 1)}
+    if "cam.coupling" in entries:
+        del entries["supports.C_3"]  # it follows from that
+    written = {path: entries[path] for path in field_table() if path in entries}
+    for path, entry in written.items():
+        field = field_table()[path]
+        if isinstance(entry.value, float) and not field.holds(entry.value):
+            raise UsageError(
+                f"no such drive: {path} would be {entry.value:.3g} {field.unit}".rstrip(),
+                f"a preset takes {field.range_words(field.unit)}; other teeth, or another size",
+            )
+    return written
+
+
+def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> SimilarValue:
+    """A field scaled by its law; s, m, stiffer: ratio of pitch diameters, new module [mm], ratio of stiffnesses."""
+    value, ratio, d = like.value(path), m / like.gears.m, s * like.gears.pitch_diameter
+    factor = growth(law.by, s, ratio)
+    stiffness, compliance = path.startswith(("supports.", "contact.k_")), path.startswith("contact.c_")
+    elastic = stiffer if stiffness else 1 / stiffer if compliance else 1.0
+    in_modules = value / like.gears.m / (1000 if path == "gears.j_n" else 1) if law.by == "m" else 0.0
+    words = SIMILAR_WORDS[law.by].format(like=like.name, s=s, value=in_modules)
+    if law.usual is not None and not value:
+        value, words = rounded(law.usual * growth(law.by, d / REFERENCE, m / REFERENCE_MODULE)), ""
+    elif isinstance(value, float):
+        value = rounded(value * factor * elastic)
+    if elastic != 1 and factor:
+        words += f", {'x' if elastic > 1 else '/'} {max(elastic, 1 / elastic):.3g} for K3 at this diameter"
+    bounds = None
+    if isinstance(value, float) and (scaled := law.range_at(d, m, value)):
+        bounds = _around(like, path, value, *map(rounded, scaled))
+    return SimilarValue(value, "assumed", "; ".join(filter(None, (words, law.why))), bounds)
+
+
+def _around(like: Drive, path: str, value: float, low: float, high: float) -> tuple[float, float] | None:
+    """Bounds widened to hold the value; None where they are equal or beyond the range of the field."""
+    low, high = min(low, value), max(high, value)
+    return (low, high) if low < high and like.allows(path, low) and like.allows(path, high) else None
+
+
+def _shifts(like: Drive, entries: Mapping[str, SimilarValue], d: float) -> dict[str, SimilarValue]:
+    """Profile shifts that keep the bore in proportion to the pitch diameter, and the tips as far apart in modules."""
+    g = like.gears
+    bore = 2 * (g.root_radius - like.flexspline.h_1) / g.pitch_diameter
+    m, z_g, h_f = (entries[path].value for path in ("gears.m", "gears.z_g", "gears.h_f"))
+    x_g = round((bore - 1) * z_g / 2 + h_f + entries["flexspline.h_1"].value / m, 3)
+    apart = round(g.x_b - g.x_g, 4)
+    return {
+        "gears.x_g": SimilarValue(
+            x_g, "assumed", f"makes the bore {bore * d:.5g} mm, as {like.name} has it by its size"
+        ),
+        "gears.x_b": SimilarValue(round(x_g + apart, 4), "assumed", f"x_g + {apart:g}, as {like.name}; tips come free"),
+    }
+
+
+def _tolerances(d: float, m: float) -> dict[str, SimilarValue]:
+    usual, coarse = (rounded(F_p(d, m, accuracy), 2) for accuracy in ASSUMED_CLASSES)
+    ref = (
+        f"F_p of class {ASSUMED_CLASSES[0]}, ISO 1328-1:2013, in place of F'_i; 0 to that of class {ASSUMED_CLASSES[1]}"
+    )
+    if m < 1:
+        ref += "; GOST 9178-81 is the Russian series for such modules"
+    return {wheel.size: SimilarValue(usual, "assumed", ref, (0.0, coarse)) for wheel in COMPOSITES.values()}
+
+
+def _backlash(d: float) -> dict[str, SimilarValue]:
+    lost = LOST_MOTION if d > LARGE_SIZE else LOST_MOTION_SMALL
+    return {
+        "catalogue.lost_motion": SimilarValue(lost, "assumed", "what makers promise of such sizes"),
+        "catalogue.play": SimilarValue(PLAY, "assumed", "these drives are sold without backlash"),
+    }
+
+
+def _load(like: Drive, required: Requirements, s: float, d: float) -> dict[str, SimilarValue]:
+    own, rating = rated_of(like), required.get("operation.rated")
+    if rating is None:
+        rated = rounded(own * s**3, 3)
+        bounds = [rounded(density * d**3, 2) for density in TORQUE_DENSITY]
+        ref = f"{like.name} x d^3 = {s**3:.4g}; catalogues have it from {bounds[0]:g} to {bounds[1]:g} N*m"
+        rating = SimilarValue(rated, "assumed", ref, _around(like, "operation.rated", rated, *bounds))
+    shares = tuple(rounded(torque / own * rating.value, 3) for torque in like.operation.M_g)
+    return {
+        "operation.M_g": SimilarValue(shares, "assumed", f"the shares of the rated torque that {like.name} has"),
+        "operation.rated": rating,
+    }
+
+
+def rounded(value: float, digits: int = 4) -> float:
+    """A number rounded to a number of significant digits."""
+    return value if value == 0 else round(value, digits - 1 - int(log10(abs(value)) // 1))
+
+
+# options of a measure: their fields and units
+MEASURES = {
+    "pitch_diameter": (PITCH_DIAMETER, "mm"), "torque": ("operation.rated", "N*m"),
+    "lost_motion": ("catalogue.lost_motion", "arcsec"), "accuracy": ("catalogue.accuracy", "arcsec"),
+}  # fmt: skip
+
+
+def read_requirements(like: Drive, *, ratio: float | None = None, **given: str | None) -> Requirements:
+    """Requirements on a drive that is to be like another one.
+
+    Arguments, None where not given: ratio, of the drive built in as the other one; coupling of the cam, as cam.coupling
+    has it; shaft, diameter and overhang [mm] of one that it is overhung on, like 14x30; pitch_diameter [mm] and torque
+    [N*m]; teeth, like 160/162; of a catalogue three stiffnesses [N*m/rad], lost_motion and accuracy [arcsec]: texts,
+    which may have a unit.
+    Raises UsageError: an option that cannot be read, or two that contradict each other.
+    """
+    required: dict[str, SimilarValue] = {}
+    for name, (path, unit) in MEASURES.items():
+        if (text := given.get(name)) is not None:
+            option = f"--{name.replace('_', '-')}"
+            required[path] = SimilarValue(_measure(option, text, unit), "given", f"{option} {text}")
+    if (teeth := given.get("teeth")) is not None:
+        z_g = _teeth(teeth)
+        required["gears.z_g"] = SimilarValue(z_g, "given", f"--teeth {z_g}/{z_g + 2}")
+    if ratio is not None:
+        z_g = _teeth_of_ratio(like, ratio)
+        by_teeth = required.get("gears.z_g")
+        if by_teeth and by_teeth.value != z_g:
+            raise UsageError(
+                f"{by_teeth.ref} contradicts --ratio {plain(ratio)}, which takes {z_g}/{z_g + 2}",
+                "leave one of them out",
+            )
+        required["gears.z_g"] = SimilarValue(z_g, "given", f"--ratio {plain(ratio)}, two waves")
+    if (stiffness := given.get("stiffness")) is not None:
+        K = tuple(_measure("--stiffness", part, "N*m/rad") for part in stiffness.split(","))
+        if len(K) != 3:
+            raise UsageError(f"invalid --stiffness {shown(stiffness)}: expected three numbers", "like 3.1e4,5e4,5.7e4")
+        ref = f"--stiffness {','.join(map(plain, K))}; not fitted, hdassist stiffness compares"
+        required[STIFFNESS] = SimilarValue(K, "given", ref)
+    return required | _coupling(given.get("coupling"), given.get("shaft"))
+
+
+def _teeth_of_ratio(like: Drive, ratio: float) -> int:
+    """Teeth of the flexspline that make a ratio, built in as another drive is."""
+    if not (isfinite(ratio) and ratio > 0):
+        raise UsageError(f"invalid --ratio {ratio:g}: expected a number above 0")
+    z_g = 2 * ratio if like.mounting.fixed == "rigid" else 2 * ratio - 2
+    if not float(z_g).is_integer() or not like.allows("gears.z_g", z_g):
+        raise UsageError(
+            f"a ratio of {plain(ratio)} needs {z_g:g} teeth on the flexspline",
+            f"two waves: twice the ratio, a whole number of teeth from {field_table()['gears.z_g'].range_words()}",
+        )
+    return int(z_g)
+
+
+def _coupling(coupling: str | None, shaft: str | None) -> dict[str, SimilarValue]:
+    """Fields of the cam's coupling, by path."""
+    if (coupling == "overhung") != (shaft is not None):
+        raise UsageError("--coupling overhung and --shaft belong together", "like --coupling overhung --shaft 14x30")
+    if coupling is None:
+        return {}
+    if coupling not in (words := field_table()["cam.coupling"].choices):
+        raise UsageError(
+            f"invalid --coupling {shown(coupling)}: expected one of {', '.join(words)}", near_miss(coupling, words)
+        )
+    kind = "given" if coupling != "unknown" else "assumed"
+    values = {"cam.coupling": SimilarValue(coupling, kind, f"--coupling {coupling}")}
+    if shaft is not None:
+        sizes = re.fullmatch(r"\s*([0-9.]+)\s*x\s*([0-9.]+)\s*(?:mm)?\s*", shaft)
+        if sizes is None:
+            raise UsageError(f"invalid --shaft {shown(shaft)}: expected DIAMETERxOVERHANG in mm", "like 14x30")
+        for path, text in zip(("cam.shaft_d", "cam.overhang"), sizes.groups(), strict=True):
+            values[path] = SimilarValue(_measure("--shaft", text, "mm"), "given", f"--shaft {shaft}")
+    return values
+
+
+def _teeth(text: str) -> int:
+    match = re.fullmatch(r"\s*([0-9]{1,6})\s*(?:/\s*([0-9]{1,6})\s*)?", text)
+    if match is None:
+        raise UsageError(f"invalid --teeth {shown(text)!r}: expected two whole numbers", "like 160/162")
+    z_g = int(match[1])
+    if match[2] is not None and int(match[2]) != z_g + 2:
+        raise UsageError(
+            f"invalid --teeth {z_g}/{int(match[2])}: expected z_b - z_g = 2 (two waves)",
+            f"{z_g}/{z_g + 2}, the flexspline first",
+        )
+    return z_g
+
+
+def option_value(option: str, text: str, unit: str) -> float:
+    """Value of an option in a unit, from a text like "26" or "26 N·m". Raises UsageError: no such text."""
+    try:
+        return float(read_number(scalar_value(text.strip()), unit))
+    except InvalidValueError as fault:
+        raise UsageError(f"invalid {option} {shown(text)!r}: {fault.message}", fault.hint) from None
+
+
+def _measure(option: str, text: str, unit: str) -> float:
+    value = option_value(option, text, unit)
+    if not value > 0:
+        raise UsageError(f"invalid {option} {shown(text)}: expected a number above 0 {unit}")
+    return value

@@ -40,8 +40,7 @@ from hdassist.files import Readable
 from hdassist.model.deviations import MeasuredTeeth, MeasuredWheel, PitchFile
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import IN_TEETH, Drive, is_overridden
-from hdassist.preset.units import UnitError
-from hdassist.preset.yamltext import near_miss
+from hdassist.preset.text import UnitError, near_miss
 from hdassist.readers.table import NumberTable, read_numbers, shortened
 from hdassist.readers.words import (
     AMBIGUOUS,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from hdassist.errors import Finding, PresetError
 from hdassist.files import MAX_LINE, Readable, TextFile
-from hdassist.preset.yamltext import MAX_FINDINGS, ordered_findings, shown
+from hdassist.preset.text import MAX_FINDINGS, ordered_findings, shown
 from hdassist.readers.foreign import program_of, readable_parts
 from hdassist.readers.words import (
     ANGLES,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hdassist.errors import DataError, UsageError
 from hdassist.files import Readable
 from hdassist.model.geometry import Array
-from hdassist.preset.units import UnitError
+from hdassist.preset.text import UnitError
 from hdassist.readers.table import NumberTable, read_numbers, shortened
 from hdassist.readers.words import ANGLES, COUNTS, angle_size, plain_unit, role_in, unit_in
 

@@ -14,8 +14,7 @@ from itertools import chain
 from typing import NamedTuple
 
 from hdassist.plaintext import NUMBER, number_of
-from hdassist.preset.units import UnitError, convert
-from hdassist.preset.yamltext import near_miss
+from hdassist.preset.text import UnitError, convert, near_miss
 
 _TABLE = tomllib.loads(files("hdassist.readers").joinpath("words.toml").read_text("utf-8"))
 ANGLES: dict[str, float] = _TABLE["angles"]

@@ -374,7 +374,7 @@ def torque_overrides(texts: Sequence[str | None]) -> list[str]:
 
     Raises UsageError: any other text, or 0.
     """
-    from hdassist.preset.similarity import option_value
+    from hdassist.preset.knowledge import option_value
 
     given = [text for text in texts if text is not None]
     torques = [option_value("--torque", text, "N*m") for text in given]

@@ -15,7 +15,7 @@ from hdassist.errors import UsageError
 from hdassist.files import STDIN
 from hdassist.model.unknown import assumptions, unknown_names, unknowns
 from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.yamltext import shown
+from hdassist.preset.text import shown
 from hdassist.verdict import percent_text
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from hdassist.error.stiffness import stiffness
 from hdassist.loading.load import load_text
 from hdassist.loading.write import similar_preset
 from hdassist.model.rules import first_conflict
-from hdassist.preset.similarity import read_requirements
+from hdassist.preset.knowledge import read_requirements
 from hdassist.run.run import UNCHECKED
 
 FEW = SamplingEffort(effective=8, most_effective=16, most_draws=32, batch=8)

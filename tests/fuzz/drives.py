@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from hdassist.preset.fields import field_table
-from hdassist.preset.yamltext import read_yaml
+from hdassist.preset.text import read_yaml
 from hdassist.solve.answers import TOLERANCE
 from tests.process import SMALL, run
 

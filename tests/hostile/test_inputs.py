@@ -206,7 +206,7 @@ def test_a_long_key_or_number_is_refused_soon(folder, alarm, text):
 
 @pytest.mark.parametrize("blanks", [2_000, 200_000])
 def test_time_to_refuse_a_number_does_not_grow_with_its_blanks(blanks):
-    from hdassist.preset.units import convert, is_spread, read_spread
+    from hdassist.preset.text import convert, is_spread, read_spread
 
     begun = time.process_time()
     for read in (convert, read_spread):

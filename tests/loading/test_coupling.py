@@ -11,7 +11,7 @@ from hdassist.loading.load import load_text
 from hdassist.loading.write import similar_preset, with_changes
 from hdassist.model.contacts import CAM, contact_system
 from hdassist.model.unknown import assumptions
-from hdassist.preset.similarity import read_requirements
+from hdassist.preset.knowledge import read_requirements
 from tests.process import TINY
 
 TEXT = Path(TINY).read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ from hdassist.errors import DataError, PresetError, UsageError
 from hdassist.loading.load import load_preset
 from hdassist.preset.fields import field_table, measures
 from hdassist.preset.library import preset_names, read_preset
-from hdassist.preset.yamltext import read_yaml
+from hdassist.preset.text import read_yaml
 
 ROOT = Path(__file__).parents[2]
 

@@ -13,7 +13,7 @@ from hdassist.loading.load import load_text
 from hdassist.loading.write import preset_schema
 from hdassist.preset.fields import ResolvedField, field_table, resolved_fields
 from hdassist.preset.library import preset_names, read_preset
-from hdassist.preset.yamltext import read_yaml
+from hdassist.preset.text import read_yaml
 from tests.support import fresh_preset
 
 SCHEMA = preset_schema()

@@ -16,8 +16,7 @@ from hdassist.loading.write import similar_preset
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
 from hdassist.model.rules import conflicts
 from hdassist.preset.fields import Drive, field_table, measures, origin_counts, resolved_fields
-from hdassist.preset.knowledge import LAWS, F_p
-from hdassist.preset.similarity import PITCH_DIAMETER, STIFFNESS, SimilarValue, rated_of, similar
+from hdassist.preset.knowledge import LAWS, PITCH_DIAMETER, STIFFNESS, F_p, SimilarValue, rated_of, similar
 from hdassist.run.run import UNCHECKED
 
 LIKE = load_preset("vzp160")

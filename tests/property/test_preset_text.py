@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from hdassist.errors import HdassistError, PresetError, UsageError
 from hdassist.loading.load import load_text
 from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.units import UnitError, convert, units_for
-from hdassist.preset.yamltext import read_yaml, scalar_value
+from hdassist.preset.text import UnitError, convert, read_yaml, scalar_value, units_for
 from tests.support import fresh_preset
 
 BASE = fresh_preset("base")

@@ -11,7 +11,7 @@ from hdassist import load_preset
 from hdassist.loading.load import load_text
 from hdassist.loading.write import similar_preset
 from hdassist.model.contacts import ContactSystems
-from hdassist.preset.similarity import PITCH_DIAMETER, SimilarValue
+from hdassist.preset.knowledge import PITCH_DIAMETER, SimilarValue
 from tests.support import changed, solve_state
 from tests.validation.case import Case, Kind, about, parameters
 from tests.validation.whole_flanks import whole_flanks

@@ -13,7 +13,7 @@ from hdassist.calibration import PhaseScan, phase_scan
 from hdassist.error.cycle import KinematicError, SelfError, self_error
 from hdassist.error.trace import trace
 from hdassist.model.geometry import Array
-from hdassist.preset.yamltext import read_yaml
+from hdassist.preset.text import read_yaml
 from hdassist.run.run import UNCHECKED
 from tests.support import changed
 from tests.validation.case import Case, Kind, about, parameters
