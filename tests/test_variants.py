@@ -134,6 +134,16 @@ def test_a_direction_is_a_verdict_only_where_it_is_sure():
     assert found.F_ior_is == ("unknown",)  # there is no range over what is not known
 
 
+def test_the_probability_of_being_better_is_the_weight_of_pairs_that_are(better):
+    pairs = DrivePairs(np.zeros((3, 2)), np.array([[-1.0, 2], [-0.001, -2], [-3, 2]]), np.diag([0.5, 0.2, 0.3]), ())
+    assert pairs.probabilities_less() == pytest.approx((0.8, 0.2))
+    changes = replace(better.changes[0], probability_better=(0.7,))
+    assert (better.best, replace(better, changes=(changes,)).probability_best) == (1, 0.7)
+    back = replace(better, sheets=better.sheets[::-1], changes=(changes, replace(changes, probability_better=(0.1,))))
+    assert (back.best, back.probability_best) == (0, pytest.approx(0.3))
+    assert replace(better, sheets=(better.sheets[0],) * 2).best == 0
+
+
 def test_a_change_that_unknown_inputs_could_reverse_is_open(better):
     def page(**known):
         changes = replace(better.changes[0], F_ior_is=("unknown",), **known)
