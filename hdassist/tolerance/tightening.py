@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import minimize
@@ -192,12 +193,11 @@ class Tolerance:
 def tolerances(drive: Drive, law: ProductionLaw) -> tuple[Tolerance, ...]:
     """Tolerances of a drive that may be chosen: sizes that are drawn up to a value of the preset."""
     choices = []
-    for tolerance in law.tolerances:
-        cost, now = drive.cost.get(tolerance.path), tolerance.high
+    for size in law.tolerances:
+        cost, now = drive.cost.get(size.path), size.high
         least = cost.least if cost and cost.least is not None else TIGHTER * now
-        choices.append(
-            Tolerance(tolerance.path, now, least, max(LOOSER * now, least), cost or CostLaw.of_defaults(), cost is None)
-        )
+        most = max(LOOSER * now, least)
+        choices.append(Tolerance(size.path, now, least, most, cost or CostLaw.of_defaults(), cost is None))
     return tuple(choices)
 
 
@@ -239,100 +239,95 @@ class Allocator:
     drives: int
     rounds: int = 5
 
-    @property
+    @cached_property
     def choices(self) -> tuple[Tolerance, ...]:
-        """Tolerances that may be chosen."""
+        """Tolerances that may be chosen: values of them are arrays in this order, shape (choices,)."""
         return tolerances(self.production.drive, self.production.law)
+
+    @cached_property
+    def bounds(self) -> Array:
+        """Least and greatest values, shape (2, choices)."""
+        return np.array([(choice.least, choice.most) for choice in self.choices]).T
 
     def cheapest(self, turned: bool) -> Allocation:
         """The cheapest tolerances, the wheel being turned to its best position or not.
 
         Where none are proven, the last ones that were tried.
         """
-        values, aim = {choice.path: choice.now for choice in self.choices}, AIM
+        values, aim = np.array([choice.now for choice in self.choices]), AIM
         records, tried = self._tried(turned, values, 0)
         proven = [tried] if tried.fits else []
         for attempt in range(1, self.rounds + 1):
             sought = self._sought(records, values, aim)
-            if all(abs(np.log(sought[path] / values[path])) < LIMIT_AGREES / 2 for path in values):
+            if np.all(np.abs(np.log(sought / values)) < LIMIT_AGREES / 2):
                 break
             values = sought
             records, tried = self._tried(turned, values, attempt)
             proven += [tried] if tried.fits else []
             below = self._ratio_of(records, values)(values)
-            at_most = all(values[choice.path] >= choice.most * (1 - LIMIT_AGREES) for choice in self.choices)
-            at_least = all(values[choice.path] <= choice.least * (1 + LIMIT_AGREES) for choice in self.choices)
+            at_least = np.all(values <= self.bounds[0] * (1 + LIMIT_AGREES))
+            at_most = np.all(values >= self.bounds[1] * (1 - LIMIT_AGREES))
             if (tried.fits and (below > aim - LIMIT_AGREES or at_most)) or (at_least and not tried.fits):
                 break
             aim *= 1.0 if tried.fits else STRICTER
         return min(proven, key=lambda allocation: allocation.cost, default=tried)
 
-    def _tried(self, turned: bool, values: Mapping[str, float], attempt: int) -> tuple[list[RandomDrive], Allocation]:
+    def _tried(self, turned: bool, values: Array, attempt: int) -> tuple[list[RandomDrive], Allocation]:
         """Random drives with given tolerances, other drives at each attempt, and their allocation."""
-        production = replace(
-            self.production,
-            law=self.production.law.scaled({c.path: values[c.path] / c.now for c in self.choices}),
-            mounting=turned,
-            seed=self.production.seed + attempt,
-        )
+        chosen = dict(zip(self.choices, values.tolist(), strict=True))
+        law = self.production.law.scaled({choice.path: value / choice.now for choice, value in chosen.items()})
+        production = replace(self.production, law=law, mounting=turned, seed=self.production.seed + attempt)
         records = self.records(production, self.drives)
         points = [AtTorque(M_g, room, 0.0) for M_g, room in zip(production.torques, self.rooms, strict=True)]
         summary = Summary(tuple(points), len(production.rotations), self.wanted, self.sure)
         summary.add(records)
         tried = summary.yield_of(True)
-        cost = sum(choice.cost(values[choice.path]) for choice in self.choices)
-        chance = tried.probability(self.wanted)
-        return records, Allocation(turned, dict(values), cost, tried, chance, summary.verdict)
+        by_path = {choice.path: value for choice, value in chosen.items()}
+        cost = sum(choice.cost(value) for choice, value in chosen.items())
+        return records, Allocation(turned, by_path, cost, tried, tried.probability(self.wanted), summary.verdict)
 
-    def _sought(self, records: Sequence[RandomDrive], now: Mapping[str, float], aim: float) -> dict[str, float]:
+    def _sought(self, records: Sequence[RandomDrive], now: Array, aim: float) -> Array:
         """The cheapest tolerances for which drives, with sizes scaled, would stay below an aim.
 
         The least ones where none are.
         """
-        low, high = (np.log([getattr(choice, of) for choice in self.choices]) for of in ("least", "most"))
+        low, high = np.log(self.bounds)
         share, k, first = np.array([(choice.law.share, choice.law.k, np.log(choice.now)) for choice in self.choices]).T
         ratio = self._ratio_of(records, now)
 
-        def values(at: Array) -> dict[str, float]:
-            return {choice.path: float(v) for choice, v in zip(self.choices, np.exp(at), strict=True)}
-
-        def left(at: Array) -> float:
-            return float(-np.log(ratio(values(at)) / aim))
+        def left(x: Array) -> float:
+            return float(-np.log(ratio(np.exp(x)) / aim))
 
         if left(low) <= 0:
-            return values(low)
+            return np.asarray(np.exp(low))
         cheapest = minimize(
             lambda x: float(np.sum(share * np.exp(k * (first - x)))),
-            np.clip(np.log([now[choice.path] for choice in self.choices]), low, high),
+            np.clip(np.log(now), low, high),
             jac=lambda x: -share * k * np.exp(k * (first - x)),
             bounds=list(zip(low, high, strict=True)),
             constraints={"type": "ineq", "fun": left},
             method="SLSQP",
             options={"eps": SLOPE_STEP},
         )
-        return values(np.clip(cheapest.x, low, high))
+        return np.asarray(np.exp(np.clip(cheapest.x, low, high)))
 
-    def _ratio_of(
-        self, records: Sequence[RandomDrive], now: Mapping[str, float]
-    ) -> Callable[[Mapping[str, float]], float]:
+    def _ratio_of(self, records: Sequence[RandomDrive], now: Array) -> Callable[[Array], float]:
         """F'_ior over its room that the wanted share of the drives of most designs stay below, at the worst torque.
 
         Arguments: drives as they were solved with the tolerances now. The result takes values of tolerances that the
         sizes of the drives are scaled to, F'_ior being taken as linear in each size.
         """
-        paths = [choice.path for choice in self.choices]
         solved = np.array([record.refused is None and record.tighter is not None for record in records])
         some = [record for record, is_solved in zip(records, solved, strict=True) if is_solved]
         F_ior = np.array([record.best_F_ior_arcsec for record in some]).reshape(len(some), len(self.rooms))
-        tighter = np.array([[(record.tighter or {})[path] for path in paths] for record in some])
-        slopes = (F_ior[:, None] - tighter.reshape(len(some), len(paths), -1)) / (1 - TIGHTER_STEP)
+        tighter = np.array([[(record.tighter or {})[choice.path] for choice in self.choices] for record in some])
+        slopes = (F_ior[:, None] - tighter.reshape(len(some), len(self.choices), -1)) / (1 - TIGHTER_STEP)
         designs = np.array([record.design for record in records])
         places = np.unique(designs)
         weights = np.array([self.production.designs[k][1] for k in places])
 
-        def ratio(values: Mapping[str, float]) -> float:
-            change = np.array([values[path] / now[path] - 1 for path in paths])
-            scaled = np.maximum(F_ior + np.einsum("p,dpt->dt", change, slopes), LEAST_SHARE_LEFT * F_ior)
+        def ratio(values: Array) -> float:
+            scaled = np.maximum(F_ior + np.einsum("p,dpt->dt", values / now - 1, slopes), LEAST_SHARE_LEFT * F_ior)
             ratios = np.full(len(records), np.inf)
             ratios[solved] = np.max(scaled / np.array(self.rooms), axis=1)
             held = [float(np.quantile(ratios[designs == k], self.wanted, method="hazen")) for k in places]
