@@ -175,14 +175,11 @@ def quantities(
     """Quantities that limits need, at the numbers of the preset; error_of gives the error over the cycle by torque."""
     cycles, own_at = torques_of(limits, "cycle"), torques_of(limits, "self error")
     twists = any("stiffness" in limit.check.needs for limit in limits)
-    errors = run.map(error_of, cycles)
-    own = run.map(partial(self_error, drive, run=run.of_task), [own_at] * bool(own_at))
-    twist = run.map(partial(stiffness, points=1, run=run.of_task), [drive] * twists)
     known = PredictedQuantities(
         Kinematics.of(drive),
-        dict(zip(cycles, errors, strict=True)),
-        dict(zip(own_at, next(own, []), strict=True)),
-        tuple(twist),
+        dict(zip(cycles, run.map(error_of, cycles), strict=True)),
+        dict(zip(own_at, self_error(drive, own_at, run=run.of_task) if own_at else (), strict=True)),
+        (stiffness(drive, points=1, run=run.of_task),) if twists else (),
     )
     run.finished(known.certificate.states)
     return known
