@@ -124,6 +124,11 @@ def tone_of(words: str) -> str:
     return TONES.get(re.split("[,:]", words)[0], "")
 
 
+def as_objects(quantities: Iterable[Quantity[T]], things: Iterable[T]) -> list[dict[str, Any]]:
+    """The same of each of several things."""
+    return [as_object(quantities, thing) for thing in things]
+
+
 Series: TypeAlias = "NDArray[np.float64]"
 
 

@@ -27,7 +27,7 @@ from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import wheel
 from hdassist.preset.fields import Drive
 from hdassist.preset.knowledge import SIZE_20, SMALL_ACCURACY, USUAL_ACCURACY
-from hdassist.report import Curve, Fact, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
+from hdassist.report import Curve, Fact, Facts, Quantities, Quantity, Report, Table, as_objects, csv_table
 from hdassist.terminal.words import (
     again,
     field_unit,
@@ -159,9 +159,8 @@ def possible_steps(check: DesignCheck) -> PossibleSteps:
 
 def influence_at(check: DesignCheck) -> str:
     """The largest influences at the torque that decides, in words; empty without any."""
-    if not check.influences:
-        return ""
-    return f"{influence_words(check.influences)} at {check.points[check.least_sure].M_g:g} N·m"
+    result = f"F'_ior at {check.points[check.least_sure].M_g:g} N·m" if check.influences else ""
+    return influence_words(check.influences, result)
 
 
 def F_ior_table(check: DesignCheck) -> Table:
@@ -276,10 +275,9 @@ def _values(check: DesignCheck, seed: int) -> Json:
             **attributes(k, "fixed", "cycle_states", "cycle_cam_revolutions"),
         },
         "pitch": pitch_object(check.measured),
-        "operating_points": [
-            as_object((*POINT_QUANTITIES, *BELIEF, *MONTE_CARLO, Quantity("held_arcsec")), point)
-            for point in check.points
-        ],
+        "operating_points": as_objects(
+            (*POINT_QUANTITIES, *BELIEF, *MONTE_CARLO, Quantity("held_arcsec")), check.points
+        ),
         "unknown": unknown_objects(check.unknown),
         "identified_as_exact": check.prior.fitted if check.prior else [],
         "influence": influence_objects(check.influences),

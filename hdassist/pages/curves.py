@@ -32,6 +32,7 @@ from hdassist.report import (
     Series,
     Table,
     as_object,
+    as_objects,
     csv_columns,
 )
 from hdassist.terminal.words import again, heading, not_known, on_what
@@ -162,7 +163,7 @@ def stiffness_report(drive: Drive, found: Stiffness) -> Report:
         values={
             **as_object(WHOLE_QUANTITIES, found),
             "catalogue": stiffness_object(drive.catalogue, found),
-            **{name: [as_object(SEGMENT_QUANTITIES, each) for each in side] for name, side in sides.items()},
+            **{name: as_objects(SEGMENT_QUANTITIES, side) for name, side in sides.items()},
             "curve": curve,
         },
         csv=csv_columns(**curve),
@@ -178,7 +179,7 @@ def stiffness_warnings(drive: Drive, result: Stiffness) -> tuple[str, ...]:
     asked = is_overridden("operation.M_g", drive.origin.overrides)
     whose = "the greatest torque asked for" if asked else "the greatest of operation.M_g"
     stands = f"no operation.rated in the preset: {result.rated:g} N*m, {whose}, stands for it"
-    return (*drive.origin.warnings, f"{stands} in lost motion; --set operation.rated=T tells it" if asked else stands)
+    return (*drive.origin.warnings, f"{stands} in lost motion; --set operation.rated=T gives it" if asked else stands)
 
 
 def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:

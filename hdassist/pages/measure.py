@@ -40,6 +40,7 @@ from hdassist.report import (
     ReportSection,
     Table,
     as_object,
+    as_objects,
 )
 from hdassist.terminal.words import again
 
@@ -255,11 +256,8 @@ def _sweep(found: SweepResult) -> Json:
     """One direction as a JSON object."""
     return {
         **as_object(SWEEP_QUANTITIES, found),
-        **{
-            name: [as_object(ORDER_COLUMNS, order) for order in getattr(found, name)]
-            for name in ("orders", "orders_of_cam", "lines")
-        },
-        "budget": [as_object(_BUDGET, source) for source in found.sources],
+        **{name: as_objects(ORDER_COLUMNS, getattr(found, name)) for name in ("orders", "orders_of_cam", "lines")},
+        "budget": as_objects(_BUDGET, found.sources),
     }
 
 
@@ -355,8 +353,8 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
         values={
             "file": {"name": table.file, "sha256": table.sha256, "rows": len(table.lines)},
             "notes": list(table.notes),
-            "quantities": [as_object(_QUANTITIES, q) for q in found],
-            "places": [as_object(_PLACES, place) for place in places],
+            "quantities": as_objects(_QUANTITIES, found),
+            "places": as_objects(_PLACES, places),
             "seed": seed,
         },
         line=", ".join(

@@ -9,7 +9,7 @@ from hdassist.belief.samples import ErrorBelief
 from hdassist.json_parts import samples_object
 from hdassist.model.unknown import unknown_notes
 from hdassist.planning import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgement
-from hdassist.report import Curve, CurveMark, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
+from hdassist.report import Curve, CurveMark, Facts, Quantities, Quantity, Report, Table, as_objects, csv_table
 from hdassist.terminal.words import more_draws, preset_argument
 from hdassist.verdict import Verdict
 
@@ -91,10 +91,10 @@ def plan_report(choice: PlanChoice) -> Report:
             "F_ior_arcsec": dict(zip(("p5", "p50", "p95"), F_ior, strict=True)),
             "beyond_limit": drives.beyond and vars(drives.beyond),
             "verdict": str(choice.verdict),
-            "plans": [as_object(PLAN_QUANTITIES, each) for each in choice.judged],
+            "plans": as_objects(PLAN_QUANTITIES, choice.judged),
             "enough": [each.plan.name for each in choice.enough],
-            "over_positions": [as_object(PLAN_QUANTITIES, each) for each in choice.over_positions],
-            "lines": [as_object(LINE_QUANTITIES, line) for line in choice.lines],
+            "over_positions": as_objects(PLAN_QUANTITIES, choice.over_positions),
+            "lines": as_objects(LINE_QUANTITIES, choice.lines),
             "samples": samples_object(choice.samples),
             "seed": drives.seed,
         },

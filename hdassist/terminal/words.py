@@ -134,10 +134,9 @@ def field_unit(path: str) -> str:
 
 
 def influence_words(found: Sequence[Influence], result: str = "F'_ior") -> str:
-    """The largest shares of the spread, the variance, of a result: the first field in words, the second by its path."""
-    words = [f"{named(each.group)}: {100 * each.share:.0f} % of the spread of {result}" for each in found[:1]]
-    words += [f"{each.group} {100 * each.share:.0f} %" for each in found[1:REPORTED] if each.share >= 0.005]
-    return "; ".join(words)
+    """The largest shares of the spread, the variance, of a result, by field."""
+    shares = [f"{named(each.group)} {100 * each.share:.0f} %" for each in found[:REPORTED] if each.share >= 0.005]
+    return f"of the spread of {result}: {', '.join(shares)}" if shares else ""
 
 
 def measure_words(found: Sequence[MeasurementGain]) -> str:
@@ -146,7 +145,7 @@ def measure_words(found: Sequence[MeasurementGain]) -> str:
     for each in found[:REPORTED]:
         field = each.measured in HOW and words  # the first in words, others by their path
         how = f", {HOW[each.measured]}" if each.measured in HOW else ""
-        words.append(f"{each.measured if field else named(each.measured)}{how}: {100 * each.gain:.0f} % less spread")
+        words.append(f"{each.measured if field else named(each.measured)}{how}: spread {-100 * each.gain:+.0f} %")
     return "; ".join(words)
 
 

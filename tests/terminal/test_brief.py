@@ -29,10 +29,12 @@ from hdassist.terminal.words import (
 from tests.process import SMALL, run
 
 
-@pytest.mark.parametrize(("share", "second"), [(0.006, "; gears.h_a 1 %"), (0.004, "")])
+@pytest.mark.parametrize(
+    ("share", "second"), [(0.006, ", addendum of both wheels, in modules (gears.h_a) 1 %"), (0.004, "")]
+)
 def test_a_second_influence_is_named_where_it_is_more_than_0_percent(share, second):
     found = [Influence("operation.dT", 0.99), Influence("gears.h_a", share)]
-    assert influence_words(found).partition("F'_ior")[2] == second
+    assert influence_words(found).partition("99 %")[2] == second
 
 
 PROVEN = Certificate(9, 0.0, 0.0, 0.0, 0.0, 0)
