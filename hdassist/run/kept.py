@@ -155,16 +155,12 @@ class Kept(Generic[RecordT]):
 
         Raises DataError: one that does not hold.
         """
-        read = self._read()
+        lines = _lines(self._descriptor)
+        read = self._kind.read(lines, _checksum_of(next(lines, b"")), str(self._path))
         for _ in range(self.done):
             if (found := next(read, None)) is None:
                 raise self._lost()
             yield found[0]
-
-    def _read(self) -> Iterator[tuple[RecordT, bytes]]:
-        """Records with their lines."""
-        lines = _lines(self._descriptor)
-        return self._kind.read(lines, _checksum_of(next(lines, b"")), str(self._path))
 
     def rewrite(self, records: Iterable[RecordT]) -> None:
         """Put records of this run's owner in place of all that the file has; until then it stays as it is."""
@@ -204,17 +200,16 @@ class Kept(Generic[RecordT]):
     def take_up(self) -> None:
         """Count the records that are there, and drop a last line that is not finished.
 
-        Raises UsageError: they are of another
-        run, or none of ours; DataError: one that does not hold.
+        Raises UsageError: they are of another run, or none of ours; DataError: one that does not hold.
         """
-        name = str(self._path)
-        first = next(_lines(self._descriptor), b"")
+        name, lines = str(self._path), _lines(self._descriptor)
+        first = next(lines, b"")
         if not first.endswith(b"\n") and _sealed(asdict(self._owner), b"").startswith(first):
             return self.begin()  # empty, or begun by a run that was killed
         found, self._checksum = _owner_of(first, name)
         found.require_same(self._owner, name)
         self._size = len(first)
-        for _, line in self._read():
+        for _, line in self._kind.read(lines, self._checksum, name):
             self.done, self._size, self._checksum = self.done + 1, self._size + len(line), _checksum_of(line)
         if os.fstat(self._descriptor).st_size > self._size:
             self._cut(self._size)
