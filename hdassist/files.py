@@ -25,7 +25,7 @@ from typing import IO, BinaryIO, cast
 from hdassist.errors import DataError, Fault, Finding, PresetError, UsageError
 
 STDIN = "<stdin>"
-GZIP = b"\x1f\x8b"
+_GZIP = b"\x1f\x8b"
 MAX_LINE = 10_000  # characters
 PART = 1 << 18  # bytes that are read at once
 _NOT_UTF_8 = re.compile("[\udc80-\udcff]")
@@ -112,7 +112,7 @@ class TextFile:
             return
         with opened(source) if isinstance(source, str | Path) else nullcontext(source) as stream:
             buffered = io.BufferedReader(cast(io.RawIOBase, stream))
-            is_packed = buffered.peek(len(GZIP))[: len(GZIP)] == GZIP
+            is_packed = buffered.peek(len(_GZIP))[: len(_GZIP)] == _GZIP
             yield cast(BinaryIO, gzip.GzipFile(fileobj=buffered) if is_packed else buffered)
             buffered.detach()  # standard input stays open
 
@@ -238,10 +238,12 @@ def _near_by(path: Path) -> str:
     return f"did you mean {' or '.join(close)}?" if close else "is the path right?"
 
 
-Identity = tuple[int, int] | tuple[int, int, str]  # device and inode: of a file; of its folder, with its name there
+# --- the files of this run
 
-_inputs: dict[Identity, str] = {}
-_outputs: dict[Identity, str] = {}
+_Identity = tuple[int, int] | tuple[int, int, str]  # device and inode: of a file; of its folder, with its name there
+
+_inputs: dict[_Identity, str] = {}
+_outputs: dict[_Identity, str] = {}
 _kept: set[str] = set()
 _written: set[str] = set()
 
@@ -298,7 +300,7 @@ def is_written(path: str) -> bool:
     return path in _written
 
 
-def _file(file: str | int) -> list[Identity]:
+def _file(file: str | int) -> list[_Identity]:
     """A regular file that is there: devices and pipes take any number of answers."""
     with suppress(OSError, ValueError):
         found = os.fstat(file) if isinstance(file, int) else Path(file).stat()
@@ -306,7 +308,7 @@ def _file(file: str | int) -> list[Identity]:
     return []
 
 
-def _place(path: str) -> list[Identity]:
+def _place(path: str) -> list[_Identity]:
     """Where a file is or will be, whatever the case of its name."""
     with suppress(OSError, ValueError):
         real = Path(os.path.realpath(path))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hdassist.solve.through_cvxpy import CrossCheck
 
 Json = dict[str, Any]
-SCHEMA_NUMBERS = {"accept": 2, "accept-replay": 2, "mount": 2}  # of JSON whose keys have changed; all other has 1
+_SCHEMA_NUMBERS = {"accept": 2, "accept-replay": 2, "mount": 2}  # of JSON whose keys have changed; all other has 1
 
 
 def as_json(value: Any) -> Any:
@@ -44,7 +44,7 @@ def objects(things: Iterable[object], *names: str, **paths: str) -> list[Json]:
 
 def schema_of(command: str) -> str:
     """Schema of the JSON of a command."""
-    return f"hdassist.{command}/{SCHEMA_NUMBERS.get(command, 1)}"
+    return f"hdassist.{command}/{_SCHEMA_NUMBERS.get(command, 1)}"
 
 
 def certificate_object(found: object, cross_checks: Iterable[CrossCheck | None] = ()) -> Json:

@@ -48,7 +48,7 @@ def is_settled(low: float, high: float, sure: float = SURE) -> bool:
 
 
 SEVERITY = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS, Verdict.NO_LIMIT)
-EXIT_SEVERITY = (1, 5, 4, 2, 3, 6, 0)  # the worst of several drives, first
+_EXIT_SEVERITY = (1, 5, 4, 2, 3, 6, 0)  # the worst of several drives, first
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
@@ -58,4 +58,4 @@ def worst(verdicts: Iterable[Verdict]) -> Verdict:
 
 def worst_exit_code(codes: Iterable[int]) -> int:
     """The most severe of some exit codes; 0 where there is none."""
-    return min(codes, key=lambda code: EXIT_SEVERITY.index(code) if code in EXIT_SEVERITY else -1, default=0)
+    return min(codes, key=lambda code: _EXIT_SEVERITY.index(code) if code in _EXIT_SEVERITY else -1, default=0)

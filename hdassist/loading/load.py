@@ -48,7 +48,7 @@ from hdassist.preset.text import (
 )
 
 OVERRIDE_PLACE = re.compile(rf"^{OVERRIDE}:\d+:\d+: ", re.MULTILINE)  # in a message, of an override that nobody typed
-PER_TORQUE = [tuple(path.split(".")) for path, field in field_table().items() if field.kind == "limits"]
+_PER_TORQUE = [tuple(path.split(".")) for path, field in field_table().items() if field.kind == "limits"]
 Asked = tuple[tuple[str, str], ...]  # options by name, which the next command on a drive is to have too
 
 
@@ -119,7 +119,7 @@ def set_override(document: Document, text: str, index: int) -> None:
     for part in whole[:-1] if isinstance(table, dict) else ():
         path, inner = (*path, part), table.get(part)
         if inner is not None and not isinstance(inner, dict):
-            if path not in PER_TORQUE:
+            if path not in _PER_TORQUE:
                 message = f"{path_text(path)} is no table of keys"
                 document.findings.append(Finding(OVERRIDE, *at_key, path_text(whole), message))
                 return
@@ -278,7 +278,7 @@ def _warn_of_limits(drive: Drive, document: Document) -> None:
     narrowed = document.is_override(("operation", "M_g"))
     torques = shown(", ".join(map(plain, drive.operation.M_g[:20])))
     message = "a limit for a torque that is not in operation.M_g: accept looks at it, check does not"
-    for section, name in PER_TORQUE:
+    for section, name in _PER_TORQUE:
         for key in drive.value(f"{section}.{name}"):
             path = (section, name, key)
             counts = not narrowed or document.is_override(path)

@@ -210,7 +210,7 @@ def _written(tables: Any, file: str, wanted: Drive, model: Mapping[str, str | in
 
 
 SCHEMA_FILE = "hdassist-preset.schema.json"  # that the first line of a new preset names
-NUMBER_TEXT = {"type": "string", "pattern": rf"^\s*{NUMBER}"}  # with a unit, or an uncertainty
+_NUMBER_TEXT = {"type": "string", "pattern": rf"^\s*{NUMBER}"}  # with a unit, or an uncertainty
 
 
 def preset_schema() -> dict[str, Any]:
@@ -249,7 +249,7 @@ def _table_schema(model: type[Section]) -> dict[str, Any]:
 def _field_schema(field: PresetField) -> dict[str, Any]:
     """Schema of a field as presets are written: texts for numbers, one item for a list, a number for a table."""
     number, text = _number_schema(field), {"type": "string"}
-    table: Any = {"type": "object", "additionalProperties": NUMBER_TEXT if field.kind == "readings" else number}
+    table: Any = {"type": "object", "additionalProperties": _NUMBER_TEXT if field.kind == "readings" else number}
     several = table if field.kind in KEYED_TABLES else {"type": "array", "items": number}
     forms: Any = {
         "number": [number], "count": [number], "text": [text], "line": [text], "choice": [{"enum": [*field.choices]}],
@@ -266,4 +266,4 @@ def _number_schema(field: PresetField) -> dict[str, Any]:
     """Schema of a number of a field, or of an item of it."""
     ends = {"minimum": field.ge, "exclusiveMinimum": field.gt, "maximum": field.le}
     limits = {name: end for name, end in ends.items() if isfinite(end)}
-    return {"anyOf": [{"type": "integer" if field.kind in ("count", "holes") else "number"} | limits, NUMBER_TEXT]}
+    return {"anyOf": [{"type": "integer" if field.kind in ("count", "holes") else "number"} | limits, _NUMBER_TEXT]}

@@ -31,19 +31,19 @@ from pydantic_core import InitErrorDetails
 from hdassist.plaintext import NUMBER, UNSIGNED, number_of
 from hdassist.preset.text import InvalidValueError, Path, near_miss, read_count, read_number, read_spread
 
-CLOSED = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+_CLOSED = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 UNKNOWN = "unknown"  # written in a preset in place of a value
-DECLARED_FIELDS: dict[str, Any] = tomllib.loads(files("hdassist.preset").joinpath("fields.toml").read_text("utf-8"))
+_DECLARED_FIELDS: dict[str, Any] = tomllib.loads(files("hdassist.preset").joinpath("fields.toml").read_text("utf-8"))
 
 
 class Section(BaseModel):
     """A part of a preset: immutable, closed, its fields as fields.toml declares them."""
 
-    model_config = CLOSED
+    model_config = _CLOSED
 
     def __init_subclass__(cls) -> None:
         """Give fields their defaults, None where they may be so, and those without a type that of a number or None."""
-        declared = DECLARED_FIELDS[cls.__name__]
+        declared = _DECLARED_FIELDS[cls.__name__]
         if declared.keys() > cls.__annotations__.keys():
             cls.__annotations__ = {name: cls.__annotations__.get(name, "float | None") for name in declared}
         for name in declared:
@@ -65,7 +65,7 @@ class Section(BaseModel):
     @cache
     def declared(cls) -> Mapping[str, PresetField]:
         """Declaration of each field, by name."""
-        of_class = DECLARED_FIELDS[cls.__name__]
+        of_class = _DECLARED_FIELDS[cls.__name__]
         return {name: PresetField.of(info, **of_class.get(name, {})) for name, info in cls.model_fields.items()}
 
     @classmethod
@@ -103,7 +103,7 @@ PerTorque = Annotated[dict[str, float], "limits"]
 PerOrder = Annotated[dict[str, float], "orders"]
 PerPosition = Annotated[dict[str, UncertainReading], "readings"]
 KINDS: dict[Any, FieldKind] = {float: "number", int: "count", str: "text"}
-WANTED_LISTS = {"numbers": "must be a list of numbers", "holes": "must be all, or a list of hole numbers"}
+_WANTED_LISTS = {"numbers": "must be a list of numbers", "holes": "must be all, or a list of hole numbers"}
 # of a table of values: pattern of its keys, their meaning, an example of a key, and of a table
 KEYED_TABLES = {
     "limits": (NUMBER, "a torque in N*m, or all", "", ""),
@@ -182,7 +182,7 @@ class PresetField:
             return _read_items(value if isinstance(value, dict) else {"all": value}, partial(self._entry, known))
         elif self.kind == "numbers" or (self.kind == "holes" and value != "all"):
             if isinstance(value, dict) or (self.kind == "holes" and isinstance(value, str)):
-                raise InvalidValueError(WANTED_LISTS[self.kind])
+                raise InvalidValueError(_WANTED_LISTS[self.kind])
             items = enumerate(value if isinstance(value, list) else [value])
             return tuple(_read_items(dict(items), lambda _, item: self.number(item)).values())
         elif self.kind in ("uncertainty", "fit", "source") and isinstance(value, dict):
@@ -304,6 +304,8 @@ def text_of(value: Any) -> str:
     return plain(value) if float(plain(value)) == value else repr(value)
 
 
+# --- deviations of the parts
+
 Part = Literal["g", "b", "h"]
 
 
@@ -345,7 +347,7 @@ class Deviation:
         return self.kind in ("cam", "seat")
 
 
-DEVIATIONS = tuple(Deviation(**each) for each in DECLARED_FIELDS["deviations"])
+DEVIATIONS = tuple(Deviation(**each) for each in _DECLARED_FIELDS["deviations"])
 COMPOSITES = {each.part: each for each in DEVIATIONS if each.kind == "composite"}
 CAM_OFFSETS = {each.part: each for each in DEVIATIONS if each.kind == "cam"}
 DEVIATION_FIELDS = frozenset(path for each in DEVIATIONS for path in (each.size, each.direction))
@@ -355,6 +357,8 @@ IN_TEETH: dict[str, tuple[str, ...]] = {
     for wheel in COMPOSITES
 }
 
+
+# --- sections and the drive
 
 PRESET_SCHEMA = "hdassist.preset/1"
 
@@ -605,6 +609,9 @@ class Drive(Section):
             section, name = path.split(".")
             changed[section] = changed.get(section, getattr(self, section)).model_copy(update={name: value})
         return self.model_copy(update=changed)
+
+
+# --- fields by path, and the origin of each value
 
 
 def sections() -> Iterator[tuple[str, type[Section]]]:

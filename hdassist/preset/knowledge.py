@@ -19,14 +19,14 @@ from hdassist.preset.fields import COMPOSITES, Drive, Source, field_table, plain
 from hdassist.preset.text import InvalidValueError, near_miss, read_number, scalar_value, shown
 
 REFERENCE = 160.0  # mm, pitch diameter at which the ranges below are stated
-REFERENCE_MODULE = 0.8  # mm, of the bounds that are in modules
+_REFERENCE_MODULE = 0.8  # mm, of the bounds that are in modules
 # N*m/rad at the reference: K3 of catalogue sizes 20 to 65, ratio 80 and more, by d^3, is this to 3 %; of 17 and
 # 14 it is 10 and 28 % less
 CATALOGUE_K3 = 9.0e5
 # N*m/mm^3, rated torque over d^3 of catalogue sizes 14 to 65, ratio 100: from size 14 of the standard series (7.8 N*m)
 # to size 20 of the high-torque series (52 N*m); d = 2.54 mm a size
 TORQUE_DENSITY = (1.7e-4, 4.0e-4)
-BOUND_ROUNDING = 1e-9  # of a bound
+_BOUND_ROUNDING = 1e-9  # of a bound
 # Greatest deviations where a preset does not give them. F'_i: F_p of this class of ISO 1328-1:2013, the coarsest teeth
 # that a drive is taken to have; those of the paper are there
 COARSEST_CLASS = 9
@@ -38,10 +38,10 @@ STANDING_OFFSET, TURNING_OFFSET, CENTRE_OFFSET = 0.5, 0.2, 0.06
 SECOND_ORDER, HIGHER_ORDERS = 0.08, 0.04
 # arcsec: accuracy that catalogues promise, the second below SIZE_20 [mm]
 USUAL_ACCURACY, SMALL_ACCURACY, SIZE_20 = 60.0, 90.0, 50.0
-# arcsec: backlash and lost motion that no drive of a catalogue exceeds; the second below LARGE_SIZE [mm]
-PLAY, LOST_MOTION, LOST_MOTION_SMALL, LARGE_SIZE = 5.0, 60.0, 180.0, 35.0
+# arcsec: backlash and lost motion that no drive of a catalogue exceeds; the second below _LARGE_SIZE [mm]
+PLAY, LOST_MOTION, _LOST_MOTION_SMALL, _LARGE_SIZE = 5.0, 60.0, 180.0, 35.0
 # N/mm for each mm of its bore: radial stiffness of the bearing of a shaft with an overhung cam, and its range; a guess
-SHAFT_BEARING = (5e3, 2e3, 1e4)
+_SHAFT_BEARING = (5e3, 2e3, 1e4)
 
 
 def F_p(d: float, m: float, accuracy: int) -> float:
@@ -76,7 +76,7 @@ class Law:
         """Plausible range of a field, which includes its value, at a pitch diameter d and a module m [mm]."""
         if self.bounds is None:
             return None
-        scale = value if self.of_value else growth(self.by, d / REFERENCE, m / REFERENCE_MODULE)
+        scale = value if self.of_value else growth(self.by, d / REFERENCE, m / _REFERENCE_MODULE)
         return min(self.bounds[0] * scale, value), max(self.bounds[1] * scale, self.least, value)
 
 
@@ -99,16 +99,16 @@ class Proportion:
 _TABLES = tomllib.loads(files("hdassist.preset").joinpath("knowledge.toml").read_text("utf-8"))
 LAWS = {path: Law(**law) for path, law in _TABLES["laws"].items()}
 # by cam.coupling: stiffness of the cam's support and its plausible range [N/mm] at the reference diameter, and why
-CAM_SUPPORTS: dict[str, tuple[float, float, float, str]] = _TABLES["cam_supports"]
-PROPORTIONS = [Proportion(**each) for each in _TABLES["proportions"]]
+_CAM_SUPPORTS: dict[str, tuple[float, float, float, str]] = _TABLES["cam_supports"]
+_PROPORTIONS = [Proportion(**each) for each in _TABLES["proportions"]]
 
 
 def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
     """Valid fields of a drive that are far from usual: path, message with the number, usual range."""
-    for each in PROPORTIONS:
+    for each in _PROPORTIONS:
         value, base = drive.value(each.path), drive.value(each.base)
         share = value / base if value and base else None
-        if share is not None and not each.low * (1 - BOUND_ROUNDING) <= share <= each.high * (1 + BOUND_ROUNDING):
+        if share is not None and not each.low * (1 - _BOUND_ROUNDING) <= share <= each.high * (1 + _BOUND_ROUNDING):
             words = each.words.format(value=value, base=base, share=share)
             yield each.path, words, f"usual: {each.usual.format(low=each.low, high=each.high)}"
     most, rated, d = max(map(abs, drive.operation.M_g)), drive.operation.rated, drive.gears.pitch_diameter
@@ -118,12 +118,14 @@ def implausible(drive: Drive) -> Iterator[tuple[str, str, str]]:
     if rated is None and most > limit:
         words = f"{most:g} N*m is {most / limit:.3g} {beyond}"
         yield "operation.M_g", words, f"{usual}; give operation.rated where it is another"
-    if rated is not None and most > rated * (1 + BOUND_ROUNDING):
+    if rated is not None and most > rated * (1 + _BOUND_ROUNDING):
         words = f"{most:g} N*m is {most / rated:.3g} times the rated torque"
         yield "operation.M_g", words, f"operation.rated: {rated:g} N*m"
     if rated is not None and rated > limit * 1.01:
         yield "operation.rated", f"{rated:g} N*m is {rated / limit:.3g} {beyond}", usual
 
+
+# --- the cam's support by its coupling
 
 SUPPORT_FIELD = "supports.C_3"
 COUPLING_FIELDS = ("cam.coupling", "cam.shaft_d", "cam.overhang")
@@ -145,24 +147,26 @@ def _support(drive: Drive) -> tuple[float, float, float, str] | None:
     cam, why = drive.cam, "3 E I/L^3 of its shaft in series with a bearing, whose stiffness is a guess"
     if cam.coupling != "overhung":
         size = drive.gears.pitch_diameter / REFERENCE
-        *numbers, why = CAM_SUPPORTS[cam.coupling]
+        *numbers, why = _CAM_SUPPORTS[cam.coupling]
         value, low, high = (float(f"{number * size:.4g}") for number in numbers)
     elif cam.shaft_d is None or cam.overhang is None:
         return None
     else:  # equation (2a)
         shaft = 3 * drive.material.E * pi * cam.shaft_d**4 / 64 / cam.overhang**3
-        value, low, high = (float(f"{1 / (1 / shaft + 1 / (k * cam.shaft_d)):.4g}") for k in SHAFT_BEARING)
+        value, low, high = (float(f"{1 / (1 / shaft + 1 / (k * cam.shaft_d)):.4g}") for k in _SHAFT_BEARING)
     return value, low, high, why
 
 
+# --- a drive like a known one
+
 PITCH_DIAMETER = "gears.pitch_diameter"
 STIFFNESS = "catalogue.K"
-FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
-FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
-ASSUMED_CLASSES = (7, 8)  # of ISO 1328-1: that of the value of F'_i, and that of the upper end of its range
+_FARTHEST_TORQUE = 3.0  # times beyond the densities of catalogues: no such drive
+_FARTHEST_STIFFNESS = 4.0  # times stiffer or softer than catalogues have it at a diameter: no such drive
+_ASSUMED_CLASSES = (7, 8)  # of ISO 1328-1: that of the value of F'_i, and that of the upper end of its range
 # only where the drive to be like gives them, and not as 0; else left to their defaults
-WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING_FIELDS)
-SIMILAR_WORDS = {
+_WHERE_GIVEN = ("material.alpha_T", "operation.dT", *COUPLING_FIELDS)
+_SIMILAR_WORDS = {
     "same": "as {like}",
     "d": "{like} x {s:.4g}, as d",
     "1/d": "{like} / {s:.4g}, as 1/d",
@@ -189,7 +193,7 @@ def rated_of(drive: Drive) -> float:
     return drive.operation.rated or max(map(abs, drive.operation.M_g))
 
 
-def size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
+def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
     """Pitch diameter [mm] of a drive that is like another one, and its K3 over that of catalogues for it.
 
     It is the required diameter; without one, that of K3 by the cube law of catalogues; without K3, that of the torque
@@ -204,7 +208,7 @@ def size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
     if size := required.get(PITCH_DIAMETER):
         of_catalogues = CATALOGUE_K3 * (size.value / REFERENCE) ** 3
         stiffer = K[2] / of_catalogues if K else 1.0
-        if not 1 / FARTHEST_STIFFNESS <= stiffer <= FARTHEST_STIFFNESS:
+        if not 1 / _FARTHEST_STIFFNESS <= stiffer <= _FARTHEST_STIFFNESS:
             _refuse_size(f"K3 = {plain(K[2])} N*m/rad", size.value, f"about {rounded(of_catalogues, 2):g}")
     elif K:
         d = rounded(REFERENCE * (K[2] / CATALOGUE_K3) ** (1 / 3))
@@ -218,7 +222,7 @@ def size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
         why = f"{d:g} mm from {plain(T)} N*m, d^3 as {like.name}; catalogues have {low:.3g} to {high:.3g} mm for it"
         return SimilarValue(d, "assumed", why), stiffer
     low, high = (density * size.value**3 for density in TORQUE_DENSITY)
-    if T is not None and not low / FARTHEST_TORQUE <= T <= high * FARTHEST_TORQUE:
+    if T is not None and not low / _FARTHEST_TORQUE <= T <= high * _FARTHEST_TORQUE:
         usual = f"{rounded(low, 2):g} to {rounded(high, 2):g} N*m"
         _refuse_size(f"a rated torque of {plain(T)} N*m", size.value, usual)
     return size, stiffer
@@ -237,7 +241,7 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
     Deviations other than F'_i, offsets and phases are unknown and left out.
     Raises UsageError: requirements that contradict each other.
     """
-    size, stiffer = size_of(like, required)
+    size, stiffer = _size_of(like, required)
     d, s = size.value, size.value / like.gears.pitch_diameter
     given = {path for path in field_table() if (p := path.split("."))[1] in getattr(like, p[0]).model_fields_set}
     as_like = dict[str, SimilarValue]()
@@ -252,7 +256,7 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
         "gears.m": SimilarValue(m, size.kind, f"{d:.6g} mm / {teeth.value} teeth; {size.ref}"),
     }
     for path, law in LAWS.items():
-        optional = path in WHERE_GIVEN and not (path in given and like.value(path))
+        optional = path in _WHERE_GIVEN and not (path in given and like.value(path))
         if like.value(path) is not None and path != like.unused_tooth_field and not optional:
             entries[path] = _scaled(like, path, law, s, m, stiffer)
     entries |= _shifts(like, entries, d) | _tolerances(d, m)
@@ -279,9 +283,9 @@ def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float
     stiffness, compliance = path.startswith(("supports.", "contact.k_")), path.startswith("contact.c_")
     elastic = stiffer if stiffness else 1 / stiffer if compliance else 1.0
     in_modules = value / like.gears.m / (1000 if path == "gears.j_n" else 1) if law.by == "m" else 0.0
-    words = SIMILAR_WORDS[law.by].format(like=like.name, s=s, value=in_modules)
+    words = _SIMILAR_WORDS[law.by].format(like=like.name, s=s, value=in_modules)
     if law.usual is not None and not value:
-        value, words = rounded(law.usual * growth(law.by, d / REFERENCE, m / REFERENCE_MODULE)), ""
+        value, words = rounded(law.usual * growth(law.by, d / REFERENCE, m / _REFERENCE_MODULE)), ""
     elif isinstance(value, float):
         value = rounded(value * factor * elastic)
     if elastic != 1 and factor:
@@ -314,17 +318,16 @@ def _shifts(like: Drive, entries: Mapping[str, SimilarValue], d: float) -> dict[
 
 
 def _tolerances(d: float, m: float) -> dict[str, SimilarValue]:
-    usual, coarse = (rounded(F_p(d, m, accuracy), 2) for accuracy in ASSUMED_CLASSES)
-    ref = (
-        f"F_p of class {ASSUMED_CLASSES[0]}, ISO 1328-1:2013, in place of F'_i; 0 to that of class {ASSUMED_CLASSES[1]}"
-    )
+    usual, coarse = (rounded(F_p(d, m, accuracy), 2) for accuracy in _ASSUMED_CLASSES)
+    fine, coarsest = _ASSUMED_CLASSES
+    ref = f"F_p of class {fine}, ISO 1328-1:2013, in place of F'_i; 0 to that of class {coarsest}"
     if m < 1:
         ref += "; GOST 9178-81 is the Russian series for such modules"
     return {wheel.size: SimilarValue(usual, "assumed", ref, (0.0, coarse)) for wheel in COMPOSITES.values()}
 
 
 def _backlash(d: float) -> dict[str, SimilarValue]:
-    lost = LOST_MOTION if d > LARGE_SIZE else LOST_MOTION_SMALL
+    lost = LOST_MOTION if d > _LARGE_SIZE else _LOST_MOTION_SMALL
     return {
         "catalogue.lost_motion": SimilarValue(lost, "assumed", "what makers promise of such sizes"),
         "catalogue.play": SimilarValue(PLAY, "assumed", "these drives are sold without backlash"),
@@ -350,8 +353,10 @@ def rounded(value: float, digits: int = 4) -> float:
     return value if value == 0 else round(value, digits - 1 - int(log10(abs(value)) // 1))
 
 
+# --- requirements by options
+
 # options of a measure: their fields and units
-MEASURES = {
+_MEASURES = {
     "pitch_diameter": (PITCH_DIAMETER, "mm"), "torque": ("operation.rated", "N*m"),
     "lost_motion": ("catalogue.lost_motion", "arcsec"), "accuracy": ("catalogue.accuracy", "arcsec"),
 }  # fmt: skip
@@ -367,7 +372,7 @@ def read_requirements(like: Drive, *, ratio: float | None = None, **given: str |
     Raises UsageError: an option that cannot be read, or two that contradict each other.
     """
     required: dict[str, SimilarValue] = {}
-    for name, (path, unit) in MEASURES.items():
+    for name, (path, unit) in _MEASURES.items():
         if (text := given.get(name)) is not None:
             option = f"--{name.replace('_', '-')}"
             required[path] = SimilarValue(_measure(option, text, unit), "given", f"{option} {text}")

@@ -12,9 +12,9 @@ from typing import Any
 
 from hdassist.plaintext import number_of
 
-LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
-FARTHEST_MEASURED = 100.0  # times the greatest torque, of a measured F'_ior: beyond, the number is mistyped
-LEAST_END = 1e-4  # of the rated torque, of a segment of the stiffness curve: below, there is only play
+_LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
+_FARTHEST_MEASURED = 100.0  # times the greatest torque, of a measured F'_ior: beyond, the number is mistyped
+_LEAST_END = 1e-4  # of the rated torque, of a segment of the stiffness curve: below, there is only play
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,8 @@ def field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple
                 yield Conflict(rule.path, rule.message, fault if isinstance(fault, str) else "", rule.hint), involved
     greatest = max(map(abs, (values.get("operation.rated") or 0.0, *values.get("operation.M_g", ()))), default=0.0)
     for key in values.get("measured.F_ior", ()) if "mounting.holes" in values else ():
-        if abs(number_of(key.partition("@")[2])) > FARTHEST_MEASURED * greatest > 0:
-            words = f"measured at more than {FARTHEST_MEASURED:g} times the drive's greatest torque, {greatest:g} N*m"
+        if abs(number_of(key.partition("@")[2])) > _FARTHEST_MEASURED * greatest > 0:
+            words = f"measured at more than {_FARTHEST_MEASURED:g} times the drive's greatest torque, {greatest:g} N*m"
             yield Conflict(f"measured.F_ior.{key}", words, key, "the torque is in N*m"), ()
         if position := position_fault(key.split("@")[0], values["mounting.holes"]):
             yield Conflict(f"measured.F_ior.{key}", position[0], key, position[1]), ()
@@ -74,12 +74,12 @@ def field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple
 
 def _too_soft(C: float | None) -> str:
     """A stiffness [N/mm] with which the equations are ill-conditioned."""
-    return f"{C:g} N/mm" if C and C < LEAST_SUPPORT else ""
+    return f"{C:g} N/mm" if C and C < _LEAST_SUPPORT else ""
 
 
 def _too_small(end: float | None, rated: float | None, M_g: Sequence[float]) -> str:
     """A torque that ends no segment of the stiffness curve, and the least that does."""
-    least = LEAST_END * (rated or max(map(abs, M_g), default=0.0))
+    least = _LEAST_END * (rated or max(map(abs, M_g), default=0.0))
     return f"{end:g} N*m; above {least:g} N*m" if end is not None and end <= least else ""
 
 
@@ -88,7 +88,7 @@ def _listed(numbers: set[float]) -> str:
 
 
 _SOFT = "too soft to hold anything"
-_HOLDS = f"0 where nothing holds the part, else at least {LEAST_SUPPORT:g} N/mm"
+_HOLDS = f"0 where nothing holds the part, else at least {_LEAST_SUPPORT:g} N/mm"
 _SMALL = "too small to end a segment"
 FIELD_RULES = (
     FieldRule(
@@ -160,14 +160,16 @@ FIELD_RULES = (
 )  # fmt: skip
 
 
-FARTHEST_TURN = 3600.0  # deg that a wheel can be meant to be turned by
+# --- positions at which F'_ior was measured: holes of the seat, or turns of the fixed wheel
+
+_FARTHEST_TURN = 3600.0  # deg that a wheel can be meant to be turned by
 
 
 def turn_of(where: str, holes: int) -> float:
     """Turn [deg] of the fixed wheel to a hole of its seat ("h4"), or by an angle ("120"); NaN for any other text."""
     number = number_of(where.removeprefix("h"))
     turn = number * 360 / holes if where.startswith("h") and holes else number
-    return turn if where.startswith("h") or abs(turn) <= FARTHEST_TURN else nan
+    return turn if where.startswith("h") or abs(turn) <= _FARTHEST_TURN else nan
 
 
 def position_fault(where: str, holes: int) -> tuple[str, str] | None:

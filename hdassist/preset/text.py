@@ -24,7 +24,7 @@ from hdassist.plaintext import NUMBER, escaped
 
 MOST_PRESET_BYTES = 256 * 1024
 MAX_DEPTH = 20
-MAX_DIGITS = 300  # digits: a longer integer is read as a float
+_MAX_DIGITS = 300  # digits: a longer integer is read as a float
 MAX_FINDINGS = 100
 OVERRIDE = "--set"  # stands for the file in findings on overrides
 
@@ -125,7 +125,7 @@ def scalar_value(text: str) -> Any:
     """Value of a plain scalar: None, true, false, a number, or else the text itself."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
-    if _INT.fullmatch(text) and len(text) <= MAX_DIGITS:
+    if _INT.fullmatch(text) and len(text) <= _MAX_DIGITS:
         return int(text)
     return float(text) if _FLOAT.fullmatch(text) else text
 
@@ -312,6 +312,8 @@ def near_miss(word: str, options: Iterable[str]) -> str:
     return f"did you mean {known[close[0]]}?" if close else ""
 
 
+# --- numbers with their units
+
 _TABLE = tomllib.loads(files("hdassist.preset").joinpath("units.toml").read_text("utf-8"), parse_float=Decimal)
 _SPELLINGS = str.maketrans(_TABLE.pop("spellings"))
 _ALIASES: dict[str, str] = _TABLE.pop("aliases")
@@ -325,7 +327,7 @@ _SIGN = r"(?:±|\+/-|\+-)"
 _SPREAD = re.compile(rf"(.*?)\s*{_SIGN}\s*(.*)", re.DOTALL)
 _NOT_FINITE = re.compile(r"[-+]?\.?(nan|inf|infinity)", re.IGNORECASE)
 _SMALLEST = 1e-290
-LONGEST_NUMBER = (
+_LONGEST_NUMBER = (
     400  # characters of a number with its unit and uncertainty; time to match them grows faster than they do
 )
 
@@ -360,7 +362,7 @@ def convert(text: str, unit: str) -> float:
 
 def _matched(pattern: re.Pattern[str], text: str) -> re.Match[str] | None:
     """The match of a whole text that is not too long for a number."""
-    return pattern.fullmatch(text.strip()) if len(text.strip()) <= LONGEST_NUMBER else None
+    return pattern.fullmatch(text.strip()) if len(text.strip()) <= _LONGEST_NUMBER else None
 
 
 def is_spread(text: str) -> bool:

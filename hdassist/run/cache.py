@@ -22,7 +22,7 @@ from platformdirs import user_cache_path
 
 FOLDER, NO_CACHE = "HDASSIST_CACHE", "HDASSIST_NO_CACHE"  # variables: another folder; whether answers are not kept
 OWN_FOLDER = "answers"  # in the folder of the cache
-LARGEST_FILE = 1 << 24  # bytes of a file
+_LARGEST_FILE = 1 << 24  # bytes of a file
 MOST = 1 << 26  # bytes of all files: above it the oldest go
 _OLDEST_LEFT = 0.75  # of MOST, that is left then
 _OWN_FILE = re.compile(r"\.?[a-z]+-[0-9a-f]{16}(\.[0-9a-f]{8}\.part)?")  # a kept one, or one that is being written
@@ -74,7 +74,7 @@ def cached(kind: str, key: str) -> bytes | None:
         descriptor = os.open(_name(kind, key), os.O_RDONLY | _AS_IT_IS, dir_fd=folder)
         with os.fdopen(descriptor, "rb") as file:
             about = os.fstat(descriptor)
-            if _is_own(about) and about.st_size <= LARGEST_FILE:
+            if _is_own(about) and about.st_size <= _LARGEST_FILE:
                 first, _, data = file.read().partition(b"\n")
                 if first == _first_line(key, data):
                     os.utime(descriptor)  # the oldest go first
@@ -85,7 +85,7 @@ def cached(kind: str, key: str) -> bytes | None:
 def keep(kind: str, key: str, data: bytes) -> None:
     """Keep data of a kind by a key (SHA-256), in place of those before; none where that cannot be written."""
     name, line = _name(kind, key), _first_line(key, data)
-    if len(line) + len(data) >= LARGEST_FILE:
+    if len(line) + len(data) >= _LARGEST_FILE:
         return
     beside = f".{name}.{secrets.token_hex(4)}.part"
     with suppress(*_UNUSABLE), _own_folder(makes=True) as folder:

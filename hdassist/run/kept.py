@@ -30,8 +30,8 @@ from hdassist.plaintext import printable
 from hdassist.run.stops import at_stop
 from hdassist.version import __version__
 
-KEPT_SCHEMA: Literal["hdassist.kept/1"] = "hdassist.kept/1"
-LONGEST_LINE = 1 << 26  # bytes of a line
+_KEPT_SCHEMA: Literal["hdassist.kept/1"] = "hdassist.kept/1"
+_LONGEST_LINE = 1 << 26  # bytes of a line
 LOCK_PATIENCE = 1.0  # s: processes that a killed run has begun hold its lock until they have ended too
 _DIGITS = 16  # of a checksum
 
@@ -65,7 +65,7 @@ class KeptOwner(ClosedRecord):
     preset: name of the drive, empty where there are several; inputs and version: empty where each record has its own.
     """
 
-    schema: Literal["hdassist.kept/1"] = KEPT_SCHEMA
+    schema: Literal["hdassist.kept/1"] = _KEPT_SCHEMA
     version: str = __version__
     command: str
     preset: str = ""
@@ -120,7 +120,7 @@ class RecordKind(Generic[RecordT]):
             except (ValueError, RecursionError) as error:
                 begin = b'{"item":%d,' % item
                 start = line.rstrip(b"\0")[: len(begin)]  # zeros stand where power was lost before data came to disk
-                if not line.endswith(b"\n") and len(line) < LONGEST_LINE and begin.startswith(start):
+                if not line.endswith(b"\n") and len(line) < _LONGEST_LINE and begin.startswith(start):
                     return
                 raise DataError(f"{name}:{item + 2}: invalid record: {why_invalid(error)}", self.hint) from None
             yield record, line
@@ -317,7 +317,7 @@ def _lines(descriptor: int) -> Iterator[bytes]:
     """Lines of a file, each with its end; one that is longer than any of ours comes in parts."""
     with os.fdopen(os.dup(descriptor), "rb") as file:
         file.seek(0)
-        yield from iter(partial(file.readline, LONGEST_LINE), b"")
+        yield from iter(partial(file.readline, _LONGEST_LINE), b"")
 
 
 def _sealed(fields: Mapping[str, Any], above: bytes) -> bytes:
@@ -346,7 +346,7 @@ def _owner_of(line: bytes, name: str) -> tuple[KeptOwner, bytes]:
 
     Raises UsageError: the file is not of this form; DataError: it is, and was changed.
     """
-    if not line.startswith(b'{"schema":"%s",' % KEPT_SCHEMA.encode()):
+    if not line.startswith(b'{"schema":"%s",' % _KEPT_SCHEMA.encode()):
         raise UsageError(f"{name} exists, and holds no work that hdassist has kept", _OTHER_FILE)
     try:
         fields, checksum = _unsealed(line, b"")

@@ -76,7 +76,7 @@ UNCHECKED = Run(cross_check=None)  # in this process, no state solved again
 # --- engines of other packages, on one machine or many
 
 ENGINES = {"dask": "distributed", "mpi": "mpi4py", "ray": "ray"}  # by the package that each needs
-RETRIES = 3  # of a task whose worker was lost
+_RETRIES = 3  # of a task whose worker was lost
 TIMEOUT = 10.0  # s for a scheduler to answer
 Installation = Callable[[], object]  # what the digits of an answer depend on, where it is called
 
@@ -95,7 +95,7 @@ class Cluster(Executor):
     @property
     def size(self) -> int:
         """How many tasks are worked on at a time: workers may join and leave."""
-        if time.monotonic() > self._asked + SECONDS:
+        if time.monotonic() > self._asked + _SECONDS:
             self._known, self._asked = max(1, self._size()), time.monotonic()
         return self._known
 
@@ -179,7 +179,7 @@ def _dask(stack: ExitStack, address: str, jobs: int) -> tuple[Executor, Callable
         client = stack.enter_context(distributed.Client(stack.enter_context(own)))
     else:
         client = stack.enter_context(distributed.Client(address, timeout=TIMEOUT))
-    return client.get_executor(pure=False, retries=RETRIES), lambda: sum(client.nthreads().values())
+    return client.get_executor(pure=False, retries=_RETRIES), lambda: sum(client.nthreads().values())
 
 
 def _mpi(stack: ExitStack, _address: str, _jobs: int) -> tuple[Executor, Callable[[], int]]:
@@ -197,7 +197,7 @@ def _ray(stack: ExitStack, address: str, jobs: int) -> tuple[Executor, Callable[
 
     class Tasks(Executor):
         def submit(self, task: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
-            future: Future[Any] = ray.remote(max_retries=RETRIES)(task).remote(*args, **more).future()
+            future: Future[Any] = ray.remote(max_retries=_RETRIES)(task).remote(*args, **more).future()
             return future
 
     return Tasks(), lambda: int(ray.cluster_resources().get("CPU", 1))
@@ -205,8 +205,8 @@ def _ray(stack: ExitStack, address: str, jobs: int) -> tuple[Executor, Callable[
 
 # --- very many items
 
-SECONDS = 2.0  # of work in a chunk, about
-MANY = 100  # workers, from which on chunks grow with their number: one process takes all their answers
+_SECONDS = 2.0  # of work in a chunk, about
+_MANY = 100  # workers, from which on chunks grow with their number: one process takes all their answers
 MOST_ITEMS = 10_000  # items in a chunk
 AHEAD = 3  # chunks under way or done for each process
 
@@ -214,7 +214,7 @@ Work = Callable[[int, int], list[Any]]
 
 
 def stream(
-    work: Work, total: int, *, done: int = 0, jobs: int = 0, seconds: float = SECONDS, executor: Executor | None = None
+    work: Work, total: int, *, done: int = 0, jobs: int = 0, seconds: float = _SECONDS, executor: Executor | None = None
 ) -> Generator[list[Any], None, None]:
     """Records of the items done, done + 1, ... total - 1, in lists of one chunk each; close it to stop the work.
 
@@ -234,7 +234,7 @@ def stream(
             while done < total:
                 at_a_time = engine.size if isinstance(engine, Cluster) else count(jobs)
                 while end < total and len(chunks) < AHEAD * at_a_time:
-                    by_time = int(seconds * max(1.0, at_a_time / MANY) * counted / max(cost, 1e-9))
+                    by_time = int(seconds * max(1.0, at_a_time / _MANY) * counted / max(cost, 1e-9))
                     to_the_end = -(-(total - end) // (2 * at_a_time))  # smaller ones there: all end together
                     size = max(1, min(by_time, MOST_ITEMS, to_the_end))
                     chunks.append((size, engine.submit(_timed, pickled, end, end + size)))
@@ -264,8 +264,10 @@ def _unpickled(work: bytes) -> Work:
     return found
 
 
-PR_SET_PDEATHSIG = 1  # linux/prctl.h
-SHUTDOWN = 2.0  # s at most for processes that were killed to end
+# --- processes of this machine
+
+_PR_SET_PDEATHSIG = 1  # linux/prctl.h
+_SHUTDOWN = 2.0  # s at most for processes that were killed to end
 
 Task = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 
@@ -358,7 +360,7 @@ class Processes(ThreadPoolExecutor):
         self.kill()
         self.shutdown(cancel_futures=True)
         for process in self._processes:
-            process.join(SHUTDOWN)
+            process.join(_SHUTDOWN)
 
 
 def apart(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -401,7 +403,7 @@ def begin_worker(parent: int) -> None:
             signal.signal(stop, signal.SIG_DFL if stop == signal.SIGTERM else signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
-    is_killed = sys.platform == "linux" and ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL) == 0
+    is_killed = sys.platform == "linux" and ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL) == 0
     if os.getppid() != parent or not is_killed:
         threading.Thread(target=_end_with_parent, daemon=True).start()
     if not Path("/proc", str(parent)).exists() and Path("/proc/self").exists():  # it ended before

@@ -12,8 +12,8 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn, TypeVar
 
-STOP_WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "hung up"}
-STOPS = tuple(getattr(signal, name) for name in STOP_WORDS if hasattr(signal, name))
+_STOP_WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "hung up"}
+STOPS = tuple(getattr(signal, name) for name in _STOP_WORDS if hasattr(signal, name))
 
 ItemT = TypeVar("ItemT")
 
@@ -99,7 +99,7 @@ def _end(number: int, _: FrameType | None) -> None:
 
 def end_now(number: int) -> NoReturn:
     """End this process as at a stop, from any thread, whatever the others do or wait for."""
-    said = [STOP_WORDS[signal.Signals(number).name]]
+    said = [_STOP_WORDS[signal.Signals(number).name]]
     for action in reversed(_at_stop):
         with suppress(Exception):
             said += filter(None, [action()])
