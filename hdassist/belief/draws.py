@@ -1,15 +1,18 @@
-"""One draw: its answers in the holes of its seat, and where draws are kept for the next command on the same drive.
+"""Draws of a drive: each solved as far as it agrees with the evidence, and kept for the next command on the same drive.
 
-They are found by all that they depend on: values of the drive and ranges of its prior, torques, turns, evidence, seed,
-the source of the code that computes them and the machine's instructions, on which the last digits depend. A file whose
-checksum or types do not hold is drawn anew.
+Stiffness needs some ten states, so a draw that agrees badly with evidence of stiffness goes on to F'_ior by chance
+only, with a probability that its weight is divided by: the sum of weights stays right on average.
+
+Kept draws are found by all that they depend on: values of the drive and ranges of its prior, torques, turns, evidence,
+seed, the source of the code that computes them and the machine's instructions, on which the last digits depend. A file
+whose checksum or types do not hold is drawn anew.
 """
 
 from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, field
 from functools import cached_property
@@ -18,17 +21,233 @@ from typing import Annotated
 
 import numpy as np
 from pydantic import Field, TypeAdapter
+from scipy.special import softmax
 
-from hdassist.belief.evidence import Evidence
+from hdassist.belief.evidence import (
+    ACCURACY,
+    ACCURACY_LOAD,
+    SMOOTH_NUMBERS,
+    STIFFNESS_FIGURES,
+    Evidence,
+    error_kinds,
+    errors_of_drive,
+    kernel,
+    log_likelihood,
+    log_likelihoods,
+    smooth_misfits,
+    stiffness_figures,
+    values_of_errors,
+)
+from hdassist.belief.meshing import meshing_shift
 from hdassist.belief.prior import DrivePrior
-from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.belief.proposals import PILOT_DRAWS, DeviationProposal, open_deviations, proposed_draws
+from hdassist.error.error_map import Batch, ErrorMap, error_maps
 from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
+from hdassist.error.stiffness import rated_torque
+from hdassist.errors import HdassistError
 from hdassist.model.geometry import Array
+from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
 from hdassist.run.cache import cached, keep, keeps_answers, program
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number
+from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate, Residual
 from hdassist.solve.walk import walk_library
+
+KEPT_SAMPLES = "samples"
+ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
+# of a preset, the parts that no draw depends on: words, limits; the prior stands in the key by itself
+WITHOUT_EFFECT = {"name", "description", "acceptance", "cost", "source", "uncertainty", "fit"}
+
+
+@dataclass(frozen=True)
+class Draw(ClosedRecord):
+    """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded), weight and proof.
+
+    F_ior_arcsec, at each torque; turned_arcsec, at each torque with each turn; shares: of each field's probability;
+    proof: states, residuals, fallbacks; follows: values of fields that follow from others, by path.
+    """
+
+    refused: str = ""
+    figures: Mapping[str, Number] = field(default_factory=dict)
+    F_ior_arcsec: tuple[Magnitude, ...] | None = None
+    turned_arcsec: tuple[tuple[Magnitude, ...], ...] | None = None
+    weight: Magnitude = 0.0
+    shares: tuple[ShareOfOne, ...] = ()
+    proof: tuple[Count, Residual, Residual, Residual, Residual, Count] = astuple(EMPTY)
+    follows: Mapping[str, Number] = field(default_factory=dict)
+
+    @property
+    def certificate(self) -> Certificate:
+        """Proof of the states behind it."""
+        return Certificate(*self.proof)
+
+
+_DRAWS = TypeAdapter(list[Draw])
+
+
+FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
+KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
+SHOWN_DIGITS = 6  # of an arcsec: the last ones hang on how many positions are computed at once
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Draws of a drive that answer one question: all that they depend on.
+
+    prior of the drive; torques [N*m]; rotations_deg, turns of the fixed wheel at which F'_ior is wanted too; evidence
+    on the drive; further, figures that each draw has beside F'_ior, and further_name, all that they depend on beside
+    the drive, in words, without which draws with them are not kept; seed of the draws.
+    """
+
+    prior: DrivePrior
+    torques: tuple[float, ...]
+    rotations_deg: tuple[float, ...] = ()
+    evidence: tuple[Evidence, ...] = ()
+    further: FiguresOf | None = None
+    further_name: str = ""
+    seed: int = 0
+
+    @cached_property
+    def measured(self) -> tuple[Evidence, ...]:
+        """F'_ior as measured on the drive."""
+        return tuple(each for each in self.evidence if each.M_g)
+
+    @cached_property
+    def near(self) -> DeviationProposal | None:
+        """Deviations near F'_ior as measured, several draws of which share all else; None where none are open."""
+        is_open = self.measured and open_deviations(self.prior)
+        return DeviationProposal(self.prior, self.measured, self.seed) if is_open else None
+
+    @property
+    def alike(self) -> int:
+        """Number of draws that share all but the deviations."""
+        return self.near.draws if self.near else 1
+
+    # Draws that were kept
+
+    def kept(self) -> list[Draw]:
+        """The draws that are kept, from the first on; none where not all of them are draws."""
+        data = cached(KEPT_SAMPLES, self.key) if self._may_be_kept else None
+        with suppress(ValueError, RecursionError):
+            return _DRAWS.validate_python(json.loads(data or b"[]"))
+        return []
+
+    def keep(self, draws: Sequence[Draw]) -> None:
+        """Keep draws, from the first on."""
+        if self._may_be_kept:
+            with suppress(ValueError):  # a number that is none
+                keep(KEPT_SAMPLES, self.key, json.dumps(_DRAWS.dump_python(list(draws)), allow_nan=False).encode())
+
+    @property
+    def _may_be_kept(self) -> bool:
+        return keeps_answers() and bool(self.further_name or not self.further)
+
+    @cached_property
+    def key(self) -> str:
+        """Hash of all that draws depend on."""
+        depends = {
+            "drive": self.prior.drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
+            "fields": [[each.path, each.distribution, each.low, each.high, each.draws] for each in self.prior.fields],
+            "torques": self.torques,
+            "rotations": self.rotations_deg,
+            "evidence": [astuple(each) for each in self.evidence],
+            "further": self.further_name,
+            "seed": self.seed,
+            "program": [*program("daqp", "pydantic"), walk_library()[1], platform.platform()],
+        }
+        return sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
+
+    # New draws
+
+    def new(self, draws: Sequence[Draw], first: int, last: int, run: Run) -> Iterator[list[Draw]]:
+        """New draws, from the first to before the last, `alike` of them at a time.
+
+        Argument: draws so far, by the first of which the others are proposed.
+        """
+        pilot = [each.figures for each in draws[:: self.alike][:PILOT_DRAWS]]
+        fresh = first // self.alike, -(-last // self.alike)
+        shares, density = proposed_draws(self.prior, self.evidence, pilot, *fresh, self.seed)
+        return run.map(self.solved, range(*fresh), self.prior.values(shares), shares.tolist(), density.tolist())
+
+    def solved(self, number: int, values: dict[str, float], shares: list[float], density: float) -> list[Draw]:
+        """Draws solved that share all but the deviations: why they are no drive, else their predictions and weights.
+
+        Arguments: number among all; values, by path, and their shares of probability, with the chance behind them by
+        which a draw that agrees badly goes on; density that it was drawn with, over the prior's.
+        """
+        try:
+            return self._solved(number, values, shares, density)
+        except HdassistError as error:
+            return [Draw(refused=str(error.fault))] * self.alike
+
+    def _solved(self, number: int, values: dict[str, float], shares: list[float], density: float) -> list[Draw]:
+        """The same; raises HdassistError where an answer cannot be trusted."""
+        *of_fields, chance = shares
+        drive, proof, follows = self.prior.drive.with_values(values), EMPTY, dict[str, float]()
+        if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
+            return [Draw(refused=f"{outside}: out of range")] * self.alike
+        if self.prior.meshing:
+            place, beyond = self.prior.meshing
+            shift, proof = meshing_shift(drive)
+            follows = {beyond.path: shift + float(beyond.value(np.array(shares[place])))}
+            drive = drive.with_values(follows)
+        if conflict := first_conflict(drive):
+            return [Draw(refused=f"{conflict.path}: {conflict.message}")] * self.alike
+        # stiffness takes some states: by its likelihood a draw goes on or not, and weighs the more
+        figures: Mapping[str, float] = {}
+        going_on = 1.0
+        if any(each.figure in STIFFNESS_FIGURES for each in self.evidence):
+            figures, of_stiffness = stiffness_figures(drive)
+            proof += of_stiffness
+            going_on = min(1.0, float(np.exp(log_likelihood(self.evidence, figures))) / density / KEPT_LIKELIHOOD)
+        if chance >= going_on:
+            return [Draw(figures=figures, proof=astuple(proof), follows=follows)] * self.alike
+        held = {each.figure: (each.M_g, each.rotation_deg) for each in self.measured}
+        if self.torques and any(each.figure == ACCURACY for each in self.evidence):
+            held[ACCURACY] = (ACCURACY_LOAD * rated_torque(drive), 0.0)
+        maps = error_maps(drive, list(dict.fromkeys((*self.torques, *(M_g for M_g, _ in held.values())))))
+        nearer, of_tables = self.near.drawn(maps, number) if self.near else ([({}, 1.0)], EMPTY)
+        proof += of_tables
+        solved = list[Draw]()
+        for deviations, their_density in nearer:
+            own = [deviations.get(f.path, share) for f, share in zip(self.prior.fields, of_fields, strict=True)]
+            moved = drive.with_values(self.prior.values(np.array([own]))[0])
+            answers = errors_by_turn(maps, moved, self.torques, self.rotations_deg, list(held.values()))
+            F_ior, turned, there, of_errors = answers
+            more, of_further = self.further(moved) if self.further else ({}, EMPTY)
+            now = {**figures, **more, **dict(zip(held, there.tolist(), strict=True))}
+            weight = float(np.exp(log_likelihood(self.evidence, now))) / (density * their_density) / going_on
+            if self.measured:
+                seed = [self.seed, number * self.alike + len(solved)]
+                F_ior, turned = self._shown(there[: len(self.measured)], F_ior, turned, seed)
+            at_turns, whole = tuple(map(tuple, turned.tolist())), astuple(proof + of_errors + of_further)
+            solved.append(Draw("", now, tuple(F_ior.tolist()), at_turns, weight, tuple(own), whole, follows))
+            proof = EMPTY
+        return solved
+
+    def _shown(self, there: Array, F_ior: Array, turned: Array, seed: list[int]) -> tuple[Array, Array]:
+        """F'_ior [arcsec] of the drive, where the model of a draw has F_ior and turned, by F'_ior as measured on it.
+
+        A draw of its scale, misfit, noise and misread value (evidence.py, equation 1), the same whatever else is asked
+        for. Arguments: there, F'_ior of the model as measured, shape (values,); the others as of errors_by_turn.
+        """
+        y, stated, correlation = values_of_errors(self.measured)
+        f, rng, kinds = there[None], np.random.default_rng(seed), error_kinds(len(y), {1.0: 0.0})
+        mean = f.mean(axis=1)
+        kind = kinds[rng.choice(len(kinds), p=softmax(log_likelihoods(kinds, f, y, stated, correlation, mean)[:, 0]))]
+        of_scale, noise = rng.standard_normal(1), rng.standard_normal((1, len(y)))
+        points = [(M_g, turn) for M_g in self.torques for turn in (0.0, *self.rotations_deg)]
+        loads, turns = np.array([*points, *((each.M_g, each.rotation_deg) for each in self.measured)]).T
+        misfit = np.zeros((1, len(turns)))
+        for M_g in np.unique(loads):
+            numbers = np.random.default_rng([*seed, int(M_g.view(np.uint64))]).standard_normal((1, SMOOTH_NUMBERS))
+            misfit[:, loads == M_g] = smooth_misfits(turns[loads == M_g], numbers)
+        every = np.append(np.column_stack([F_ior, turned]), there)[None]
+        spreads, alike = kind.spreads(stated, y)[None], kernel(turns, turns) * np.equal.outer(loads, loads)
+        shown, _ = errors_of_drive(every, y, (kind.misfit * mean) ** 2, spreads, alike, (of_scale, misfit, noise))
+        shown = np.round(shown, SHOWN_DIGITS).reshape(len(self.torques), -1)
+        return shown[:, 0], shown[:, 1:]
 
 
 def errors_by_turn(
@@ -68,77 +287,3 @@ def _at_turns(error_map: ErrorMap, drive: Drive, now: float, turns: Sequence[flo
     there = many_extremes(error_map, Batch.turned(drive, np.array(turns)[away]), DRAWN_GRIDS)
     F_ior[away] = there.F_ior_arcsec
     return F_ior, there.certificate
-
-
-KEPT_SAMPLES = "samples"
-ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
-# of a preset, the parts that no draw depends on: words, limits; the prior stands in the key by itself
-WITHOUT_EFFECT = {"name", "description", "acceptance", "cost", "source", "uncertainty", "fit"}
-
-
-@dataclass(frozen=True)
-class Draw(ClosedRecord):
-    """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded), weight and proof.
-
-    F_ior_arcsec, at each torque; turned_arcsec, at each torque with each turn; shares: of each field's probability;
-    proof: states, residuals, fallbacks; follows: values of fields that follow from others, by path.
-    """
-
-    refused: str = ""
-    figures: Mapping[str, Number] = field(default_factory=dict)
-    F_ior_arcsec: tuple[Magnitude, ...] | None = None
-    turned_arcsec: tuple[tuple[Magnitude, ...], ...] | None = None
-    weight: Magnitude = 0.0
-    shares: tuple[ShareOfOne, ...] = ()
-    proof: tuple[Count, Residual, Residual, Residual, Residual, Count] = astuple(EMPTY)
-    follows: Mapping[str, Number] = field(default_factory=dict)
-
-    @property
-    def certificate(self) -> Certificate:
-        """Proof of the states behind it."""
-        return Certificate(*self.proof)
-
-
-_DRAWS = TypeAdapter(list[Draw])
-
-
-@dataclass(frozen=True)
-class KeptDraws:
-    """Where the draws of samples are kept, by all that they depend on.
-
-    torques [N*m]; rotations_deg; evidence; further: the figures beside F'_ior that they have, in words; seed.
-    """
-
-    prior: DrivePrior
-    torques: tuple[float, ...]
-    rotations_deg: tuple[float, ...]
-    evidence: tuple[Evidence, ...]
-    further: str
-    seed: int
-
-    def read(self) -> list[Draw]:
-        """The draws that are kept, from the first on; none where not all of them are draws."""
-        data = cached(KEPT_SAMPLES, self._key) if keeps_answers() else None
-        with suppress(ValueError, RecursionError):
-            return _DRAWS.validate_python(json.loads(data or b"[]"))
-        return []
-
-    def keep(self, draws: Sequence[Draw]) -> None:
-        """Keep draws, from the first on."""
-        if keeps_answers():
-            with suppress(ValueError):  # a number that is none
-                keep(KEPT_SAMPLES, self._key, json.dumps(_DRAWS.dump_python(list(draws)), allow_nan=False).encode())
-
-    @cached_property
-    def _key(self) -> str:
-        depends = {
-            "drive": self.prior.drive.model_dump(mode="json", exclude=WITHOUT_EFFECT),
-            "fields": [[each.path, each.distribution, each.low, each.high, each.draws] for each in self.prior.fields],
-            "torques": self.torques,
-            "rotations": self.rotations_deg,
-            "evidence": [astuple(each) for each in self.evidence],
-            "further": self.further,
-            "seed": self.seed,
-            "program": [*program("daqp", "pydantic"), walk_library()[1], platform.platform()],
-        }
-        return sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from hdassist.belief.draws import Draw
 from hdassist.belief.evidence import (
     STIFFNESS_FIGURES,
     Evidence,
@@ -36,6 +35,7 @@ from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive, deviation_sizes
 from hdassist.solve.answers import EMPTY, Certificate
 
+Pilot = Sequence[Mapping[str, float]]  # figures of the first draws, by name
 PILOT_DRAWS = 64  # draws from the prior, by which the others are proposed
 CELLS = 16  # equal parts of the field's probability, in each of which the density is the same
 LEAST_DENSITY = 0.15
@@ -60,11 +60,11 @@ class Proposal:
 
 
 def proposed_draws(
-    prior: DrivePrior, evidence: tuple[Evidence, ...], pilot: Sequence[Draw], first: int, last: int, seed: int
+    prior: DrivePrior, evidence: tuple[Evidence, ...], pilot: Pilot, first: int, last: int, seed: int
 ) -> tuple[Array, Array]:
     """Draws first to last - 1 as shares of each field's probability and a spare, and their density, shape (draws,).
 
-    Arguments: pilot, the first draws, PILOT of them where `first` is not below that; seed of the draws.
+    Arguments: pilot, figures of the first draws, PILOT_DRAWS of them where `first` is not below that; seed.
     """
     shares = prior.shares(last, seed)
     alone = [k for k, each in enumerate(prior.fields) if not each.draws]  # those of a fit are drawn together
@@ -75,14 +75,14 @@ def proposed_draws(
     return replace(found, field=alone[found.field]).drawn(shares[first:])
 
 
-def proposal_of(shares: Array, evidence: tuple[Evidence, ...], pilot: Sequence[Draw]) -> Proposal | None:
+def proposal_of(shares: Array, evidence: tuple[Evidence, ...], pilot: Pilot) -> Proposal | None:
     """The proposal by the stiffness of the first draws, also the weeded ones; None where no field alone explains it.
 
     The field is that by whose share x, and its square, a regression of the log-likelihood leaves least; its density is
     that of weighted draws as far as Legendre's first two polynomials have it. Arguments: shares of these draws, shape
     (draws, at least fields).
     """
-    stiff = {k: each.figures for k, each in enumerate(pilot) if each.figures.keys() >= {*STIFFNESS_FIGURES}}
+    stiff = {k: each for k, each in enumerate(pilot) if each.keys() >= {*STIFFNESS_FIGURES}}
     logs = {k: log_likelihood(evidence, {n: of[n] for n in STIFFNESS_FIGURES}) for k, of in stiff.items()}
     found, y = list(logs), np.array(list(logs.values()))
     if len(y) < PILOT_DRAWS / 2 or np.ptp(y) == 0:

@@ -1,44 +1,30 @@
 """Weighted samples of a drive: joint draws of all that is not known, each solved, weighted by the evidence.
 
 Importance sampling: draws come from the prior, then from a proposal nearer the evidence, and are weighted by their
-likelihood over its density. Stiffness needs some ten states, so a draw that agrees badly with evidence of stiffness
-goes on to F'_ior by chance only, with a probability that its weight is divided by: the sum of weights stays right on
-average.
+likelihood over its density.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import softmax
 
-from hdassist.belief.draws import Draw, KeptDraws, errors_by_turn
+from hdassist.belief.draws import Draw, FiguresOf, Sampling
 from hdassist.belief.evidence import (
     ACCURACY,
-    ACCURACY_LOAD,
-    SMOOTH_NUMBERS,
     SOFT_EDGE,
-    STIFFNESS_FIGURES,
     Evidence,
-    error_kinds,
-    errors_of_drive,
-    kernel,
     log_likelihood,
-    log_likelihoods,
     require_shown,
-    smooth_misfits,
-    stiffness_figures,
     values_of_errors,
 )
-from hdassist.belief.meshing import meshing_shift
 from hdassist.belief.prior import DrivePrior
-from hdassist.belief.proposals import PILOT_DRAWS, DeviationProposal, open_deviations, proposed_draws
+from hdassist.belief.proposals import PILOT_DRAWS
 from hdassist.belief.statistics import (
     Probability,
     effective_number,
@@ -46,21 +32,13 @@ from hdassist.belief.statistics import (
     probability_of,
     weighted_quantile,
 )
-from hdassist.error.error_map import error_maps
-from hdassist.error.stiffness import rated_torque
-from hdassist.errors import HdassistError, UntrustedError
+from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
-from hdassist.model.rules import first_conflict
-from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.verdict import SURE
 
-FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
-
 EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
-KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
-SHOWN_DIGITS = 6  # of an arcsec: the last ones hang on how many positions are computed at once
 FEWEST_AT_ONCE = 4  # draws
 HOPELESS = 256  # draws of which none has an answer: no more are made
 CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
@@ -204,45 +182,48 @@ def draw_samples(
     Raises UsageError for a drive with rolling balls, UntrustedError where too few samples agree with the evidence, or
     too few draws are drives.
     """
-    rotations, errors = tuple(rotations_deg), tuple(each for each in evidence if each.M_g)
-    near = DeviationProposal(prior, errors, run.seed) if errors and open_deviations(prior) else None
-    solve = partial(_solved, prior, tuple(torques), rotations, evidence, further, near, run.seed)
-    kept = KeptDraws(prior, tuple(torques), rotations, evidence, further_name, run.seed)
-    earlier = kept.read() if further_name or not further else []
-    effective = 0.0
-    draws, stages, alike = list[Draw](), tuple[Samples, ...](), near.draws if near else 1
+    sampling = Sampling(prior, tuple(torques), tuple(rotations_deg), tuple(evidence), further, further_name, run.seed)
+    kept, draws = sampling.kept(), list[Draw]()
     try:
-        while True:
-            size = min(effort.batch, max(HOPELESS, len(draws)))
-            if len(draws) and not stages and effective:  # no more than are likely to be needed
-                size = min(size, max(FEWEST_AT_ONCE, int(np.ceil((effort.effective / effective - 1) * len(draws)))))
-            size = min(size, PILOT_DRAWS - len(draws)) if len(draws) < PILOT_DRAWS else size
-            now = slice(len(draws), min(len(draws) + size, effort.most_draws))
-            solved: Iterable[list[Draw]] = ()
-            if now.stop > len(earlier):
-                fresh = max(now.start, len(earlier)) // alike, -(-now.stop // alike)
-                pilot = draws[::alike][:PILOT_DRAWS]
-                shares, density = proposed_draws(prior, evidence, pilot, *fresh, run.seed)
-                solved = run.map(solve, range(*fresh), prior.values(shares), shares.tolist(), density.tolist())
-            for some in chain([earlier[now]], solved):
-                draws += some
-                run.solved(sum(each.certificate.states for each in some))
-            samples = _collected(prior, tuple(torques), rotations, evidence, draws, run.seed)
-            effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
-            if stages or effective >= effort.effective:
-                stages = (*stages, samples)
-            samples = replace(samples, stages=stages)
+        for samples in _growing(sampling, kept, draws, effort, run):
             if seen and samples.weights.any():
                 seen(samples)
-            is_last = len(draws) >= effort.most_draws or (len(draws) >= HOPELESS and not len(samples.weights))
-            if is_last and effective < effort.effective:
-                raise _too_few(samples, draws, evidence, effort.effective)
-            if is_last or (effective >= effort.effective and (effective >= effort.most_effective or enough(samples))):
-                _require_shown(draws, evidence)
-                return samples
+            most = samples.effective >= effort.most_effective
+            if samples.stages and (most or enough(samples)):
+                break
+        if not samples.stages:
+            raise _too_few(samples, draws, evidence, effort.effective)
+        _require_shown(sampling, draws)
+        return samples
     finally:
-        if len(draws) > len(earlier) and (further_name or not further):
-            kept.keep(draws)
+        if len(draws) > len(kept):
+            sampling.keep(draws)
+
+
+def _growing(
+    sampling: Sampling, kept: Sequence[Draw], draws: list[Draw], effort: SamplingEffort, run: Run
+) -> Iterator[Samples]:
+    """Samples after each batch of draws, which are added to the others: kept ones first, then new ones."""
+    effective, stages, samples = 0.0, tuple[Samples, ...](), None
+    while len(draws) < effort.most_draws and not (samples and len(draws) >= HOPELESS and not len(samples.weights)):
+        size = min(effort.batch, max(HOPELESS, len(draws)))
+        if effective and not stages:  # no more than are likely to be needed
+            size = min(size, max(FEWEST_AT_ONCE, int(np.ceil((effort.effective / effective - 1) * len(draws)))))
+        if len(draws) < PILOT_DRAWS:
+            size = min(size, PILOT_DRAWS - len(draws))
+        first, last = len(draws), min(len(draws) + size, effort.most_draws)
+        batch: Iterable[list[Draw]] = [list(kept[first:last])]
+        if last > len(kept):
+            batch = chain(batch, sampling.new(draws[:first], max(first, len(kept)), last, run))
+        for some in batch:
+            draws += some
+            run.solved(sum(each.certificate.states for each in some))
+        samples = _collected(sampling, draws)
+        effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
+        if stages or effective >= effort.effective:
+            stages = (*stages, samples)
+        samples = replace(samples, stages=stages)
+        yield samples
 
 
 def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: float = SURE) -> bool:
@@ -255,120 +236,11 @@ def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: 
     return all(each.is_stable(sure) for each in found)
 
 
-def _solved(
-    prior: DrivePrior,
-    torques: tuple[float, ...],
-    rotations_deg: tuple[float, ...],
-    evidence: tuple[Evidence, ...],
-    further: FiguresOf | None,
-    near: DeviationProposal | None,
-    seed: int,
-    number: int,
-    values: dict[str, float],
-    shares: list[float],
-    density: float,
-) -> list[Draw]:
-    """A draw solved: stiffness first where there is evidence of it, then F'_ior if the draw is kept, by its chance.
-
-    Arguments: near, which draws deviations anew near F'_ior as measured, for several draws that share all else; seed;
-    number of the draw; its values, by path, and their shares of probability, with the chance behind them; density that
-    it was drawn with, over the prior's.
-    """
-    *of_fields, chance = shares
-    drive, count = prior.drive, near.draws if near else 1
-    if outside := next((path for path, value in values.items() if not drive.allows(path, value)), None):
-        return [Draw(refused=f"{outside}: out of range")] * count
-    figures: Mapping[str, float] = {}
-    follows: dict[str, float] = {}
-    drive, proof, probability = drive.with_values(values), EMPTY, 1.0
-    if prior.meshing:
-        try:
-            place, beyond = prior.meshing
-            shift, proof = meshing_shift(drive)
-            follows = {beyond.path: shift + float(beyond.value(np.array(shares[place])))}
-        except HdassistError as error:
-            return [Draw(refused=str(error.fault))] * count
-        drive = drive.with_values(follows)
-    if conflict := first_conflict(drive):
-        return [Draw(refused=f"{conflict.path}: {conflict.message}")] * count
-    measured, solved = [each for each in evidence if each.M_g], list[Draw]()
-    places = [(each.M_g, each.rotation_deg) for each in measured]
-    if torques and any(each.figure == ACCURACY for each in evidence):
-        places.append((ACCURACY_LOAD * rated_torque(drive), 0.0))
-    try:
-        if any(each.figure in STIFFNESS_FIGURES for each in evidence):
-            figures, stiff = stiffness_figures(drive)
-            proof += stiff
-            probability = min(1.0, float(np.exp(log_likelihood(evidence, figures))) / density / KEPT_LIKELIHOOD)
-        if chance >= probability:
-            return [Draw(figures=figures, proof=astuple(proof), follows=follows)] * count
-        maps = error_maps(drive, list(dict.fromkeys((*torques, *(M_g for M_g, _ in places)))))
-        chosen, found = near.drawn(maps, number) if near else ([({}, 1.0)], EMPTY)
-        proof += found
-        for nearer, its_density in chosen:
-            its_shares = [nearer.get(f.path, share) for f, share in zip(prior.fields, of_fields, strict=True)]
-            moved = drive.with_values(prior.values(np.array([its_shares]))[0])
-            F_ior, turned, there, found = errors_by_turn(maps, moved, torques, rotations_deg, places)
-            more, more_proof = further(moved) if further else ({}, EMPTY)
-            held = [*(each.figure for each in measured), *([ACCURACY] if len(places) > len(measured) else [])]
-            now = {**figures, **more, **dict(zip(held, there.tolist(), strict=True))}
-            weight = float(np.exp(log_likelihood(evidence, now))) / (density * its_density) / probability
-            if measured:
-                at = [seed, number * count + len(solved)]
-                F_ior, turned = errors_shown(
-                    measured, there[: len(measured)], torques, rotations_deg, F_ior, turned, at
-                )
-            at_turns, whole = tuple(map(tuple, turned.tolist())), astuple(proof + found + more_proof)
-            solved.append(Draw("", now, tuple(F_ior.tolist()), at_turns, weight, tuple(its_shares), whole, follows))
-            proof = EMPTY
-    except HdassistError as error:
-        return [Draw(refused=str(error.fault))] * count
-    return solved
-
-
-def errors_shown(
-    errors: Sequence[Evidence],
-    there: Array,
-    torques: Sequence[float],
-    rotations_deg: Sequence[float],
-    F_ior: Array,
-    turned: Array,
-    seed: list[int],
-) -> tuple[Array, Array]:
-    """F'_ior [arcsec] of the drive, where the model of a draw has F_ior and turned, by F'_ior as measured on it.
-
-    A draw of its scale, misfit, noise and misread value (belief/evidence.py), the same whatever else is asked for.
-    Arguments: there, F'_ior of the model as measured, shape (errors,); the others as results of errors_by_turn.
-    """
-    y, stated, correlation = values_of_errors(errors)
-    f, rng, kinds = there[None], np.random.default_rng(seed), error_kinds(len(y), {1.0: 0.0})
-    mean = f.mean(axis=1)
-    kind = kinds[rng.choice(len(kinds), p=softmax(log_likelihoods(kinds, f, y, stated, correlation, mean)[:, 0]))]
-    of_scale, noise = rng.standard_normal(1), rng.standard_normal((1, len(y)))
-    points = [(M_g, turn) for M_g in torques for turn in (0.0, *rotations_deg)]
-    loads, turns = np.array([*points, *((each.M_g, each.rotation_deg) for each in errors)]).T
-    misfit = np.zeros((1, len(turns)))
-    for M_g in np.unique(loads):
-        numbers = np.random.default_rng([*seed, int(M_g.view(np.uint64))]).standard_normal((1, SMOOTH_NUMBERS))
-        misfit[:, loads == M_g] = smooth_misfits(turns[loads == M_g], numbers)
-    every = np.append(np.column_stack([F_ior, turned]), there)[None]
-    spreads, alike = kind.spreads(stated, y)[None], kernel(turns, turns) * np.equal.outer(loads, loads)
-    shown, _ = errors_of_drive(every, y, (kind.misfit * mean) ** 2, spreads, alike, (of_scale, misfit, noise))
-    shown = np.round(shown, SHOWN_DIGITS).reshape(len(torques), -1)
-    return shown[:, 0], shown[:, 1:]
-
-
-def _collected(
-    prior: DrivePrior,
-    torques: tuple[float, ...],
-    rotations_deg: tuple[float, ...],
-    evidence: tuple[Evidence, ...],
-    draws: Sequence[Draw],
-    seed: int,
-) -> Samples:
-    kept = [each for each in draws if each.F_ior_arcsec is not None]
-    given = {ACCURACY, *(each.figure for each in evidence if each.M_g)}  # F'_ior, and no figures beside it
+def _collected(sampling: Sampling, draws: Sequence[Draw]) -> Samples:
+    kept, prior, torques = [each for each in draws if each.F_ior_arcsec is not None], sampling.prior, sampling.torques
+    given = {ACCURACY, *(each.figure for each in sampling.measured)}  # F'_ior, and no figures beside it
     names = [name for name in (kept[0].figures if kept else {}) if name not in given]
+    turned = np.array([each.turned_arcsec for each in kept])
     return Samples(
         prior,
         torques,
@@ -378,23 +250,21 @@ def _collected(
         np.array([each.weight for each in kept]),
         len(draws),
         dict(sorted(Counter(each.refused for each in draws if each.refused).items())),
-        seed,
+        sampling.seed,
         sum((each.certificate for each in draws), EMPTY),
-        rotations_deg,
-        np.array([each.turned_arcsec for each in kept]).reshape(len(kept), len(torques), len(rotations_deg)),
+        sampling.rotations_deg,
+        turned.reshape(len(kept), len(torques), len(sampling.rotations_deg)),
         tuple(draws),
     )
 
 
-def _require_shown(draws: Sequence[Draw], evidence: tuple[Evidence, ...]) -> None:
+def _require_shown(sampling: Sampling, draws: Sequence[Draw]) -> None:
     """Raise UntrustedError where no draw comes near F'_ior as measured: of equally bad ones all weigh the same."""
-    errors = [each for each in evidence if each.M_g]
-    kept = [each.figures for each in draws if each.F_ior_arcsec is not None]
-    if not errors:
-        return
-    f = np.array([[figures[each.figure] for each in errors] for figures in kept])
-    hint = "check values, torque and holes, then the ranges of what is assumed"
-    require_shown([each.path for each in errors], f, *values_of_errors(errors), hint)
+    if errors := sampling.measured:
+        kept = [each.figures for each in draws if each.F_ior_arcsec is not None]
+        f = np.array([[figures[each.figure] for each in errors] for figures in kept])
+        hint = "check values, torque and holes, then the ranges of what is assumed"
+        require_shown([each.path for each in errors], f, *values_of_errors(errors), hint)
 
 
 def _too_few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...], needed: int) -> UntrustedError:

@@ -8,10 +8,11 @@ import pytest
 from scipy.stats import beta, norm, qmc
 
 from hdassist import load_preset
+from hdassist.belief.draws import KEPT_LIKELIHOOD
 from hdassist.belief.evidence import Evidence, evidence_of, log_likelihood, stiffness_figures
 from hdassist.belief.influence import influences, measurements, shares_of_variance
 from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import KEPT_LIKELIHOOD, Samples, SamplingEffort, draw_samples
+from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
 from hdassist.belief.statistics import (
     could_be_sure,
     effective_number,

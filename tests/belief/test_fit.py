@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.belief.draws import Draw, KeptDraws
+from hdassist.belief.draws import Sampling
 from hdassist.belief.evidence import STIFFNESS_FIGURES, Evidence
 from hdassist.belief.prior import prior_of
 from hdassist.belief.proposals import PILOT_DRAWS, proposed_draws
@@ -72,14 +72,14 @@ def test_a_proposal_never_takes_a_fit_apart():
     """K_1 follows the clearance of the fit: it alone would be drawn nearer otherwise."""
     prior, K_1 = prior_of(fitted()), Evidence("catalogue.K_1", "K_1", 17.0, 0.01)
     values = prior.values(prior.shares(PILOT_DRAWS, 1))
-    pilot = [Draw(figures=dict.fromkeys(STIFFNESS_FIGURES, each["gears.j_n"])) for each in values]
+    pilot = [dict.fromkeys(STIFFNESS_FIGURES, each["gears.j_n"]) for each in values]
     shares, _ = proposed_draws(prior, (K_1,), pilot, PILOT_DRAWS, 2 * PILOT_DRAWS, 1)
     assert {(each["gears.j_n"], each["supports.C_3"]) for each in prior.values(shares)} <= {*ROWS}
 
 
 def test_kept_draws_and_pairs_know_what_belongs_together():
     other = fitted(f"fit.supports.C_3={[C_3[0], *C_3[:0:-1]]}")  # the same values of each field in another order
-    keys = {KeptDraws(prior_of(each), (4.0,), (), (), "", 0)._key for each in (fitted(), other)}
+    keys = {Sampling(prior_of(each), (4.0,)).key for each in (fitted(), other)}
     assert len(keys) == 2
     assert differently_open(fitted(), other) == ["supports.C_3"]
 

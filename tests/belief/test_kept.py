@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.belief import draws, samples
+from hdassist.belief import draws
 from hdassist.belief.evidence import Evidence, stiffness_figures
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
@@ -41,8 +41,8 @@ def folder(tmp_path, monkeypatch):
 def solved(monkeypatch):
     """Draws that were solved, by their values."""
     solved = []
-    conflict = samples.first_conflict
-    monkeypatch.setattr(samples, "first_conflict", lambda drive: solved.append(drive) or conflict(drive))
+    conflict = draws.first_conflict
+    monkeypatch.setattr(draws, "first_conflict", lambda drive: solved.append(drive) or conflict(drive))
     return solved
 
 

@@ -1,13 +1,10 @@
 """Draws nearer the evidence: fewer of them, and the same weighted statistics as draws from the prior."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.belief import proposals, samples
-from hdassist.belief.draws import Draw
+from hdassist.belief import draws, proposals
 from hdassist.belief.evidence import STIFFNESS_FIGURES, Evidence, log_likelihood, stiffness_figures
 from hdassist.belief.prior import prior_of
 from hdassist.belief.proposals import PILOT_DRAWS, Proposal, proposal_of
@@ -25,7 +22,7 @@ def pilot(K_1_of, count=PILOT_DRAWS, fields=5):
     """First draws whose stiffness depends on their shares, shape (draws, fields + 1), alone."""
     shares = np.random.default_rng(4).random((count, fields + 1))
     figures = [dict.fromkeys(STIFFNESS_FIGURES, float(K_1_of(*row))) for row in shares]
-    return shares, [Draw(figures=each) for each in figures]
+    return shares, figures
 
 
 def test_a_proposal_draws_by_its_density():
@@ -40,8 +37,8 @@ def test_a_proposal_draws_by_its_density():
 
 
 def test_the_field_that_decides_is_drawn_where_the_evidence_is():
-    shares, draws = pilot(lambda *x: 0.5 + x[3] + 0.1 * x[0])  # 1 in the middle of the field
-    found = proposal_of(shares, (K_1,), draws)
+    shares, figures = pilot(lambda *x: 0.5 + x[3] + 0.1 * x[0])  # 1 in the middle of the field
+    found = proposal_of(shares, (K_1,), figures)
     assert found.field == 3
     assert np.mean(found.density) == pytest.approx(1)
     assert min(found.density) >= proposals.LEAST_DENSITY * (1 - 1e-12)
@@ -52,13 +49,13 @@ def test_no_field_is_preferred_where_none_explains_the_likelihood():
     noise = np.random.default_rng(1)
     assert proposal_of(*_with(lambda *x: np.exp(0.3 * noise.standard_normal()))) is None
     assert proposal_of(*_with(lambda *x: 1.0)) is None
-    shares, draws = pilot(lambda *x: 0.5 + x[3])
-    assert proposal_of(shares, (K_1,), [replace(each, figures={}, refused="no drive") for each in draws]) is None
+    shares, figures = pilot(lambda *x: 0.5 + x[3])
+    assert proposal_of(shares, (K_1,), [{} for _ in figures]) is None
 
 
 def _with(K_1_of):
-    shares, draws = pilot(K_1_of)
-    return shares, (K_1,), draws
+    shares, figures = pilot(K_1_of)
+    return shares, (K_1,), figures
 
 
 def test_draws_nearer_the_evidence_are_fewer_and_say_the_same(monkeypatch):
@@ -67,7 +64,7 @@ def test_draws_nearer_the_evidence_are_fewer_and_say_the_same(monkeypatch):
     there = drive.with_values({"cam.W_0": 1.62})
     evidence = (Evidence("catalogue.K_1", "K_1", stiffness_figures(there)[0]["K_1"], 0.05),)
     near = draw_samples(prior, (4.0,), evidence=evidence, effort=EFFORT)
-    monkeypatch.setattr(samples, "proposed_draws", _plain)
+    monkeypatch.setattr(draws, "proposed_draws", _plain)
     plain = draw_samples(prior, (4.0,), evidence=evidence, effort=EFFORT)
     assert near.draws < 0.8 * plain.draws
     # every one of many draws, with its likelihood for a weight

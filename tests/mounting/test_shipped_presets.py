@@ -1,4 +1,4 @@
-"""Every shipped preset has a hole and a card before any value, also without any phase; few draws, a seat of two holes."""
+"""Every shipped preset, and one without any phase, has a hole and a card before any value; few draws, two holes."""
 
 import pytest
 
