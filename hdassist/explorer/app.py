@@ -37,6 +37,7 @@ from hdassist.explorer.compute import (
 from hdassist.explorer.panes import (
     MARKS,
     Holes,
+    KeyedTable,
     Levers,
     Pane,
     facts_of,
@@ -48,7 +49,6 @@ from hdassist.explorer.panes import (
     turn_blocks,
     values_of,
     why_blocks,
-    why_no_card,
 )
 from hdassist.explorer.state import Session, about_field, stepped
 from hdassist.loading.write import with_changes
@@ -64,36 +64,51 @@ from hdassist.terminal.words import texts
 
 EXPLAINED = """\
 WHAT YOU SEE
-At the top F'_ior, the kinematic error from peak to peak over the full cycle, at each torque: median, 5th and 95th
-percentile over all that is not known exactly; the limit, what it leaves above the 95th percentile, how probably it is
-kept, and the verdict of check; the change from the preset, or from the pinned drive; and the best hole.
+At the top F'_ior, the kinematic error from peak to peak over the full cycle, at each torque: median, 5th and 95th \
+percentile over all that is not known exactly; the limit, the verdict of check, the margin that the limit leaves above \
+the 95th percentile, and how probably it is kept; the change from the preset, or from the pinned drive; and F'_ior in \
+the best hole. A torque has its own bar: ─◌─ the first, ═▫═ the second.
+
 After a change the old answer stays, marked old, beside a typical drive as it was and as it is now.
-Holes: F'_ior with the fixed wheel turned, counted counter-clockwise from now, from the cam side.
-N now, B best, W worst, ? measure next, ◆ measured, x not allowed.
+
+Holes: F'_ior with the fixed wheel turned, counted counter-clockwise from now, seen from the cam side. Bars go from \
+the 5th to the 95th percentile, on one scale for all torques.
+N now, B best, W worst, ? measure next, ◆ measured, x not allowed, o looked at.
+
 Why: the inputs from which the width of the range comes, and what each measurement would bring.
 
 HOW SURE A NUMBER IS
-REFINED ○  the extremes of the cycle were searched for.
-PROVEN ●  every state of the cycle was solved, and each answer proven.
-90 % RANGE ◌  median, and 5th to 95th percentile over what is not known exactly.
-A card is written only from the advice of mount or trials, and only where these would write one.
+REFINED ○ □  the extremes of the cycle were searched for.
+PROVEN ● ■  every state of the cycle was solved, and each answer proven.
+90 % RANGE ◌ ▫  median, and 5th to 95th percentile over what is not known exactly.
+A card is written only from the advice of mount, and only where mount would write one.
 
 LEVERS
-? not known exactly, * changed here. Behind the value: a plausible step, and its change of F'_ior [arcsec]
-of a typical drive, the greatest first. Where a field is not known exactly a step is about one deviation. Fields in
-which the pinned drive differs come first, with the step to its value.
+? not known exactly, * changed here. Behind the value: a plausible step, and its change of F'_ior [arcsec] of a \
+typical drive. Where a field is not known exactly a step is about one deviation. Fields in which the pinned drive \
+differs come first, with the step to its value; then those that change most, in an order that stays \
+until o sorts them anew.
 Enter edits; an empty value takes a change back. Numbers of teeth change together: 120, or the ratio, 60:1.
 k has x_b change with W_0, so that the teeth keep their clearance.
 
 KEYS
-1 holes   2 seat   3 levers   4 cam turn   5 full cycle   6 why   7 advice   Tab next pane   / filter levers
-← → ↑ ↓ turn the wheel   b best hole   0 where it stands   m next torque, marked ▸ at the top
-e what is known of the drive: stiffness, F'_ior in a hole, a trace, a limit
-  F'_ior in several holes at the lightest torque: the best hole and the order are those of trials
-Enter edit a field   + - a step   o levers by group or by change
-u undo   r redo   p pin the drive as it is, to compare
-c card   w report   s preset   g picture   y copy the command line
-q leave: the command that comes back to the session is printed
+1 to 7   holes, seat, levers, cam turn, full cycle, why, advice
+Tab      next pane
+/        filter levers, by name or meaning
+← → ↑ ↓  turn the wheel
+b        best hole
+0        where the wheel stands
+m        next torque, marked ▸ at the top
+e        what is known of the drive: stiffness, F'_ior in a hole, a trace, a limit; with F'_ior in several holes at \
+the lightest torque the order is that of mount after measured values
+Enter    edit a field
++ -      a step
+o        levers by group or by change
+u r      undo, redo
+p        pin the drive as it is, to compare
+c w s    write the card, the report, the preset
+g y      write a picture, copy the command line
+q        leave: the command that comes back to the session is printed
 """
 
 
@@ -137,19 +152,28 @@ class Notice(ModalScreen[bool | None]):
         Binding("escape,question_mark,q,enter", "dismiss(None)", "close"),
     ]
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, *, asks: bool = True) -> None:
         super().__init__()
-        self._text = text
+        self._text, self._asks = text, asks
 
     def compose(self) -> ComposeResult:
         """The text."""
         with VerticalScroll(id="notice") as scroll:
-            scroll.border_subtitle = "Escape closes"
+            scroll.border_subtitle = "y yes, n no, Escape leaves it" if self._asks else "↑ ↓ scroll, Escape closes"
             yield Static(self._text, markup=False)
 
 
 class Exporting(Asking):
-    """Actions that write a file."""
+    """Actions that ask in a dialog, and write a file."""
+
+    def ask_in(self, dialog: ModalScreen[Any], then: Callable[[Any], object] = bool) -> None:
+        """Open a dialog, do something with its answer, and show the keys that work then."""
+
+        def closed(answer: object) -> None:
+            then(answer)
+            self.draw()
+
+        self.push_screen(dialog, closed)
 
     def named(self, end: str) -> str:
         """A file's name that begins as the preset's."""
@@ -157,9 +181,9 @@ class Exporting(Asking):
 
     def action_card(self) -> None:
         """Write the assembly card of the advice, if there is one to write."""
-        advice, why = self.known.advice, why_no_card(self.known.report)
-        if advice is None or why:
-            self.notify(f"no card: {why}", severity="warning")
+        advice = self.known.advice
+        if advice is None:
+            self.notify(visible(f"no card: {self.known.without}"), severity="warning", markup=False)
             return
         say = texts()
         hint = f"{', '.join(CARD_SUFFIXES)}; from {'the measured values' if advice.trials else 'the prediction'}"
@@ -185,15 +209,15 @@ class Exporting(Asking):
             require_writable(path, force=True)
             keep = partial(self.attempt, partial(put, path, text(path)))
             if Path(path).exists():
-                question = f"{path} exists. Replace it?\n\ny yes\nn no"
-                self.push_screen(Notice(question), lambda sure: keep() if sure else None)
+                question = f"{path} exists. Replace it?"
+                self.ask_in(Notice(question), lambda sure: keep() if sure else None)
             else:
                 keep()
 
         def take(path: str) -> None:
             self.call_later(self.attempt, partial(write, path))  # once the form has gone
 
-        self.push_screen(Form(f"{title}: file", name, hint, take))
+        self.ask_in(Form(f"{title}: file", name, hint, take))
 
     def action_report(self) -> None:
         """Write the page of `check` with all its tables."""
@@ -232,9 +256,9 @@ class Exporting(Asking):
     async def action_quit(self) -> None:
         """Leave; ask before where there is a change, also one undone, that is in no preset and was not opened."""
         command = self.session.command("explore")
-        question = f"{command}\n\ncomes back to this session, and is printed on leaving.\n\ny leave\nn stay"
+        question = f"Leave? This comes back to the session, and is printed then:\n\n{command}"
         if self.session.changes != self.saved or self.session.future:
-            self.push_screen(Notice(question), lambda sure: self.exit() if sure else None)
+            self.ask_in(Notice(question), lambda sure: self.exit() if sure else None)
         else:
             self.exit()
 
@@ -351,6 +375,11 @@ class Explorer(Exporting):
         self.call_after_refresh(self.draw)
         self.when_at_rest()
 
+    @on(KeyedTable.Resized)
+    def draw_again(self) -> None:
+        """Draw with the room that a table has by now."""
+        self.draw()
+
     def ask_of_panes(self) -> None:
         """Ask for what is on the screen and not there yet: the pinned drive, steps of levers, errors of a cam turn."""
         known, drive, pinned = self.known, self.session.drive, self.session.pinned
@@ -373,12 +402,16 @@ class Explorer(Exporting):
         session, known, panes = self.session, self.known, self.panes
         letters, torque = self._letters(), self.torque % len(session.drive.operation.M_g)
         self.holes.show(session, known.curve, self.pinned.curve if self.pinned else None, letters)
-        self.holes.border_subtitle = "" if known.advice or known.failed else "COMPUTING …"
+        self.holes.border_subtitle = "" if known.advice or known.failed else known.without
         effects = known.effects or LeverEffects({})
+        if effects.is_whole and not self.levers.order:
+            self.levers.sort_by_effect(effects, torque)
         self.levers.show(session, effects, torque, self.wanted.value, is_grouped=self.is_grouped)
         typical = ", of a typical drive"
-        self.side.border_subtitle = f"step: change at {self.M_g:g} N·m, ″{typical * bool(known.typical)}"
-        panes["seat"].show(seat_pane(session, letters))
+        self.side.border_subtitle = f"change of F'_ior at {self.M_g:g} N·m, ″{typical * bool(known.typical)}"
+        seat = panes["seat"]
+        drawing, seat.border_subtitle = seat_pane(session, letters, seat.scrollable_content_region.width)
+        seat.show(drawing)
         panes["why"].show(*why_blocks(known), ascii=self.ascii)
         panes["advice"].show(Paragraph(order_words(known)), facts_of(known.report), ascii=self.ascii)
         for name in ("turn", "cycle"):
@@ -407,6 +440,8 @@ class Explorer(Exporting):
     def _keys(self) -> Content:
         """Keys that work where the focus is; a click presses one."""
         keys: dict[str, str] = {}
+        if isinstance(self.screen, ModalScreen):  # a dialog says its own
+            return Content("")
         for active in self.screen.active_bindings.values():
             if (key := active.binding).show and active.enabled:
                 words = f"[b]{self.get_key_display(key)}[/b] {key.description}".replace(" ", NO_BREAK)
@@ -442,9 +477,10 @@ class Explorer(Exporting):
         """Where the wheel is looked at, and F'_ior there."""
         session, curve, turn = self.session, self.known.curve, self.session.turn_deg
         text = Text(f"{hole_words(turn, session.drive.mounting.holes)}{', where it stands' * (not turn)}  ")
-        text.append(values_of(curve, turn))
+        for value in values_of(curve, turn):
+            text.append(value).append("″")
         if curve:
-            text.append(f" {MARKS.get(curve.surety(turn), '')} {curve.surety(turn)}")
+            text.append(f" {MARKS.get(curve.surety(turn), ' ')[0]} {curve.surety(turn)}")
         return text
 
     @on(DataTable.RowHighlighted)
@@ -501,8 +537,14 @@ class Explorer(Exporting):
         self.show(state.turned_state(self.session, by))
 
     def action_look(self, letter: str) -> None:
-        """Look at the position that has a letter by now."""
-        place = next((at for at, letters in self._letters().items() if letter in letters), self.session.turn_deg)
+        """Look at the position that has a letter by now; say why where there is none, or nothing to turn."""
+        place = next((at for at, letters in self._letters().items() if letter in letters), None)
+        if place is None:
+            words = order_words(self.known) if self.known.advice else f"no best hole yet: {self.known.without}"
+            self.notify(visible(words), severity="warning", markup=False)
+            return
+        if place == self.session.turn_deg:
+            self.notify(f"the wheel is looked at there: {hole_words(place, self.session.drive.mounting.holes)}")
         self.show(replace(self.session, turn_deg=place))
 
     def action_change(self, name: str) -> None:
@@ -514,8 +556,10 @@ class Explorer(Exporting):
         self.show(replace(self.session, keeps_clearance=not self.session.keeps_clearance))
 
     def action_sort(self) -> None:
-        """Show levers by group, or by their effect."""
+        """Show levers by group, or by their effect as it is now."""
         self.is_grouped = not self.is_grouped
+        if self.known.effects:
+            self.levers.sort_by_effect(self.known.effects, self.torque % len(self.session.drive.operation.M_g))
         self.draw()
 
     def action_evidence(self) -> None:
@@ -538,7 +582,7 @@ class Explorer(Exporting):
 
     def _ask_change(self, title: str, text: str, hint: str, change: Callable[[Session, str], Session]) -> None:
         """Have a text filled in that changes the session."""
-        self.push_screen(Form(title, text, hint, lambda value: self.show(change(self.session, value))))
+        self.ask_in(Form(title, text, hint, lambda value: self.show(change(self.session, value))))
 
     def action_nudge(self, steps: int) -> None:
         """Change the field under the cursor by steps."""
@@ -548,4 +592,4 @@ class Explorer(Exporting):
 
     def action_explain(self) -> None:
         """Explain the screen."""
-        self.push_screen(Notice(EXPLAINED))
+        self.ask_in(Notice(EXPLAINED, asks=False))

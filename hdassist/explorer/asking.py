@@ -34,10 +34,11 @@ from hdassist.report import Report
 from hdassist.terminal.streams import PLAIN_CHARACTERS
 from hdassist.terminal.words import again
 
+BAR_COLUMNS = 16  # of the bar of work that is done
 REST = 0.7  # s without a key before the cam turn and the steps of levers are asked for
 THEMES = ("textual-light", "textual-dark")
 # of one column each
-SIGNS = PLAIN_CHARACTERS | str.maketrans("\N{NO-BREAK SPACE}○●◌◆…°″±≤≥←→↑↓─━┄│", ' o@%#~d"~<><>^v---|')
+SIGNS = PLAIN_CHARACTERS | str.maketrans("\N{NO-BREAK SPACE}○●◌□■▫△▲▵◆…°″±≤≥←→↑↓─━┄│═╌", ' o@%08:AV.#~d"~<><>^v---|=~')
 
 
 @dataclass
@@ -54,6 +55,7 @@ class Known:
     effects: LeverEffects | None = None
     turn: Report | None = None  # of a typical drive
     failed: HdassistError | None = None
+    done: float = 0.0  # share of the work for check and advice
 
     @property
     def whole(self) -> DesignCheck | None:
@@ -68,7 +70,10 @@ class Known:
     @property
     def without(self) -> str:
         """What stands in place of an answer that is not there, with the reason where there is none."""
-        return visible(f"no answer: {self.failed.message}\n{self.failed.hint}") if self.failed else "computing …"
+        if self.failed:
+            return visible(f"no answer: {self.failed.message}\n{self.failed.hint}")
+        full = round(BAR_COLUMNS * self.done)
+        return f"computing … {'━' * full}{'─' * (BAR_COLUMNS - full)} {100 * self.done:.0f} %"
 
 
 class SevenBits(LineFilter):

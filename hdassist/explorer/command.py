@@ -17,13 +17,14 @@ SESSION_FILE = "explore.txt"  # among the user's states: the command that comes 
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExploreCommand(o.LoadedDriveOptions):
+class ExploreCommand(o.LimitedDriveOptions):
     """A drive turned on the screen: where the fixed wheel is best, and the effect of each value of the preset.
 
     \b
     Examples:
       hdassist explore vzp160
       hdassist explore my-drive.yaml --set phases.xi_b=230
+      hdassist explore my-drive.yaml --limit 45
       hdassist explore my-drive.yaml h0=28.1 h4=17.3 h8=24.9
 
     Arrow keys turn the fixed wheel (the rigid wheel, that is the circular spline, or the flexspline); e takes what is
@@ -48,7 +49,9 @@ class ExploreCommand(o.LoadedDriveOptions):
 
         if self.preset == "-":
             raise UsageError("the explorer needs standard input for its keys", "name a preset or a file")
-        session = opened_state(self.preset, tuple(self.changes), self.pin or "")
+        self.load(self.preset)  # says what is wrong with options as every command does
+        overrides = (*self.changes, *(limit.override for limit in self.limits))
+        session = opened_state(self.preset, overrides, self.pin or "")
         if self.measured:
             session = with_evidence(session, " ".join(self.measured))
         if not (sys.stdin.isatty() and sys.stdout.isatty()) or os.environ.get("TERM") == "dumb":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ import numpy as np
 from hdassist.belief.draws import errors_by_turn
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
-from hdassist.design.check import DesignCheck, check
+from hdassist.design.check import DesignCheck, check, check_states
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.error_map import error_maps, searchable
 from hdassist.error.trace import trace
@@ -23,7 +24,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import no_hole_better, unknown_turn, unknowns
-from hdassist.mounting.advice import Advice, advise, advise_after
+from hdassist.mounting.advice import Advice, advice_states, advise, advise_after
 from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.mounting.posterior import TrialSetup
@@ -34,6 +35,7 @@ from hdassist.preset.fields import Drive, field_table
 from hdassist.run.run import UNCHECKED, Run, workers
 from hdassist.variants import differing_fields
 
+TOLD_EVERY, MOST_TOLD = 0.3, 0.99  # s between two shares of the work done, which is estimated; at most
 FEWEST_SEEN = 8  # effective samples: the range of fewer is none
 SEED = 0  # of samples and of states solved again, as the commands have it
 LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN = 0.05, 0.5, 0.95  # percentiles
@@ -90,11 +92,12 @@ class FirstErrors:
 class LeverEffects:
     """By field: the step that is plausible [its unit], and its effect on F'_ior at each torque [arcsec].
 
-    differing: fields in which the pinned drive differs; their step goes to its value.
+    differing: fields in which the pinned drive differs; their step goes to its value. is_whole: whether no more come.
     """
 
     steps: Mapping[str, tuple[float, tuple[float, ...]]]
     differing: tuple[str, ...] = ()
+    is_whole: bool = False
 
 
 Tell = Callable[[str, object], None]  # field of `asking.Known`, and its value
@@ -114,25 +117,47 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
     here, has_typical = drive.with_values(typical), bool(typical or not unknowns(drive))
     if searchable(drive) and has_typical:
         tell("first", FirstErrors(_searched((0.0,), here)[:, 0].tolist()))
-    if searchable(drive) and not unknowns(drive):
-        rotations = tuple(seat_positions(drive))
+    rotations, tried = tuple(seat_positions(drive)), is_tried(drive)
+    if searchable(drive) and not prior_of(drive).fields:  # else medians come, which are no numbers as given
         F_ior = _searched(rotations, drive)
         tell("curve", SeatCurve(rotations, np.stack([F_ior] * 3), (SURE_REFINED,) * len(rotations)))
+
+    def seen(so_far: DesignCheck) -> None:
+        if so_far.samples and so_far.samples.effective >= FEWEST_SEEN:
+            tell("check", so_far)
+
+    states = check_states(drive, draws=effort.draws)
+    states += advice_states(drive, 0 if tried else len(rotations), draws=effort.draws, trials=tried)
     with workers(effort.jobs) as executor:
-        run = Run(executor, seed=SEED)
+        run = Run(executor, _Share(states, tell), SEED)
         if has_typical:
             errors = run.map(partial(kinematic_error, here, run=UNCHECKED), here.operation.M_g)
             tell("first", FirstErrors([error.F_ior_arcsec for error in errors], SURE_PROVEN))
-        _checked(drive, effort, run, tell)
-        if is_tried(drive):
+        whole = check(drive, draws=effort.draws, run=run, seen=seen)
+        tell("check", whole)
+        tell("page", check_report(whole, SEED))
+        if tried:
             setup = TrialSetup(TRIALS.torque_of(drive.operation.M_g))
             advice = advise_after(drive, (), setup, draws=effort.draws, run=run)
         else:
-            advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=effort.draws, run=run)
+            advice = advise(drive, drive.operation.M_g, rotations, draws=effort.draws, run=run)
     if advice.decision.is_sampled or not advice.unknown:
         tell("curve", _mount_curve(advice))
     tell("report", mount_report(advice, SEED))
     tell("advice", advice)
+
+
+class _Share:
+    """Called with states that were solved, it tells their share of a total now and then."""
+
+    def __init__(self, total: int, tell: Tell) -> None:
+        self._solved, self._total, self._tell, self._next = 0, total, tell, 0.0
+
+    def __call__(self, states: int) -> None:
+        self._solved += states
+        if (now := time.monotonic()) > self._next:
+            self._next = now + TOLD_EVERY
+            self._tell("done", min(self._solved / self._total, MOST_TOLD))
 
 
 def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]]:
@@ -178,7 +203,7 @@ def lever_effects(drive: Drive, pinned: Drive, typical: Mapping[str, float], eff
                 found = replace(found, steps={**found.steps, path: (step, tuple((there - now).tolist()))})
             if len(found.steps) % 8 == 0:
                 tell("effects", found)
-    tell("effects", found)
+    tell("effects", replace(found, is_whole=True))
 
 
 def _steps(drive: Drive, here: Drive, others: Mapping[str, Any]) -> Iterator[tuple[str, tuple[float, ...]]]:
@@ -234,15 +259,3 @@ def _mount_curve(advice: Advice) -> SeatCurve:
         return _statistics_curve(advice.decision)
     sure = tuple(SURE_PROVEN if each else SURE_REFINED for each in np.atleast_1d(curve.every_state.all(axis=0)))
     return SeatCurve(tuple(curve.rotation_deg.tolist()), np.stack([curve.F_ior_arcsec] * 3), sure)
-
-
-def _checked(drive: Drive, effort: Effort, run: Run, tell: Tell) -> None:
-    """The answer of `check`, and its page; on the way that by the samples so far."""
-
-    def seen(so_far: DesignCheck) -> None:
-        if so_far.samples and so_far.samples.effective >= FEWEST_SEEN:
-            tell("check", so_far)
-
-    whole = check(drive, draws=effort.draws, run=run, seen=seen)
-    tell("check", whole)
-    tell("page", check_report(whole, SEED))

@@ -12,6 +12,7 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
+from textual.message import Message
 from textual.widgets import DataTable, Static
 
 from hdassist.belief.evidence import measured_errors
@@ -35,16 +36,19 @@ from hdassist.plaintext import visible
 from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
 from hdassist.report import Block, Curve, Facts, Lines, Report, Seat, SeatMark, Table
 from hdassist.terminal.page import block_on_page
-from hdassist.terminal.plot import seat_in_characters, ticks
+from hdassist.terminal.plot import SEAT_WIDTH, seat_in_characters, ticks
 from hdassist.terminal.streams import Style
 from hdassist.terminal.words import named, proof
 from hdassist.verdict import Verdict
 
-MARKS = {SURE_REFINED: "○", SURE_PROVEN: "●", SURE_RANGE: "◌"}  # else ○
+MARKS = {SURE_REFINED: "○□△", SURE_PROVEN: "●■▲", SURE_RANGE: "◌▫▵"}  # of each torque one, as of LINES
+LINES = "─═╌"  # of the bars of each torque
 INK = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one
 LETTER_STYLES = {"B": f"{INK[3]} bold", "W": "red bold", "?": f"{INK[2]} bold"}
 LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
-LEAST_BAR = 10  # columns of a bar at least
+MEANINGS = {"N": "now", "B": "best", "W": "worst", "?": "measure next", "x": "not allowed", "o": "looked at"}
+LEAST_BAR, LEAST_PANE = 14, 10  # columns of a bar that has ranges beside it, and of a pane with text
+LEGEND_COLUMNS = 60  # of a pane that has room for a legend beside the seat
 TICKS = tuple(SeatMark("cam", float(at), f"{at}", "") for at in (0, 90, 180, 270))  # in the seat's middle
 
 
@@ -53,8 +57,14 @@ def torque_style(place: int) -> str:
     return INK[place % len(INK)]
 
 
-class LeverTable(DataTable[Text]):
-    """Rows by key, put in place without losing the cursor."""
+def torque_sign(place: int, sure: str = SURE_RANGE) -> str:
+    """The bar of a torque by its place, which tells it apart without colour too."""
+    line = LINES[place % len(LINES)]
+    return f"{line}{MARKS.get(sure, MARKS[SURE_REFINED])[place % len(LINES)]}{line}"
+
+
+class KeyedTable(DataTable[Text]):
+    """Rows by key under heads, put in place without losing the cursor."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("left", "app.turn(-1)", "turn", key_display="←→"),
@@ -62,21 +72,31 @@ class LeverTable(DataTable[Text]):
     ]
 
     def on_mount(self) -> None:
-        """Have rows only."""
-        self.cursor_type, self.show_header, self.cell_padding = "row", False, 0
+        """Have rows without gaps between columns."""
+        self.cursor_type, self.cell_padding = "row", 0
 
-    def fill(self, rows: Mapping[str, Sequence[Text]]) -> None:
+    class Resized(Message):
+        """A table has another room for its columns."""
+
+    def on_resize(self) -> None:
+        """Have the screen drawn with the new room."""
+        self.post_message(self.Resized())
+
+    def fill(self, heads: Sequence[str], rows: Mapping[str, Sequence[Text]]) -> None:
         """Show rows; the cursor stays on its key while somebody uses it."""
+        columns = {head: max(map(len, (head, *cells))) for head, *cells in zip(heads, *rows.values(), strict=True)}
         with self.prevent(DataTable.RowHighlighted):
-            if [key.value for key in self.rows] == list(rows):
+            shown = {str(column.label): column.width for column in self.columns.values()}
+            if shown == columns and [key.value for key in self.rows] == list(rows):
                 for key, cells in rows.items():
                     for column, cell in zip(self.columns, cells, strict=True):
                         if self.get_cell(key, column) != cell:
-                            self.update_cell(key, column, cell, update_width=True)
+                            self.update_cell(key, column, cell)
                 return
             before = self.key
             self.clear(columns=True)
-            self.add_columns(*[""] * len(next(iter(rows.values()), ())))
+            for head, width in columns.items():
+                self.add_column(Text(head), width=width)
             for key, cells in rows.items():
                 self.add_row(*cells, key=key)
             if before in rows and self.has_focus:
@@ -88,27 +108,29 @@ class LeverTable(DataTable[Text]):
         return str(self.coordinate_to_cell_key(self.cursor_coordinate).row_key.value) if self.row_count else ""
 
 
-class Holes(LeverTable):
+class Holes(KeyedTable):
     """F'_ior in each position of the fixed wheel: numbers, and a bar from its 5th to its 95th percentile."""
 
     def show(
-        self,
-        session: Session,
-        found: SeatCurve | None,
-        behind: SeatCurve | None,
-        letters: Mapping[float, str],
+        self, session: Session, found: SeatCurve | None, behind: SeatCurve | None, letters: Mapping[float, str]
     ) -> None:
         """Show positions.
 
         Arguments: session; found, their F'_ior; behind, that of another variant; letters by turn [deg].
         """
         drive, holes, readings = session.drive, session.drive.mounting.holes, measured_errors(session.drive)
-        limits = [limit for M_g in drive.operation.M_g if (limit := drive.limit(M_g))]
+        torques = drive.operation.M_g
+        limits = [limit for M_g in torques if (limit := drive.limit(M_g))]
         errors = [*(one.value for one in readings), *(found.F_ior_arcsec.max(axis=(1, 2)) if found else limits)]
         top = ticks(0.0, max([0.1, *errors]), 5)[-1]
         places = sorted({*session.positions, *letters, *(one.rotation_deg for one in readings)})
-        width = self.size.width - max(len(values_of(found, at)) for at in places) - 12
-        rows = {}
+        heads = [f" {M_g:g} N·m" for M_g in torques] if found else []
+        blank = [Text() for _ in heads]
+        numbers = {at: values_of(found, at) or blank for at in places}
+        is_narrow = self._room(numbers, heads) < LEAST_BAR
+        if is_narrow:  # medians leave room for bars
+            numbers = {at: values_of(found, at, medians=True) or blank for at in places}
+        width, rows = max(self._room(numbers, heads), 1), {}
         for at in places:
             measured = [one.value for one in readings if abs(one.rotation_deg - at) < 1e-6]
             signs = f"{letters.get(at, '')}{'◆' * bool(measured)}"
@@ -116,16 +138,24 @@ class Holes(LeverTable):
             head.highlight_regex("B", LETTER_STYLES["B"])
             marks = [(limit, limit, "│", "red") for limit in limits]
             marks += [(middle, middle, "┄", "dim") for _, middle, _ in seat_ranges(behind, at)]
-            sure = MARKS.get(found.surety(at), "○") if found else ""
             for k, (low, middle, high) in enumerate(seat_ranges(found, at)):
-                marks += [(low, high, "─", torque_style(k)), (middle, middle, sure, torque_style(k))]
+                sign = torque_sign(k, found.surety(at) if found else "")
+                marks += [(low, high, sign[0], torque_style(k)), (middle, middle, sign[1], torque_style(k))]
             marks += [(value, value, "◆", INK[2]) for value in measured]
-            rows[f"{at}"] = head, Text.assemble(" ", values_of(found, at), " "), _bar(max(width, LEAST_BAR), top, marks)
-        self.fill(rows)
-        self.border_title = f"F'_ior by hole, ″{f', bars 0 to {top:g}' * bool(found)}"
+            rows[f"{at}"] = head, *numbers[at], _bar(width, top, marks)
+        scale = f" 0{f'{top:g}″':>{max(width - 2, 1)}}"
+        self.fill(["hole" if holes else "turn", *heads, scale if found else ""], rows)
+        shown = "median" if is_narrow else "5 to 95 %"
+        ranged = bool(found and SURE_RANGE in found.sure)
+        self.border_title = f"F'_ior by hole, ″{f': {shown}' * ranged}"
         if (here := f"{session.turn_deg}") in rows and self.key != here:
             with self.prevent(DataTable.RowHighlighted):
                 self.move_cursor(row=self.get_row_index(here))
+
+    def _room(self, numbers: Mapping[float, Sequence[Text]], heads: Sequence[str]) -> int:
+        """Columns that are left for bars beside numbers under heads."""
+        by_torque = zip(heads, zip(*numbers.values(), strict=True), strict=False)
+        return self.size.width - 11 - sum(max(len(head), *map(len, cells)) for head, cells in by_torque)
 
 
 def seat_ranges(found: SeatCurve | None, rotation_deg: float) -> list[list[float]]:
@@ -134,13 +164,13 @@ def seat_ranges(found: SeatCurve | None, rotation_deg: float) -> list[list[float
     return found.F_ior_arcsec[:, :, place].T.tolist() if found and place is not None else []
 
 
-def values_of(found: SeatCurve | None, rotation_deg: float) -> Text:
-    """F'_ior at each torque in a position: a value, or its 5th and 95th percentile."""
-    text = Text()
-    for k, (low, _, high) in enumerate(seat_ranges(found, rotation_deg)):
-        words = f"{low:.1f}…{high:.1f}" if high > low else f"{low:.2f}"
-        text.append(f"{words:>6} ", torque_style(k))
-    return text
+def values_of(found: SeatCurve | None, rotation_deg: float, *, medians: bool = False) -> list[Text]:
+    """F'_ior at each torque in a position: a value, or its 5th and 95th percentile, or its median alone."""
+    texts = []
+    for k, (low, middle, high) in enumerate(seat_ranges(found, rotation_deg)):
+        words = f"{low:.2f}" if high <= low else f"{middle:.1f}" if medians else f"{low:.1f}…{high:.1f}"
+        texts.append(Text(f" {words:>6}", torque_style(k)))
+    return texts
 
 
 def _bar(width: int, top: float, marks: Iterable[tuple[float, float, str, str]]) -> Text:
@@ -152,8 +182,8 @@ def _bar(width: int, top: float, marks: Iterable[tuple[float, float, str, str]])
     return Text.assemble(*signs)
 
 
-def seat_pane(session: Session, letters: Mapping[float, str]) -> Text:
-    """The seat from the cam side: holes by number, letters of positions, and a pointer to the one looked at."""
+def seat_pane(session: Session, letters: Mapping[float, str], width: int) -> tuple[Text, str]:
+    """The seat from the cam side in so many columns, and the legend of its letters, which a wide one has beside it."""
     first = session.drive.mounting.first_hole
     named = [(at, sign) for at, signs in letters.items() for sign in signs if sign in LETTER_KINDS]
     seat = Seat(
@@ -161,10 +191,16 @@ def seat_pane(session: Session, letters: Mapping[float, str]) -> Text:
         tuple(SeatMark(LETTER_KINDS[sign], first + at, sign, "") for at, sign in named),
         (*TICKS, SeatMark("now", first + session.turn_deg, "o", "")), "x", "",
     )  # fmt: skip
-    text = Text(seat_in_characters(seat))
+    present = dict.fromkeys([*"".join(letters.values()), "o"])
+    legend = [f"{sign} {words}" for sign, words in MEANINGS.items() if sign in present]
+    lines = seat_in_characters(seat).split("\n")
+    if width >= LEGEND_COLUMNS:
+        beside = [*legend, *[""] * len(lines)]
+        lines = [f"{line:{SEAT_WIDTH + 4}}{words}".rstrip() for line, words in zip(lines, beside, strict=False)]
+    text = Text("\n".join(lines))
     for letter in "BW?":
-        text.highlight_words([letter], LETTER_STYLES[letter])
-    return text
+        text.highlight_words([f" {letter} "], LETTER_STYLES[letter])
+    return text, "  ".join(legend)
 
 
 class Pane(VerticalScroll):
@@ -181,12 +217,12 @@ class Pane(VerticalScroll):
     def show(self, *parts: RenderableType | Block, ascii: bool = False) -> None:
         """Show texts and blocks; one moment later where there is no room yet."""
         style = Style(ascii=ascii, codes=False, width=self.scrollable_content_region.width)
-        if style.width >= LEAST_BAR:
+        if style.width >= LEAST_PANE:
             shown = [[*block_on_page(part, style)] if isinstance(part, Block) else [part] for part in parts]
             self._text.update(Group(*(part for each in shown for part in each)))
 
 
-class Levers(LeverTable):
+class Levers(KeyedTable):
     """The fields of the preset with their values and the effect of a plausible step of each."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -195,51 +231,61 @@ class Levers(LeverTable):
         Binding("o", "app.sort", "by group"),
         Binding("k", "app.keep_clearance", "x_b with W_0"),
     ]
+    order: tuple[str, ...] = ()  # paths, by their effect when they were sorted last
+
+    def sort_by_effect(self, effects: LeverEffects, torque: int) -> None:
+        """Put fields in which a pinned drive differs first, then those that change F'_ior most, until asked again."""
+        sizes = {path: abs(changes[torque]) for path, (_, changes) in effects.steps.items()}
+        self.order = tuple(sorted(sizes, key=lambda path: (path not in effects.differing, -sizes[path])))
 
     def show(self, session: Session, effects: LeverEffects, torque: int, wanted: str, *, is_grouped: bool) -> None:
         """Show fields whose path or meaning has some words, in the preset's order or by their effect.
 
-        Without words those that are no part of the drive are left out. Those in which a pinned drive differs come
-        first, then those that change F'_ior most. Arguments: session; effects of steps at a torque, by its place;
-        wanted words.
+        Without words those that are no part of the drive are left out. Arguments: session; effects of steps at a
+        torque, by its place; wanted words.
         """
-        marks = {field.path: "?" for field in prior_of(session.drive).fields} | {
-            path: "*" for path, _ in session.changes
-        }
+        marks = {field.path: "?" for field in prior_of(session.drive).fields}
+        marks |= {path: "*" for path, _ in session.changes}
         steps, words = effects.steps, wanted.lower().split()
-        found = [
-            each
+        found = {
+            each.path: each
             for each in resolved_fields(session.drive)
             if all(word in f"{each.path} {each.meaning}".lower() for word in words)
             and (words or each.path in steps or each.path.split(".")[0] not in SETTING_SECTIONS)
-        ]
-
-        def change(field: ResolvedField) -> tuple[bool, float]:
-            return field.path in effects.differing, abs(steps[field.path][1][torque]) if field.path in steps else -1.0
-
+        }
+        order = [] if is_grouped else [path for path in self.order if path in found]
+        cells = {path: _lever_cells(found[path], marks, effects, torque) for path in dict.fromkeys([*order, *found])}
+        room = self.size.width - sum(max((len(row[k]) for row in cells.values()), default=0) for k in (0, 2, 3, 4)) - 2
         rows = {}
-        for field in found if is_grouped else sorted(found, key=change, reverse=True):
-            mark, (by, changes) = marks.get(field.path, " "), steps.get(field.path, (0.0, ()))
-            step = f" {'pin ' * (field.path in effects.differing)}{by:+.4g}: {changes[torque]:+.2f}" if changes else ""
-            value = visible(text_of(field.value))[: 13 - len(field.unit)]
-            rows[field.path] = (
-                Text.assemble(field.path, (f" {mark}", INK[1] if mark == "?" else INK[3])),
-                Text.assemble((value, INK[3] if mark == "*" else ""), (f" {field.unit}", "dim")),
-                Text(step, INK[0]),
-            )
-        self.fill(rows)
+        for path, (name, meaning, *others) in cells.items():
+            meaning.truncate(max(room, 0), overflow="ellipsis", pad=True)
+            rows[path] = name, Text(" ") + meaning, *others
+        self.fill(["field", " meaning"[: room + 1], " value", " step", f" {'change':>7}"], rows)
 
 
+def _lever_cells(
+    field: ResolvedField, marks: Mapping[str, str], effects: LeverEffects, torque: int
+) -> tuple[Text, Text, Text, Text, Text]:
+    """Name and mark of a field, its meaning, its value with unit, a plausible step, and the change by it."""
+    mark, (by, changes) = marks.get(field.path, " "), effects.steps.get(field.path, (0.0, ()))
+    name = field.path.partition(".")[2]
+    value = visible(text_of(field.value))[: 13 - len(field.unit)]
+    pinned = "pin " * (field.path in effects.differing)
+    return (
+        Text.assemble(name, (f" {mark}", INK[1] if mark == "?" else INK[3])),
+        Text(visible(field.meaning), "dim"),
+        Text.assemble((f" {value}", INK[3] if mark == "*" else ""), (f" {field.unit}", "dim")),
+        Text(f" {pinned}{by:+.4g}" if changes else "", INK[0]),
+        Text(f" {changes[torque]:+7.2f}" if changes else "", INK[0]),
+    )
+
+
+WITH_UNIT = ("F'_ior", "5 to 95 %", "limit")  # columns of the headline that are angles
 VERDICT_STYLES: dict[str, str] = {
     Verdict.PASS: f"{INK[3]} bold",
     Verdict.FAIL: "red bold",
     Verdict.INCONCLUSIVE: f"{INK[1]} bold",
 }
-
-
-def why_no_card(report: Report | None) -> str:
-    """Why there is no card of an advice; empty where there is one."""
-    return "" if report else "nothing is proven yet"
 
 
 def head_line(session: Session) -> Text:
@@ -266,27 +312,34 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
     page = F_ior_table(found)
     sure = f"{found.samples.effective:.0f} samples" if found.samples else "every state"
     state = f"{sure if found is known.check else 'old'}{'' if whole else ' …'}"
-    torques = [f"[{torque_style(k)}]{'▸' * (k == torque)}{point.M_g:g} N·m[/]" for k, point in enumerate(found.points)]
+    surety = SURE_RANGE if found.samples else SURE_PROVEN
+    torques = [
+        f"[{torque_style(k)}]{'▸' * (k == torque)}{point.M_g:g} N·m {torque_sign(k, surety)}[/]"
+        for k, point in enumerate(found.points)
+    ]
     columns = {state: torques, **dict(zip(page.heads, map(list, zip(*page.rows, strict=True)), strict=True))}
     for name in ("self error", page.heads[0]):
         del columns[name]
+    columns = {f"{name}, ″" if name in WITH_UNIT else name: cells for name, cells in columns.items()}
     if known.first and known.old and not whole:
         both = zip(typical_of(known.old)[1], known.first.F_ior_arcsec, strict=True)
-        columns["typical drive"] = [f"{before:.2f} → {now:.2f} {MARKS[known.first.sure]}" for before, now in both]
-    if "limit" in columns:
+        columns["typical drive, ″"] = [f"{before:.2f} → {now:.2f} {MARKS[known.first.sure][0]}" for before, now in both]
+    if "limit, ″" in columns:
         held = [(point.limit_arcsec, point.held_arcsec, point.probability) for point in found.points]
         verdicts = columns.pop("verdict")
         if found is known.check and not whole:
             verdicts = ["…"] * len(held)
         columns["verdict"] = [f"[{VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in verdicts]
-        columns["margin"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in held]
+        columns["margin, ″"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in held]
         columns["kept"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in held]
     if whole and pinned and pinned.whole:
         both = zip(map(middle_of, found.points), map(middle_of, pinned.whole.points), strict=True)
-        columns["change"] = [f"[{INK[0]}]{now - before:+.2f}[/]" for now, before in both]
+        columns["change, ″"] = [f"[{INK[0]}]{now - before:+.2f}[/]" for now, before in both]
     best_deg = known.advice.choice.chosen.rotation_deg if known.advice else 0.0
-    if best_deg and known.curve and not is_any_hole(session.drive):
-        name, best = f"best: {bare(best_deg, session.drive.mounting.holes)}", known.curve.place(best_deg)
+    alike = known.curve and known.curve.surety(best_deg) == surety  # a number as given is not put beside medians
+    if best_deg and known.curve and alike and not is_any_hole(session.drive):
+        holes, best = session.drive.mounting.holes, known.curve.place(best_deg)
+        name = f"best: {'hole ' * bool(holes)}{bare(best_deg, holes)}{'°' * (not holes)}, ″"
         columns[name] = [f"[{INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, best]]
     widths = {name: 1 + max(Text.from_markup(cell).cell_len for cell in (name, *columns[name])) for name in columns}
     for name in reversed(widths):
@@ -311,9 +364,10 @@ def order_words(known: Known) -> str:
 
 
 def next_text(known: Known) -> str:
-    """The order in a line, and in another one the first measurement with its gain."""
-    gains = dict(facts_of(known.page).rows).get("measure", "")
-    return visible(order_words(known).partition("\n")[0]) + f"\nmeasure next: {gains}" * bool(gains)
+    """What to do in a line, and in another one what that brings, or the reason."""
+    order = order_words(known).replace("\n", " ")
+    action, _, rest = order.partition(": ") if known.report else (order, "", "")
+    return visible(f"{action}{':' * bool(rest)}\n{rest}")
 
 
 def turn_blocks(page: Report, name: str) -> Iterator[Block]:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 DRAWN = ("tolerance", "sensitivity", "allocate")  # commands of random drives
 SAMPLED = ("check", "report", "mount", "plan", "accept", "compare", "compensate")  # commands that draw samples
-LIMITED = ("check", "report", "mount", "plan", "accept", *DRAWN)  # commands that take --limit
+LIMITED = ("check", "report", "mount", "plan", "accept", "explore", *DRAWN)  # commands that take --limit
 TOOTHED = ("check", "trace", "mount", "accept")  # commands that take measured teeth
 TAKEN_OVER = {  # options that the next command has too, by their name: the commands that take them
     "draws": SAMPLED,

@@ -12,7 +12,7 @@ from hdassist.explorer.app import Explorer, Notice
 from hdassist.explorer.asking import REST
 from hdassist.explorer.state import opened_state
 from hdassist.preset.fields import resolved_fields
-from tests.explorer.rig import FEW, explored, known_is, screen, settled, tiny, to_lever
+from tests.explorer.rig import FEW, explored, known_is, said, screen, settled, tiny, to_lever
 from tests.process import TINY
 
 
@@ -28,7 +28,7 @@ def test_the_screen_has_error_seat_holes_levers_cam_turn_and_the_order() -> None
         found = app.known.turn
         assert found is not None and told.count("cam angle, turns") == 2 and "hdassist trace" not in told
         (point,) = check(app.session.drive).points
-        assert f"▸4 N·m {point.error.F_ior_arcsec:.2f}" in " ".join(told.split()) and "every state" in told
+        assert f"▸4 N·m ─●─ {point.error.F_ior_arcsec:.2f}" in " ".join(told.split()) and "every state" in told
 
     explored(act, size=(140, 44))
 
@@ -51,9 +51,9 @@ def test_a_drive_at_another_torque_is_compared_with_none() -> None:
             return screen(app).partition("1 holes")[0].split()
 
         await known_is(app, pilot, "gears.j_n=8")
-        assert "change" in heads() and "┄" in screen(app)
+        assert "change," in heads() and "┄" in screen(app)
         await known_is(app, pilot, "operation.M_g=[1]")
-        assert "change" not in heads() and "┄" not in screen(app)
+        assert "change," not in heads() and "┄" not in screen(app)
 
     explored(act, size=(120, 30))
 
@@ -126,6 +126,56 @@ def test_keys_at_the_bottom_are_those_that_work_where_the_focus_is_and_are_press
     explored(act, size=(100, 30))
 
 
+def test_two_torques_have_bars_of_their_own_within_the_pane() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        for size in ((140, 40), (100, 30), (80, 24), (60, 20)):
+            await pilot.resize_terminal(*size)
+            await settled(app, pilot)
+            bars = [str(app.holes.get_row(key)[3]) for key in app.holes.rows]
+            assert len(bars[0]) >= 10 and all("◌" in bar and "▫" in bar for bar in bars), size  # without colour too
+            assert sum(column.width for column in app.holes.columns.values()) <= app.holes.size.width, size
+            assert {"1 N·m", "4 N·m"} <= {str(column.label).strip() for column in app.holes.columns.values()}
+        assert "▸1 N·m ─◌─" in screen(app) and "4 N·m ═▫═" in screen(app) and "F'_ior, ″" in screen(app)
+
+    explored(act, tiny("operation.M_g=[1.0, 4.0]", "uncertainty.cam.W_0=0.001"), size=(140, 40))
+
+
+def test_the_seat_has_a_legend_and_levers_stay_where_they_are() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        await pilot.pause(REST + 0.2)
+        await settled(app, pilot)
+        assert "N now  B best  W worst  o looked at" in screen(app)
+        before = list(app.levers.rows)
+        await known_is(app, pilot, "gears.j_n=9")
+        await pilot.pause(REST + 0.2)
+        await settled(app, pilot)
+        assert list(app.levers.rows) == before
+
+    explored(act, size=(140, 40))
+
+
+def test_under_a_dialog_stand_no_keys_of_the_screen_and_they_come_back() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        for key, words in (("question_mark", "Escape closes"), ("e", "Escape leaves it"), ("c", "Escape leaves it")):
+            await pilot.press(key)
+            await pilot.pause()
+            assert words in screen(app) and "evidence" not in screen(app), key
+            await pilot.press("escape")
+            await pilot.pause()
+            assert "e\N{NO-BREAK SPACE}evidence" in screen(app), key
+
+    explored(act)
+
+
+def test_no_key_is_silent() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        app.answers.clear()
+        await pilot.press("b", "c")
+        assert "no best hole yet: computing … ─" in said(app) and "no card: computing … ─" in said(app)
+
+    explored(act)
+
+
 def test_explanation_and_torque_are_a_key_away() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         await pilot.press("question_mark")
@@ -145,7 +195,7 @@ def test_in_seven_bits_the_screen_is_as_wide_and_says_the_same() -> None:
         await pilot.press("question_mark")
         await pilot.pause()
         views.append(screen(app))
-        assert "o  the extremes of the cycle" in views[1]
+        assert "o 0  the extremes of the cycle" in views[1]
         assert all(view.isascii() for view in views) and "e evidence" in told
         assert {len(line) for view in views for line in view.splitlines()} == {140}
 

@@ -38,6 +38,8 @@ def turn(*overrides: str) -> Question:
 def test_answers_come_ever_surer_and_the_last_one_is_the_commands(service: Service) -> None:
     answers = asyncio.run(told(service, partial(drive_answers, tiny().drive, {}, QUICK)))
     curves = [answer for answer in answers if isinstance(answer, SeatCurve)]
+    shares = [answer for answer in answers if isinstance(answer, float)]
+    assert shares == sorted(shares) and all(0 < share < 1 for share in shares) and shares
     assert [curve.sure[0] for curve in curves] == [SURE_REFINED, SURE_PROVEN]
     assert isinstance(answers[-1], Advice) and {len(curve.rotations_deg) for curve in curves} == {6}
     searched, proven = (curve.F_ior_arcsec for curve in curves)
