@@ -41,12 +41,12 @@ from hdassist.terminal.streams import Style
 from hdassist.terminal.words import named, proof
 from hdassist.verdict import Verdict
 
-MARKS = {SURE_REFINED: "○□△", SURE_PROVEN: "●■▲", SURE_RANGE: "◌▫▵"}  # of each torque one, as of LINES
-LINES = "─═╌"  # of the bars of each torque
+MARKS = {SURE_REFINED: "○□△", SURE_PROVEN: "●■▲", SURE_RANGE: "◌▫▵"}  # of each torque one, as of BAR_LINES
+BAR_LINES = "─═╌"  # of the bars of each torque
 INK = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one
 LETTER_STYLES = {"B": f"{INK[3]} bold", "W": "red bold", "?": f"{INK[2]} bold"}
 LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
-MEANINGS = {"N": "now", "B": "best", "W": "worst", "?": "measure next", "x": "not allowed", "o": "looked at"}
+SEAT_WORDS = {"N": "now", "B": "best", "W": "worst", "?": "measure next", "x": "not allowed", "o": "looked at"}
 LEAST_BAR, LEAST_PANE = 14, 10  # columns of a bar that has ranges beside it, and of a pane with text
 LEGEND_COLUMNS = 60  # of a pane that has room for a legend beside the seat
 TICKS = tuple(SeatMark("cam", float(at), f"{at}", "") for at in (0, 90, 180, 270))  # in the seat's middle
@@ -59,8 +59,8 @@ def torque_style(place: int) -> str:
 
 def torque_sign(place: int, sure: str = SURE_RANGE) -> str:
     """The bar of a torque by its place, which tells it apart without colour too."""
-    line = LINES[place % len(LINES)]
-    return f"{line}{MARKS.get(sure, MARKS[SURE_REFINED])[place % len(LINES)]}{line}"
+    line = BAR_LINES[place % len(BAR_LINES)]
+    return f"{line}{MARKS.get(sure, MARKS[SURE_REFINED])[place % len(BAR_LINES)]}{line}"
 
 
 class KeyedTable(DataTable[Text]):
@@ -192,7 +192,7 @@ def seat_pane(session: Session, letters: Mapping[float, str], width: int) -> tup
         (*TICKS, SeatMark("now", first + session.turn_deg, "o", "")), "x", "",
     )  # fmt: skip
     present = dict.fromkeys([*"".join(letters.values()), "o"])
-    legend = [f"{sign} {words}" for sign, words in MEANINGS.items() if sign in present]
+    legend = [f"{sign} {words}" for sign, words in SEAT_WORDS.items() if sign in present]
     lines = seat_in_characters(seat).split("\n")
     if width >= LEGEND_COLUMNS:
         beside = [*legend, *[""] * len(lines)]
