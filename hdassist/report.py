@@ -230,7 +230,7 @@ class Curve:
     from_zero: bool = False
     second: Series | None = None
     names: tuple[str, ...] = ()
-    rows: int = 6
+    rows: int = 5
 
     @property
     def series(self) -> tuple[Series, ...]:

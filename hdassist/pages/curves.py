@@ -108,7 +108,7 @@ def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
     """The error over cam turns; words: of the error, with its unit."""
     over = float(np.ptp(turns) > MANY_TURNS)
     around = ": least and greatest around each cam turn" if over else ""
-    return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over)
+    return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over, rows=4)
 
 
 ARCMIN = pi / 10800  # rad

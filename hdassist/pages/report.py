@@ -19,7 +19,7 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import TRADE, Card, hole_place
 from hdassist.pages.check import F_ior_table, check_facts, check_report, error_tables, possible_steps
-from hdassist.pages.compare import F_ior_words, sheet_warnings
+from hdassist.pages.compare import sheet_warnings
 from hdassist.pages.curves import ARCMIN, percent_off, stiffness_report
 from hdassist.pages.mount import WORDS, mount_report
 from hdassist.plaintext import visible
@@ -110,8 +110,9 @@ def _without_next(blocks: Iterable[Block]) -> Iterator[Block]:
 
 def _tiles(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[tuple[str, str, str]]:
     for point in sheet.check.points:
-        below = "5 to 95 % over unknown inputs" if point.belief else "over the full cycle"
-        yield f"F'_ior at {point.M_g:g} N·m", f"{F_ior_words(point, '.1f')}″", below
+        found = point.belief
+        below = f"{found.p5:.1f} to {found.p95:.1f}″ in 90 % of cases" if found else "over the full cycle"
+        yield f"F'_ior at {point.M_g:g} N·m", f"{point.F_ior_or_error:.1f}″", below
     advice = sheet.advice
     gain = f"{-100 * advice.gain_range[1]:+.0f} % error" if advice.choice.turn else "leave it as it is"
     yield "position of the wheel", hole_place(advice.choice.target), f"{WORDS[advice.word]}: {gain}"

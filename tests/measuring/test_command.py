@@ -38,7 +38,9 @@ def test_json(rig):
     assert told["schema"] == "hdassist.measure/1"
     assert told["preset"]["name"] == "small"
     assert told["file"] == {"name": "run.csv", "sha256": told["file"]["sha256"], "rows": 3600}
-    assert told["cycle"] == {"ratio": 30, "cam_revolutions": 30, "output_revolutions": 1}
+    assert told["cycle"] == {
+        "ratio": 30, "cam_revolutions": 30, "output_revolutions": 1, "travel_deg": None,
+    }  # fmt: skip
     (found,) = told["directions"]
     low, high = found["interval_arcsec"]
     assert low < whole_range(CURVE, 30) < high
