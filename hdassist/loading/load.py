@@ -114,10 +114,11 @@ def set_override(document: Document, text: str, index: int) -> None:
     read = read_yaml(value, OVERRIDE, whole, lambda line, column: Mark(index, (column if line == 1 else 1) + start))
     if read.findings:
         raise UsageError("\n".join(map(str, read.findings)))
+    if not isinstance(table := document.data, dict):
+        return
     own = replace(read.places.get(whole, SourceSpan(OVERRIDE, at_key, Mark(index, start + 1))), key=at_key)
-    table, path = document.data, tuple[str | int, ...]()
-    for part in whole[:-1] if isinstance(table, dict) else ():
-        path, inner = (*path, part), table.get(part)
+    for end, part in enumerate(whole[:-1], 1):
+        path, inner = whole[:end], table.get(part)
         if inner is not None and not isinstance(inner, dict):
             if path not in _PER_TORQUE:
                 message = f"{path_text(path)} is no table of keys"
@@ -126,12 +127,11 @@ def set_override(document: Document, text: str, index: int) -> None:
             inner = {"all": inner}  # one entry on top of a bare number, which is the limit for all torques
             document.places[(*path, "all")] = document.places[path]
         document.places.setdefault(path, own)
-        table[part] = table = {} if inner is None else inner
-    if isinstance(table, dict):
-        table[whole[-1]] = read.data
-        kept = {path: place for path, place in document.places.items() if path[: len(whole)] != whole}
-        document.places = kept | read.places | {whole: own}
-        document.bad = {path for path in document.bad if path[: len(whole)] != whole}
+        table[part] = table = inner or {}
+    table[whole[-1]] = read.data
+    kept = {path: place for path, place in document.places.items() if path[: len(whole)] != whole}
+    document.places = kept | read.places | {whole: own}
+    document.bad = {path for path in document.bad if path[: len(whole)] != whole}
 
 
 def _drive(document: Document) -> Drive | None:
