@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import Literal
 
 import numpy as np
 
@@ -310,14 +311,21 @@ class DrivesComparison:
         return tuple(M_g / rated_torque(self.sheets[0].drive) for M_g in self.torques)
 
     @cached_property
-    def best(self) -> int:
-        """Place of the drive whose median of F'_ior is least, as a share of the first one's at the torque served worst.
-
-        The first one where no other is better by EQUAL_SHARE.
-        """
+    def shares(self) -> Array:
+        """Median of F'_ior over that of the first drive, shape (drives, torques)."""
         medians = np.array([[point.F_ior_or_error for point in sheet.check.points] for sheet in self.sheets])
-        shares = (medians / np.maximum(medians[0], RESOLVED_ERROR)).max(axis=1)
-        return int(shares.argmin()) if shares.min() < 1 - EQUAL_SHARE else 0
+        return np.asarray(medians / np.maximum(medians[0], RESOLVED_ERROR))
+
+    @property
+    def best(self) -> int:
+        """Place of the drive with the least share at the torque that it serves worst; the first if none gains by it."""
+        worst = self.shares.max(axis=1)
+        return int(worst.argmin()) if worst.min() < 1 - EQUAL_SHARE else 0
+
+    @property
+    def word(self) -> Literal["TAKE", "KEEP", "ANY"]:
+        """Whether to take another drive than the first, to keep that, or any: no drive differs by EQUAL_SHARE."""
+        return "TAKE" if self.best else "ANY" if np.all(np.abs(self.shares - 1) < EQUAL_SHARE) else "KEEP"
 
     @property
     def probability_best(self) -> float | None:

@@ -141,7 +141,9 @@ def test_the_probability_of_being_better_is_the_weight_of_pairs_that_are(better)
     assert (better.best, replace(better, changes=(changes,)).probability_best) == (1, 0.7)
     back = replace(better, sheets=better.sheets[::-1], changes=(changes, replace(changes, probability_better=(0.1,))))
     assert (back.best, back.probability_best) == (0, pytest.approx(0.3))
-    assert replace(better, sheets=(better.sheets[0],) * 2).best == 0
+    alike = replace(better, sheets=(better.sheets[0],) * 2)
+    assert (alike.best, alike.word, better.word, back.word) == (0, "ANY", "TAKE", "KEEP")
+    assert drives_report(alike, 0).line.startswith("any, all alike: B ")
 
 
 def test_a_change_that_unknown_inputs_could_reverse_is_open(better):
@@ -205,7 +207,7 @@ def test_what_one_preset_does_not_know_makes_ranges_and_any_hole_as_good(files):
     assert changed["together"]["p5_arcsec"] < changed["together"]["p95_arcsec"]
     [better] = changed["probability_better"]
     assert 0 <= better <= 1
-    assert told["best"] == {"preset": 1, "probability_better": better}
+    assert told["best"] == {"word": "TAKE", "preset": 1, "probability_better": better}
     assert told["share_of_rated"] is None
     assert [field["field"] for field in told["differences"]] == ["tolerances.F_i2", "phases.phi_hb"]
     assert told["differences"][1]["values"][1] == {

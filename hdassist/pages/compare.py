@@ -361,7 +361,8 @@ def _verdict(result: DrivesComparison) -> str:
     odds = result.probability_best
     drawn = odds is not None and any(sheet.check.samples for sheet in result.sheets)
     sure = f", {100 * (odds or 0.0):.0f} % sure" * drawn
-    return f"{'take' if result.best else 'keep'} {letters[result.best]}{sure}: {'; '.join(verdicts)}"
+    answer = f"{result.word.lower()} {letters[result.best]}{sure}" if result.word != "ANY" else "any, all alike"
+    return f"{answer}: {'; '.join(verdicts)}"
 
 
 def _changes(result: DrivesComparison) -> Iterator[Table]:
@@ -413,7 +414,7 @@ def _drives_values(result: DrivesComparison, seed: int) -> Json:
         "presets": [_drive_object(sheet, seed) for sheet in result.sheets],
         "M_g_Nm": list(result.torques),
         "share_of_rated": result.rated_shares,
-        "best": {"preset": result.best, "probability_better": result.probability_best},
+        "best": {"word": result.word, "preset": result.best, "probability_better": result.probability_best},
         "differences": [
             {
                 "field": row[0].path,
