@@ -287,6 +287,11 @@ class Comparison:
         return self.measurement.directions[0]
 
     @property
+    def measured_uncertainty_arcsec(self) -> float:
+        """Standard uncertainty of the measured F'_ior."""
+        return self.measurement.greatest.uncertainty_arcsec
+
+    @property
     def difference_rms_arcsec(self) -> float:
         """Rms of the difference within the orders."""
         return rms(np.array([pair.difference.amplitude_arcsec for pair in self.orders]))

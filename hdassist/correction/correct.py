@@ -62,8 +62,8 @@ IN_ZERO_DEG = 3.0  # of the cam, as far as a zero counts as right
 class LoadedError:
     """Error of drives as one may be, at a torque: lines, and the actual error [arcsec], shape (drives, points).
 
-    beyond: range of all that the lines do not have, over that of the error; F_ior_arcsec: of the lines that a
-    record of the full cycle has, without its noise, None without one; visited: points that count, shape (points,), None
+    beyond: range of all that the lines do not have, over that of the error; F_ior_arcsec: of a record of
+    the full cycle, None without one; visited: points that count, shape (points,), None
     where all do.
     """
 
@@ -225,7 +225,8 @@ def recorded_belief(lines: ErrorLines, record: RecordedError, run: Run) -> Loade
     found = recorded_lines(lines, record, run)
     visited = record.visited(lines.kinematics) if record.recorded_turns else None
     error = LoadedError(found, -found.curves, 0.0, visited=visited)
-    return replace(error, F_ior_arcsec=float(error.range_of(found.mean.curves)[0]))
+    F_ior_arcsec = record.F_ior_arcsec or float(error.range_of(found.mean.curves)[0])
+    return replace(error, F_ior_arcsec=F_ior_arcsec)
 
 
 def fitted_correction(
@@ -416,7 +417,7 @@ def correction_alone(
         kinematics = Kinematics(moving - 2, moving, "flexspline")
     none_known = ErrorLines(kinematics, np.zeros(0, dtype=np.int64), np.zeros((1, 0), dtype=complex), EMPTY)
     alignment = asked.of_file(trace, kinematics)
-    record = record_of(sweep, alignment, kinematics, is_travel=found.is_of_travel)
+    record = record_of(found, alignment, kinematics)
     error = recorded_belief(none_known, record, Run(seed=found.seed))
     return fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)
 

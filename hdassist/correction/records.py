@@ -22,7 +22,7 @@ from hdassist.correction.forms import between_points
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import POINTS_A_TURN, Complex, ErrorLines, error_lines
 from hdassist.errors import UntrustedError
-from hdassist.measuring.measure import Measurement, SweepResult
+from hdassist.measuring.measure import Measurement
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknowns
@@ -43,7 +43,7 @@ ALL_HIDDEN = 0.5  # share of drives of whose error noise hides less than it may,
 MEDIAN_DEVIATION = 0.6745  # of a normal number
 SIZE_STEP, SIZE_ROUNDS = 4.0, 50  # of mean squares of lines
 LEAST_POWER = 1e-12  # arcsec^2
-LEAST_MISFIT, FIRST_MISFIT, MOST_MISFIT = 0.01, 0.1, 0.15  # of the error, root mean square
+LEAST_MISFIT, FIRST_MISFIT, MOST_MISFIT = 0.025, 0.1, 0.15  # of the error, root mean square
 FITS = 2  # the second by the misfit of the first, and with what lines leave of its drive's solved cycle
 MISFITS_A_TURN = 24  # of the cam: independent numbers of a misfit of orders up to 12
 OPEN_DIRECTION = 12**-0.5  # standard deviation, as a share of its turn
@@ -55,13 +55,14 @@ class RecordedError:
     """Error F_kpp [arcsec] that was read where the cam had turned so far from the record's zero, shape (readings,).
 
     is_part: whether that is less than the full cycle; recorded_turns: first and last of a travel that was recorded,
-    None of others.
+    None of others; F_ior_arcsec: as `measure` states it, None of a solved error.
     """
 
     cam_turns: Array
     error_arcsec: Array
     is_part: bool = False
     recorded_turns: tuple[float, float] | None = None
+    F_ior_arcsec: float | None = None
 
     def visited(self, kinematics: Kinematics) -> NDArray[np.bool_]:
         """Points of the curves of lines in the travel that was recorded, all of the full cycle."""
@@ -158,18 +159,17 @@ def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> 
 
     Argument: asked, how the file counts.
     """
-    trace, sweep = measurement.trace, measurement.directions[0]
-    alignment = asked.of_file(trace, Kinematics.of(drive))
-    return record_of(sweep, alignment, Kinematics.of(drive), is_travel=measurement.is_of_travel)
+    alignment = asked.of_file(measurement.trace, Kinematics.of(drive))
+    return record_of(measurement, alignment, Kinematics.of(drive))
 
 
-def record_of(sweep: SweepResult, alignment: Alignment, kinematics: Kinematics, *, is_travel: bool) -> RecordedError:
-    """Error of a direction without level and drift; of a travel that was visited, continued over the full cycle."""
-    fit = sweep.fit
-    found = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * fit.error, sweep.is_bound)
-    if sweep.is_bound or not is_travel:
-        return found
-    return found.filled(kinematics, alignment.sign * (fit.error - fit.residual))
+def record_of(measurement: Measurement, alignment: Alignment, kinematics: Kinematics) -> RecordedError:
+    """Error of both directions as one, without level and drift; of a travel that was visited, over the full cycle."""
+    sweep = measurement.directions[0]
+    found = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
+    if measurement.is_of_travel and not sweep.is_bound:
+        found = found.filled(kinematics, alignment.sign * (sweep.fit.error - sweep.fit.residual))
+    return replace(found, F_ior_arcsec=measurement.F_ior_arcsec)
 
 
 def _whole_turns(turns: float, kinematics: Kinematics) -> float:

@@ -13,6 +13,7 @@ K_3 of the drive's catalogue.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import hypot, sqrt
 from typing import Any
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from hdassist.error.stiffness import catalogue_torques
-from hdassist.errors import DataError, Fault, UntrustedError, UsageError
+from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
 from hdassist.measuring.bench import bench_record
 from hdassist.measuring.fit import (
     BINS_PER_COLUMN,
@@ -244,7 +245,8 @@ class Reversal:
 class Measurement:
     """Answers from a measured trace: directions, that of the greatest F'_ior first; seed of the bootstrap.
 
-    lag: between the encoders, None where it is not known; torque: None where it was not recorded.
+    lag: between the encoders, None where it is not known; torque: None where it was not recorded; alone: each direction
+    by itself beside both as one, empty otherwise or where they are too short.
     """
 
     trace: MeasuredTrace
@@ -256,6 +258,12 @@ class Measurement:
     warnings: tuple[str, ...]
     seed: int
     torque: RecordedTorque | None = None
+    alone: tuple[SweepResult, ...] = ()
+
+    @property
+    def greatest(self) -> SweepResult:
+        """The direction of the greatest F'_ior, of those measured by themselves."""
+        return (self.alone or self.directions)[0]
 
     @property
     def is_of_travel(self) -> bool:
@@ -265,7 +273,7 @@ class Measurement:
     @property
     def F_ior_arcsec(self) -> float:
         """F'_ior: the greater one of both directions."""
-        return self.directions[0].range.value
+        return self.greatest.range.value
 
 
 def measure(
@@ -294,7 +302,7 @@ def measure(
     require_drift(drift)
     gearing = gearing_of(drive, ratio)
     gearing = gearing and gearing.within(travel_deg)
-    ratio, is_travel = (gearing.ratio, gearing.travel is not None) if gearing else (USUAL_RATIO, False)
+    turns_ratio, is_travel = (gearing.ratio, gearing.travel is not None) if gearing else (USUAL_RATIO, False)
     notes, warnings = list(trace.notes), []
     cleaned, directions = trace, []
     torque = None if trace.load is None else RecordedTorque.of(trace.load)
@@ -311,14 +319,14 @@ def measure(
             bins = bins_of(own, declared[-1])
             slow = SlowTerms(DRIFTS[drift])
             if is_travel or not together:
-                slow = slow_terms(bins.span, ratio, slow.degree, is_travel=is_travel)
+                slow = slow_terms(bins.span, turns_ratio, slow.degree, is_travel=is_travel)
             if not together:
                 slow = replace(slow, over=("speed",) * (trace.time_s is not None and speed_changes(bins)))
-            fit = _fit(bins, declared, ratio, slow, notes)
+            fit = _fit(bins, declared, turns_ratio, slow, notes)
             if torque and torque.changes and torque.by != "catalogue":
                 if tells_compliance(fit):
                     slow = replace(slow, over=(*slow.over, "load"))
-                    fit = _fit(bins, declared, ratio, slow, notes)
+                    fit = _fit(bins, declared, turns_ratio, slow, notes)
                     torque = torque.fitted(*fit.slopes["load"])
                 elif without := torque.by_catalogue(cleaned, drive):
                     cleaned, torque = without
@@ -336,7 +344,7 @@ def measure(
             fit, drift_left = _with_lines_or_drift(fit)
             if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
                 warnings.append(DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
-                fit = _fit(bins, declared, ratio, replace(slow, degree=1), notes)
+                fit = _fit(bins, declared, turns_ratio, replace(slow, degree=1), notes)
                 fit, drift_left = _with_lines_or_drift(fit)
             elif drift_left:
                 warnings.append(DRIFT_LEFT.format(drift_left))
@@ -355,7 +363,15 @@ def measure(
     lag = encoder_lag([each.fit for each in directions], gearing.ratio, trace.sense) if gearing else None
     directions.sort(key=lambda each: -each.range.value)
     notes, warnings = list(dict.fromkeys(notes)), list(dict.fromkeys(warnings))
-    return Measurement(trace, gearing, tuple(directions), reversal, lag, tuple(notes), tuple(warnings), seed, torque)
+    alone: tuple[SweepResult, ...] = ()
+    if together:
+        with suppress(HdassistError):
+            alone = measure(
+                trace, drive=drive, ratio=None if drive else ratio, orders=orders, drift=drift, stated=stated,
+                seed=seed, may_be_noise=True, travel_deg=travel_deg,
+            ).directions  # fmt: skip
+    answer = Measurement(trace, gearing, tuple(directions), reversal, lag, tuple(notes), tuple(warnings), seed, torque)
+    return replace(answer, alone=alone)
 
 
 def require_drift(kind: str) -> None:

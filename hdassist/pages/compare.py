@@ -39,8 +39,10 @@ _VERDICT_WORDS = {
 }
 
 COMPARED_NUMBERS: Quantities[Comparison] = (
-    Quantity("measured.range_arcsec", "measured range", value="sweep.range.value"),
-    Quantity("measured.standard_uncertainty_arcsec", "  uncertainty u", value="sweep.uncertainty_arcsec"),
+    Quantity("measured.range_arcsec", "measured range", value="measurement.F_ior_arcsec"),
+    Quantity(
+        "measured.standard_uncertainty_arcsec", "  uncertainty u", value="measurement.greatest.uncertainty_arcsec"
+    ),
     Quantity("predicted.range_arcsec", "predicted range", value=lambda r: float(np.ptp(r.predicted_curve))),
     Quantity("difference.rms_arcsec", "difference, rms", value="difference_rms_arcsec"),
     Quantity("difference.largest_arcsec", "  largest", digits="z.2f", value=lambda r: r.largest[0]),

@@ -243,3 +243,17 @@ def test_a_joint_s_record_gives_a_table_over_its_travel(tmp_path, travel_deg, ra
     refused = run("compensate", str(tmp_path / "run.csv"), *options[:2], *options[4:])
     assert refused.returncode == 5
     assert "--travel" in refused.stderr
+
+
+def test_a_record_has_one_f_ior_whoever_reads_it():
+    # measure looks at each direction by itself, compare and compensate at both as one: they differed by up to 3 %
+    often, vectors = hidden_lines(3)
+    one_way = np.arange(21 * PER_TURN) / PER_TURN
+    turns, rng = np.concatenate([one_way, one_way[::-1]]), np.random.default_rng(3)
+    error = curve(often, vectors, turns) + np.where(np.arange(len(turns)) < len(one_way), 2.0, -2.0)
+    trace = recorded(turns, error + NOISE * rng.standard_normal(len(turns)))
+    alone, together = (measure(trace, ratio=CYCLE, together=both) for both in (False, True))
+    assert together.F_ior_arcsec == alone.F_ior_arcsec
+    assert together.greatest.interval_arcsec == alone.directions[0].interval_arcsec
+    result = correction_alone(together, Alignment(), 67.0, PHASORS)
+    assert result.chosen.residuals[0].uncorrected_p50 == pytest.approx(alone.F_ior_arcsec)
