@@ -38,7 +38,6 @@ from hdassist.preset.text import (
     Mark,
     Path,
     SourceSpan,
-    is_spread,
     near_miss,
     ordered_findings,
     path_text,
@@ -178,17 +177,12 @@ def _settle_spreads(document: Document, data: dict[str, Any]) -> None:
     """Put uncertainties beside values ("260 ± 10") into their table; of two the one on the command line counts."""
     table = data.get("uncertainty", {})
     for path, field in measures().items() if isinstance(table, dict) else ():
-        section, name = path.split(".")
-        values = data.get(section)
-        value = values.get(name) if isinstance(values, dict) else None
-        if not isinstance(value, str) or not is_spread(value):
-            continue
-        with suppress(InvalidValueError):  # the value itself is refused
-            spread = read_spread(value, field.unit)[1]
-            own_wins, beside_wins = (document.is_override(p) for p in (("uncertainty", path), (section, name)))
+        own, beside = ("uncertainty", path), tuple(path.split("."))
+        with suppress(KeyError, InvalidValueError):  # not given, none beside the value, or refused with it
+            spread = read_spread(document.places[beside].text, field.unit)[1]
+            own_wins, beside_wins = document.is_override(own), document.is_override(beside)
             if path in table and beside_wins == own_wins:
-                words = f"the value has an uncertainty of {spread:g} beside it"
-                document.add(("uncertainty", path), "given twice", words)
+                document.add(own, "given twice", f"the value has an uncertainty of {spread:g} beside it")
             elif path not in table or beside_wins:
                 data["uncertainty"] = table = table | {path: spread}
 
@@ -199,13 +193,13 @@ def _check_tables(values: dict[str, Any], document: Document) -> None:
     All fields of a fit have equally many draws, of which the first is the value.
     """
     draws: dict[str, Any] = values.get("drive.fit", {})
-    counts = {path: len(each) for path, each in draws.items()}
-    for path, count in counts.items():
-        own, first, value = tuple(path.split(".")), next(iter(counts)), values.get(path)
-        if count != counts[first]:
-            words = f"has {count} draws, {first} has {counts[first]}"
+    first = next(iter(draws), "")
+    for path, each in draws.items():
+        own, value = tuple(path.split(".")), values.get(path)
+        if len(each) != len(draws[first]):
+            words = f"has {len(each)} draws, {first} has {len(draws[first])}"
             document.add(("fit", path), words, "draw k of all fields is one drive")
-        elif value is not None and value != draws[path][0] and not document.is_override(own):
+        elif value is not None and value != each[0] and not document.is_override(own):
             document.warn(
                 own, f"{plain(value)} is not the first draw of its fit", "it is taken as it is, without a range"
             )
