@@ -139,7 +139,7 @@ def test_a_session_in_a_terminal() -> None:
         terminal.press("h1=28.1\r")
         terminal.wait_for("undo")
         terminal.press("q")
-        terminal.wait_for("comes back to this session")
+        terminal.wait_for("comes back to the session")
         terminal.press("y")
         assert terminal.end() == 0
         assert terminal.as_it_was
@@ -160,7 +160,7 @@ WHEEL = "\x1b[<65;20;14M"  # of a mouse, a notch down over the middle of the scr
 def test_the_wheel_scrolls_lists_and_plots_and_a_copied_command_reaches_the_clipboard_over_ssh() -> None:
     with explorer() as terminal:
         terminal.wait_for("Turn the rigid wheel")
-        for view, first in (("3", "gears.z_g"), ("5", "greatest around each cam turn")):
+        for view, first in (("3", "teeth of the flexspline"), ("5", "greatest around each cam turn")):
             terminal.press(view)
             terminal.wait_for(first)
             terminal.press(20 * WHEEL)
