@@ -22,6 +22,8 @@ from typer.core import TyperCommand, TyperGroup
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
 from hdassist.files import begin_run
 from hdassist.terminal.options import PageOptions
+from hdassist.terminal.output import complain, note, with_code
+from hdassist.terminal.streams import say, silence
 from hdassist.version import __version__
 
 # of click, of which typer has a copy: only its subclasses are public
@@ -87,8 +89,6 @@ class Command(Sectioned, TyperCommand):
         try:
             code = command.run()
         except KeyboardInterrupt:  # before there was anything to answer with
-            from hdassist.terminal.output import note
-
             note("interrupted")
             code = 130
         except HdassistError as error:
@@ -317,7 +317,6 @@ def run_command_line() -> None:
     except Exception as error:  # whatever ends a command: known errors by their exit codes, the rest as a bug, 1
         if "--debug" in sys.argv:
             _say(traceback.format_exc())
-        from hdassist.terminal.output import complain
 
         known = _as_known(error)
         complain(known)
@@ -344,8 +343,6 @@ def _as_known(error: Exception) -> HdassistError:
         return UntrustedError(words, hint, Fault.MEMORY_SHORT)
     number = error.errno if isinstance(error, OSError) else None
     if number in DEVICE_FAULTS:  # typer writes help and version; files say it themselves
-        from hdassist.terminal.streams import silence
-
         silence()  # or the rest of the buffer fails once more at the end
         words, hint = f"cannot write: {os.strerror(number)}", "is standard output closed, or on a full device?"
         return DataError(words, hint, Fault.FILE_UNWRITABLE)
@@ -364,8 +361,6 @@ def _require_lines(arguments: list[str]) -> None:
 
 
 def _say(text: str, hint: str = "", fault: Fault | None = None) -> None:
-    from hdassist.terminal.output import with_code
-    from hdassist.terminal.streams import say
 
     say(text.rstrip("\n") + (f"\n  hint: {with_code(hint, fault)}" if fault else ""))
 

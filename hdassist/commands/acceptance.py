@@ -9,7 +9,12 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError, UsageError
+from hdassist.files import note_input
+from hdassist.report import Report
+from hdassist.run.stops import at_stop
 from hdassist.terminal import options as o
+from hdassist.terminal.output import Output, complain, failure, give, note, run_each
+from hdassist.terminal.streams import begins_with, take_output, write_text
 
 if TYPE_CHECKING:
     from hdassist.acceptance.answer import AcceptAnswer
@@ -17,9 +22,7 @@ if TYPE_CHECKING:
     from hdassist.json_parts import Json
     from hdassist.planning import ReadingPlan
     from hdassist.preset.fields import Drive
-    from hdassist.report import Report
     from hdassist.run.kept import Kept
-    from hdassist.terminal.output import Output
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +66,7 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
             raise UsageError("--turns and --both are of a test to judge", "--positions 12")
         return None
 
-    def report(self, out: o.Output, preset: str) -> o.Report:
+    def report(self, out: Output, preset: str) -> Report:
         """Tests of the drive, judged."""
         from hdassist.design.check import check_states
         from hdassist.pages.plan import plan_report
@@ -91,14 +94,11 @@ class AcceptOptions(o.FigureOptions, o.SamplingOptions):
         if self.force or not self.resume:
             return self.force
         from hdassist.pages.accept import FIGURES_HEAD, SUITES_HEAD
-        from hdassist.terminal.streams import begins_with
 
         return begins_with(path, (FIGURES_HEAD, SUITES_HEAD))
 
     def open(self) -> Output:
         """Where answers go. Raises UsageError and DataError unless each file has its own place, and can be written."""
-        from hdassist.terminal.streams import take_output
-
         if self.jsonl == "-" or (self.resume and self.jsonl is None):
             raise UsageError("answers of a lot are kept in a file", "--jsonl FILE")
         if [self.csv, self.junit, self.output if self.json else None].count("-") > 1:
@@ -211,7 +211,6 @@ def accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand
     from hdassist.design.check import check_states
     from hdassist.pages.accept import accept_report
     from hdassist.run.run import Run
-    from hdassist.terminal.output import run_each
 
     answers: list[AcceptAnswer] = []
 
@@ -245,11 +244,8 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
     """
     from hdassist.acceptance.answer import ANSWERS
     from hdassist.acceptance.request import read_lot
-    from hdassist.files import note_input
     from hdassist.pages.accept import lot_report, title
     from hdassist.run.kept import KeptOwner, open_kept
-    from hdassist.run.stops import at_stop
-    from hdassist.terminal.output import complain, failure, note, run_each
 
     done: list[AcceptAnswer] = []
     name, sha256 = path, ""
@@ -300,8 +296,6 @@ def _give(
 ) -> int:
     """Write reports, and their answers as CSV and as JUnit with a name of the whole; returns the exit code."""
     from hdassist.pages.accept import csv, junit
-    from hdassist.terminal.output import give
-    from hdassist.terminal.streams import write_text
 
     if options.junit == "-":
         reports = [replace(report, head="") for report in reports]
@@ -318,7 +312,6 @@ def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[A
     Raises UsageError: answers are there, and not one of them stands: most likely it is the file of another lot.
     """
     from hdassist.acceptance.answer import still_stands
-    from hdassist.terminal.output import note
 
     before = {answer.serial: answer for answer in kept.records() if not answer.error}
     found: list[AcceptAnswer | None] = []
@@ -339,7 +332,6 @@ def replay_answers(path: str, options: AcceptOptions, out: Output) -> int:
     from hdassist.acceptance.answer import changed_file, read_answers
     from hdassist.acceptance.request import LotRow
     from hdassist.pages.accept import replay_report
-    from hdassist.terminal.output import complain, give
 
     recorded = read_answers(path)
     faults = list(map(changed_file, recorded))

@@ -8,7 +8,10 @@ from math import isfinite
 from typing import TYPE_CHECKING, Literal
 
 from hdassist.errors import UsageError
+from hdassist.report import Report
 from hdassist.terminal import options as o
+from hdassist.terminal.output import Output, failure, give, note, run_each
+from hdassist.terminal.streams import take_output, write_text
 
 if TYPE_CHECKING:
     from hdassist.correction.correct import Correction
@@ -17,7 +20,6 @@ if TYPE_CHECKING:
     from hdassist.correction.writers import ControllerFormat
     from hdassist.measuring.measure import Measurement
     from hdassist.preset.fields import Drive
-    from hdassist.report import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +34,6 @@ class ArchiveOptions(o.OptionGroup):
     def archiving(self, files: Sequence[str]) -> Callable[[Measurement], None]:
         """The use of each result of files. Raises UsageError for options that do not go together."""
         from hdassist.measuring.archive import add_to_archive, read_conditions
-        from hdassist.terminal.output import note
 
         asked = (bool(files), bool(self.archive), bool(self.serial), self.history is not None)
         if asked not in ((1, 0, 0, 0), (1, 1, 1, 0), (0, 1, 0, 1)) or (self.conditions and not self.serial):
@@ -88,8 +89,6 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
 
     def run(self) -> int:
         """Measure the traces; returns the exit code."""
-        from hdassist.terminal.output import failure, give, run_each
-
         o.stdin_once(*self.files, self.preset)
         out = self.open()
         with out.progress(self.files[0] if self.files else ""):  # words before numpy is imported
@@ -142,7 +141,6 @@ class ControllerOptions(o.OptionGroup):
         Raises UsageError: no such controller, or a form that it does not keep; as `take_output` for the file.
         """
         from hdassist.correction.writers import CONTROLLER_FORMATS
-        from hdassist.terminal.streams import take_output
 
         if self.write is None:
             return None
@@ -261,15 +259,12 @@ class CompensateCommand(
 
     def write_controller(self, result: Correction, target: tuple[ControllerFormat, str] | None) -> None:
         """Write the controller's file of a correction, where one is asked for and the correction is not refused."""
-        from hdassist.terminal.output import note
-        from hdassist.terminal.streams import write_text
-
         if target and not result.chosen.is_refused:
             text, about = self.controller_texts(result, target[0])
             note(about.rstrip())
             write_text(target[1], text, self.force)
 
-    def report(self, out: o.Output, preset: str) -> Report:
+    def report(self, out: Output, preset: str) -> Report:
         """Corrections of the drive, or of a record alone."""
         from hdassist.correction.correct import correct, verify
         from hdassist.design.check import check_states

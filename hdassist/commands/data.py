@@ -11,8 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from hdassist.errors import HdassistError, PresetError, UntrustedError, UsageError
+from hdassist.files import read_bytes
+from hdassist.report import NO_VALUE, Report, Table
 from hdassist.run.run import UNCHECKED, count
 from hdassist.terminal import options as o
+from hdassist.terminal.output import Output, complain, envelope, failure, give, json_text, run_each
+from hdassist.terminal.streams import Style, give_stdout, take_output, write_text
 from hdassist.version import __version__
 
 if TYPE_CHECKING:
@@ -54,16 +58,13 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
     jobs: int = 0
     details: bool = False
 
-    def report(self, out: o.Output, preset: str) -> o.Report:
+    def report(self, out: Output, preset: str) -> Report:
         """The values, found and written where that is asked for."""
         from hdassist.calibration import calibrate, estimate_drives, read_targets
-        from hdassist.errors import UsageError
-        from hdassist.files import read_bytes
         from hdassist.loading.write import with_found_values
         from hdassist.pages.calibrate import calibrate_report
         from hdassist.preset.fields import IDENTIFIED_WITH
         from hdassist.preset.library import READ_AT_MOST, read_preset
-        from hdassist.terminal.streams import take_output, write_text
 
         o.stdin_once(preset, str(self.targets))
         if self.write is not None:
@@ -101,14 +102,12 @@ class PresetsListCommand(o.PageOptions):
     What each rests on: how many of its values are given, identified from measurements, or only assumed.
     """
 
-    def report(self, _out: o.Output, _preset: str) -> o.Report:
+    def report(self, _out: Output, _preset: str) -> Report:
         """The presets."""
         from hdassist.loading.load import load_preset
         from hdassist.model.kinematics import Kinematics
         from hdassist.preset.fields import origin_counts, plain
         from hdassist.preset.library import preset_names
-        from hdassist.report import NO_VALUE, Report, Table
-        from hdassist.terminal.output import envelope
 
         rows, values = [], []
         for name in preset_names():
@@ -146,7 +145,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
     preset: str
     resolved: bool = False
 
-    def open(self) -> o.Output:
+    def open(self) -> Output:
         """As of other commands, with the room for a table in a pipe."""
         out = super().open()
         return out if sys.stdout.isatty() else replace(out, style=replace(out.style, width=PIPED_COLUMNS))
@@ -154,7 +153,6 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
     def run(self) -> int:
         """Show the preset; returns the exit code."""
         from hdassist.preset.library import read_preset
-        from hdassist.terminal.streams import give_stdout
 
         if self.resolved or self.json or self.overrides:
             return super().run()
@@ -165,10 +163,9 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
             give_stdout(text)
         return 0
 
-    def report(self, _out: o.Output, preset: str) -> o.Report:
+    def report(self, _out: Output, preset: str) -> Report:
         """All values of the preset."""
         from hdassist.preset.fields import resolved_fields, value_text
-        from hdassist.report import Report, Table
 
         drive = self.load(preset)
         rows = resolved_fields(drive)
@@ -197,17 +194,13 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
 
     def run(self) -> int:
         """Validate the presets; returns the exit code."""
-        from hdassist.terminal.output import give, run_each
-
         out = self.open()
         reports = run_each(VALIDATE, self.presets, self._report, out, failed=_invalid, keep_failures=True)
         return give(VALIDATE, reports, replace(out, quiet=True))
 
-    def _report(self, name: str) -> o.Report:
+    def _report(self, name: str) -> Report:
         """The verdict on a preset, which a bad --set has too. Raises all other errors of loading it."""
         from hdassist.preset.fields import origin_counts
-        from hdassist.report import Report
-        from hdassist.terminal.output import complain
 
         try:
             drive = self.load(name)
@@ -223,8 +216,6 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
 
 def _invalid(name: str, error: HdassistError) -> Json:
     """The answer about a preset that is not valid."""
-    from hdassist.terminal.output import failure
-
     findings = [asdict(finding) for finding in error.findings] if isinstance(error, PresetError) else []
     return failure(VALIDATE, error, preset=name) | {"file": name, "valid": False, "findings": findings}
 
@@ -264,8 +255,6 @@ class PresetsSchemaCommand(o.OptionGroup):
     def run(self) -> int:
         """Write the schema; returns the exit code."""
         from hdassist.loading.write import preset_schema
-        from hdassist.terminal.output import json_text
-        from hdassist.terminal.streams import write_text
 
         write_text(self.output, json_text(preset_schema()), self.force)
         return 0
@@ -303,7 +292,6 @@ class PresetsNewCommand(WishOptions):
         from hdassist.loading.load import load_preset
         from hdassist.loading.write import similar_preset
         from hdassist.preset.knowledge import read_requirements
-        from hdassist.terminal.streams import write_text
 
         wish = asdict(self.only(WishOptions))
         other = load_preset(wish.pop("like"))
@@ -341,11 +329,9 @@ class DoctorCommand(o.PageOptions):
 
     empty_cache: bool = False
 
-    def report(self, _out: o.Output, _preset: str) -> o.Report:
+    def report(self, _out: Output, _preset: str) -> Report:
         """The installation, examined."""
-        from hdassist.report import Report, Table
         from hdassist.run.cache import empty_cache
-        from hdassist.terminal.output import complain
 
         if self.empty_cache:
             empty_cache()
@@ -406,8 +392,6 @@ def cache() -> DoctorFinding:
 
 def surroundings() -> DoctorFinding:
     """Cores of this machine, and characters that standard output shows."""
-    from hdassist.terminal.streams import Style
-
     style = Style.of(sys.stdout)
     kind = "a terminal" if sys.stdout.isatty() else "no terminal"
     shown = f"{style.width} columns, {'7-bit' if style.ascii else 'all'} characters"
@@ -454,7 +438,7 @@ class ExplainCommand(o.PageOptions):
 
     names: list[str]
 
-    def report(self, _out: o.Output, _preset: str) -> o.Report:
+    def report(self, _out: Output, _preset: str) -> Report:
         """The names, explained."""
         from hdassist.explaining import explained
         from hdassist.pages.explain import explain_report

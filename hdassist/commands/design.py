@@ -9,11 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
+from hdassist.files import claim_output
+from hdassist.report import Report
+from hdassist.run.stops import at_stop
 from hdassist.terminal import options as o
+from hdassist.terminal.output import Output, csv_text, failure, give, note, run_each, warn
+from hdassist.terminal.streams import write_text
 
 if TYPE_CHECKING:
     from hdassist.design.sweep import Sweep, SweepRow
-    from hdassist.report import Report
     from hdassist.run.kept import Kept
 
 
@@ -42,7 +46,7 @@ class CheckCommand(o.PlotOptions, o.SamplingOptions, o.PitchOptions, o.LimitedDr
     solver: str | None = None
     cross_check: str = "highs"
 
-    def report(self, out: o.Output, preset: str) -> o.Report:
+    def report(self, out: Output, preset: str) -> Report:
         """The design check of a drive."""
         files = self.wheels_of_one(self.presets)
         drive = self.load(preset)
@@ -79,7 +83,7 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
     cross_check: str = "highs"
     seed: int = 0
 
-    def report(self, out: o.Output, preset: str) -> o.Report:
+    def report(self, out: Output, preset: str) -> Report:
         """The trace of a drive."""
         from hdassist.error.trace import trace
         from hdassist.model.kinematics import Kinematics
@@ -123,7 +127,7 @@ class StiffnessCommand(o.PlotOptions, o.DriveOptions):
     to: float | None = None
     cross_check: str = "highs"
 
-    def report(self, out: o.Output, preset: str) -> o.Report:
+    def report(self, out: Output, preset: str) -> Report:
         """The twist over torque."""
         from hdassist.error.stiffness import stiffness, stiffness_states
         from hdassist.pages.curves import stiffness_report
@@ -165,17 +169,13 @@ class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
         """Standard output: -o takes the rows."""
         return "-"
 
-    def report(self, out: o.Output, preset: str) -> o.Report:
+    def report(self, out: Output, preset: str) -> Report:
         """The rows, computed and written."""
         from hdassist.design.sweep import Sweep, collect, read_axes
-        from hdassist.errors import UsageError
-        from hdassist.files import claim_output
         from hdassist.loading.load import load_text
         from hdassist.pages.curves import cells, columns, sweep_report
         from hdassist.preset.library import read_preset
         from hdassist.run.kept import KeptOwner, open_kept
-        from hdassist.run.stops import at_stop
-        from hdassist.terminal.output import csv_text, note
 
         file = None if self.output == "-" else self.output
         streamed = self._takes_stdout()
@@ -207,15 +207,13 @@ class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
         """Whether rows go to standard output as CSV. Raises UsageError: it is asked for JSON as well."""
         import sys
 
-        from hdassist.errors import UsageError
-
         if self.json and self.csv == "-":
             raise UsageError("--json and --csv - both take standard output", "--csv FILE")
         no_page = not (self.json or self.quiet or sys.stdout.isatty())
         return self.csv == "-" or (no_page and self.csv is None and self.output == "-")
 
 
-def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], options: SweepCommand, out: o.Output) -> Iterator[SweepRow]:
+def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], options: SweepCommand, out: Output) -> Iterator[SweepRow]:
     """Records of all rows: those that are kept, then the others as they are computed and kept."""
     from contextlib import closing
 
@@ -236,8 +234,6 @@ def _rows(sweep: Sweep, name: str, results: Kept[SweepRow], options: SweepComman
 def _printed(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
     """The same records, each written to standard output as CSV when it comes."""
     from hdassist.pages.curves import cells, columns
-    from hdassist.terminal.output import csv_text
-    from hdassist.terminal.streams import write_text
 
     write_text("-", csv_text(columns(sweep), []), force=False)
     for record in rows:
@@ -283,8 +279,6 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
 
     def _compare_traces(self) -> int:
         """Compare measured traces with the drive; returns the exit code."""
-        from hdassist.terminal.output import failure, give, run_each
-
         o.stdin_once(*self.files, self.preset)
         out = self.open()
         start, given_zero = o.degrees_or_fit("--phi-g0", self.start), o.degrees_or_fit("--cam-zero", self.zero or "0")
@@ -313,8 +307,6 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
 
         Raises UsageError where traces stand among presets, or options are asked for that belong to traces.
         """
-        from hdassist.terminal.output import failure, give, run_each, warn
-
         if traces := [name for name in self.files if not is_preset(name)]:
             words = f"{traces[0]} is taken for a trace, and {next(filter(is_preset, self.files))} for a preset"
             raise UsageError(words, "a preset is a name of the library or a .yaml file; compare presets, or traces")
@@ -376,8 +368,6 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
 
     def run(self) -> int:
         """Make the report; returns the exit code."""
-        from hdassist.terminal.output import give, run_each
-
         if self.json or self.quiet:
             return super().run()
         kind, out = self._kind(), self.open()
@@ -392,7 +382,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
             out.text(report_markdown(report, out.style))
         return code
 
-    def report(self, out: o.Output, preset: str) -> o.Report:
+    def report(self, out: Output, preset: str) -> Report:
         """All about a drive."""
         from hdassist.pages.report import drive_report
         from hdassist.variants import sheet_of, sheet_states

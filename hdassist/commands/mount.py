@@ -8,8 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hdassist.errors import UsageError
+from hdassist.report import Report
 from hdassist.terminal import options as o
 from hdassist.terminal.options import AnswerOptions, CardOptions
+from hdassist.terminal.output import Output, give, run_each
+from hdassist.terminal.streams import take_output, write_text
 from hdassist.verdict import SURE
 
 if TYPE_CHECKING:
@@ -17,7 +20,6 @@ if TYPE_CHECKING:
     from hdassist.mounting.posterior import Trial
     from hdassist.preset.fields import Drive
     from hdassist.readers.pitch import WheelFiles
-    from hdassist.terminal.output import Output
     from hdassist.terminal.words import Texts
 
 
@@ -70,9 +72,6 @@ class MountCommand(
 
     def run(self) -> int:
         """Find the hole; returns the exit code."""
-        from hdassist.terminal.output import give, run_each
-        from hdassist.terminal.streams import write_text
-
         out = self.open()
         with out.progress(self.preset):  # words before numpy is imported
             card = CardFile.asked(self, self, out)
@@ -80,7 +79,7 @@ class MountCommand(
             raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
         advices: list[Advice] = []
 
-        def one(_: str) -> o.Report:
+        def one(_: str) -> Report:
             from hdassist.pages.mount import mount_report
 
             advices.append(self._advice(out))
@@ -93,7 +92,7 @@ class MountCommand(
             write_text(card.path, card.text(advices[0]), card.force)
         return code
 
-    def _advice(self, out: o.Output) -> Advice:
+    def _advice(self, out: Output) -> Advice:
         """The advice by the preset alone, or after measured values."""
         files = self.wheels_of_one([self.preset])
         drive, reading = self.load(self.preset), self.reading()
@@ -113,7 +112,7 @@ class MountCommand(
 
         return LEAST_GAIN if self.bolted is None else self.bolted / 100
 
-    def _before(self, out: o.Output, drive: Drive, files: WheelFiles) -> Advice:
+    def _before(self, out: Output, drive: Drive, files: WheelFiles) -> Advice:
         """The advice by the preset alone."""
         from hdassist.correction.mounted import advice_corrected, corrected_states, form_of_text
         from hdassist.mounting.advice import advice_states, advise
@@ -135,7 +134,7 @@ class MountCommand(
             )  # fmt: skip
             return advice_corrected(advice, form, self.draws, run) if form else advice
 
-    def _after(self, out: o.Output, drive: Drive, trials: list[Trial], outcome: Trial | None) -> Advice:
+    def _after(self, out: Output, drive: Drive, trials: list[Trial], outcome: Trial | None) -> Advice:
         """The advice after measured values."""
         from hdassist.mounting.advice import advice_states, advise_after
         from hdassist.mounting.posterior import TrialSetup
@@ -199,7 +198,6 @@ class CardFile:
             if asked.lang is not None or asked.serial is not None:
                 raise UsageError("--lang and --serial are those of a card", "--card FILE writes one")
             return None
-        from hdassist.terminal.streams import take_output
         from hdassist.terminal.words import HOME, texts
 
         say = texts(HOME if asked.lang is None else asked.lang)

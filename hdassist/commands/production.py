@@ -8,13 +8,16 @@ from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Literal
 
-from hdassist.errors import UsageError
+from hdassist.errors import UntrustedError, UsageError
+from hdassist.files import claim_output
+from hdassist.report import Report
+from hdassist.run.stops import at_stop, until_interrupted
 from hdassist.terminal import options as o
+from hdassist.terminal.output import Output, ProgressBar, note
 
 if TYPE_CHECKING:
     from hdassist.belief.samples import Samples
     from hdassist.preset.fields import Drive
-    from hdassist.terminal.output import ProgressBar
     from hdassist.tolerance.production import Production, ProductionLaw, RandomDrive
 
 
@@ -41,13 +44,13 @@ class DrawOptions(o.LimitedDriveOptions):
             raise UsageError("no field scatters: all tolerances are 0", "set tolerances.e_hb or others above 0")
         return found
 
-    def with_designs(self, out: o.Output, production: Production, count: int) -> tuple[Production, Samples | None]:
+    def with_designs(self, out: Output, production: Production, count: int) -> tuple[Production, Samples | None]:
         """A production with the designs of so many drives, and the samples that they are of, if they differ."""
         with out.run("designs", production.design_states(count), self) as run:
             return production.with_designs(count, run=run)
 
     def records(
-        self, out: o.Output, production: Production, count: int, progress: ProgressBar | None = None
+        self, out: Output, production: Production, count: int, progress: ProgressBar | None = None
     ) -> list[RandomDrive]:
         """Records of so many drives of a production; progress: the bar of more work than these."""
         from hdassist.run.run import stream
@@ -102,16 +105,12 @@ class ToleranceCommand(o.PlotOptions, DrawOptions):
     results: str | None = None
     per_design: int = 10
 
-    def report(self, out: o.Output, preset: str) -> o.Report:
+    def report(self, out: Output, preset: str) -> Report:
         """Random drives of a preset."""
         from hdassist.error.cycle import self_error
-        from hdassist.errors import UntrustedError
-        from hdassist.files import claim_output
         from hdassist.pages.tolerance import tolerance_report
         from hdassist.run.kept import KeptOwner, open_kept
         from hdassist.run.run import stream
-        from hdassist.run.stops import at_stop, until_interrupted
-        from hdassist.terminal.output import note
         from hdassist.tolerance.production import Production
         from hdassist.tolerance.yields import AtTorque, Summary, rooms
 
@@ -189,7 +188,7 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
     count: int = 96
     details: bool = False
 
-    def report(self, out: o.Output, preset: str) -> o.Report:
+    def report(self, out: Output, preset: str) -> Report:
         """The tolerances, ranked."""
         from hdassist.pages.tolerance import sensitivity_report
         from hdassist.tolerance.production import Production
@@ -235,7 +234,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
     sure: float = 0.95
     mounting: bool = True
 
-    def report(self, out: o.Output, preset: str) -> o.Report:
+    def report(self, out: Output, preset: str) -> Report:
         """The cheapest tolerances."""
         from hdassist.error.cycle import self_error
         from hdassist.pages.tolerance import allocate_report

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from functools import partial
 from threading import Thread
 
+from hdassist.errors import UsageError
 from hdassist.run.stops import end_now
 from hdassist.terminal import options as o
+from hdassist.terminal.streams import Style, put_text, say
 
 SESSION_FILE = "explore.txt"  # among the user's states: the command that comes back to the last session
 
@@ -44,7 +46,6 @@ class ExploreCommand(o.LimitedDriveOptions):
 
     def run(self) -> int:
         """Show the drive; returns the exit code."""
-        from hdassist.errors import UsageError
         from hdassist.explorer.state import opened_state, with_evidence
 
         if self.preset == "-":
@@ -66,7 +67,6 @@ class ExploreCommand(o.LimitedDriveOptions):
 
             from hdassist.explorer.app import Explorer
             from hdassist.explorer.compute import Effort
-            from hdassist.terminal.streams import Style, put_text, say
 
             plain = Style.of(sys.stdout, ascii=self.ascii).ascii
             keep = partial(put_text, str(user_state_path("hdassist", ensure_exists=True) / SESSION_FILE))

@@ -22,6 +22,9 @@ import typer
 from hdassist.errors import HdassistError, UsageError
 from hdassist.files import is_written
 from hdassist.plaintext import number_of
+from hdassist.report import Report
+from hdassist.terminal.output import Output, failure, give, json_text, note, run_each
+from hdassist.terminal.streams import PIPE_WIDTH, Style, take_output, write_text
 
 if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
@@ -30,8 +33,6 @@ if TYPE_CHECKING:
     from hdassist.model.deviations import MeasuredTeeth
     from hdassist.preset.fields import Drive
     from hdassist.readers.pitch import WheelFiles
-    from hdassist.report import Report as Report  # named by the methods of commands too
-    from hdassist.terminal.output import Output as Output
 
 PartT = TypeVar("PartT")
 DECLARED = tomllib.loads(files("hdassist.terminal").joinpath("options.toml").read_text("utf-8"))
@@ -104,9 +105,6 @@ class PageOptions(OptionGroup):
         """
         import sys
 
-        from hdassist.terminal.output import Output
-        from hdassist.terminal.streams import PIPE_WIDTH, Style, take_output
-
         alike = {field.name for field in fields(Output)} & vars(self).keys()  # options that an Output has too
         options = {name: getattr(self, name) for name in alike}
         for path in (self.answer_file, options.get("csv")):
@@ -119,8 +117,6 @@ class PageOptions(OptionGroup):
 
     def run(self) -> int:
         """Give the report on each preset that the command names, or the only one; returns the exit code."""
-        from hdassist.terminal.output import give, run_each
-
         out, presets = self.open(), getattr(self, "presets", None) or [getattr(self, "preset", "")]
         command = "-".join(re.findall("[A-Z][a-z]+", type(self).__name__)[:-1]).lower()
         return give(command, run_each(command, presets, partial(self.report, out), out), out)
@@ -130,9 +126,6 @@ class PageOptions(OptionGroup):
 
         Raises UsageError and DataError.
         """
-        from hdassist.terminal.output import failure, json_text
-        from hdassist.terminal.streams import write_text
-
         if self.json and not is_written(self.answer_file):
             answer = failure(command, error, preset=getattr(self, "preset", None))
             write_text(self.answer_file, json_text(answer), self.force)
@@ -396,7 +389,6 @@ def degrees_or_fit(option: str, text: str) -> float | None:
 
 def note_teeth(measured: MeasuredTeeth | None) -> None:
     """Note assumptions on measured wheels on stderr."""
-    from hdassist.terminal.output import note
     from hdassist.terminal.words import WHEEL_WORDS
 
     for name, wheel in measured.by_name.items() if measured else ():

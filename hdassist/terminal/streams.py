@@ -10,17 +10,18 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
-from typing import TextIO, TypeVar
-
-from rich.console import Console, ConsoleOptions, RenderableType
-from rich.segment import Segment
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 from hdassist.errors import DataError, Fault, UsageError
 from hdassist.files import claim_output, in_place_of, is_claimed, is_file, is_there, note_written
 from hdassist.plaintext import visible
 from hdassist.run.stops import at_stop
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderableType
+    from rich.segment import Segment
 
 PIPE_WIDTH = 80
 STRICT = "HDASSIST_STRICT"
@@ -120,30 +121,9 @@ def made_or(name: str, make: Callable[[], Made], instead: Callable[[], Made]) ->
         return instead()
 
 
-class _QuietConsole(Console):
-    seven_bits = False
-
-    @property
-    def encoding(self) -> str:
-        """The encoding by which rich chooses bars and boxes."""
-        return "ascii" if self.seven_bits else super().encoding
-
-    def on_broken_pipe(self) -> None:
-        self.quiet = True
-        silence()
-
-    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
-        """Segments without control characters but those that rich adds to them when it writes colours.
-
-        Style.text does the same before the layout; here whatever went past it is caught.
-        """
-        for segment in super().render(renderable, options):
-            yield segment if segment.is_control else segment._replace(text=visible(segment.text))
-
-
 def console(stream: TextIO, style: Style) -> Console:
     """A rich console that writes to a stream with a style."""
-    found = _QuietConsole(
+    found: Console = _console_class()(
         file=stream,
         width=style.width,
         color_system="auto" if style.codes else None,
@@ -153,9 +133,39 @@ def console(stream: TextIO, style: Style) -> Console:
         markup=False,
         emoji=False,
         legacy_windows=False,
+        seven_bits=style.ascii,
     )
-    found.seven_bits = style.ascii
     return found
+
+
+@cache
+def _console_class() -> type[Any]:
+    """The class of consoles: with rich, which help and plain text do without."""
+    from rich.console import Console
+
+    class QuietConsole(Console):
+        def __init__(self, *, seven_bits: bool, **options: Any) -> None:
+            self.seven_bits = seven_bits
+            super().__init__(**options)
+
+        @property
+        def encoding(self) -> str:
+            """The encoding by which rich chooses bars and boxes."""
+            return "ascii" if self.seven_bits else super().encoding
+
+        def on_broken_pipe(self) -> None:
+            self.quiet = True
+            silence()
+
+        def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
+            """Segments without control characters but those that rich adds to them when it writes colours.
+
+            Style.text does the same before the layout; here whatever went past it is caught.
+            """
+            for segment in super().render(renderable, options):
+                yield segment if segment.is_control else segment._replace(text=visible(segment.text))
+
+    return QuietConsole
 
 
 def write_text(path: str, text: str, force: bool) -> None:
