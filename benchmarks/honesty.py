@@ -49,22 +49,17 @@ def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False) -
     """What check's rule says of a hidden drive, by its number, with at most so many times as many draws."""
     from hdassist.belief.evidence import evidence_of
     from hdassist.belief.prior import prior_of
-    from hdassist.belief.samples import SamplingEffort, draw_samples
+    from hdassist.belief.samples import SamplingEffort, draw_samples, limits_settled
     from hdassist.errors import HdassistError
     from hdassist.run.run import Run
-    from hdassist.verdict import is_settled, verdict_by_probability
+    from hdassist.verdict import verdict_by_probability
 
     rng = np.random.default_rng([seed, number])
     try:
         preset, M_g, F_ior = hidden(rng, stiff)
         limit = F_ior * np.exp(LIMITS * rng.standard_normal())
-
-        def is_clear(samples) -> bool:
-            found = samples.probability_within(limit, 0)
-            return is_settled(found.low, found.high)
-
         samples = draw_samples(
-            prior_of(preset), [M_g], evidence=evidence_of(preset), enough=is_clear,
+            prior_of(preset), [M_g], evidence=evidence_of(preset), enough=partial(limits_settled, [limit]),
             effort=SamplingEffort(draws, most * draws, 32 * draws), run=Run(seed=number),
         )  # fmt: skip
     except HdassistError as error:
