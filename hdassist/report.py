@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 Fact: TypeAlias = tuple[str, str]  # a label and a text
 NO_VALUE = "-"  # in a table
+_NUMERIC = re.compile(r"(?:[-+±≤≥<>]+ ?)?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)|-?$")  # how cells of numbers begin
 
 
 UNITS_OF_NAMES = {  # by the end of a name, which is the unit in JSON: unit and format on pages
@@ -165,30 +166,25 @@ class Facts:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells under heads, with a title and notes.
-
-    words: places of the columns of words; the others have numbers.
-    """
+    """Rows of cells under heads, with a title and notes."""
 
     title: str
     heads: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    words: Collection[int] = (0,)
     notes: tuple[str, ...] = ()
 
-    @classmethod
-    def by_row(
-        cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T], *, words: Collection[int] = (0,)
-    ) -> Table:
-        """A table with a column for each quantity that any thing has and a row for each thing.
+    @property
+    def words(self) -> list[int]:
+        """Places of the columns of words; the others have numbers, or nothing."""
+        return [k for k, cells in enumerate(zip(*self.rows, strict=True)) if not all(map(_NUMERIC.match, cells))]
 
-        words: places of quantities that are words, as of a table.
-        """
+    @classmethod
+    def by_row(cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> Table:
+        """A table with a column for each quantity that any thing has and a row for each thing."""
         rows = tuple(things)
-        shown = {k: q for k, q in enumerate(quantities) if any(q.of(thing) is not None for thing in rows)}
-        cells = tuple(tuple(q.text(thing) for q in shown.values()) for thing in rows)
-        heads = tuple(q.words.strip() for q in shown.values())
-        return cls(title, heads, cells, [place for place, k in enumerate(shown) if k in words])
+        shown = [q for q in quantities if any(q.of(thing) is not None for thing in rows)]
+        cells = tuple(tuple(q.text(thing) for q in shown) for thing in rows)
+        return cls(title, tuple(q.words.strip() for q in shown), cells)
 
     @classmethod
     def by_column(cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> Table:

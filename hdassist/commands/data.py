@@ -172,7 +172,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
         cells = tuple((row.path, value_text(row.value), row.unit, row.kind, row.reference) for row in rows)
         heads = ("field", "value", "unit", "origin", "reference")
         return Report(
-            "presets-show", drive, drive.name, blocks=(Table("", heads, cells, words=range(len(heads))),),
+            "presets-show", drive, drive.name, blocks=(Table("", heads, cells),),
             values={"description": drive.description, "fields": list(map(asdict, rows))},
             warnings=drive.origin.warnings,
         )  # fmt: skip
@@ -346,7 +346,7 @@ class DoctorCommand(o.PageOptions):
             complain(error)
         return Report(
             "doctor", None, "this installation", f"broken: {broken}" if broken else "fine",
-            blocks=(Table("", ("part", "status", "found"), tuple(map(astuple, found)), words=(0, 1, 2)),),
+            blocks=(Table("", ("part", "status", "found"), tuple(map(astuple, found))),),
             values={"findings": list(map(asdict, found))}, exit_code=error.exit_code if broken else 0,
         )  # fmt: skip
 

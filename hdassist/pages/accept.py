@@ -172,7 +172,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
         checks = [check for check in shown_checks(answer) if (check.basis or "measured") == basis]
         less = "margin" if any(check.belief for check in checks) else ""  # a probability stands in its place
         columns = [q for q in DECISION_COLUMNS if q.key != less and {*map(q.text, checks)} - {NO_VALUE}]
-        yield Table.by_row(title, columns, checks, words=(0, 1))
+        yield Table.by_row(title, columns, checks)
 
 
 def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[Fact]:
@@ -225,7 +225,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
         verdict=", ".join(counts),
         why=(why,),
         blocks=(
-            Table("", ("drive", "verdict", "decided by"), drives, words=(0, 1, 2)),
+            Table("", ("drive", "verdict", "decided by"), drives),
             Facts.of(_lot_facts(answers)),
         ),
         details=(Facts((("version", __version__), ("lot", f"{lot.file}, sha256 {lot.sha256[:12]}"))),),

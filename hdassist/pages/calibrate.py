@@ -48,7 +48,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
         verdict=f"{met.count(False) or len(met)} of {len(met)} targets {'met' if all(met) else 'MISSED'}",
         why=(result.shortfall or f"sets of values that meet all targets: {len(result.fits)}",),
         blocks=(
-            Table.by_row("values, half width of their interval, bounds", FOUND_VALUES, result.values, words=(0, 1)),
+            Table.by_row("values, half width of their interval, bounds", FOUND_VALUES, result.values),
             Table("targets", ("target", "unit", "wanted", "found", "off, tolerances", ""), tuple(rows)),
             Facts((("note", NOTE), ("next", next_))),
         ),

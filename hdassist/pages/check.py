@@ -169,7 +169,7 @@ def F_ior_table(check: DesignCheck) -> Table:
     if check.samples and check.prior:
         fitted = f" ({len(check.prior.fitted)} others as fitted)" if check.prior.fitted else ""
         title = f"F'_ior, ″: median and range over {len(check.prior.fields)} uncertain inputs{fitted}"
-    return Table.by_row(title, _ON_PAGE, check.points, words=())
+    return Table.by_row(title, _ON_PAGE, check.points)
 
 
 def verdict_reason(point: OperatingPoint) -> str:
@@ -332,7 +332,7 @@ class PossibleSteps:
         """The steps with F'_ior, or the probability of keeping the limit, after each."""
         heads = ("what would it take", "kept then" if self.limit_arcsec is not None else "F'_ior then")
         rows = tuple((step_words(each, self.drive), outcome_words(each)) for each in self.steps)
-        return Table(f"at {self.M_g:g} N·m; now {self.now}", heads, rows, words=(0, 1))
+        return Table(f"at {self.M_g:g} N·m; now {self.now}", heads, rows)
 
     @property
     def fact(self) -> Fact:

@@ -89,7 +89,7 @@ def comparison_report(result: Comparison) -> Report:
         head=f"{trace.file} over {result.drive.name} at {result.M_g:g} N·m",
         verdict=_VERDICT_WORDS[result.conclusion.kind],
         why=(_why(result),),
-        blocks=(Table.by_row("", numbers, [result], words=()), Facts.of(_facts(result)), _curves(result)),
+        blocks=(Table.by_row("", numbers, [result]), Facts.of(_facts(result)), _curves(result)),
         details=(Table.by_column("", (FILE, *COMPARED_NUMBERS), [result]), *_tables(result), Facts.of(_starts(result))),
         certificate=result.certificate,
         values=_values(result),
@@ -204,7 +204,7 @@ def _tables(result: Comparison) -> Iterator[Table]:
     by_size = sorted(result.orders, key=lambda p: -max(p.measured.amplitude_arcsec, p.predicted.amplitude_arcsec))
     shown = sorted(by_size[:TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
     title = f"amplitude·cos(order·angle + phase), ″ and deg: the {TABLED_ORDERS} greatest of {len(result.orders)}"
-    yield Table.by_row(title, COMPARED_ORDERS, shown, words=(0, 6))
+    yield Table.by_row(title, COMPARED_ORDERS, shown)
     if result.singles:
         title = (
             "deviations fitted alone, the best first, and together; ±: standard; left: chi-square per degree of freedom"
@@ -281,7 +281,6 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
                 "F'_ior, ″: median (5 to 95 %); against A: of the medians; better: probability of less",
                 DRIVE_HEADS,
                 tuple(_drive_rows(result)),
-                words=(0, 6),
             ),
             Facts.of(_drives_facts(result)),
         ),

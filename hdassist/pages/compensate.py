@@ -207,7 +207,7 @@ def _lines_table(result: Correction) -> Table:
     often, strongest = line_orders(lines)[0], np.argsort(-before)[:12]
     rows = tuple((f"{often[k]:g}", f"{before[k]:.2f}", f"{after[k]:.2f}") for k in strongest)
     heads = ("times an output turn", "before, ″", "after, ″")
-    return Table("lines of the error of a drive in the middle of all", heads, rows, words=())
+    return Table("lines of the error of a drive in the middle of all", heads, rows)
 
 
 def _curves(result: Correction) -> tuple[Any, Any]:

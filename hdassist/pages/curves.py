@@ -77,12 +77,12 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
             * is_part,
         ),
         blocks=(
-            Table.by_row("", [order, _ON_PAGE, cause], orders[:_NAMED_ORDERS], words=(2,)),
+            Table.by_row("", [order, _ON_PAGE, cause], orders[:_NAMED_ORDERS]),
             Facts.of([("assumed", on_what(drive)), ("unknown", not_known(drive)), ("next", next_)]),
             curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, words),
         ),
         details=(
-            Table.by_row(f"{title}, the {_LISTED_ORDERS} greatest", ORDER_QUANTITIES, listed, words=(3,)),
+            Table.by_row(f"{title}, the {_LISTED_ORDERS} greatest", ORDER_QUANTITIES, listed),
             Paragraph(order_legend(drive)),
         ),
         certificate=error.certificate,

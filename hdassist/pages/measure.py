@@ -125,7 +125,7 @@ def measure_report(result: Measurement, drive: Drive | None, options: Sequence[s
         else f"F'_ior {found.range.value:.2f}″{travel}",
         why=tuple(_lower_bound(result, found)),
         blocks=(
-            Table.by_row("", _ON_PAGE, result.directions, words=(0,)),
+            Table.by_row("", _ON_PAGE, result.directions),
             Facts.of(_facts(result, drive, options)),
             _curve(found),
         ),
@@ -240,15 +240,15 @@ def _details(found: SweepResult) -> Iterator[ReportSection]:
     shown = ORDER_COLUMNS[:5] if any(order.cause for order in found.orders) else ORDER_COLUMNS[:4]
     greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:_LISTED_ORDERS]
     title = f"orders: amplitude·cos(order·angle + phase), the {len(greatest)} greatest of {len(found.orders)}"
-    orders = Table.by_row(title, shown, sorted(greatest, key=lambda o: o.per_cam_rev), words=(4,))
+    orders = Table.by_row(title, shown, sorted(greatest, key=lambda o: o.per_cam_rev))
     stated = all(source.arcsec is not None for source in found.sources if source.name in STATED)
     together = UncertaintySource(
         "combined", found.uncertainty_arcsec, "" if stated else f"without those with {NO_VALUE}"
     )
     title = f"standard uncertainty of F'_ior; 95 %: k = {COVERAGE_FACTOR:g}"
-    budget = Table.by_row(title, _BUDGET, [*found.sources, together], words=(0, 2))
+    budget = Table.by_row(title, _BUDGET, [*found.sources, together])
     title = "orders of the cam, each with its beats"
-    together_with_beats = Table.by_row(title, (*ORDER_COLUMNS[:3], *shown[4:]), found.orders_of_cam, words=(3,))
+    together_with_beats = Table.by_row(title, (*ORDER_COLUMNS[:3], *shown[4:]), found.orders_of_cam)
     yield ReportSection(f"{DIRECTION_NAMES[found.direction]} cam angle", (together_with_beats, orders, budget))
 
 
@@ -342,8 +342,8 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
         head=f"{table.file}, {len(table.lines)} rows" + (f", {drive.name}" if drive else ""),
         verdict=f"{_CHECKS[first.name].words} {first.arcsec:.2f}″",
         blocks=(
-            Table.by_row("", _STATED_COLUMNS, found, words=(0, 3)),
-            *(Table.by_row("places", _PLACES, each, words=()) for each in [places] * (len(places) > 1)),
+            Table.by_row("", _STATED_COLUMNS, found),
+            *(Table.by_row("places", _PLACES, each) for each in [places] * (len(places) > 1)),
             Facts.of([
                 ("read as", "; ".join(table.notes)),
                 ("next", again("accept", drive, *words) if words and table.file != STDIN else ""),
@@ -398,7 +398,7 @@ def history_report(serial: str, archive: str, entries: Sequence[ArchiveEntry]) -
         verdict=verdict,
         why=tuple(map(_sentence, found)),
         blocks=(
-            Table.by_row("F'_ior in ″, torque in N·m", ENTRY_COLUMNS, entries, words=(0, 1, 3)),
+            Table.by_row("F'_ior in ″, torque in N·m", ENTRY_COLUMNS, entries),
             Facts.of(_history_facts(entries)),
             *(_history_curve(each) for each in sorted(found, key=lambda each: -len(each.entries))[:1]),
         ),

@@ -81,7 +81,6 @@ def plan_report(choice: PlanChoice) -> Report:
                 f"lines of the error as {first.name} show them; share: of its mean square",
                 LINE_QUANTITIES,
                 choice.lines,
-                words=(),
             ),
         ),
         certificate=choice.certificate,

@@ -133,7 +133,7 @@ def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
         for row, share in ((given[each.group], each.share) for each in check.influences)
     )
     title = f"inputs by their share of the spread of F'_ior at {check.points[check.least_sure].M_g:g} N·m"
-    yield Table(title, INPUT_HEADS, rows, words=(0, 4, 5))
+    yield Table(title, INPUT_HEADS, rows)
     names = unknown_names(check.unknown)
     sampled = f"{len(drawn)} inputs are not known exactly: {samples_words(check.samples)}. " if check.samples else ""
     yield Paragraph(

@@ -86,7 +86,7 @@ def tolerance_report(
     if summary.has_limit and law.shared:
         title += f"; yield: {100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over designs"
     F_ior = (*MOUNTING_COLUMNS, *F_IOR_COLUMNS)
-    table = Table.by_row(title, (*F_ior, *YIELD_COLUMNS) if summary.has_limit else F_ior, drives, words=(1,))
+    table = Table.by_row(title, (*F_ior, *YIELD_COLUMNS) if summary.has_limit else F_ior, drives)
     plots = [_share_below(drives[k : k + len(ways)]) for k in range(0, len(drives), len(ways))]
     line = "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]}″" for row in table.rows)
     if summary.has_limit:

@@ -183,8 +183,8 @@ def test_quantities_nest_and_keep_full_precision():
     assert as_object(quantities, 1 / 3) == {"a": {"b_mm": 1 / 3, "c_mm": None}}
     assert [q.text(1 / 3) for q in quantities] == ["0.3", "-"]
     assert quantities[0].words == "b, mm"
-    assert Table.by_row("t", (quantities[1], quantities[0]), (1 / 3, 1), words=(1,)) == Table(
-        "t", ("b, mm",), (("0.3",), ("1.0",)), [0]
+    assert Table.by_row("t", (quantities[1], quantities[0]), (1 / 3, 1)) == Table(
+        "t", ("b, mm",), (("0.3",), ("1.0",))
     )  # without the quantity that none has
     assert csv_table("small", quantities, (1, 2)) == (
         ["preset", "a.b_mm", "a.c_mm"],
@@ -220,3 +220,10 @@ def test_two_curves_can_be_told_apart_without_colour():
     assert " " not in solid.strip() and dashed.count(" ") > len(dashed) / 3
     same = rows(curve(ASCII, Curve(x, x, "x", "y", second=x, names=("one", "two"), rows=20)))
     assert "o" not in "".join(same)
+
+
+def test_columns_of_numbers_are_told_from_words_by_their_cells():
+    rows = (("K1", "-1.50", "≤ 30", "8.9 (5-10)", "-", "1e-08", "5th"), ("5", "2", "≥ 4", "7 %", "3", "-", "6th"))
+    table = Table("", ("",) * 7, rows)
+    assert table.words == [0, 6]
+    assert Table("", (), ()).words == []
