@@ -21,6 +21,7 @@ from hdassist.verdict import SURE, is_settled
 
 RESOLVED_ERROR = 1e-3  # arcsec
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
+FINE_ENOUGH = 0.7  # of 1 - sure: an interval that is named beside a probability and need be no narrower
 
 
 @dataclass(frozen=True)
@@ -35,9 +36,10 @@ class Probability:
         """Whether as many samples again would leave a verdict that needs `sure` as it is, with 95 % at each threshold.
 
         From n samples to 2 n the estimate moves by 1/sqrt(2) of its standard error; the interval has 5 % beyond an end.
+        So is one whose interval is so narrow that its middle decides, whatever more samples would say.
         """
         low, high = (self.value + (end - self.value) / np.sqrt(2) for end in (self.low, self.high))
-        return is_settled(low, high, sure)
+        return self.high - self.low <= FINE_ENOUGH * (1 - sure) or is_settled(low, high, sure)
 
 
 def log_error(arcsec: Array) -> Array:
@@ -98,21 +100,6 @@ def _with_interval(value: float, hits: float, misses: float) -> Probability:
     tail = (1 - CONFIDENCE) / 2
     low, high = betaincinv(hits, misses, [tail, 1 - tail]).tolist()
     return Probability(value, low if value > 0 else 0.0, high if value < 1 else 1.0)
-
-
-def could_be_sure(found: Probability, count: float, most: float, sure: float) -> bool:
-    """Whether more samples, up to `most` effective ones, could make it sure that an outcome comes, or that it does not.
-
-    Not so where even a share of the further samples at an end of the present interval would leave it open: then a
-    further sample costs time alone. Arguments: found, the probability from so many effective samples (count); sure,
-    the probability that has to be reached, in all of the interval.
-    """
-    more = max(most - count, 0.0)
-    best, worst = (
-        probability_by_share((count * found.value + more * end) / (count + more), count + more)
-        for end in (found.high, found.low)
-    )
-    return best.low >= sure or worst.high <= 1 - sure
 
 
 DIRECTION_NUMBERS = Path(scipy.__file__).parent / "stats" / "_sobol_direction_numbers.npz"

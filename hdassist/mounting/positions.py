@@ -45,10 +45,6 @@ class Position:
         """The same turn by the shorter way, in -180..180: negative is clockwise."""
         return self.rotation_deg - 360 if self.rotation_deg > 180 else self.rotation_deg
 
-    def change_from(self, other: Position) -> float:
-        """Change of F'_ior against another position, as a share of it, of the torque that is served worst."""
-        return max(here / there for here, there in zip(self.F_ior_arcsec, other.F_ior_arcsec, strict=True)) - 1
-
 
 @dataclass(frozen=True)
 class Choice:

@@ -14,7 +14,6 @@ from hdassist.belief.influence import influences, measurements, shares_of_varian
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
 from hdassist.belief.statistics import (
-    could_be_sure,
     effective_number,
     probability_by_share,
     probability_of,
@@ -264,6 +263,10 @@ def test_as_many_samples_again_change_a_stable_verdict_hardly_ever(hits, of):
     assert (changed < 0.07) == probability_by_share(hits / of, of).is_stable()
 
 
+def test_no_verdict_takes_more_samples_than_name_its_probability_to_two_per_cent():
+    assert [probability_by_share(0.95, count).is_stable() for count in (256, 512)] == [False, True]
+
+
 def test_the_interval_of_samples_that_weigh_the_same_is_that_of_jeffreys():
     found = probability_of(np.arange(80) < 74, np.full(80, 0.3))
     assert (found.low, found.high) == pytest.approx(beta(74.5, 6.5).ppf([0.05, 0.95]))
@@ -329,16 +332,6 @@ def test_a_probability_is_of_the_first_samples_that_settle_it(by_C_3):
     assert samples.probability_within(20.0, 0).value == 1
     assert samples.probability_within(20.0, 0, sure=0.9) == stages[0].probability_within(20.0, 0)
     assert samples.probability_within(20.0, 0, sure=0.999).value == 0.5  # none leaves that clear
-
-
-def test_more_samples_are_worth_drawing_only_as_long_as_they_could_make_sure():
-    def worth(hits: int, of: int = 64, most: int = 256) -> bool:
-        return could_be_sure(probability_by_share(hits / of, of), of, most, 0.95)
-
-    # 256 samples are sure from 249 hits on: 64 with 58 hits would need more than the upper end of their interval
-    assert [worth(hits) for hits in (32, 58, 62, 64)] == [False, False, True, True]
-    assert [worth(64 - hits) for hits in (58, 62, 64)] == [False, True, True]
-    assert not worth(247, of=256)  # all are drawn
 
 
 def test_the_words_of_a_probability_never_show_another_verdict_than_the_rule():
