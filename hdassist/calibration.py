@@ -410,7 +410,7 @@ class _Search:
         self.known: dict[tuple[float, ...], Fit] = {}
 
     def fits(self, points: Iterable[Array]) -> list[Fit]:
-        """Sets of values at points, and their predictions."""
+        """Sets of values at points, shape (unknowns,) each, and their predictions."""
         sets = [rounded_values(self.targets.unknowns, point) for point in points]
         fresh = [values for values in dict.fromkeys(sets) if values not in self.known]
         self.known |= zip(fresh, self.run.map(partial(_fit, self.drive, self.targets), fresh), strict=True)
@@ -423,7 +423,7 @@ class _Search:
         return np.asarray(np.nan_to_num(deviations, nan=IMPOSSIBLE))
 
     def settled(self, point: Array, iterations: int) -> OptimizeResult:
-        """Least squares (11) from a point; status above 0 where it came to rest."""
+        """Least squares (11) from a point, shape (unknowns,); status above 0 where it came to rest."""
         return least_squares(
             lambda p: self.residuals([p])[0],
             np.clip(point, DIFFERENCE_STEP, 1 - DIFFERENCE_STEP),

@@ -140,7 +140,7 @@ class PairedPrior(DrivePrior):
     paired: Array
 
     def shares(self, count: int, seed: int = 0) -> Array:  # noqa: ARG002 - the samples have theirs
-        """The first of the pairs, whatever the seed."""
+        """The first of the pairs, shape (count, fields + 1), whatever the seed."""
         return self.paired[:count]
 
 

@@ -53,14 +53,14 @@ def vectors_of(drive: Drive) -> Complex:
 
 
 def size_and_direction(drive: Drive, vectors: Complex, k: int) -> tuple[float, float]:
-    """Size [um] and direction [deg] of one of the vectors, in the turn nearest to the direction that the drive has."""
+    """Size [um] and direction [deg] of one of vectors, shape (vectors,), in the turn nearest to that of the drive."""
     near, turn = drive.number(VECTORS[k].direction), 360 / VECTORS[k].order
     away = float(np.degrees(np.angle(vectors[k]))) / VECTORS[k].order - near
     return float(abs(vectors[k]) * VECTOR_UNITS[k]), near + (away + turn / 2) % turn - turn / 2
 
 
 def with_vectors(drive: Drive, vectors: Complex, fitted: Iterable[int]) -> Drive:
-    """The drive with those of its deviation vectors changed that were fitted, by their places in VECTORS."""
+    """The drive with those vectors, shape (vectors,), that were fitted, by their places in VECTORS."""
     values: dict[str, float] = {}
     for k in fitted:
         values[VECTORS[k].size], values[VECTORS[k].direction] = size_and_direction(drive, vectors, k)

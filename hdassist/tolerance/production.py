@@ -56,7 +56,7 @@ class TolerancedSize(FieldPrior):
     law: SizeLaw = "rayleigh"
 
     def value(self, share: Array) -> Array:
-        """Sizes [the field's unit] that shares of the parts stay below."""
+        """Sizes [the field's unit] that shares of the parts stay below, of the same shape."""
         if self.law == "fixed":
             return np.full_like(share, self.high)
         if self.law == "rayleigh":

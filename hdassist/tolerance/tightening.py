@@ -246,7 +246,7 @@ class Allocator:
 
     @cached_property
     def bounds(self) -> Array:
-        """Least and greatest values, shape (2, choices)."""
+        """Least and greatest values [the unit of each field], shape (2, choices)."""
         return np.array([(choice.least, choice.most) for choice in self.choices]).T
 
     def cheapest(self, turned: bool) -> Allocation:

@@ -143,7 +143,7 @@ class AtTorque:
         return np.asarray(1 - np.array(self.best) / np.array(self.as_built))
 
     def passes(self, F_ior: Array) -> NDArray[np.bool_]:
-        """Whether F'_ior [arcsec] with the self error is within the limit; so it is without one."""
+        """Whether F'_ior [arcsec], shape (drives,), with the self error is within the limit; so it is without one."""
         return np.asarray(F_ior + self.self_error <= (np.inf if self.limit is None else self.limit))
 
 
