@@ -85,6 +85,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
     preset: str | None = None
     ratio: float | None = None
     travel: float | None = None
+    speed: float | None = None
     seed: int = 0
 
     def run(self) -> int:
@@ -117,7 +118,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                 result = form.of_table(table, drive, self.ratio, seed=self.seed, travel_deg=travel)
                 done.append(result)
                 take(result)
-                return measure_report(result, drive, self.words_of_reading())
+                return measure_report(result, drive, self.words_of_reading(), self.speed)
 
             answers = run_each("measure", self.files, one, out, failed=lambda name, e: failure("measure", e, file=name))
             more, below = repeats(done)

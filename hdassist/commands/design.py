@@ -79,6 +79,7 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
     preset: str
     start: float = 0.0
     revolutions: int = 1
+    speed: float | None = None
     solver: str | None = None
     cross_check: str = "highs"
     seed: int = 0
@@ -102,7 +103,7 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
                 solver=self.solver,
                 run=run,
             )
-        return trace_report(drive, result, self.seed)
+        return trace_report(drive, result, self.seed, self.speed)
 
 
 @dataclass(frozen=True, kw_only=True)

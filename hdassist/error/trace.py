@@ -113,6 +113,12 @@ class Trace:
     orders: tuple[Order, ...]
     measured: MeasuredTeeth | None = None
 
+    @property
+    def slope_arcsec_per_deg(self) -> float:
+        """Greatest slope of the error over the angle of the output, from state to state."""
+        output_deg = np.degrees(self.error.states.phi_h) / abs(self.error.kinematics.u)
+        return float(np.abs(np.diff(self.error.error_arcsec) / np.diff(output_deg)).max())
+
 
 def trace(
     drive: Drive,

@@ -184,7 +184,8 @@ class SweepResult:
     """One direction of a trace: 1 for growing cam angles, -1 for falling ones, 0 for both as one.
 
     fit: see there; range: over the visited angles, grid_turns, shape (angles,); revolution: the greatest within one
-    turn of the cam; cam: of the orders of the cam, without slow terms of the output; slow_arcsec: range of these;
+    turn of the cam; cam: of the orders of the cam, without slow terms of the output; slope: the
+    greatest [arcsec a cam turn]; slow_arcsec: range of these;
     raw_range_arcsec: of the readings themselves, drift taken off where asked; orders_of_cam: each with its beats;
     coverage: None where the ratio is not known; sources: of the uncertainty of F'_ior.
     """
@@ -195,6 +196,7 @@ class SweepResult:
     range: Range
     revolution: Range
     cam: Range
+    slope: Range
     slow_arcsec: float
     raw_range_arcsec: float
     orders: tuple[MeasuredOrder, ...]
@@ -269,6 +271,15 @@ class Measurement:
     def is_of_travel(self) -> bool:
         """Whether the error counts in less than the full cycle."""
         return self.gearing is not None and self.gearing.travel is not None
+
+    @property
+    def slope_arcsec_per_deg(self) -> tuple[float, float] | None:
+        """Greatest slope over the angle of the output, and its standard uncertainty; None without a ratio."""
+        if self.gearing is None:
+            return None
+        steepest = max((each.slope for each in self.alone or self.directions), key=lambda slope: slope.value)
+        per_deg = self.gearing.ratio / 360  # cam turns
+        return steepest.value * per_deg, steepest.uncertainty * per_deg
 
     @property
     def F_ior_arcsec(self) -> float:
@@ -466,7 +477,7 @@ def _sweep_result(
         *stated_sources(stated),
     )
     drifts, others = combined(drifting), combined(common)
-    extent, revolution, cam = ranges_of(
+    extent, revolution, cam, slope = ranges_of(
         fit, grid, np.random.default_rng([seed, sign + 1]),
         (hypot(drifts, others), hypot(drifts / bins.span, others), others),
         whole=visits is not None and visits.share >= FULL_SHARE,
@@ -489,7 +500,7 @@ def _sweep_result(
     rows = trace.rows
     drifted = fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
     return SweepResult(
-        sign, fit, grid, extent, revolution, cam, float(np.ptp(slow)),
+        sign, fit, grid, extent, revolution, cam, slope, float(np.ptp(slow)),
         float(np.ptp(trace.error_arcsec[rows] - drifted)), *order_tables(fit, declared, drive, gearing), visits,
         sources,
     )  # fmt: skip

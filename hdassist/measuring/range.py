@@ -36,6 +36,8 @@ SPREAD_PLACES = 200  # readings, whose spread is the usual one
 SPREAD_FACTOR = 1.15
 BIAS_SHARE = 1 / 3
 TURN_PARTS = 24  # of a turn, in steps of which single turns begin
+SLOPE_ENDS = 1.0  # turns of the cam, at the ends of a travel, whose slope noise hides
+SLOPE_DRAWS = 60  # of the bootstrap, for a slope
 SHRINK = 2.0  # times the power of noise, taken off the power of each order
 HIGHEST_IMAGE = 30.0  # per cam turn: of orders that may be the image of another; ball passes lie below
 CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be shrunk one by one
@@ -186,27 +188,34 @@ def image_change(fit: TraceFit, turns: Array) -> float:
 
 def ranges_of(
     fit: TraceFit, turns: Array, rng: np.random.Generator, others: Sequence[float], *, whole: bool, draws: int = 200
-) -> tuple[Range, Range, Range]:
+) -> tuple[Range, Range, Range, Range]:
     """Range of a fitted curve over angles [turns], shape (angles,), rising, within one cam turn, and of its cam orders.
+
+    And its greatest slope [arcsec a cam turn], of a travel without its ends.
 
     others: standard uncertainty of each of the three by all sources but noise; whole: whether the angles are those of
     the full cycle, in others of which lines may add more.
     """
     noise = fit.factor @ rng.standard_normal((fit.factor.shape[1], draws))
-    power = (fit.factor**2).sum(axis=1).reshape(2, -1).sum(axis=0)  # of the noise in each order, arcsec^2
-    keep = np.maximum(0.0, 1 - SHRINK * power / np.maximum(fit.amplitude**2, 1e-300))
-    best = fit.coefficients * (1.0 if fit.design.condition > CORRELATED else np.tile(keep, 2))
+    best = fit.coefficients * np.tile(_kept_shares(fit), 2)
     line = np.isin(fit.orders, fit.lines) | fit.unresolved
     own = np.where(np.tile(line, 2), 0.0, fit.coefficients)
     curves = np.concatenate([np.stack([fit.coefficients, own, best], axis=1), best[:, None] + noise], axis=1)
     curves = np.concatenate([curves, curves * np.tile(~fit.is_slow, 2)[:, None]], axis=1)
+    cosines, sines = curves[:, [0, 0, *range(2, 3 + SLOPE_DRAWS)]].reshape(2, len(fit.orders), -1)
+    slopes = (2 * np.pi * np.tile(fit.orders, 2))[:, None] * np.concatenate([sines, -cosines])
+    steepest = np.zeros(slopes.shape[1])
+    inner = np.minimum(turns - turns[0], turns[-1] - turns) >= SLOPE_ENDS * bool(fit.design.slow.ridge)
     lines = 2 * sum(fit.wave(own)[1] for own in fit.groups if line[own[0]]) if whole else 0.0
     part = np.floor(turns * TURN_PARTS + 1e-6).astype(np.int64)
     part -= part[0]
     high = np.full((int(part[-1]) + 1, 2 * curves.shape[1]), -np.inf)  # of the curves, then of their opposites
     for start in range(0, len(turns), DESIGN_CHUNK):
         rows = slice(start, start + DESIGN_CHUNK)
-        values = order_columns(turns[rows], fit.orders) @ curves
+        columns = order_columns(turns[rows], fit.orders)
+        values = columns @ curves
+        steepness = np.abs(columns[inner[rows]] @ slopes)
+        steepest = np.maximum(steepest, steepness.max(axis=0, initial=0.0))
         places, first = np.unique(part[rows], return_index=True)
         greatest = np.maximum.reduceat(np.concatenate([values, -values], axis=1), first)
         high[places] = np.maximum(high[places], greatest)
@@ -216,7 +225,28 @@ def ranges_of(
 
     cycle, cam = np.split(extents(slice(None)), 2)
     turn = np.max([extents(slice(k, k + TURN_PARTS))[: len(cycle)] for k in range(len(high))], axis=0)
-    return _range(cycle, lines, others[0]), _range(turn, lines, others[1]), _range(cam, 0.0, others[2])
+    return (
+        _range(cycle, lines, others[0]),
+        _range(turn, lines, others[1]),
+        _range(cam, 0.0, others[2]),
+        _range(steepest, 0.0, 0.0),
+    )
+
+
+def _kept_shares(fit: TraceFit) -> Array:
+    """Share of each order that is no noise, shape (orders,); in a travel that of an order with its beats."""
+    noise = (fit.factor**2).sum(axis=1).reshape(2, -1).sum(axis=0)  # of each order, arcsec^2
+    power = fit.amplitude**2
+    if fit.design.slow.ridge:
+        turns = fit.bins.turns[:: max(1, len(fit.bins) // SPREAD_PLACES)]
+        columns, cluster = order_columns(turns, fit.orders), np.rint(fit.orders)
+        for order in np.unique(cluster):
+            own = np.tile(cluster == order, 2)
+            power[cluster == order] = np.mean((columns[:, own] @ fit.coefficients[own]) ** 2)
+            noise[cluster == order] = np.mean(((columns[:, own] @ fit.factor[own]) ** 2).sum(axis=1))
+    elif fit.design.condition > CORRELATED:
+        return np.ones(len(power))
+    return np.asarray(np.maximum(0.0, 1 - SHRINK * noise / np.maximum(power, 1e-300)))
 
 
 def _range(extents: Array, lines: float, others: float) -> Range:

@@ -50,8 +50,18 @@ ORDER_QUANTITIES: Quantities[Order] = (
 _ON_PAGE: Quantity[Order] = Quantity("amplitude_arcsec", "″", "")
 
 
-def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
-    """The error of a drive over cam turns; seed, of its sample that was solved again."""
+def slope_words(slope: float, uncertainty: float, speed: float | None) -> str:
+    """Words for the greatest slope [arcsec per deg of the output], and for the rate at a speed [arcsec/s]."""
+    reach = f" ± {2 * uncertainty:.2g}" if uncertainty else ""
+    words = f"at most {slope:.3g}{reach}″ per ° of the output"
+    return f"{words}; {slope * speed / 3600:.3g}″/s at {speed:g}″/s" if speed else words
+
+
+def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = None) -> Report:
+    """The error of a drive over cam turns.
+
+    Arguments: seed, of its sample that was solved again; speed of the output [arcsec/s], for the slope.
+    """
     error = trace.error
     cycle = error.kinematics.cycle_cam_revolutions
     is_part, nominal = trace.revolutions < cycle, drive.measured != Measured.of_defaults()
@@ -84,6 +94,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
         details=(
             Table.by_row(f"{title}, the {_LISTED_ORDERS} greatest", ORDER_QUANTITIES, listed),
             Paragraph(order_legend(drive)),
+            Facts.of([("slope", slope_words(trace.slope_arcsec_per_deg, 0.0, speed))]),
         ),
         certificate=error.certificate,
         cross_checks=(error.cross_check,),
@@ -96,6 +107,8 @@ def trace_report(drive: Drive, trace: Trace, seed: int) -> Report:
             "phi_h_deg": angles["phi_h_deg"],
             **attributes(error, "error_arcsec", "range_arcsec"),
             "orders": trace.orders,
+            "slope_arcsec_per_deg": trace.slope_arcsec_per_deg,
+            "rate_arcsec_per_s": speed and trace.slope_arcsec_per_deg * speed / 3600,
             "seed": seed,
         },
         csv=csv_columns(**angles, **attributes(error, "error_arcsec", "rotation_arcsec")),

@@ -26,7 +26,7 @@ from hdassist.measuring.fit import COVERAGE_FACTOR, SLOWEST_ORDER
 from hdassist.measuring.measure import Measurement, RecordedTorque, SweepResult
 from hdassist.measuring.orders import FULL_SHARE, Gearing, MeasuredOrder
 from hdassist.measuring.range import GAP_PERIODS, STATED, UncertaintySource
-from hdassist.pages.curves import curve_of_turns
+from hdassist.pages.curves import curve_of_turns, slope_words
 from hdassist.preset.fields import Drive
 from hdassist.report import (
     NO_VALUE,
@@ -108,10 +108,13 @@ _ON_PAGE: Quantities[SweepResult] = (
 )
 
 
-def measure_report(result: Measurement, drive: Drive | None, options: Sequence[str] = ()) -> Report:
+def measure_report(
+    result: Measurement, drive: Drive | None, options: Sequence[str] = (), speed: float | None = None
+) -> Report:
     """F'_ior of a measured trace with its uncertainty, by direction.
 
-    Arguments: drive, None where it is not known; options by which the file was read, for the next command.
+    Arguments: drive, None where it is not known; options by which the file was read, for the next command; speed of
+    the output [arcsec/s], for the slope.
     """
     found, *others = result.directions
     travel = f" over {result.gearing.travel_deg:.4g}° of travel" if result.gearing and result.gearing.travel else ""
@@ -126,7 +129,7 @@ def measure_report(result: Measurement, drive: Drive | None, options: Sequence[s
         why=tuple(_lower_bound(result, found)),
         blocks=(
             Table.by_row("", _ON_PAGE, result.directions),
-            Facts.of(_facts(result, drive, options)),
+            Facts.of(_facts(result, drive, options, speed)),
             _curve(found),
         ),
         details=(
@@ -134,6 +137,7 @@ def measure_report(result: Measurement, drive: Drive | None, options: Sequence[s
             Table.by_column("all numbers", SWEEP_QUANTITIES, result.directions),
             *(block for each in result.directions for block in _details(each)),
             *map(_curve, others),
+            Facts.of([("slope", slope_words(*slope, None))] if (slope := result.slope_arcsec_per_deg) else []),
         ),
         values={
             "file": {"name": trace.file, "sha256": trace.sha256, "rows": len(trace.line)},
@@ -144,6 +148,7 @@ def measure_report(result: Measurement, drive: Drive | None, options: Sequence[s
             "reversal_error": reversal and asdict(reversal),
             "encoder_lag": lag and asdict(lag),
             "torque": result.torque and asdict(result.torque),
+            **_slope_object(result, speed),
             "seed": result.seed,
         },
         csv=_csv(result),
@@ -168,7 +173,9 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
             yield f"rows are missing: gaps of more than {gap:.3g}° between readings are not visited"
 
 
-def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> Iterator[tuple[str, str]]:
+def _facts(
+    result: Measurement, drive: Drive | None, options: Sequence[str], speed: float | None
+) -> Iterator[tuple[str, str]]:
     """Largest orders, missing positions, how the file was read and the next command, a label and a text each."""
     found, file = result.directions[0], result.trace.file
     greatest = sorted(found.orders_of_cam, key=lambda o: -o.amplitude_arcsec)[:_NAMED_ORDERS]
@@ -180,6 +187,8 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> 
     )
     yield "orders", f"{', '.join(named)}″, with beats"
     yield "slow", _slow(found)
+    if speed and (slope := result.slope_arcsec_per_deg):
+        yield "slope", slope_words(*slope, speed)
     if found.lines:
         lines = ", ".join(f"{line.per_cam_rev:.3f} ({line.amplitude_arcsec:.2f}″)" for line in found.lines)
         rise = f"; in another cycle they may add {found.range.rise:.2f}″" if found.range.rise else ""
@@ -199,6 +208,17 @@ def _facts(result: Measurement, drive: Drive | None, options: Sequence[str]) -> 
         is_cycle = result.gearing and not (found.is_bound or result.gearing.travel)
         command, record = ("compare", file) if not is_cycle else ("mount", f"h0={file}")
         yield "next", again(command, drive, record, *options)
+
+
+def _slope_object(result: Measurement, speed: float | None) -> Json:
+    """The greatest slope with its standard uncertainty, and the rate at a speed [arcsec/s], as JSON."""
+    slope, uncertainty = result.slope_arcsec_per_deg or (None, None)
+    rate = None if slope is None or speed is None else slope * speed / 3600
+    return {
+        "slope_arcsec_per_deg": slope,
+        "slope_standard_uncertainty_arcsec_per_deg": uncertainty,
+        "rate_arcsec_per_s": rate,
+    }
 
 
 def _torque(torque: RecordedTorque) -> str:
