@@ -159,12 +159,16 @@ class ControllerOptions(o.OptionGroup):
         take_output(path, force)
         return controller, path
 
-    def controller_texts(self, result: Correction, controller: ControllerFormat) -> tuple[str, str]:
-        """The controller's file of a correction, and its companions."""
+    def write_controller(self, result: Correction, target: tuple[ControllerFormat, str] | None, *, force: bool) -> None:
+        """Write the controller's file of a correction, where one is asked for and the correction is not refused."""
         from hdassist.correction.writers import ControllerAxis, correction_file
 
-        axis = ControllerAxis(self.axis, -1 if self.clockwise else 1, self.zero, self.rows_from, self.steps_per_degree)
-        return correction_file(result, controller, axis)
+        if target and not result.chosen.is_refused:
+            sense = -1 if self.clockwise else 1
+            axis = ControllerAxis(self.axis, sense, self.zero, self.rows_from, self.steps_per_degree)
+            text, about = correction_file(result, target[0], axis)
+            note(about.rstrip())
+            write_text(target[1], text, force)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,15 +259,8 @@ class CompensateCommand(
         M_g = option_value("--torque", self.torque[0], "N*m")
         found = self.reading().measured(file, None, self.ratio, seed=self.seed, together=True, travel_deg=self.travel)
         result = correction_alone(found, self.alignment(), M_g, form, self.output_turns)
-        self.write_controller(result, target)
+        self.write_controller(result, target, force=self.force)
         return compensate_report(result, is_written=bool(self.csv or target), warnings=found.warnings)
-
-    def write_controller(self, result: Correction, target: tuple[ControllerFormat, str] | None) -> None:
-        """Write the controller's file of a correction, where one is asked for and the correction is not refused."""
-        if target and not result.chosen.is_refused:
-            text, about = self.controller_texts(result, target[0])
-            note(about.rstrip())
-            write_text(target[1], text, self.force)
 
     def report(self, out: Output, preset: str) -> Report:
         """Corrections of the drive, or of a record alone."""
@@ -285,5 +282,5 @@ class CompensateCommand(
             result = correct(drive, form=form, records=records, draws=self.draws, run=run)
             if after and not result.chosen.is_refused:
                 return verified_report(result, verify(result, after, run))
-        self.write_controller(result, target)
+        self.write_controller(result, target, force=self.force)
         return compensate_report(result, is_written=bool(target or self.csv))

@@ -329,13 +329,14 @@ class DoctorCommand(o.PageOptions):
 
     empty_cache: bool = False
 
-    def report(self, _out: Output, _preset: str) -> Report:
+    def report(self, out: Output, _preset: str) -> Report:
         """The installation, examined."""
         from hdassist.run.cache import empty_cache
 
         if self.empty_cache:
             empty_cache()
-        found = [*packages(), surroundings(), engine(), cache(), self_test()]
+        with out.progress("this installation"):  # words before numpy is imported
+            found = [*packages(), surroundings(), engine(), cache(), self_test()]
         found.sort(key=lambda each: ("broken", "note", "ok").index(each.status))
         broken = ", ".join(each.what for each in found if each.status == "broken")
         error = UntrustedError(

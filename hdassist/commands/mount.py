@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from hdassist.errors import UsageError
 from hdassist.report import Report
 from hdassist.terminal import options as o
-from hdassist.terminal.options import AnswerOptions, CardOptions
 from hdassist.terminal.output import Output, give, run_each
 from hdassist.terminal.streams import take_output, write_text
 from hdassist.verdict import SURE
@@ -74,7 +73,7 @@ class MountCommand(
         """Find the hole; returns the exit code."""
         out = self.open()
         with out.progress(self.preset):  # words before numpy is imported
-            card = CardFile.asked(self, self, out)
+            card = self._card(out)
         if self.verify is not None and card:
             raise UsageError("a card is for the mounting that --verify comes after", "leave --card or --verify out")
         advices: list[Advice] = []
@@ -91,6 +90,20 @@ class MountCommand(
         if card and advices:
             write_text(card.path, card.text(advices[0]), card.force)
         return code
+
+    def _card(self, out: Output) -> CardFile | None:
+        """The card that is asked for. Raises UsageError and DataError before anything is computed."""
+        if (path := self.card) is None:
+            if self.lang is not None or self.serial is not None:
+                raise UsageError("--lang and --serial are those of a card", "--card FILE writes one")
+            return None
+        from hdassist.terminal.words import HOME, texts
+
+        card = CardFile.named(path, texts(HOME if self.lang is None else self.lang), self.serial or "")
+        if path == "-" and (out.csv == "-" or (out.target == "-" and (out.json or out.quiet))):
+            raise UsageError("--card - leaves no standard output for --json, -q or --csv -")
+        take_output(path, out.force)
+        return replace(card, ascii=self.ascii or (path == "-" and out.style.ascii), force=out.force)
 
     def _advice(self, out: Output) -> Advice:
         """The advice by the preset alone, or after measured values."""
@@ -185,28 +198,6 @@ class CardFile:
     serial: str
     ascii: bool = False
     force: bool = False
-
-    @classmethod
-    def asked(cls, asked: CardOptions, options: AnswerOptions, out: Output) -> CardFile | None:
-        """The card that options ask for, None without any.
-
-        Arguments: asked; options of the other answers, and out, where they go. Raises UsageError and DataError before
-        anything is computed.
-        """
-        path = asked.card
-        if path is None:
-            if asked.lang is not None or asked.serial is not None:
-                raise UsageError("--lang and --serial are those of a card", "--card FILE writes one")
-            return None
-        from hdassist.terminal.words import HOME, texts
-
-        say = texts(HOME if asked.lang is None else asked.lang)
-        card = cls.named(path, say, asked.serial or "")
-        if path == "-" and (out.csv == "-" or (out.target == "-" and (options.json or options.quiet))):
-            raise UsageError("--card - leaves no standard output for --json, -q or --csv -")
-        take_output(path, out.force)
-        ascii = options.ascii or (path == "-" and out.style.ascii)
-        return replace(card, ascii=ascii, force=out.force)
 
     @classmethod
     def named(cls, path: str, say: Texts, serial: str) -> CardFile:

@@ -382,14 +382,14 @@ class Explorer(Exporting):
 
     def ask_of_panes(self) -> None:
         """Ask for what is on the screen and not there yet: the pinned drive, steps of levers, errors of a cam turn."""
-        known, drive, pinned = self.known, self.session.drive, self.session.pinned
+        known, session, effort = self.known, self.session, self.effort
+        drive, pinned = session.drive, session.pinned
         if self.pinned and self.pinned.check is None:
-            self.ask_once(partial(drive_answers, pinned, {}, self.effort), self.pinned, "pinned")
+            self.ask("pinned", self.pinned, drive_answers, pinned, {}, effort)
         if known.whole and self.levers.region.width:
-            self.ask_once(partial(lever_effects, drive, pinned, known.typical, self.effort), known, "levers")
+            self.ask("levers", known, lever_effects, drive, pinned, known.typical, effort)
         if known.whole and (self.panes["turn"].region.width or self.panes["cycle"].region.width):
-            where = self.session.turn_deg, self.M_g
-            self.ask_once(partial(cam_turn, drive, self._of_turn(), *where), known, "turn")
+            self.ask("turn", known, cam_turn, drive, self._of_turn(), session.turn_deg, self.M_g)
 
     def _of_turn(self) -> Mapping[str, float]:
         """Typical values for a cam turn: none where all deviations are known."""

@@ -25,7 +25,7 @@ from hdassist.explorer.compute import (
     still_typical,
     typical_of,
 )
-from hdassist.explorer.service import Question, Service
+from hdassist.explorer.service import Service
 from hdassist.explorer.state import Session
 from hdassist.mounting.advice import Advice
 from hdassist.plaintext import visible
@@ -174,25 +174,23 @@ class Asking(App[int]):
         self.notify(visible(f"{error.message}\n{error.hint}".strip()), severity="error", markup=False, timeout=8)
 
     def ask_of_drive(self) -> None:
-        """Ask for the answers of `check` and of `mount` or `trials`, unless they are there."""
-        self.workers.cancel_group(self, "drive")
-        if self.known.advice is None:
-            self.known.failed = None
-            drive, old = self.session.drive, self.known.old
-            typical = still_typical(old, drive) if old else {}
-            self.follow(partial(drive_answers, drive, typical, self.effort), self.known, "drive")
+        """Ask for the answers of `check` and of `mount`, unless they are there."""
+        if self.known.advice is not None:
+            self.workers.cancel_group(self, "drive")
+            self.asked.pop("drive", None)
+            return
+        self.known.failed = None
+        drive, old = self.session.drive, self.known.old
+        self.ask("drive", self.known, drive_answers, drive, still_typical(old, drive) if old else {}, self.effort)
 
-    def ask_once(self, question: partial[None], known: Known, group: str) -> None:
-        """Ask, unless that was the last question of its group."""
-        if self.asked.get(group) != question.args:
-            self.asked[group] = question.args
-            self.follow(question, known, group)
-
-    def follow(self, question: Question, known: Known, group: str) -> None:
-        """Ask, and take each answer; another question of the group ends the process of this one."""
+    def ask(self, group: str, known: Known, function: Callable[..., None], *arguments: object) -> None:
+        """Ask, and take each answer, unless that was the last question of its group, the process of which is ended."""
+        if self.asked.get(group) == arguments:
+            return
+        self.asked[group] = arguments
 
         async def follow() -> None:
-            async for name, answer in self.service.ask(question):
+            async for name, answer in self.service.ask(partial(function, *arguments)):
                 if name == "failed" and group != "drive":
                     self.complain(answer)
                 else:

@@ -6,6 +6,7 @@ import os
 import select
 import signal
 import sys
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from threading import Thread
@@ -13,6 +14,7 @@ from threading import Thread
 from hdassist.errors import UsageError
 from hdassist.run.stops import end_now
 from hdassist.terminal import options as o
+from hdassist.terminal.output import Output
 from hdassist.terminal.streams import Style, put_text, say
 
 SESSION_FILE = "explore.txt"  # among the user's states: the command that comes back to the last session
@@ -46,35 +48,33 @@ class ExploreCommand(o.LimitedDriveOptions):
 
     def run(self) -> int:
         """Show the drive; returns the exit code."""
-        from hdassist.explorer.state import opened_state, with_evidence
-
         if self.preset == "-":
             raise UsageError("the explorer needs standard input for its keys", "name a preset or a file")
-        self.load(self.preset)  # says what is wrong with options as every command does
-        overrides = (*self.changes, *(limit.override for limit in self.limits))
-        session = opened_state(self.preset, overrides, self.pin or "")
-        if self.measured:
-            session = with_evidence(session, " ".join(self.measured))
-        if not (sys.stdin.isatty() and sys.stdout.isatty()) or os.environ.get("TERM") == "dumb":
-            raise UsageError("the explorer needs a terminal that moves its cursor", f"in a script: {session.command()}")
+        style = Style.of(sys.stdout, ascii=self.ascii)
+        with Output(style).progress(self.preset):  # words before numpy is imported
+            from hdassist.explorer.service import Service
+            from hdassist.explorer.state import opened_state, with_evidence
 
-        from hdassist.explorer.service import Service
-
-        service = Service()  # it imports beside this process
-        Thread(target=end_with_terminal, daemon=True).start()
-        try:
+            self.load(self.preset)  # says what is wrong with options as every command does
+            overrides = (*self.changes, *(limit.override for limit in self.limits))
+            session = opened_state(self.preset, overrides, self.pin or "")
+            if self.measured:
+                session = with_evidence(session, " ".join(self.measured))
+            if not (sys.stdin.isatty() and sys.stdout.isatty()) or os.environ.get("TERM") == "dumb":
+                words = "the explorer needs a terminal that moves its cursor"
+                raise UsageError(words, f"in a script: {session.command()}")
+            service = Service()  # it imports beside this process
             from platformdirs import user_state_path
 
             from hdassist.explorer.app import Explorer
             from hdassist.explorer.compute import Effort
 
-            plain = Style.of(sys.stdout, ascii=self.ascii).ascii
+        Thread(target=end_with_terminal, daemon=True).start()
+        with closing(service):
             keep = partial(put_text, str(user_state_path("hdassist", ensure_exists=True) / SESSION_FILE))
             effort = Effort(jobs=self.jobs)
-            app = Explorer(session, service, effort, dark=not self.light, ascii=plain, keep=keep)
+            app = Explorer(session, service, effort, dark=not self.light, ascii=style.ascii, keep=keep)
             app.run()
-        finally:
-            service.close()
         if app.session.changes != session.changes:
             for words, name in (("back to it", "explore"), ("its numbers", "check")):
                 say(f"{words}: {app.session.command(name)}", whole=True)

@@ -150,13 +150,8 @@ def measure_words(found: Sequence[MeasurementGain]) -> str:
 
 
 def more_draws(samples: Samples) -> str:
-    """The remedy for a verdict that is left open by its Monte Carlo interval alone."""
-    return f"no measurement, more samples settle it: --draws {draws_to_settle(samples)}"
-
-
-def draws_to_settle(samples: Samples) -> int:
-    """Effective samples that halve the interval of a probability."""
-    return MORE_DRAWS * round(samples.effective)
+    """The remedy for a verdict that is left open by its Monte Carlo interval alone, which such draws halve."""
+    return f"no measurement, more samples settle it: --draws {MORE_DRAWS * round(samples.effective)}"
 
 
 def samples_words(samples: Samples) -> str:

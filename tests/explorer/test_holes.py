@@ -33,6 +33,7 @@ def test_arrows_turn_the_wheel_and_the_values_are_those_of_the_position() -> Non
         await pilot.press("down", "down")
         assert app.session.turn_deg == 120
         await pilot.click(app.holes, offset=(5, 5))
+        await pilot.pause()
         assert app.session.turn_deg == 180
 
     explored(act)
