@@ -49,11 +49,16 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
         raise UsageError("nothing is varied", FORM)
     axes: list[Axis] = []
     for text in texts:
-        axis = _axis(text)
-        if axis.path in [before.path for before in axes]:
-            raise _invalid(text, "each field once", "one range, or one list with all values")
-        if is_overridden(axis.path, overrides):
-            raise _invalid(text, "a field that is not set to one value", f"leave out {VARY} or --set and --torque")
+        try:
+            axis = _axis(text)
+            if axis.path in [before.path for before in axes]:
+                raise InvalidValueError("each field once", "one range, or one list with all values")
+            if is_overridden(axis.path, overrides):
+                hint = f"leave out {VARY} or --set and --torque"
+                raise InvalidValueError("a field that is not set to one value", hint)
+        except InvalidValueError as fault:
+            words = f"invalid {VARY} {shown(text) or 'nothing'}: expected {fault.message}"
+            raise UsageError(words, fault.hint) from None
         axes.append(axis)
     return tuple(axes)
 
@@ -66,16 +71,16 @@ def _fields() -> dict[str, PresetField]:
 
 
 def _axis(text: str) -> Axis:
-    """The field that a text varies. Raises UsageError: the text is not of the form, or has no such values."""
+    """The field that a text varies. Raises InvalidValueError, with what was expected: it is not of the form."""
     key, equals, values = text.partition("=")
     if not equals:
-        raise _invalid(text, "KEY=START:STOP:STEPS or KEY=A,B,C", FORM)
+        raise InvalidValueError("KEY=START:STOP:STEPS or KEY=A,B,C", FORM)
     path = ".".join(map(str, path_of(key)))
     field = _fields().get(path)
     if field is None:
         same = (field for field in _fields() if field.split(".")[1] == path.split(".")[-1])
         close = f"did you mean {meant}?" if (meant := next(same, "")) else near_miss(path, _fields())
-        raise _invalid(text, "a field of a single number", close or "write section.key, like gears.j_n")
+        raise InvalidValueError("a field of a single number", close or "write section.key, like gears.j_n")
     unit, is_count = field.unit, field.kind == "count"
 
     def number(part: str) -> float:
@@ -83,32 +88,28 @@ def _axis(text: str) -> Axis:
         try:
             return read_count(value) if is_count else float(read_number(value, unit))
         except InvalidValueError as fault:
-            raise _invalid(text, f"numbers ({shown(part) or 'nothing'} {fault.message})", fault.hint) from None
+            raise InvalidValueError(f"numbers ({shown(part) or 'nothing'} {fault.message})", fault.hint) from None
 
     parts = [part.strip() for part in values.split(":" if ":" in values else ",")]
     if ":" in values and len(parts) != 3:
-        raise _invalid(text, "KEY=START:STOP:STEPS", FORM)
+        raise InvalidValueError("KEY=START:STOP:STEPS", FORM)
     numbers = [number(part) for part in (parts if ":" not in values else parts[:2])]
     if len(set(numbers)) < len(numbers):
-        raise _invalid(text, "each value once")
+        raise InvalidValueError("each value once")
     if ":" in values:
-        numbers = _grid(text, Fraction(repr(numbers[0])), Fraction(repr(numbers[1])), parts[2], is_count)
+        numbers = _grid(Fraction(repr(numbers[0])), Fraction(repr(numbers[1])), parts[2], is_count)
     return Axis(path, unit, tuple(numbers))
 
 
-def _grid(text: str, start: Fraction, stop: Fraction, steps: str, is_count: bool) -> list[float]:
-    """Values from start to stop, each as near to its place as a number can be. Raises UsageError: no such steps."""
+def _grid(start: Fraction, stop: Fraction, steps: str, is_count: bool) -> list[float]:
+    """Values from start to stop, as near to their places as numbers can be. Raises InvalidValueError: no such steps."""
     count = int(steps) if re.fullmatch("[0-9]{1,9}", steps) else 0
     if not 2 <= count <= MOST_VALUES:
-        raise _invalid(text, f"steps from 2 to {MOST_VALUES}", FORM)
+        raise InvalidValueError(f"steps from 2 to {MOST_VALUES}", FORM)
     places = [start + (stop - start) * k / (count - 1) for k in range(count)]
     if is_count and any(place.denominator > 1 for place in places):
-        raise _invalid(text, "steps on whole numbers")
+        raise InvalidValueError("steps on whole numbers")
     return [int(place) if is_count else float(place) for place in places]
-
-
-def _invalid(text: str, expected: str, hint: str = "") -> UsageError:
-    return UsageError(f"invalid {VARY} {shown(text) or 'nothing'}: expected {expected}", hint)
 
 
 @dataclass(frozen=True, kw_only=True)
