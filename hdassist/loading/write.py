@@ -82,26 +82,19 @@ def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], 
     else:
         yield f"description: {_quoted(words)}"
     for section, model in sections():
-        written = {
-            field: entries[f"{section}.{field}"] for field in model.model_fields if f"{section}.{field}" in entries
-        }
-        if written or section in ("tolerances", "phases", "harmonics"):
-            yield ""
-            yield from _similar_section(section, model, written)
-    yield ""
-    yield "source:"
+        fields = {f"{section}.{name}": field for name, field in model.declared().items()}
+        if entries.keys() & fields.keys() or section in ("tolerances", "phases", "harmonics"):
+            yield from ("", f"{section}:")
+        for path, field in fields.items():
+            is_open = field.unknown and not path.startswith("harmonics.xi_")  # these need an amplitude
+            if path in entries or is_open:
+                value = text_of(entries[path].value) if path in entries else UNKNOWN
+                line = f"  {path.split('.')[1]}: {value}"
+                yield f"{line:<23} # {field.unit and f'{field.unit}, '}{field.meaning}"
+    yield from ("", "source:")
     for path, entry in entries.items():
         bounds = f"range: {text_of(entry.range)}, " if entry.range else ""
         yield f"  {path}: {{kind: {entry.kind}, {bounds}ref: {_quoted(entry.ref)}}}"
-
-
-def _similar_section(section: str, model: type[Section], written: Mapping[str, SimilarValue]) -> Iterator[str]:
-    yield f"{section}:"
-    for name, field in model.declared().items():
-        value = text_of(written[name].value) if name in written else UNKNOWN
-        is_needless = (section, name[:3]) == ("harmonics", "xi_")  # without an amplitude
-        if name in written or (field.unknown and not is_needless):
-            yield f"{f'  {name}: {value}':<23} # {field.unit and f'{field.unit}, '}{field.meaning}"
 
 
 def _quoted(text: str) -> str:
