@@ -70,6 +70,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
       hdassist measure run.csv --drive my-drive.yaml
       hdassist measure run.csv --ratio 100 --error err_mdeg --drift linear
       hdassist measure run.csv --ratio 99.5 --angle enc1 --second enc2
+      hdassist measure log.csv --joint J1=cam1,out1,100 --joint J2=cam2,out2,160
       zcat run.csv.gz | hdassist measure - --ratio 100 --orders 1-6 --json
       hdassist measure run.csv --drive own.yaml --archive rig1 --serial 17-042
       hdassist measure --history 17-042 --archive rig1
@@ -86,6 +87,7 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
     ratio: float | None = None
     travel: float | None = None
     speed: float | None = None
+    joint: list[str]
     seed: int = 0
 
     def run(self) -> int:
@@ -95,8 +97,9 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
         with out.progress(self.files[0] if self.files else ""):  # words before numpy is imported
             from hdassist.loading.load import load_preset
             from hdassist.measuring.bench import bench_record
+            from hdassist.measuring.measure import LoggedJoint
             from hdassist.measuring.orders import gearing_of
-            from hdassist.pages.measure import bench_report, measure_report, repeats
+            from hdassist.pages.measure import bench_report, joint_lines, measure_report, repeats
             from hdassist.readers.trace import read_record
 
             take = self.archiving(self.files)
@@ -106,9 +109,24 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
             form = self.reading()
             form.require_sound()
             gearing_of(drive, self.ratio)  # a wrong ratio is refused before any file is read
+            joints = [LoggedJoint.of(text) for text in self.joint]
+            if joints and (drive or self.ratio or self.archive):
+                raise UsageError("--joint has the ratio of each", "leave out --ratio, --drive and --archive")
             done: list[Measurement] = []
 
+            def of_joint(name: str) -> Report:
+                file, joint = logged[name]
+                own = replace(form, angle=joint.angle, second=joint.second)
+                how = {"seed": self.seed, "travel_deg": self.travel}
+                done.append(own.measured(file, None, joint.ratio, **how))
+                columns = [f"--angle={joint.angle}", f"--second={joint.second}"]
+                report = measure_report(done[-1], None, [*self.words_of_reading(), *columns], self.speed)
+                values = {"joint": joint.name, **report.values}
+                return replace(report, head=f"joint {joint.name}, {report.head}", about=name, values=values)
+
             def one(name: str) -> Report:
+                if joints:
+                    return of_joint(name)
                 table = read_record(name, form)
                 if record := bench_record(table):
                     if self.archive:
@@ -120,8 +138,10 @@ class MeasureCommand(o.PlotOptions, o.TraceOptions, ArchiveOptions):
                 take(result)
                 return measure_report(result, drive, self.words_of_reading(), self.speed)
 
-            answers = run_each("measure", self.files, one, out, failed=lambda name, e: failure("measure", e, file=name))
-            more, below = repeats(done)
+            logged = {f"{file}: {joint.name}": (file, joint) for file in self.files for joint in joints}
+            names = [*logged] or self.files
+            answers = run_each("measure", names, one, out, failed=lambda name, e: failure("measure", e, file=name))
+            more, below = repeats(done) if not joints else ({}, joint_lines(answers, done))
         return give("measure", answers, out, more=more, below=below)
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import hypot, sqrt
+from math import hypot, isfinite, sqrt
 from typing import Any
 
 import numpy as np
@@ -64,6 +64,7 @@ from hdassist.measuring.range import (
 )
 from hdassist.measuring.residuals import with_lines, with_step, without_spikes
 from hdassist.model.geometry import Array
+from hdassist.plaintext import number_of
 from hdassist.preset.fields import Drive
 from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import MeasuredTrace, TraceForm, read_record, sweeps, trace_of
@@ -514,6 +515,27 @@ def _reversal(up: SweepResult, down: SweepResult) -> Reversal | None:
     above, below = (each.fit.curve(shared) + each.fit.level.mean() for each in (up, down))
     apart = above - below
     return Reversal(float(apart.mean()), float(np.abs(apart - apart.mean()).max()))
+
+
+@dataclass(frozen=True)
+class LoggedJoint:
+    """A joint of a log of several: its name, the columns of its angle and of its second encoder, and its ratio."""
+
+    name: str
+    angle: str
+    second: str
+    ratio: float
+
+    @classmethod
+    def of(cls, text: str) -> LoggedJoint:
+        """Read "J1=cam1,out1,100". Raises UsageError: no such text."""
+        name, _, columns = text.partition("=")
+        parts = columns.rsplit(",", 2)
+        if not name or len(parts) != 3 or not all(parts) or not isfinite(number_of(parts[-1])):
+            hint = "columns of the cam's and the output's encoder, and the ratio: J1=cam1,out1,100"
+            raise UsageError(f"invalid --joint {text}: expected NAME=ANGLE,SECOND,RATIO", hint)
+        gearing_of(None, number_of(parts[-1]))
+        return cls(name, parts[0], parts[1], number_of(parts[-1]))
 
 
 @dataclass(frozen=True)

@@ -311,6 +311,21 @@ def repeats(results: Sequence[Measurement]) -> tuple[Json, list[str]]:
     return {"repeat_runs": found}, [line]
 
 
+def joint_lines(reports: Sequence[Report], results: Sequence[Measurement]) -> list[str]:
+    """F'_ior of the joints of a log in one table."""
+    measured = iter(results)
+    rows = [("joint", "F'_ior, ″", "95 %, ″", "visited, %")]
+    for report in reports:
+        if "joint" not in report.values:
+            continue
+        found = next(measured).directions[0]
+        share = f"{100 * found.coverage.share:.1f}" if found.coverage else NO_VALUE
+        value = f"{'at least ' * found.is_bound}{found.range.value:.2f}"
+        rows.append((str(report.values["joint"]), value, ends_text(found.interval_arcsec), share))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
 _CHECKS = {check.field: check for check in CHECKS}
 
 
