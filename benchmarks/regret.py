@@ -1,4 +1,4 @@
-"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,D2,G,F] [--n 40] [--keep FOLDER]`.
+"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,D2,G,F] [--n 40] [--first 0] [--keep FOLDER]`.
 
 Regret is F'_ior in the hole named over the least of 12 holes, less 1. Hidden drives are none that the preset can be:
 other stiffnesses, flanks, teeth with all orders, order-2 errors, misread values. Holes 0, 4 and 8 are measured, then
@@ -179,12 +179,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", default=",".join(CASES))
     parser.add_argument("--n", type=int, default=40, help="hidden drives of each case")
+    parser.add_argument("--first", type=int, default=0, help="number of the first of them")
     parser.add_argument("--keep", type=Path, help="folder of true values")
     args = parser.parse_args()
     alike = None
     for name in args.cases.split(","):
         case, found = CASES[name], []
-        for seed in range(args.n):
+        for seed in range(args.first, args.first + args.n):
             if case.order_2 is None or alike is None:
                 samples = samples_of(case, seed)
                 alike = samples if case.order_2 is not None else alike
