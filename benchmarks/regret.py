@@ -1,9 +1,10 @@
-"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,D2,G,F] [--n 40] [--first 0] [--keep FOLDER]`.
+"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,D2,G,F] [--n 40] [--first 0]`.
 
 Regret is F'_ior in the hole named over the least of 12 holes, less 1. Hidden drives are none that the preset can be:
 other stiffnesses, flanks, teeth with all orders, order-2 errors, misread values. Holes 0, 4 and 8 are measured, then
 those that the tool names. Beside it: as it stands, the best hole measured, climbing by hand, a sine through the values;
-and each probability as stated beside how often it came true. --keep: a folder where true values are kept.
+and each probability as stated beside how often it came true. --first: number of the first hidden drive; --keep: a
+folder where true values are kept.
 """
 
 from __future__ import annotations
