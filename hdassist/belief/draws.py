@@ -1,7 +1,10 @@
 """Draws of a drive: each solved as far as it agrees with the evidence, and kept for the next command on the same drive.
 
 Stiffness needs some ten states, so a draw that agrees badly with evidence of stiffness goes on to F'_ior by chance
-only, with a probability that its weight is divided by: the sum of weights stays right on average.
+only, with a probability p by which its weight is divided: the sum of weights stays right on average. Of a draw from a
+density q over the prior's, with the likelihood L of all evidence and L_K of stiffness alone,
+
+(1)  weight = L / (q p),  p = min(1, L_K / (KEPT_LIKELIHOOD q))
 
 Kept draws are found by all that they depend on: values of the drive and ranges of its prior, torques, turns, evidence,
 seed, the source of the code that computes them and the machine's instructions, on which the last digits depend. A file
@@ -200,7 +203,8 @@ class Sampling:
         if any(each.figure in STIFFNESS_FIGURES for each in self.evidence):
             figures, of_stiffness = stiffness_figures(drive)
             proof += of_stiffness
-            going_on = min(1.0, float(np.exp(log_likelihood(self.evidence, figures))) / density / KEPT_LIKELIHOOD)
+            of_stiffness_alone = float(np.exp(log_likelihood(self.evidence, figures)))
+            going_on = min(1.0, of_stiffness_alone / density / KEPT_LIKELIHOOD)  # equation (1)
         if chance >= going_on:
             return [Draw(figures=figures, proof=astuple(proof), follows=follows)] * self.alike
         held = {each.figure: (each.M_g, each.rotation_deg) for each in self.measured}

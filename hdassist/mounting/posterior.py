@@ -233,6 +233,7 @@ class HoleSamples:
     def near(self, trials: Sequence[Trial]) -> HoleSamples:
         """These beside curves that no drive made, and of all about LIKELIEST, which the values make likely.
 
+        Trials 3 in docs/theory.md: each is judged by a Student t about its F'_ior, for any one value and for all.
         Kept by chance with a probability that their weight is divided by: the sum of weights stays right on average.
         """
         every, rng = self._with_free_curves(trials) if trials else self, np.random.default_rng([self.seed, 2])
@@ -251,7 +252,7 @@ class HoleSamples:
         return replace(every, weight=(left / left.sum()).reshape(every.weight.shape))
 
     def _with_free_curves(self, trials: Sequence[Trial]) -> HoleSamples:
-        """Samples with curves over the seat that no drive made, in any direction.
+        """Samples with curves over the seat that no drive made, in any direction: Trials 5 in docs/theory.md.
 
         Their level is lognormal about that of the samples, their waves over the seat are as large as those of the
         samples: another drive is as smooth. They are drawn about as high as the values, and weighed for that.
@@ -334,20 +335,21 @@ class HolePosterior:
 def posterior_of(
     samples: HoleSamples, trials: Sequence[Trial], rotations_deg: Sequence[float], kinds: Sequence[ErrorKind] = ()
 ) -> HolePosterior:
-    """Draws of F'_ior in positions [deg] after values, of which there may be none.
+    """Draws of F'_ior in positions [deg] after values, of which there may be none: Trials 4 in docs/theory.md.
 
-    Argument: kinds of error that values may have, all of them without it.
+    A kind of error and a sample are drawn by their likelihood together, then F'_ior given both by equation (1) of
+    belief/evidence.py. Argument: kinds of error that values may have, all of them without it.
     """
     rng, setup = np.random.default_rng(samples.seed), samples.setup
     y, tried = np.array([t.F_ior_arcsec for t in trials]), [t.rotation_deg for t in trials]
     possible, stated, kinds = samples.possible, samples.noise(trials), kinds or error_kinds(len(trials), LOG_NOISES)
     mean, read_error = samples.mean(possible), samples.read_error[setup.M_g]
     likelihoods = log_likelihoods(kinds, samples.at(tried, possible), y, stated, kernel(tried, tried), mean, read_error)
-    weight = softmax(np.log(samples.weight.ravel()[possible]) + likelihoods)
+    weight = softmax(np.log(samples.weight.ravel()[possible]) + likelihoods)  # shape (kinds, places)
     at = np.searchsorted(np.cumsum(weight), (np.arange(POSTERIOR_DRAWS) + 0.5) / POSTERIOR_DRAWS)
     kind, row = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
     places = possible[row]
-    misfit, noise = np.array([(each.misfit, each.noise) for each in kinds])[kind].T
+    misfit, noise = np.array([(each.misfit, each.noise) for each in kinds])[kind].T  # shape (draws,) each
     everywhere = [*rotations_deg, *tried]
     spread = np.array([each.spreads(stated, y) for each in kinds])[kind]
     f, variance = samples.at(everywhere, places), (misfit**2 + read_error**2) * samples.mean(places) ** 2
