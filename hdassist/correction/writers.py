@@ -130,7 +130,8 @@ def stored_table(table: CorrectionTable, controller: ControllerFormat, axis: Con
         return replace(table, error_arcsec=np.round(table.error_arcsec / step) * step, other_direction_arcsec=other)
     played = controller.played(table, axis)
     angle = np.linspace(0, table.period_deg, RESAMPLED_POINTS, endpoint=False)
-    reading = axis.zero_deg + axis.sense * angle / (1 if played.is_of_cam else table.u)
+    turns_as_read = played.is_of_cam or table.turn == "output"
+    reading = axis.zero_deg + axis.sense * angle / (1 if turns_as_read else table.u)
     error = axis.sense * np.interp(reading, played.reading_deg, played.error_arcsec, period=played.period_deg)
     return replace(table, error_arcsec=error)
 
@@ -226,6 +227,43 @@ def _twincat_cnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
         *(f"kw.ssfk.{name} {value}" for name, value in head.items()),
         *(f"kw.ssfk.table[{i}].{name} {value}" for name, values in named.items() for i, value in enumerate(values)),
     ]
+
+
+def _even_setpoints(table: CorrectionTable, axis: ControllerAxis) -> Array:
+    """Even set-points [deg] from the first of a turn, a step from zero on, to the same a turn later."""
+    start = axis.zero_deg % (360 / table.points)
+    return np.linspace(start, start + 360, table.points + 1)
+
+
+def twincat_nc_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrection:
+    """Error taken off at even set-points, straight between."""
+    setpoint = _even_setpoints(table, axis)[:-1]
+    error = error_at_setpoint(table, axis, setpoint)
+    return PlayedCorrection(setpoint - error / 3600, error, 360.0, error)
+
+
+def _twincat_nc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
+    """Even set-points over a turn and what is added to them [deg], an array with its parameters for each direction."""
+    setpoint = _even_setpoints(table, axis)
+    ways = [("Both", 1)] if table.other_direction_arcsec is None else [("Positive", 1), ("Negative", -1)]
+    lines = ["VAR_GLOBAL"]
+    for name, way in ways:
+        added = -error_at_setpoint(table, axis, setpoint, way) / 3600
+        head = (
+            f"MinPosition := {setpoint[0]:.9f}, MaxPosition := {setpoint[-1]:.9f}, NoOfTableElements := {len(setpoint)}"
+        )
+        rows = [
+            f"        (Position := {at:.9f}, Compensation := {value:.9f}),"
+            for at, value in zip(setpoint, added, strict=True)
+        ]
+        lines += [
+            f"    Parameter{name} : ST_PositionCompensationTableParameter := ({head},",
+            f"        Direction := WorkDirection{name}, Modulo := TRUE);",
+            f"    Table{name} : ARRAY[0..{table.points}] OF ST_PositionCompensationTableElement := [",
+            *rows[:-1],
+            f"{rows[-1][:-1]}];",
+        ]
+    return [*lines, "END_VAR"]
 
 
 def _siemens(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
@@ -385,6 +423,11 @@ CONTROLLER_FORMATS = {
     "twincat-cnc": ControllerFormat(
         "TwinCAT CNC", ("output",), _twincat_cnc, "below kopf.* of the axis's compensation list; lr_param.ssfk 1",
         most_points=1497, by_direction=True, step_arcsec=0.36, comment="#",
+    ),
+    "twincat-nc": ControllerFormat(
+        "TwinCAT NC", ("output",), _twincat_nc,
+        "a global variable list; MC_TableBasedPositionCompensation by ADR and SIZEOF of the array, with a high Ramp",
+        by_direction=True, played=twincat_nc_played, comment="//",
     ),
     "siemens-840d": ControllerFormat(
         "SINUMERIK 840D", ("output",), _siemens,

@@ -89,6 +89,22 @@ def twincat_cnc(text, error, positions, direction=1):
     return error(positions - taken) - 3600 * taken
 
 
+def twincat_nc(text, error, positions, direction=1):
+    """MC_TableBasedPositionCompensation: even set-points, straight between, additive, by direction, modulo."""
+    tables = dict(
+        re.findall(r"Table(\w+) : ARRAY\[0\.\.\d+\] OF ST_PositionCompensationTableElement := \[(.*?)\];", text, re.S)
+    )
+    name = "Both" if "Both" in tables else {1: "Positive", -1: "Negative"}[direction]
+    head = re.search(rf"Parameter{name} : ST_PositionCompensationTableParameter := \((.*?)\);", text, re.S)[1]
+    found = dict(re.findall(r"(\w+) := ([-\w.]+)", head))
+    assert found["Direction"] == f"WorkDirection{name}" and found["Modulo"] == "TRUE"
+    place, added = np.array(re.findall(r"Position := ([-\d.]+), Compensation := ([-\d.]+)", tables[name]), float).T
+    assert len(place) == int(found["NoOfTableElements"]) and np.ptp(np.diff(place)) < 1e-6
+    assert [place[0], place[-1]] == [float(found["MinPosition"]), float(found["MaxPosition"])]
+    moved = np.interp(np.mod(positions - place[0], 360) + place[0], place, added)
+    return error(positions + moved) + 3600 * moved
+
+
 def siemens(text, error, positions):
     """$AA_ENC_COMP: even points, straight between, cyclic, added to the actual position that the control reads.
 

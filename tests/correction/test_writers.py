@@ -56,9 +56,10 @@ def text_of(table, kind, axis):
 LOOKUPS = {
     "linuxcnc-1": partial(controllers.linuxcnc, kind=1),
     "twincat-cnc": controllers.twincat_cnc,
+    "twincat-nc": controllers.twincat_nc,
     "siemens-840d": controllers.siemens,
 }
-POINTS = {"linuxcnc-1": 254, "twincat-cnc": 1497, "siemens-840d": 1500}
+POINTS = {"linuxcnc-1": 254, "twincat-cnc": 1497, "twincat-nc": 1500, "siemens-840d": 1500}
 
 
 @pytest.mark.parametrize("u", [10, -9])
@@ -75,7 +76,7 @@ def test_a_file_of_positions_leaves_what_its_table_says(kind, sense, zero_deg, u
 
 
 @pytest.mark.parametrize("sense", [1, -1])
-@pytest.mark.parametrize("kind", ["linuxcnc-1", "twincat-cnc"])
+@pytest.mark.parametrize("kind", ["linuxcnc-1", "twincat-cnc", "twincat-nc"])
 def test_each_direction_has_the_column_of_its_own(kind, sense):
     axis = ControllerAxis("A", sense, 12.5)
     table = table_of("output", 254, 10, by_direction=True)
