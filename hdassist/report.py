@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 Fact: TypeAlias = tuple[str, str]  # a label and a text
 NO_VALUE = "-"  # in a table
-_NUMERIC = re.compile(r"(?:[-+±≤≥<>]+ ?)?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)|-?$")  # how cells of numbers begin
+# how cells of numbers begin; one with a long word, as "2 flexspline", is none
+_NUMERIC = re.compile(r"(?!.*[^\W\d_]{5})(?:[-+±≤≥<>]+ ?)?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)|-?$")
 
 
 UNITS_OF_NAMES = {  # by the end of a name, which is the unit in JSON: unit and format on pages
