@@ -33,17 +33,17 @@ COLUMNS, ROWS = 80, 24
 class Terminal:
     """A process on a pseudo-terminal, and the screen that its user sees."""
 
-    def __init__(self, *args: str, command: Sequence[str] = COMMAND) -> None:
+    def __init__(self, *args: str, command: Sequence[str] = COMMAND, rows: int = ROWS) -> None:
         self.states = tempfile.TemporaryDirectory()
         self._leader, follower = pty.openpty()
-        fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
+        fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", rows, COLUMNS, 0, 0))
         self.before = termios.tcgetattr(follower)
         self._follower = follower
         self.process = subprocess.Popen(
             [*command, *args], stdin=follower, stdout=follower, stderr=follower, close_fds=True,
             start_new_session=True, env=CLEAN | {"TERM": "xterm-256color", "XDG_STATE_HOME": self.states.name},
         )  # fmt: skip
-        self._screen = pyte.Screen(COLUMNS, ROWS)
+        self._screen = pyte.Screen(COLUMNS, rows)
         self._stream = pyte.ByteStream(self._screen)
         self.sent = b""
 
@@ -112,8 +112,8 @@ class Terminal:
 
 
 @contextmanager
-def explorer(*args: str) -> Iterator[Terminal]:
-    terminal = Terminal("explore", TINY, *SETS, *args)
+def explorer(*args: str, rows: int = ROWS) -> Iterator[Terminal]:
+    terminal = Terminal("explore", TINY, *SETS, *args, rows=rows)
     try:
         yield terminal
     finally:
@@ -158,8 +158,8 @@ WHEEL = "\x1b[<65;20;14M"  # of a mouse, a notch down over the middle of the scr
 
 @needs_proc
 def test_the_wheel_scrolls_lists_and_plots_and_a_copied_command_reaches_the_clipboard_over_ssh() -> None:
-    with explorer() as terminal:
-        terminal.wait_for("Turn the rigid wheel")
+    with explorer(rows=20) as terminal:
+        terminal.wait_for("PROVEN")
         for view, first in (("3", "teeth of the flexspline"), ("5", "greatest around each cam turn")):
             terminal.press(view)
             terminal.wait_for(first)
