@@ -130,7 +130,7 @@ def judged(case: Case, seed: int, samples, keep: Path | None):
         if stop is None and advice.next is None:
             stop = count, regret[best]
         if count == MOST:
-            named = None if advice.suspected is None else trials.index(advice.suspected) == wrong
+            named = None if advice.suspected is None else bool(trials.index(advice.suspected) == wrong)
             return rows, stop or (count, regret[best]), regret[0], named
         assert advice.value
         trials.append(measured(round(advice.value.rotation_deg / 30), count))

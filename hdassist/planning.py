@@ -55,7 +55,7 @@ class ReadingPlan:
     def record(cls, cam_turns: float, ratio: float) -> ReadingPlan:
         """A record over turns of the cam, of which there are so many in a turn of the output."""
         name = f"record of {cam_turns:g} cam turn{'s' * (cam_turns != 1)}"
-        return cls(name, round(cam_turns * POINTS_A_TURN), 1 / POINTS_A_TURN / ratio, is_record=True)
+        return cls(name, max(round(cam_turns * POINTS_A_TURN), 2), 1 / POINTS_A_TURN / ratio, is_record=True)
 
     def sees_all(self, output_turns: float) -> bool:
         """Whether no part is left out of so many output turns."""

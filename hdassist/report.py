@@ -173,11 +173,13 @@ class Table:
     heads: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...] = ()
+    named: bool = False  # whether the first column has names, which may be numbers
 
     @property
     def words(self) -> list[int]:
         """Places of the columns of words; the others have numbers, or nothing."""
-        return [k for k, cells in enumerate(zip(*self.rows, strict=True)) if not all(map(_NUMERIC.match, cells))]
+        columns = enumerate(zip(*self.rows, strict=True))
+        return [k for k, cells in columns if (self.named and k == 0) or not all(map(_NUMERIC.match, cells))]
 
     @classmethod
     def by_row(cls, title: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> Table:

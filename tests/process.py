@@ -29,6 +29,7 @@ import typer.main
 
 from hdassist.cli import run_command_line
 from hdassist.run.cache import FOLDER, NO_CACHE
+from tests import answers
 
 SMALL = str(Path(__file__).parent / "data/small.yaml")
 TINY = str(Path(__file__).parent / "data/tiny.yaml")  # for what is said and done, whatever the numbers are
@@ -102,6 +103,7 @@ def run(
             run_command_line()
         except SystemExit as end:
             code = int(end.code or 0)
+    answers.hold(args, _told(out))
     return subprocess.CompletedProcess(["hdassist", *args], code, _told(out), _told(err))
 
 

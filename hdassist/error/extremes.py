@@ -201,7 +201,7 @@ class _Search:
         return hills_of(up, down, lambda place: self._map.to_lattice(place * step)).and_these(crests), known
 
     def _crests(self, value: Array, by_b: Array, by_g: Array, share: Array) -> Hills:
-        """Places between states of the grid where a mesh zone lets go, and what the higher tangent has there.
+        """Places between states of the grid where a mesh zone lets go, and the height of the upper tangent.
 
         Arguments: those of between_states; share of the torque that one zone takes, shape (drives, n, n).
         """
@@ -232,7 +232,7 @@ class _Search:
 
 
 def between_states(value: Array, by_b: Array, by_g: Array) -> tuple[Array, Array]:
-    """What the error may be between states of a grid, at most and at least, shape (drives, k, l), k = SPLINE_POINTS n.
+    """Bounds of the error between states of a grid, upper and lower, shape (drives, k, l), k = SPLINE_POINTS n.
 
     Cubic splines; where the tangents of all four states around a place reach beyond them, those, and a share of what
     any of them reaches. Arguments: value of the states and its slopes by a step of the grid along either wheel, shape

@@ -37,7 +37,7 @@ TO_X1 = np.pi / 2  # directions of deviations count from x1, the minor axis: the
 
 @dataclass(frozen=True)
 class StateGaps:
-    """What the gaps without force of states have beyond those of a drive without deviations.
+    """Gaps without force of states beyond those of a drive without deviations.
 
     scalars [mm], shape (states, scalars), of the deviations, in the order of the columns of the deviation map, of which
     the last may be left out where they are 0; at_flanks [mm], shape (states, flank candidates), of measured teeth, the

@@ -92,7 +92,7 @@ class Verification:
 
 @dataclass(frozen=True, eq=False)
 class Advice:
-    """In which hole to mount the fixed wheel, how sure that is, and what measuring would bring.
+    """The hole in which to mount the fixed wheel, how sure that is, and the gain of further measurements.
 
     decision, over samples of all that is not known; curve, of the drive as the preset has it with unknown deviations as
     0, none where holes were measured; samples of the belief; setup, how holes are measured, trials, measured values,

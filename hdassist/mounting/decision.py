@@ -1,4 +1,4 @@
-"""A decision among holes of the fixed wheel: expected loss, how sure it is, and what one more measured value brings.
+"""A decision among holes of the fixed wheel: expected loss, how sure it is, and the value of one more measurement.
 
 All of it is read off weighted samples of F'_ior in each hole, before any measured value or after some. An action is
 always named: a wheel has to go into some hole.
@@ -267,7 +267,7 @@ def value_of_measurement(
     first: Sequence[float] = (),
     seed: int = 0,
 ) -> MeasurementValue:
-    """The hole whose value is expected to bring most, and what that and further values bring; no nested solving.
+    """The hole whose value is expected to bring most, and the gain of that and of further values; no nested solving.
 
     For each hole OUTCOMES values that may be measured there reweigh the samples, and the hole of least loss is chosen
     anew. One value is played through with each of LOOKED_AT samples as the true drive, further ones with FUTURES of
@@ -306,8 +306,8 @@ def value_of_measurement(
         for step in range(steps if truth in further else 1):
             place = following[step] if step < len(following) else int(candidates[np.argmax(gains(weights))])
             off_by = (F_ior[truth, place] + noise[truth] * rng.standard_normal() - F_ior[:, place]) / noise
-            log = -0.5 * off_by**2 - np.log(noise)
-            weights *= np.exp(log - log[weights > 0].max())
+            log = np.where(weights > 0, -0.5 * off_by**2 - np.log(noise), -np.inf)
+            weights *= np.exp(log - log.max())
             weights /= weights.sum()
             expected.append(served_arcsec[truth, np.argmin(weights @ losses)])
         every.append(expected)

@@ -225,7 +225,7 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
         verdict=", ".join(counts),
         why=(why,),
         blocks=(
-            Table("", ("drive", "verdict", "decided by"), drives),
+            Table("", ("drive", "verdict", "decided by"), drives, named=True),
             Facts.of(_lot_facts(answers)),
         ),
         details=(Facts((("version", __version__), ("lot", f"{lot.file}, sha256 {lot.sha256[:12]}"))),),

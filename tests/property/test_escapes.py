@@ -44,7 +44,8 @@ STEERING = "\x1b]0;owned\x07\x1b[2J\u202e\u2066\u200b\x7f\x9b31m\u2028=1"
 LETTERS = st.sampled_from(SURROGATES.sub("", EVERY_HIDDEN) + "=+-@[]/|<&\"' ab1Жµ")
 WORDS = st.text(LETTERS, min_size=1, max_size=12)
 STATED = ("--measured-only", "--value", "F_ior@1=20±1", "--limit", "F_ior@1=30")
-COLOURS = re.compile(r"\x1b\[[0-9;]*m")  # what rich writes round our own words
+# what rich writes round our own words, and where a bar on stderr begins and goes
+COLOURS = re.compile(r"\x1b\[([0-9;]*m|\?25[lh])|\r(\x1b\[1A)?\x1b\[2K")
 TRACE = "".join(f"{6 * step},{10 * math.sin(math.radians(12 * step)):.3f}\n" for step in range(150))
 
 
