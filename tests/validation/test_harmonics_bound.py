@@ -76,6 +76,7 @@ CASES = [
         "within the accuracy, least of all sizes", "%", SOURCE, 90, 100,
         why="95 %, less what 64 drives leave open", kind=Kind.CHECK, digits=".0f",
         value=lambda: min(kept(size) for size in SIZES), slow=True,
+        miss="of 64 drives of size 20 seven do not keep it since clearances follow the diameter: bounds a little wide",
     ),
     Case(
         "size 20, harmonics×2", "%", SOURCE, 0, 50,
@@ -86,6 +87,7 @@ CASES = [
         "size 65, teeth as in size 20 by angle, 95 %", "arcsec", SOURCE, 30, 60,
         why="from what is sold on request to what all keep", kind=Kind.CHECK, digits=".0f",
         value=lambda: float(np.percentile(F_ior_drawn(65, COUNT, IN_ANGLE, IN_ANGLE), 95)), slow=True,
+        miss="teeth as coarse by angle as those of size 20 leave a twentieth of the drives beyond 60″",
     ),
 ]  # fmt: skip
 
