@@ -126,7 +126,7 @@ def judged(k: int, given: Input, folder: Path, *, solves: bool) -> Outcome:
     signal.setitimer(signal.ITIMER_PROF, (20 if solves else 2) * MOST_SECONDS)  # ends a process that hangs
     room, begun = _memory("VmRSS", fresh=True), time.process_time()
     with ExitStack() if solves else unsolved():
-        done = run(*given.args, cwd=folder)
+        done = run(*given.args, cwd=folder, held=False)
     seconds, megabytes = time.process_time() - begun, _memory("VmHWM") - room
     signal.setitimer(signal.ITIMER_PROF, 0)
     said = done.stdout + done.stderr
