@@ -43,6 +43,7 @@ ALL_HIDDEN = 0.5  # share of drives of whose error noise hides less than it may,
 MEDIAN_DEVIATION = 0.6745  # of a normal number
 SIZE_STEP, SIZE_ROUNDS = 4.0, 50  # of mean squares of lines
 LEAST_POWER = 1e-12  # arcsec^2
+# the least was fitted: the smallest of four at which the promises of two records of part of a cycle hold, not derived
 LEAST_MISFIT, FIRST_MISFIT, MOST_MISFIT = 0.025, 0.1, 0.15  # of the error, root mean square
 FITS = 2  # the second by the misfit of the first, and with what lines leave of its drive's solved cycle
 MISFITS_A_TURN = 24  # of the cam: independent numbers of a misfit of orders up to 12
