@@ -119,11 +119,6 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
     )
 
 
-def _details(answer: AcceptAnswer, predictions: Predictions | None) -> Iterator[Block]:
-    """What it would take, and all grounds."""
-    if predictions:
-        yield possible_steps(predictions).table
-    yield Facts.of(_more_facts(answer, predictions))
 
 
 def _more_facts(answer: AcceptAnswer, predictions: Predictions | None) -> Iterator[Fact]:
