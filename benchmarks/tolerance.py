@@ -86,7 +86,7 @@ def compare(task: tuple[str, Production, int, int]) -> list[Drawn]:
             best = [e - v for e, v in zip(every_state(turned), record.best_F_ior_arcsec, strict=True)]
             searches = [ErrorMap(drive, M_g) for M_g in made.torques]
             all_ = np.array([[s.extremes(rotated(drive, r)).first for r in made.rotations] for s in searches])
-            values = merit(all_, all_[:, 0])
+            values = merit(all_, all_.mean(axis=1))
             loss = float(values[made.rotations.index(best_deg)] / values.min() - 1)
         found.append(Drawn(case, k, exact, missed, best, loss))
     return found

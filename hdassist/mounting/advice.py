@@ -304,8 +304,7 @@ def advise(
     count = len(measured_errors(drive))
     shown = found if count else as_measured(found, seed=run.seed)
     torque = min(range(len(torques)), key=lambda k: (torques[k] != setup.M_g, abs(torques[k])))
-    at_torque = shown.F_ior_arcsec[torque], shown.now_arcsec[torque]
-    return replace(advice, value=_value(shown, at_torque, None, setup, count, run.seed))
+    return replace(advice, value=_value(shown, shown.F_ior_arcsec[torque], None, setup, count, run.seed))
 
 
 def advise_after(
@@ -348,8 +347,7 @@ def advise_after(
         others = sorted({*torques, *other_torques} - {*whole.F_ior_by_torque})
         if not likelier and others and after.by_values > UNSHOWN_VALUES:
             likelier = likelier_torque(hole_samples(drive, others, setup, effort=effort, run=run), every)
-    F_ior = after.F_ior_arcsec
-    value = _value(found, (F_ior[:, :-1], F_ior[:, -1]), noise, setup, len(every), run.seed)
+    value = _value(found, after.F_ior_arcsec[:, :-1], noise, setup, len(every), run.seed)
     advice = Advice(
         drive, found, setup=setup, trials=every, after=after, value=value, likelier_torque=likelier,
         unknown=unknowns(drive), open_=tuple(each.path for each in prior_of(drive).fields), sure=sure, worth=worth,
@@ -359,18 +357,18 @@ def advise_after(
 
 def _value(
     decision: Decision,
-    at_torque: tuple[Array, Array],
+    at_torque: Array,
     noise: Array | None,
     setup: TrialSetup,
     count: int,
     seed: int,
 ) -> MeasurementValue | None:
-    """What values beside so many bring; None of one hole. at_torque: F'_ior in the holes and at 0, where they are."""
+    """What values beside so many bring; None of one hole. at_torque: F'_ior in the holes, where values are measured."""
     if len(decision.rotations_deg) < 2:
         return None
     noise = np.full(len(decision.sample_weights), setup.noise_arcsec) if noise is None else noise
     steps, first = (3, ()) if count else (FORESEEN_VALUES, _thirds(decision.rotations_deg))
-    return value_of_measurement(decision, *at_torque, noise, steps=steps, first=first, seed=seed)
+    return value_of_measurement(decision, at_torque, noise, steps=steps, first=first, seed=seed)
 
 
 def _verified(advice: Advice, outcome: Trial) -> Verification:

@@ -124,8 +124,12 @@ class Decision:
 
     @cached_property
     def served(self) -> Array:
-        """F'_ior in each hole over that at rotation 0, at the torque served worst, shape (samples, holes)."""
-        return np.asarray((self.F_ior_arcsec / np.maximum(self.now_arcsec[:, :, None], NO_ERROR)).max(axis=0))
+        """F'_ior in each hole over the mean of all holes, at the torque served worst, shape (samples, holes).
+
+        The mean is the same wherever the wheel stands, so that no hole is preferred for being the present one.
+        """
+        mean = self.F_ior_arcsec.mean(axis=2, keepdims=True)
+        return np.asarray((self.F_ior_arcsec / np.maximum(mean, NO_ERROR)).max(axis=0))
 
     @cached_property
     def losses(self) -> Array:
@@ -143,8 +147,8 @@ class Decision:
         return np.average(self.losses < GOOD, axis=0, weights=self.sample_weights)
 
     def gains(self, place: int) -> Array:
-        """Share of F'_ior at rotation 0 that a hole takes off at the torque served worst, shape (samples,)."""
-        return np.asarray(1 - self.served[:, place])
+        """Share of F'_ior at rotation 0 that a hole takes off at every torque at least, shape (samples,)."""
+        return np.asarray((1 - self.F_ior_arcsec[:, :, place] / np.maximum(self.now_arcsec, NO_ERROR)).min(axis=0))
 
     def is_better(self, place: int) -> NDArray[np.bool_]:
         """Whether a hole is better than staying by more than a turn has to earn, shape (samples,)."""
@@ -260,7 +264,6 @@ class MeasurementValue:
 def value_of_measurement(
     decision: Decision,
     measured_arcsec: Array,
-    now_arcsec: Array,
     noise_arcsec: Array,
     *,
     steps: int = 3,
@@ -272,13 +275,12 @@ def value_of_measurement(
     For each hole OUTCOMES values that may be measured there reweigh the samples, and the hole of least loss is chosen
     anew. One value is played through with each of LOOKED_AT samples as the true drive, further ones with FUTURES of
     them, each taken where it is expected to bring most. Arguments: measured_arcsec, F'_ior in the holes at the torque
-    of the values, shape (samples, holes), and now_arcsec, at rotation 0, shape (samples,); noise_arcsec, standard
-    deviation of a value, shape (samples,); steps, further values; first, rotations [deg] that are measured in any case
-    before others.
+    of the values, shape (samples, holes); noise_arcsec, standard deviation of a value, shape (samples,); steps, further
+    values; first, rotations [deg] that are measured in any case before others.
     """
     rng, rows = np.random.default_rng(seed), even_rows(decision.sample_weights, LOOKED_AT)
     losses, noise, F_ior = decision.losses[rows], noise_arcsec[rows], measured_arcsec[rows]
-    served_arcsec = decision.served[rows] * now_arcsec[rows, None]  # of one torque F'_ior itself
+    served_arcsec = decision.served[rows] * F_ior.mean(axis=1, keepdims=True)  # of one torque F'_ior itself
     count = F_ior.shape[1]
     candidates = np.linspace(0, count, min(count, MOST_CANDIDATES), endpoint=False).astype(int)
     off = rng.permutation(ndtri((np.arange(LOOKED_AT) + 0.5) / LOOKED_AT))

@@ -115,16 +115,16 @@ class MountingCurve:
     @property
     def ranked(self) -> list[Position]:
         """The usable positions, best first."""
-        order = np.argsort(merit(self.F_ior_arcsec, self.F_ior_arcsec[:, 0]), kind="stable")
+        order = np.argsort(merit(self.F_ior_arcsec, self.F_ior_arcsec[:, self.usable].mean(axis=1)), kind="stable")
         return [self.at(place) for place in order[self.usable[order]].tolist()]
 
 
 NO_ERROR = 1e-9  # arcsec: a drive without deviations has less
 
 
-def merit(F_ior: Array, now: Array) -> Array:
-    """Greatest over the torques of F'_ior, shape (torques, ...), against now, shape (torques,); shape (...,)."""
-    return np.asarray(np.max(np.moveaxis(F_ior, 0, -1) / np.maximum(now, NO_ERROR), axis=-1))
+def merit(F_ior: Array, scale: Array) -> Array:
+    """Greatest over the torques of F'_ior, shape (torques, ...), over a scale, shape (torques,); shape (...,)."""
+    return np.asarray(np.max(np.moveaxis(F_ior, 0, -1) / np.maximum(scale, NO_ERROR), axis=-1))
 
 
 def hole_of(rotation_deg: float, holes: int) -> int | None:

@@ -23,7 +23,7 @@ from hdassist.pages.check import fitted_words, influence_at, possible_steps
 from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive
 from hdassist.preset.text import convert, shown
-from hdassist.report import NO_VALUE, Block, Fact, Facts, Quantities, Quantity, Report, Table, four_digits
+from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table, four_digits
 from hdassist.terminal.output import csv_text, together
 from hdassist.terminal.words import WHEEL_WORDS, again, samples_words
 from hdassist.verdict import SEVERITY, percent_text, worst_exit_code
@@ -117,8 +117,6 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
         warnings=answer.warnings,
         exit_code=answer.exit_code,
     )
-
-
 
 
 def _more_facts(answer: AcceptAnswer, predictions: Predictions | None) -> Iterator[Fact]:

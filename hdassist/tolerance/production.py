@@ -334,5 +334,5 @@ class Production:
     def _merit(self, F_ior: Array) -> Array:
         """Figure of merit of each position, least in the best one, shape (rotations,)."""
         if self.limits is None:
-            return merit(F_ior, F_ior[:, 0])
+            return merit(F_ior, F_ior.mean(axis=1))
         return merit(F_ior, np.array([np.inf if limit is None else limit for limit in self.limits]))

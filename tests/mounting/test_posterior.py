@@ -131,7 +131,7 @@ def test_more_values_make_it_surer_and_the_next_one_brings_what_is_foreseen(clou
     sure = [decision.probability_good[decision.best] for decision in (one, three, six)]
     assert sure == sorted(sure)
     F_ior, noise = draws.F_ior_arcsec, draws.noise * cloud.setup.noise_arcsec
-    found = value_of_measurement(three, F_ior[:, :-1], F_ior[:, -1], noise, steps=1)
+    found = value_of_measurement(three, F_ior[:, :-1], noise, steps=1)
     now, foreseen = found.F_ior_arcsec
     assert foreseen < now == pytest.approx(three.F_ior_arcsec[0, :, three.best].mean(), rel=0.03)
     # what is foreseen of the next value is what comes of it, over values that may be measured there
