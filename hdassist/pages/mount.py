@@ -195,21 +195,26 @@ def next_value_words(advice: Advice) -> str:
     if not value or not advice.setup:
         return ""
     (count, now), *later = worths
-    torque = f"at {advice.setup.M_g:g} N·m"
+    torque, several = f"at {advice.setup.M_g:g} N·m", len(advice.torques) > 1
+
+    def brought(F_ior: float, *, new: bool = True) -> str:
+        """F'_ior then; of several torques what of it is saved, as the hole serves all of them."""
+        if several:
+            return f"{100 * max(1 - F_ior / now, 0.0):.1f} %" + " less F'_ior" * new
+        return f"{now:.1f} → {F_ior:.1f}″" if new else f"{F_ior:.1f}"
+
     if not count:
         after = dict(later)
-        gain = f"{now:.1f} → {after[FEWEST_VALUES]:.1f}″ is expected with four values, {after[6]:.1f} with six"
         if not advice.next:
-            brought = f"six values are expected to bring {max(now - after[6], 0):.1f} of {now:.1f}″"
-            return f"Measuring is not worth it: {brought}."
+            return f"Measuring is not worth it: {brought(after[6])} is expected with six values."
         holes = ", ".join(hole_place(p) for p in advice.to_try)
+        gain = f"{brought(after[FEWEST_VALUES])} is expected with four values, {brought(after[6], new=False)} with six"
         return f"To do better, measure F'_ior {torque} in {holes}, then where this command says: {gain}."
     one, three = (F_ior for _, F_ior in later)
     if not advice.next:
-        share = 100 * max(value.gain_arcsec, 0.0) / now
-        return f"Stop measuring: one more value is expected to bring {max(value.gain_arcsec, 0):.1f}″ ({share:.1f} %)."
+        return f"Stop measuring: {brought(one)} is expected with one more value."
     again_ = " again" if any(t.rotation_deg == advice.next.rotation_deg for t in advice.trials) else ""
-    gain = f"{now:.1f} → {one:.1f}″ is expected {torque}, {three:.1f} after three more"
+    gain = f"{brought(one)} is expected, {brought(three, new=False)} after three more"
     return f"Measure {hole_place(advice.next)}{again_} next: {gain}."
 
 
