@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from hdassist.report import Report
 from hdassist.run.stops import at_stop
 from hdassist.terminal import options as o
 from hdassist.terminal.output import Output, csv_text, failure, give, note, run_each, warn
-from hdassist.terminal.streams import write_text
+from hdassist.terminal.streams import write_parquet, write_text
 
 if TYPE_CHECKING:
     from hdassist.design.sweep import Sweep, SweepRow
@@ -142,7 +142,7 @@ JSON_ROWS = 100_000  # that --json holds in memory, at most
 
 
 @dataclass(frozen=True, kw_only=True)
-class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
+class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
     """F'_ior over a grid of values of any numeric fields of a preset, row by row.
 
     \b
@@ -156,7 +156,7 @@ class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
     A row is a point of the grid at one torque: that of the row where operation.M_g is varied, else each of the preset.
     In a pipe rows come as CSV, as they are computed; --csv FILE writes them to a file. -o FILE.jsonl keeps them as JSON
     Lines: when a run was stopped, the same command goes on behind the last row that is there. A row without an answer
-    stays, with its reason; the exit code is 0 where any row has one.
+    stays, with its reason; the exit code is 0 where any row has one. --parquet FILE writes the table once it is whole.
     """
 
     preset: str
@@ -196,6 +196,9 @@ class SweepCommand(o.PlotOptions, o.LoadedDriveOptions):
                 swept = collect(sweep, drive, _printed(rows, sweep) if streamed else rows)
             if out.csv not in (None, "-"):
                 out.figures(csv_text(columns(sweep), map(cells, results.records())))
+            if self.parquet is not None:
+                kinds = {column: str if column == "reason" else float for column in columns(sweep)}
+                write_parquet(self.parquet, kinds, map(cells, results.records()), asdict(owner), self.force)
             if file is not None:
                 results.require_there()
                 note(f"wrote {file}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Literal
@@ -14,6 +14,7 @@ from hdassist.report import Report
 from hdassist.run.stops import at_stop, until_interrupted
 from hdassist.terminal import options as o
 from hdassist.terminal.output import Output, ProgressBar, note
+from hdassist.terminal.streams import write_parquet
 
 if TYPE_CHECKING:
     from hdassist.belief.samples import Samples
@@ -77,7 +78,7 @@ def require_limits(drive: Drive) -> list[float]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ToleranceCommand(o.PlotOptions, DrawOptions):
+class ToleranceCommand(o.RowsOptions, DrawOptions):
     """Yield of random drives inside their tolerances, as built and with each fixed wheel in its best hole.
 
     \b
@@ -93,8 +94,8 @@ class ToleranceCommand(o.PlotOptions, DrawOptions):
     zero and the preset's tolerance, others are drawn as check draws them, directions are any, clearances with a ± lie
     around their value. So the yield is a range over the designs; with --yield the verdict is PASS where the probability
     of reaching it is at least --sure, FAIL where it is at most 1 less that. With --results FILE every drive is kept,
-    and the same command goes on where a stopped one has ended. Exit codes: 0 done or PASS, 3 FAIL, 6 INCONCLUSIVE, 4
-    bad preset, 5 no trustworthy answer, 130 stopped.
+    and the same command goes on where a stopped one has ended; --parquet FILE writes them as a table at the end. Exit
+    codes: 0 done or PASS, 3 FAIL, 6 INCONCLUSIVE, 4 bad preset, 5 no trustworthy answer, 130 stopped.
     """
 
     preset: str
@@ -108,7 +109,7 @@ class ToleranceCommand(o.PlotOptions, DrawOptions):
     def report(self, out: Output, preset: str) -> Report:
         """Random drives of a preset."""
         from hdassist.error.cycle import self_error
-        from hdassist.pages.tolerance import tolerance_report
+        from hdassist.pages.tolerance import drive_table, tolerance_report
         from hdassist.run.kept import KeptOwner, open_kept
         from hdassist.run.run import stream
         from hdassist.tolerance.production import Production
@@ -158,7 +159,9 @@ class ToleranceCommand(o.PlotOptions, DrawOptions):
                     kept.append(records)
                     summary.add(records)
                     progress(len(records))
-            interrupted = kept.done < count
+            if not (interrupted := kept.done < count) and self.parquet is not None:
+                kinds, rows = drive_table(production, islice(kept.records(), count))
+                write_parquet(self.parquet, kinds, rows, asdict(owner), self.force)
         if not summary.count:
             if interrupted:
                 raise KeyboardInterrupt

@@ -1,8 +1,9 @@
 """Random drives as reports: yield and F'_ior, the tolerance to tighten first, the cheapest tolerances for a yield."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from hdassist.belief.statistics import shares_below
 from hdassist.json_parts import Json, attributes, influence_objects, measure_objects, objects, samples_object
 from hdassist.report import Curve, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
 from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words, named, probability_words
-from hdassist.tolerance.production import TIGHTER_STEP, ProductionLaw, TolerancedSize
+from hdassist.tolerance.production import TIGHTER_STEP, Production, ProductionLaw, RandomDrive, TolerancedSize
 from hdassist.tolerance.tightening import Allocation, Allocator, Sensitivities, Tightened, to_measure
 from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief
 from hdassist.verdict import Verdict
@@ -114,6 +115,28 @@ def tolerance_report(
         warnings=(*law_warnings(law), *_few(law, summary)),
         exit_code=130 if interrupted else summary.verdict.exit_code,
     )  # fmt: skip
+
+
+def drive_table(
+    production: Production, records: Iterable[RandomDrive]
+) -> tuple[dict[str, type], Iterator[tuple[Any, ...]]]:
+    """Random drives as a table: the type of each column by its name, and a row a drive, None where it has no value."""
+    torques = [repr(M_g).removesuffix(".0") for M_g in production.torques]
+    F_ior = [f"{which}F_ior_arcsec@{M_g}" for which in ("", "best_") for M_g in torques]
+    drawn = [field.path for field in production.law.joint.fields]
+    floats, none = (*F_ior, "best_rotation_deg", "max_residual"), [None] * len(torques)
+    kinds = {"drive": int, "design": int, "weight": float, **dict.fromkeys(floats, float), "refused": str}
+    rows = (
+        (
+            *(number, record.design, record.weight),
+            *(record.F_ior_arcsec or none),
+            *(record.best_F_ior_arcsec or none),
+            *(record.best_rotation_deg, record.max_residual, record.refused),
+            *map(record.values.get, drawn),
+        )
+        for number, record in enumerate(records)
+    )
+    return kinds | dict.fromkeys(drawn, float), rows
 
 
 def _drawn(law: ProductionLaw, seed: int) -> str:

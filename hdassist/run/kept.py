@@ -283,6 +283,10 @@ def _locked(path: str | None, patience: float = LOCK_PATIENCE) -> int:
     if path is None:
         with _writing(path), tempfile.TemporaryFile() as file:
             return os.dup(file.fileno())
+    if path.endswith(".parquet"):
+        raise UsageError(
+            f"{path} would take JSON Lines", "keep work in FILE.jsonl; --parquet FILE writes a table of it"
+        )
     if is_there(path) and not is_file(path):
         raise DataError(f"{path} is no file that work can be kept in", "name a file")
     begun = time.monotonic()

@@ -24,7 +24,7 @@ from hdassist.files import is_written
 from hdassist.plaintext import number_of
 from hdassist.report import Report
 from hdassist.terminal.output import Output, failure, give, json_text, note, run_each
-from hdassist.terminal.streams import PIPE_WIDTH, Style, take_output, write_text
+from hdassist.terminal.streams import PIPE_WIDTH, Style, require_parquet, take_output, write_text
 
 if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
@@ -107,7 +107,7 @@ class PageOptions(OptionGroup):
 
         alike = {field.name for field in fields(Output)} & vars(self).keys()  # options that an Output has too
         options = {name: getattr(self, name) for name in alike}
-        for path in (self.answer_file, options.get("csv")):
+        for path in (self.answer_file, options.get("csv"), getattr(self, "parquet", None)):
             if path is not None:
                 take_output(path, self.replaces(path))
         style = Style.of(sys.stdout, ascii=self.ascii, no_color=self.no_color)
@@ -156,6 +156,19 @@ class PlotOptions(FigureOptions):
 
     plot: bool = True
     details: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowsOptions(PlotOptions):
+    """How an answer from many records is given."""
+
+    parquet: str | None = None
+
+    def open(self) -> Output:
+        """Where the answer goes; also refuses a table of records for which a package is not installed."""
+        if self.parquet is not None:
+            require_parquet(self.parquet)
+        return super().open()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from importlib.util import find_spec
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
@@ -185,6 +188,49 @@ def write_text(path: str, text: str, force: bool) -> None:
         claim_output(path)
     require_writable(path, force)
     put_text(path, text)
+    say(f"wrote {path}")
+
+
+PARQUET_ROWS = 100_000  # that are held in memory at a time
+
+
+def require_parquet(path: str) -> None:
+    """Raise UsageError where the package that writes Parquet is not installed, or no file is named for it."""
+    if not find_spec("pyarrow"):
+        words = "--parquet needs a package that is not installed: pyarrow"
+        raise UsageError(words, "pip install 'hdassist[parquet]'")
+    if path == "-" or _is_device(Path(path)):
+        raise UsageError("--parquet writes a file, no stream", "--parquet FILE")
+
+
+def write_parquet(
+    path: str, columns: Mapping[str, type], rows: Iterable[Sequence[Any]], owner: Mapping[str, Any], force: bool
+) -> None:
+    """Write a table as Parquet, and "wrote FILE" on standard error.
+
+    Arguments: path; columns, the type of each by its name; rows, None where a cell is empty; owner, all that decides
+    them, in the table's metadata as "hdassist"; force, whether an existing file may be replaced.
+    Raises UsageError: the file exists; DataError: it cannot be written. Then no file has changed.
+    """
+    import pyarrow
+    from pyarrow.parquet import ParquetWriter
+
+    types = {float: pyarrow.float64(), int: pyarrow.int64(), str: pyarrow.string()}
+    named = [(name, types[kind]) for name, kind in columns.items()]
+    schema = pyarrow.schema(named, {"hdassist": json.dumps(owner)})
+    require_writable(path, force)
+    left = iter(rows)
+    try:
+        with (
+            in_place_of(path) as beside,
+            at_stop(partial(beside.unlink, missing_ok=True)),
+            ParquetWriter(beside, schema) as writer,
+        ):
+            while chunk := list(islice(left, PARQUET_ROWS)):
+                cells = map(pyarrow.array, zip(*chunk, strict=True), schema.types)
+                writer.write_table(pyarrow.Table.from_arrays(list(cells), schema=schema))
+    except OSError as error:
+        raise _unwritable(path, error.strerror or str(error)) from None
     say(f"wrote {path}")
 
 

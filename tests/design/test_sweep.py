@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pyarrow import parquet
 from pydantic import ValidationError
 
 from hdassist import load_preset
@@ -24,6 +25,7 @@ from hdassist.design.sweep import Sweep, collect, read_axes
 from hdassist.errors import DataError
 from hdassist.preset.library import read_preset
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept
+from hdassist.terminal import streams
 from tests.process import CLEAN, COMMAND, SMALL, ends, run, run_cold
 
 needs_proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
@@ -128,6 +130,60 @@ def test_rows_of_two_fields(tmp_path):
     assert "no answer 2 of 4 rows; the first: gears.x_b:" in words
     assert f"next hdassist check {SMALL} --torque=4 --set tolerances.e_hb=30 --set gears.x_b=1.6 " in words
     assert [row["gears.x_b"] for row in in_csv] == ["1.6", "4.0"] * 2
+
+
+def test_parquet_has_what_csv_has_and_is_written_of_the_rows_that_are_kept(tmp_path):
+    command = (
+        "sweep",
+        SMALL,
+        "--vary",
+        "gears.x_b=1.6,1.8,4",
+        "--torque",
+        "4",
+        "--jobs",
+        "1",
+        "-o",
+        "rows.jsonl",
+        "-q",
+    )
+    asked = run(*command, "--csv", "rows.csv", "--parquet", "rows.parquet", cwd=tmp_path)
+    assert asked.returncode == 0, asked.stderr
+    table = parquet.read_table(tmp_path / "rows.parquet")
+    whole, in_csv = table.to_pylist(), list(csv.DictReader(io.StringIO((tmp_path / "rows.csv").read_text())))
+    assert [{key: "" if cell is None else str(cell) for key, cell in row.items()} for row in whole] == in_csv
+    assert [field.type for field in table.schema] == ["double"] * 4 + ["string"]
+    owner, *kept = (json.loads(line) for line in (tmp_path / "rows.jsonl").read_text().splitlines())
+    assert json.loads(table.schema.metadata[b"hdassist"]).items() <= owner.items()
+    (tmp_path / "rows.jsonl").write_bytes(b"".join((tmp_path / "rows.jsonl").read_bytes().splitlines(True)[:3]))
+    again = run(*command, "--parquet", "again.parquet", cwd=tmp_path)
+    assert (again.returncode, again.stderr) == (0, "wrote again.parquet\nwrote rows.jsonl\n")
+    assert (tmp_path / "again.parquet").read_bytes() == (tmp_path / "rows.parquet").read_bytes()
+    assert len(kept) == len(whole)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (("-o", "rows.parquet"), "rows.parquet would take JSON Lines"),
+        (("--parquet", "-"), "--parquet writes a file, no stream"),
+        (("--parquet", "/dev/null"), "--parquet writes a file, no stream"),
+        (("--parquet", "there.parquet"), "there.parquet exists"),
+        (("-o", "a", "--parquet", "a"), "a is to take two answers"),
+    ],
+)
+def test_a_table_that_cannot_be_written_is_refused_before_any_work(tmp_path, more, words):
+    (tmp_path / "there.parquet").write_text("")
+    done = run("sweep", SMALL, *GRID, *more, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert words in done.stderr
+
+
+def test_without_its_package_parquet_is_refused_with_the_command_that_installs_it(monkeypatch):
+    monkeypatch.setattr(streams, "find_spec", lambda _: None)
+    done = run("sweep", SMALL, *GRID, "--parquet", "rows.parquet")
+    assert done.returncode == 2
+    assert "--parquet needs a package that is not installed: pyarrow" in done.stderr
+    assert "pip install 'hdassist[parquet]'" in done.stderr
 
 
 def test_without_any_answer_the_exit_code_is_that_of_the_rows():

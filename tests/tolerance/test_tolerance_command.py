@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from pyarrow import parquet
 
 from hdassist.errors import UntrustedError
 from tests.process import CLEAN, COMMAND, TINY, run
@@ -177,6 +178,18 @@ def test_figures_have_a_row_a_torque_and_way() -> None:
         ["4.0", "best of 12"],
     ]
     assert header[-1] == "yield"
+
+
+def test_parquet_has_the_drives_that_are_kept(kept: Path, tmp_path: Path) -> None:
+    file = tmp_path / "drives.parquet"
+    drawn = ("-n", "12", "--torque", "1", "--jobs", "1", "--results", str(kept))
+    done = run("tolerance", TINY, *drawn, "--parquet", str(file), "-q")
+    assert done.returncode == 0, done.stderr
+    records = [json.loads(line) for line in kept.read_text().splitlines()[1:]]
+    for number, (row, record) in enumerate(zip(parquet.read_table(file).to_pylist(), records, strict=True)):
+        assert (row["drive"], row["F_ior_arcsec@1"]) == (number, record["F_ior_arcsec"][0])
+        assert row["best_F_ior_arcsec@1"] == record["best_F_ior_arcsec"][0]
+        assert {path: row[path] for path in record["values"]} == record["values"]
 
 
 @pytest.mark.parametrize(
