@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from operator import call
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from hdassist.model.deviations import MeasuredTeeth, ToothDeviations
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, unknowns
 from hdassist.preset.fields import Drive
-from hdassist.run.run import CROSS_SOLVER, Run, apart
+from hdassist.run.run import CROSS_SOLVER, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.through_cvxpy import CrossCheck, require_solver
 from hdassist.verdict import SURE, Verdict, verdict_by_probability, worst
@@ -269,12 +268,10 @@ def check(
     for error in run.map(partial(kinematic_error, teeth=teeth, solver=solver, run=unchecked), shown, torques):
         errors.append(error)
         run.finished(len(error.states))
-    # cvxpy takes a second to import: another solver looks at the extremes in its own process, while steps are taken
-    samples_of_states = [error.sampled(seed=run.seed) for error in errors]
-    again: Callable[[], Any] = partial(apart, _cross_checks, shown, samples_of_states, teeth, run.of_task)
-    checks = run.map(call, [again])
+    # another solver looks at the extremes while steps are taken
+    checks = run.beside(_cross_checks, shown, [error.sampled(seed=run.seed) for error in errors], teeth, run.of_task)
     checked = checked.with_errors(errors).with_steps(run)
-    return checked.with_errors([replace(e, cross_check=c) for e, c in zip(errors, next(checks), strict=True)])
+    return checked.with_errors([replace(e, cross_check=c) for e, c in zip(errors, checks.result(), strict=True)])
 
 
 def beside_measured_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, DrivePrior]:

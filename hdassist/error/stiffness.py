@@ -146,9 +146,7 @@ def stiffness(
     check = None
     if run.cross_check:
         again = np.isin(np.abs(torque), (ends[0], ends[-1]))
-        formulation, gaps = twist.case.formulation, twist.case.system.delta_p
-        gaps, place = np.repeat(gaps[None], np.count_nonzero(again), axis=0), partial(_place, torque[again])
-        check = solve_again(formulation, torque[again], gaps, contact[again], run.cross_check, place)
+        check = run.beside(_again, drive, torque[again], contact[again], run.cross_check).result()
     of_torque = dict(zip(torque.tolist(), (contact + tube).tolist(), strict=True))
     centre = (of_torque[least] + of_torque[-least]) / 2  # of the play, where a loop has its centre
     positive, negative = (
@@ -159,6 +157,13 @@ def stiffness(
         for sign in (1, -1)
     )
     return Stiffness(torque, contact, tube, rated, positive, negative, proof, check)
+
+
+def _again(drive: Drive, torque: Array, contact: Array, solver: str) -> CrossCheck:
+    """Twist of mesh and rings [arcsec] at torques [N*m], shape (torques,), solved again by another solver."""
+    formulation = formulate(contact_system(drive))
+    gaps = np.repeat(formulation.system.delta_p[None], len(torque), axis=0)
+    return solve_again(formulation, torque, gaps, contact, solver, partial(_place, torque))
 
 
 class Twist:

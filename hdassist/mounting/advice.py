@@ -40,9 +40,10 @@ from hdassist.mounting.positions import (
     Choice,
     MountingCurve,
     Position,
+    begun_curve,
+    checked_curve,
     hole_of,
     is_searched,
-    mounting_curve,
     phase_deg,
     rotated,
     usable_positions,
@@ -275,7 +276,7 @@ def advise(
     known = measured.without_harmonics(drive) if measured else drive
     prior, setup = prior_of(known), setup or TrialSetup(min(torques, key=abs))
     drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
-    curve = mounting_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)
+    curve, checks = begun_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)
     # of a measured wheel all is known
     open_ = tuple(each.path for each in prior.fields if known.value(each.path) == drive.value(each.path))
     left, alike = limits_left(drive, torques), bool(_no_hole_better(drive, measured)) or _any_direction(known)
@@ -284,8 +285,12 @@ def advise(
         drive, as_given, curve, setup=setup, measured=measured, unknown=unknowns(known), open_=open_, sure=sure,
         worth=worth,
     )  # fmt: skip
+
+    def checked(advice: Advice) -> Advice:
+        return replace(advice, curve=checked_curve(curve, checks))
+
     if not drawn:
-        return advice
+        return checked(advice)
     positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
     try:
         samples = draw_samples(
@@ -295,16 +300,17 @@ def advise(
     except UntrustedError as fault:  # an action never is refused
         if any(each.M_g == setup.M_g for each in measured_errors(drive)):
             return advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
-        return replace(advice, fault=fault.message)
+        return checked(replace(advice, fault=fault.message))
     of_ranges = samples.of_ranges
     found = replace(Decision.of(of_ranges, positions, left), cost=cost, all_alike=alike)
     advice = replace(advice, decision=found, samples=samples)
     if advice.no_hole_better:
-        return advice
+        return checked(advice)
     count = len(measured_errors(drive))
     shown = found if count else as_measured(found, seed=run.seed)
     torque = min(range(len(torques)), key=lambda k: (torques[k] != setup.M_g, abs(torques[k])))
-    return replace(advice, value=_value(shown, shown.F_ior_arcsec[torque], None, setup, count, run.seed))
+    value = _value(shown, shown.F_ior_arcsec[torque], None, setup, count, run.seed)
+    return checked(replace(advice, value=value))
 
 
 def advise_after(

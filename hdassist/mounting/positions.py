@@ -6,6 +6,7 @@ Source: Lyuminarsky et al. 2019, Fig. 3, doi 10.18698/0536-1044-2019-11-3-8.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -19,7 +20,7 @@ from hdassist.errors import UsageError
 from hdassist.model.deviations import MeasuredTeeth, ToothDeviations, carried, tooth_phases
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
-from hdassist.run.run import Run, apart
+from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.through_cvxpy import CrossCheck
 
@@ -189,6 +190,14 @@ def is_searched(drive: Drive, positions: int, *, drawn: bool, measured: Measured
     return (drawn or positions > HOLES) and not measured and searchable(drive)
 
 
+CrossChecks = list[Future[list[CrossCheck]]]  # under way
+
+
+def checked_curve(curve: MountingCurve, checks: CrossChecks) -> MountingCurve:
+    """The curve with its cross-checks, once they are done. Raises UntrustedError where two solvers disagree."""
+    return replace(curve, cross_checks=tuple(check for some in checks for check in some.result()))
+
+
 def mounting_curve(
     drive: Drive,
     torques: Sequence[float],
@@ -198,11 +207,25 @@ def mounting_curve(
     drawn: bool = False,
     run: Run = Run(),
 ) -> MountingCurve:
+    """The curve that `begun_curve` makes of the same arguments, with its cross-checks."""
+    return checked_curve(*begun_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run))
+
+
+def begun_curve(
+    drive: Drive,
+    torques: Sequence[float],
+    rotations_deg: Sequence[float],
+    *,
+    measured: MeasuredTeeth | None = None,
+    drawn: bool = False,
+    run: Run = Run(),
+) -> tuple[MountingCurve, CrossChecks]:
     """F'_ior over the full cycle at each torque [N*m] and each rotation [deg] of the fixed wheel.
 
-    Of up to HOLES positions every state is solved. Of more, or where samples are drawn too, extremes are proposed by a
-    grid of states and proven; where the wheel stands and at the recommended position every state is solved then, and
-    should more than SEARCH_TOLERANCE have been missed there, everywhere.
+    Its cross-checks go on beside what follows. Of up to HOLES positions every state is solved. Of more, or where
+    samples are drawn too, extremes are proposed by a grid of states and proven; where the wheel stands and at the
+    recommended position every state is solved then, and should more than SEARCH_TOLERANCE have been missed there,
+    everywhere.
 
     Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
     drawn, whether samples of uncertain inputs are drawn too. Raises UsageError where the present position is not the
@@ -228,9 +251,11 @@ def mounting_curve(
         run.solved(states.states)
     curve = replace(curve, F_ior_arcsec=np.hstack(found), every_state=~every, certificate=proof)
     decisive = np.isin(rotations_deg, [0, curve.recommended.rotation_deg]) & every
-    proven = _solved(curve, decisive, there, wheels, run)
-    missed = np.abs(proven.F_ior_arcsec - curve.F_ior_arcsec).max() > SEARCH_TOLERANCE
-    return _solved(proven, ~decisive, there, wheels, run) if missed else proven
+    proven, checks = _solved(curve, decisive, there, wheels, run)
+    if np.abs(proven.F_ior_arcsec - curve.F_ior_arcsec).max() > SEARCH_TOLERANCE:
+        proven, more = _solved(proven, ~decisive, there, wheels, run)
+        checks += more
+    return proven, checks
 
 
 def _solved(
@@ -239,8 +264,8 @@ def _solved(
     there: Sequence[Drive],
     wheels: Sequence[MeasuredTeeth | None],
     run: Run,
-) -> MountingCurve:
-    """A curve with every state solved at some places, shape (torques, rotations), and some of them solved again.
+) -> tuple[MountingCurve, CrossChecks]:
+    """A curve with every state solved at some places, shape (torques, rotations); some are being solved again.
 
     Arguments: there, drives with the wheel turned, and their measured wheels.
     """
@@ -253,13 +278,9 @@ def _solved(
         errors.append(error)
         proof += error.certificate
         run.solved(error.certificate.states)
-    checks = list(curve.cross_checks)
-    if run.cross_check:
-        # in one process: the import of cvxpy takes each of them most of a second, and much memory
-        solved = [(*drive, error) for drive, error in zip(drives, errors, strict=True)]
-        checks += next(run.map(apart, [_again], [solved], [run.of_task]))
-    every, again = curve.every_state | places, tuple(checks)
-    return replace(curve, F_ior_arcsec=values, every_state=every, certificate=proof, cross_checks=again)
+    solved = [(*drive, error) for drive, error in zip(drives, errors, strict=True)]
+    checks = [run.beside(_again, solved, run.of_task)] if run.cross_check else []
+    return replace(curve, F_ior_arcsec=values, every_state=curve.every_state | places, certificate=proof), checks
 
 
 def _searched(drive: Drive, torques: Sequence[float], rotations: Sequence[float]) -> tuple[Array, Certificate]:

@@ -60,6 +60,17 @@ class Run:
         if self.progress:
             self.progress(states)
 
+    def beside(self, function: Callable[..., ResultT], *arguments: Any) -> Future[ResultT]:
+        """Answer of a function that imports much, found while the rest goes on.
+
+        All such functions of a command share one process, whose imports the others are spared.
+        """
+        if self.executor:
+            return (getattr(self.executor, "beside", None) or self.executor).submit(function, *arguments)
+        found: Future[ResultT] = Future()
+        found.set_result(function(*arguments))
+        return found
+
     @property
     def of_task(self) -> Run:
         """The run of one task: in a process of its own, which reports once it is done, or in this one."""
@@ -276,10 +287,11 @@ Task = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 def workers(jobs: int) -> Iterator[Executor]:
     """An executor of so many processes (0: one for each core), which end with the block, whatever they are doing.
 
-    One job is a process too: the same arithmetic, so the same digits for any number of jobs.
+    One more is begun for `Run.beside`, but where it would have to import all that it needs. One job is a process too:
+    the same arithmetic, so the same digits for any number of jobs.
     Raises DataError: the system gives no processes; UntrustedError: one of them was ended from outside.
     """
-    executor = Processes(count(jobs))
+    executor = Processes(count(jobs), has_beside=_way() != "spawn")
     with at_stop(executor.kill):
         try:
             try:
@@ -297,10 +309,14 @@ def workers(jobs: int) -> Iterator[Executor]:
 
 
 class Processes(ThreadPoolExecutor):
-    """Processes to which threads hand out tasks through pipes: a pool of the library may wait for a killed one."""
+    """Processes to which threads hand out tasks through pipes: a pool of the library may wait for a killed one.
 
-    def __init__(self, count: int) -> None:
+    beside: an executor of one process more, for tasks that import much; None without.
+    """
+
+    def __init__(self, count: int, *, has_beside: bool = False) -> None:
         super().__init__(count)
+        self.beside = Processes(1) if has_beside else None
         self._count, self._is_over = count, False
         self._processes: list[BaseProcess] = []
         self._idle: SimpleQueue[Connection] = SimpleQueue()
@@ -318,15 +334,17 @@ class Processes(ThreadPoolExecutor):
             context.set_forkserver_preload([name for name in list(sys.modules) if name.startswith("hdassist.")])
             with stops_held_back():
                 forkserver.ensure_running()
-        for _ in range(self._count):
+        pools = [self.beside, self] if self.beside else [self]
+        every = [pool for pool in pools for _ in range(pool._count)]
+        for pool in every:
             here, there = context.Pipe()
             process = context.Process(target=_work, args=(here, there, os.getpid()))
             with there, nullcontext() if way == "forkserver" else stops_held_back():
                 process.start()
-            self._processes.append(process)
-            self._idle.put(here)
-        for _ in range(self._count):
-            self.submit(abs, 0)
+            pool._processes.append(process)
+            pool._idle.put(here)
+        for pool in every:
+            pool.submit(abs, 0)
 
     def submit(self, task: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
         """The answer of a task. Raises BrokenExecutor: a process was ended from outside."""
@@ -351,6 +369,8 @@ class Processes(ThreadPoolExecutor):
 
     def kill(self) -> None:
         """End the processes now."""
+        if self.beside:
+            self.beside.kill()
         self._is_over = True
         for process in self._processes:
             process.kill()
@@ -358,20 +378,11 @@ class Processes(ThreadPoolExecutor):
     def end(self) -> None:
         """End processes and threads; nobody waits for work under way: a state may take for ever."""
         self.kill()
+        if self.beside:
+            self.beside.end()
         self.shutdown(cancel_futures=True)
         for process in self._processes:
             process.join(_SHUTDOWN)
-
-
-def apart(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Result of a function that imports much, found by a worker in a process of its own, which takes its memory along.
-
-    Elsewhere, and where processes are not forked, in this one. Raises UntrustedError: that process was ended.
-    """
-    if multiprocessing.parent_process() is None or _way() != "fork":
-        return function(*arguments)
-    with workers(1) as own:
-        return own.submit(function, *arguments).result()
 
 
 def _work(here: Connection, there: Connection, parent: int) -> None:

@@ -11,9 +11,12 @@ equilibrium are their displacements. Everything that solves it starts from this 
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING
+from functools import cache, cached_property
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,14 +110,17 @@ class Formulation:
     @cached_property
     def structure(self) -> Array:
         """H and A in one symmetric matrix of forces at the places and displacements, shape (m + free, m + free)."""
-        return np.block([[self.H, self.A.T], [self.A, np.zeros((len(self.A), len(self.A)))]])
+        m, n = len(self.H), len(self.H) + len(self.A)
+        matrix = np.zeros((n, n))
+        matrix[:m, :m], matrix[:m, m:], matrix[m:, :m] = self.H, self.A.T, self.A
+        return matrix
 
     @cached_property
     def statement(self) -> Statement:
         """The programme in cvxpy; stated when first asked for, as cvxpy takes a second to import."""
-        import cvxpy as cp
         from scipy.sparse import csr_array, diags_array
 
+        cp = imported_cvxpy()
         M, m = len(self.local), len(self.H)
         forces, at_places = cp.Variable(M, name="F", nonneg=True), cp.Variable(m, name="F_places")
         gaps = cp.Parameter(M, name="delta_p")
@@ -141,6 +147,31 @@ class Formulation:
         return forces * self.units.force, duals * (self.units.gap / self.units.load)
 
 
+@cache
+def imported_cvxpy() -> Any:
+    """The module cvxpy, imported without scipy.stats, which takes more than half of that time.
+
+    cvxpy has the value of one atom from there, which no programme of ours has: it is imported when that is asked for,
+    and at once where cvxpy asks for more.
+    """
+    name, stand_in = "scipy.stats", ModuleType("scipy.stats")
+
+    def of_stats(wanted: str) -> Any:
+        if wanted.startswith("__"):  # asked for by the import itself
+            raise AttributeError(wanted)
+        if sys.modules.get(name) is stand_in:
+            del sys.modules[name]
+        return getattr(import_module(name), wanted)
+
+    vars(stand_in).update(__getattr__=of_stats, entropy=lambda *values, **more: of_stats("entropy")(*values, **more))
+    sys.modules.setdefault(name, stand_in)
+    try:
+        return import_module("cvxpy")
+    finally:
+        if sys.modules.get(name) is stand_in:
+            del sys.modules[name]
+
+
 def formulate(system: ContactSystem) -> Formulation:
     """State the programme of a contact system."""
     supported, free = system.supported, ~system.supported
@@ -149,10 +180,13 @@ def formulate(system: ContactSystem) -> Formulation:
     # the softest instead makes Clarabel give up coned flanks at light torques
     stiffest = float(system.face.compliance.min())
     units = Units(gap=MICROMETRE, force=MICROMETRE / stiffest, load=load_units)
+    H = (at_supports / system.C[supported]) @ at_supports.T
+    H += system.compliance
+    H *= units.force / units.gap
     return Formulation(
         system,
         units,
-        H=(system.compliance + (at_supports / system.C[supported]) @ at_supports.T) * (units.force / units.gap),
+        H=H,
         local=system.local * (units.force / units.gap),
         A=np.ascontiguousarray((system.G[system.first][:, free] / load_units).T),
     )
@@ -175,7 +209,8 @@ class Reference:
         touching, alone = springs.series > 0, np.bincount(place) == 1
         # in series with the structure: springs in contact; the compliance of a candidate that stands alone and is open
         series = np.where(touching, springs.series, np.where(alone, local[first], 0))
-        matrix = formulation.structure + np.diag(np.append(series, np.zeros(free)))
+        matrix = formulation.structure.copy()
+        matrix[np.arange(m), np.arange(m)] += series
         exchanged = principal_transform(matrix, np.append(touching, np.ones(free, dtype=bool)))
         stations = np.flatnonzero(touching & ~alone)  # places whose coordinate is the approach
         exchanged[stations] *= -series[stations, None]
@@ -247,9 +282,9 @@ def principal_transform(matrix: Array, inside: NDArray[np.bool_]) -> Array:
     """
     outside, n = ~inside, int(np.count_nonzero(inside))
     block, coupling = matrix[np.ix_(inside, inside)], matrix[np.ix_(inside, outside)]
-    inverse, right = np.linalg.inv(block), np.hstack([np.eye(n), coupling])
-    both = inverse @ right
-    rest = right - block @ both
+    right = np.hstack([np.eye(n), coupling])
+    both = np.linalg.solve(block, right)
+    inverse, rest = both[:, :n].copy(), right - block @ both
     if not np.abs(rest[:, :n]).max(initial=0) <= INVERSE:
         raise ValueError("the contact set does not hold the parts in place")
     both += inverse @ rest  # refined: without it two digits of the rotation are lost

@@ -19,7 +19,7 @@ from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, TypeAdapter
@@ -31,11 +31,7 @@ from hdassist.run.kept import ClosedRecord, Count
 from hdassist.run.run import CROSS_SOLVER
 from hdassist.solve import formulation as statement
 from hdassist.solve.answers import ARCSEC, N_MM
-from hdassist.solve.formulation import Formulation
-
-if TYPE_CHECKING:
-    from hdassist.solve.formulation import Formulation
-
+from hdassist.solve.formulation import Formulation, imported_cvxpy
 
 COMPILED_TEMPLATE = "compiled"
 _proven: set[tuple[bool, ...]] = set()  # freedoms that were free in the proven programmes, in this process
@@ -138,9 +134,7 @@ def require_solver(name: str) -> str:
 
 @cache  # cvxpy looks for every solver anew each time
 def _able() -> list[str]:
-    import cvxpy as cp
-
-    return sorted(set(cp.installed_solvers()) & QUADRATIC)
+    return sorted(set(imported_cvxpy().installed_solvers()) & QUADRATIC)
 
 
 @contextmanager
@@ -166,8 +160,6 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
     Arguments: delta_p, gaps without force [mm], shape (M,); torque [N*mm]; solver, a name cvxpy knows.
     Raises UsageError for an unknown solver, UntrustedError where it gives no answer.
     """
-    import cvxpy as cp
-
     name, stated = require_solver(solver), formulation.statement
     stated.gaps.value, stated.load.value = formulation.gaps(delta_p), formulation.load(torque)
     try:
@@ -176,7 +168,7 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
             warnings.simplefilter("ignore", UserWarning)
             stated.problem.solve(solver=name, **SOLVER_SETTINGS.get(name, {}))
         forces, duals, status = stated.forces.value, stated.equilibrium.dual_value, stated.problem.status
-    except cp.SolverError as error:
+    except imported_cvxpy().SolverError as error:
         forces, duals, status = None, None, str(error).splitlines()[0]
     if forces is None or duals is None:
         raise UntrustedError(f"{name} could not solve a state: {status}", "", Fault.UNTRUSTED_STATE)

@@ -16,7 +16,7 @@ import pytest
 
 from hdassist.cli import THREADS
 from hdassist.errors import DataError, UntrustedError
-from hdassist.run.run import apart, count, workers
+from hdassist.run.run import Run, count, workers
 from tests.process import CLEAN, SMALL
 
 BEGUN = """
@@ -113,39 +113,49 @@ def refuse(error: Exception) -> None:
     raise error
 
 
-APART = """
-import os, sys
+BESIDE = """
+import os
 from hdassist.errors import UntrustedError
-from hdassist.run.run import apart, workers
+from hdassist.run.run import Run, workers
 
+modules = "'wave' in __import__('sys').modules"
 with workers(1) as executor:
-    worker = executor.submit(os.getpid).result()
-    parent, modules = "__import__('os').getppid()", "'wave' in __import__('sys').modules"
-    print(executor.submit(apart, eval, f"(__import__('wave') and {parent}, {modules})").result() == (worker, True))
-    print(executor.submit(eval, modules).result())
+    run = Run(executor)
+    other = run.beside(eval, "(__import__('wave'), __import__('os').getpid())[1]").result()
+    print(other not in (os.getpid(), executor.submit(os.getpid).result()), run.beside(os.getpid).result() == other)
+    print(run.beside(eval, modules).result(), executor.submit(eval, modules).result())
     try:
-        executor.submit(apart, int, "x").result()
+        run.beside(int, "x").result()
     except ValueError:
-        print(executor.submit(abs, -3).result())
+        print(run.beside(abs, -3).result())
 try:
     with workers(1) as executor:
-        executor.submit(apart, eval, "__import__('os').kill(__import__('os').getpid(), 9)").result()
+        Run(executor).beside(eval, "__import__('os').kill(__import__('os').getpid(), 9)").result()
 except UntrustedError as error:
     print(error.fault.name)
 """
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are spawned elsewhere")
-def test_a_task_apart_leaves_nothing_in_the_worker_and_its_end_from_outside_is_an_error():
+def test_what_goes_on_beside_has_a_process_of_its_own_whose_end_from_outside_is_an_error():
     found = subprocess.run(
-        [sys.executable, "-c", APART], env=CLEAN | dict.fromkeys(THREADS, "1"), capture_output=True, text=True,
+        [sys.executable, "-c", BESIDE], env=CLEAN | dict.fromkeys(THREADS, "1"), capture_output=True, text=True,
         timeout=60, check=True,
     )  # fmt: skip
-    assert found.stdout.split() == ["True", "False", "3", "WORKERS_LOST"]
+    assert found.stdout.split() == ["True", "True", "True", "False", "3", "WORKERS_LOST"]
 
 
-def test_a_task_apart_is_done_here_where_there_are_no_workers():
-    assert apart(os.getpid) == os.getpid()
+def test_what_goes_on_beside_is_done_here_where_there_are_no_workers():
+    assert Run().beside(os.getpid).result() == os.getpid()
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc")
+def test_the_process_beside_hears_no_interrupt_and_ends_with_the_others():
+    with workers(2) as executor:
+        beside, ignores = Run(executor).beside(deaf, 0).result()
+        Run(executor).beside(time.sleep, 3600)
+    assert ignores
+    assert not Path("/proc", str(beside)).exists()
 
 
 @pytest.mark.parametrize(
