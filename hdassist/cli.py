@@ -158,7 +158,7 @@ SUMMARIES = {  # summary of each command by the section of the help in which it 
         "allocate": "the cheapest tolerances that reach a yield",
         "sweep": "F'_ior over a grid of values of any fields",
         "compare": "presets side by side; a trace over its prediction",
-        "report": "a drive on one page, HTML or Markdown",
+        "report": "a drive on two pages, HTML or Markdown",
     },
     "Bench": {
         "mount": "in which hole to bolt the fixed wheel; what to measure",

@@ -353,7 +353,7 @@ REPORT_SUFFIXES = (".html", ".md")
 
 @dataclass(frozen=True, kw_only=True)
 class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
-    """Everything about a drive on one page: verdict, errors, mounting, stiffness, assumptions, provenance.
+    """Everything about a drive on two pages: verdict, errors, mounting, stiffness, assumptions, provenance.
 
     \b
     Examples:

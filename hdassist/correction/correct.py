@@ -296,7 +296,7 @@ def _exported(
 ) -> CorrectionTable | Phasors:
     """The correction of a form for a torque, with what drives differ by; tables have the opposite torque's too."""
     form = chosen.form
-    found = replace(form.fitted(lines[M_g].mean, M_g), preset=preset, expected=chosen.residuals)
+    found = replace(form.fitted(lines[M_g].mean, M_g), preset=preset, promised=chosen.residuals)
     if isinstance(found, Phasors):
         found = replace(found, amplitude_arcsec=found.amplitude_arcsec[0], phase_deg=found.phase_deg[0])
         if len(lines[M_g].amplitude) == 1:

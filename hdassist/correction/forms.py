@@ -48,7 +48,7 @@ class CorrectionTable:
     turn: after which it repeats; error_arcsec, shape (..., points): to be taken off, at angles_deg of that turn;
     u: cam turns in a turn of the output, negative where they turn apart; M_g [N*m]: torque that it is for;
     other_direction_arcsec, shape (points,): for the other direction of motion, None where both share the first, and
-    other_M_g, the torque of that; preset: name of the drive; expected: residuals with it; recorded_deg: of the
+    other_M_g, the torque of that; preset: name of the drive; promised: residuals with it; recorded_deg: of the
     output, ends of the travel that a record has, beyond which the table is its continuation; None of the full cycle.
     """
 
@@ -59,7 +59,7 @@ class CorrectionTable:
     other_direction_arcsec: Array | None = None
     other_M_g: float | None = None
     preset: str = ""
-    expected: tuple[ExpectedResidual, ...] = ()
+    promised: tuple[ExpectedResidual, ...] = ()
     recorded_deg: tuple[float, float] | None = None
 
     @property
@@ -104,7 +104,7 @@ class Phasors:
     """Error as lines: the sum of amplitude cos(2 pi per_cam_turn x + phase), x the turns of the cam from zero.
 
     per_output_turn, per_cam_turn: how often each line comes, shape (lines,); amplitude_arcsec; phase_deg, shape
-    (..., lines) each; M_g, preset and expected as of a table; standard uncertainties of amplitude and phase, shape
+    (..., lines) each; M_g, preset and promised as of a table; standard uncertainties of amplitude and phase, shape
     (lines,), of a record alone: two of them hold 95 %.
     """
 
@@ -114,7 +114,7 @@ class Phasors:
     phase_deg: Array
     M_g: float
     preset: str = ""
-    expected: tuple[ExpectedResidual, ...] = ()
+    promised: tuple[ExpectedResidual, ...] = ()
     amplitude_uncertainty_arcsec: Array | None = None
     phase_uncertainty_deg: Array | None = None
 

@@ -149,7 +149,7 @@ def correction_file(result: Correction, controller: ControllerFormat, axis: Cont
         correction = stored if other is None else replace(stored, error_arcsec=other)
         left = percentiles(ranges_left(correction, error)[0])
         expected.append(ExpectedResidual(M_g, percentiles(error.ranges)[1], *left))
-    about = replace(table, expected=tuple(expected), recorded_deg=result.recorded_deg)
+    about = replace(table, promised=tuple(expected), recorded_deg=result.recorded_deg)
     return controller_file(about, controller, axis, result.drive.origin.sha256 if result.drive else "")
 
 
@@ -190,7 +190,7 @@ def about_lines(
         *(
             f"at {each.M_g:g} N*m{'' if each.case == 'in place' else ', ' + each.case}: expected range "
             f"{each.p50:.2f} arcsec ({each.p5:.2f} to {each.p95:.2f}), without correction {each.uncorrected_p50:.2f}"
-            for each in table.expected
+            for each in table.promised
         ),
         f"setup: {controller.setup}",
     ]

@@ -31,7 +31,7 @@ from hdassist.explorer.compute import (
 from hdassist.explorer.state import SETTING_SECTIONS, Session
 from hdassist.mounting.positions import bare
 from hdassist.pages.card import seat_holes
-from hdassist.pages.check import F_ior_table, possible_steps
+from hdassist.pages.check import F_ior_table, steps_table
 from hdassist.plaintext import visible
 from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
 from hdassist.report import Block, Curve, Facts, Lines, Report, Seat, SeatMark, Table
@@ -387,7 +387,7 @@ def why_blocks(known: Known) -> tuple[Lines | Table | Facts, ...]:
     point = found.points[found.least_sure]
     shares = (f"{100 * each.share:3.0f} % {named(each.group)}" for each in found.influences)
     return (
-        possible_steps(found).table,
+        steps_table(found),
         Lines(f"share of the spread of F'_ior at {point.M_g:g} N·m", tuple(shares) or ("no field stands out",)),
         facts_of(known.page, "influence", "measure"),
     )

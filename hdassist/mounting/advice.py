@@ -75,12 +75,12 @@ UNSHOWN_VALUES = 0.95  # probability of curves that no drive made, from which on
 class Verification:
     """A value measured after an advice, in the hole that the wheel stands in, beside its prediction [arcsec].
 
-    expected_arcsec, and 2.5 % and 97.5 % quantiles, from the values before it; back_to, the value in whose hole the
+    mean_arcsec, and 2.5 % and 97.5 % quantiles, from the values before it; back_to, the value in whose hole the
     wheel is expected to be better, None where it stays.
     """
 
     trial: Trial
-    expected_arcsec: float
+    mean_arcsec: float
     low_arcsec: float
     high_arcsec: float
     back_to: Trial | None

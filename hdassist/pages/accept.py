@@ -19,7 +19,7 @@ from hdassist.acceptance.limits import F_IOR, Limit, LimitText
 from hdassist.acceptance.request import Lot
 from hdassist.errors import DataError
 from hdassist.json_parts import attributes
-from hdassist.pages.check import fitted_words, influence_at, possible_steps
+from hdassist.pages.check import fitted_words, influence_at, steps_fact, steps_table
 from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive
 from hdassist.preset.text import convert, shown
@@ -107,7 +107,7 @@ def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: 
         why=tuple(reasons),
         blocks=(*_tables(answer), Facts.of(_facts(answer, predictions, drive))),
         details=(
-            *([possible_steps(predictions).table] if predictions else []),
+            *([steps_table(predictions)] if predictions else []),
             Facts.of(_more_facts(answer, predictions)),
         ),
         certificate=predictions.certificate if predictions else None,
@@ -171,7 +171,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
 def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[Fact]:
     """What it would take, remarks and the next command, a label and a text each."""
     if predictions:
-        yield possible_steps(predictions).fact
+        yield steps_fact(predictions)
     codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
     yield "remarks", f"hdassist explain {codes}" if codes else ""
     first = by_severity(answer.checks)[0]

@@ -49,7 +49,7 @@ def instruction(choice: Choice, say: Texts = ENGLISH, *, gains: bool = True) -> 
     if not choice.turn:
         return say("instruction.leave", wheel=fixed)
     values = zip(choice.torques, choice.current.F_ior_arcsec, choice.chosen.F_ior_arcsec, strict=True)
-    gain = ", ".join(f"F'_ior {now:.2f} -> {new:.2f}″ at {M_g:g} N·m" for M_g, now, new in values)
+    gain = ", ".join(f"F'_ior {now:.2f} → {new:.2f}″ at {M_g:g} N·m" for M_g, now, new in values)
     order = say("instruction.turn", wheel=fixed, turn=turn(choice.chosen, say))
     return f"{order}: {gain}." if gains else f"{order}."
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -133,7 +132,7 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         why=tuple(filter(None, map(verdict_reason, check.points))) or tuple(_undrawn(check)),
         blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
         details=(
-            possible_steps(check).table,
+            steps_table(check),
             *error_tables(check),
             Facts.of(check_facts(check)),
             *(error_curve(check, each) for each in others),
@@ -146,15 +145,6 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         warnings=check.warnings,
         exit_code=check.verdict.exit_code,
     )
-
-
-def possible_steps(check: DesignCheck) -> PossibleSteps:
-    """What it would take at the torque that decides; no steps where the limit is kept."""
-    if not check.steps:
-        return PossibleSteps((), check.drive, 0.0, None, "")
-    point = check.points[check.least_sure]
-    now = f"{100 * point.probability.value:.0f} %" if point.probability else f"{point.F_ior_or_error:.1f}″"
-    return PossibleSteps(check.steps, check.drive, point.M_g, point.limit_arcsec, now)
 
 
 def influence_at(check: DesignCheck) -> str:
@@ -192,7 +182,7 @@ def _facts(check: DesignCheck) -> Iterator[Fact]:
     """What it would take, what is taken as 0, and the next command, a label and a text each."""
     if tuple(_undrawn(check)):
         yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.least_sure].M_g:g}=FILE")
-    yield possible_steps(check).fact
+    yield steps_fact(check)
     yield "unknown", "" if check.samples or not check.unknown else f"taken as 0: {unknown_names(check.unknown)}"
     step = "tolerance" if check.verdict is Verdict.PASS else "mount"
     yield "next", again(step, check.drive)
@@ -317,32 +307,36 @@ QUESTIONS = {  # to the maker, the drawing or the bench
 COUPLING_ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
 
 
-@dataclass(frozen=True)
-class PossibleSteps:
-    """Steps at a torque M_g [N*m] towards a limit [arcsec], None without one; now, the answer before any, in words."""
+def steps_table(check: DesignCheck) -> Table:
+    """The steps at the torque that decides, with their outcomes: F'_ior, or how surely the limit is kept."""
+    if not check.steps:
+        return Table("", (), ())
+    point, words, now = _before_steps(check)
+    heads = ("what would it take", f"{words.partition(',')[0]} then")
+    rows = tuple((step_words(each, check.drive), outcome_words(each, point)) for each in check.steps)
+    return Table(f"at {point.M_g:g} N·m; now {now}", heads, rows)
 
-    steps: Sequence[Step]
-    drive: Drive
-    M_g: float
-    limit_arcsec: float | None
-    now: str
 
-    @property
-    def table(self) -> Table:
-        """The steps with F'_ior, or the probability of keeping the limit, after each."""
-        heads = ("what would it take", "kept then" if self.limit_arcsec is not None else "F'_ior then")
-        rows = tuple((step_words(each, self.drive), outcome_words(each)) for each in self.steps)
-        return Table(f"at {self.M_g:g} N·m; now {self.now}", heads, rows)
+def steps_fact(check: DesignCheck) -> Fact:
+    """The best of them in lines under a label; empty without any."""
+    if not check.steps:
+        return "steps", ""
+    point, words, now = _before_steps(check)
+    lines = [f"{words} at {point.M_g:g} N·m, now {now}; what it would take:"]
+    for each in check.steps[:SHOWN_STEPS]:
+        step = step_words(each, check.drive).removesuffix(" (cam.coupling)")
+        lines.append(f"{step.removesuffix('?')}{'?' if step.endswith('?') else ':'} {outcome_words(each, point)}")
+    return "steps", "\n".join(lines)
 
-    @property
-    def fact(self) -> Fact:
-        """The best steps in lines under a label; empty without any."""
-        held = "F'_ior" if self.limit_arcsec is None else f"{self.limit_arcsec:g}″ kept"
-        lines = [f"{held} at {self.M_g:g} N·m, now {self.now}; what it would take:"]
-        for each in self.steps[:SHOWN_STEPS]:
-            words = step_words(each, self.drive).removesuffix(" (cam.coupling)")
-            lines.append(f"{words.removesuffix('?')}{'?' if words.endswith('?') else ':'} {outcome_words(each)}")
-        return "steps", "\n".join(lines) if self.steps else ""
+
+def _before_steps(check: DesignCheck) -> tuple[OperatingPoint, str, str]:
+    """The torque that decides, the quantity that steps change there, and its value before any, in words."""
+    point = check.points[check.least_sure]
+    if point.limit_arcsec is None:
+        return point, "F'_ior", f"{point.F_ior_or_error:.1f}″"
+    if point.probability:
+        return point, f"{point.limit_arcsec:g}″ kept", f"{100 * point.probability.value:.0f} %"
+    return point, f"F'_ior + self error, limit {point.limit_arcsec:g}″,", f"{point.F_ior_upper_arcsec:.1f}″"
 
 
 def step_words(step: Step, drive: Drive) -> str:
@@ -364,19 +358,20 @@ def step_words(step: Step, drive: Drive) -> str:
     }[step.kind]
 
 
-def outcome_words(step: Step) -> str:
-    """The outcome of a step, or with each answer to a question."""
+def outcome_words(step: Step, point: OperatingPoint) -> str:
+    """The outcome of a step at a torque, or with each answer to a question."""
     if step.kind != "question":
-        return _value(step.outcomes[0])
+        return _value(step.outcomes[0], point)
     unit = "" if step.of == "cam.coupling" else f" {field_unit(step.of)}"
     return ", ".join(
-        f"{COUPLING_ANSWERS.get(each.answer) or each.answer + unit} {_value(each)}" for each in step.outcomes
+        f"{COUPLING_ANSWERS.get(each.answer) or each.answer + unit} {_value(each, point)}" for each in step.outcomes
     )
 
 
-def _value(found: Outcome) -> str:
-    if found.probability is not None and found.p5 == found.p95:
-        return f"{found.p50:.1f}″, {'kept' if found.probability else 'not kept'}"
-    if found.probability is not None:
-        return f"{100 * found.probability:.0f} %"
-    return f"{found.p50:.1f}″" + (f" ({found.p5:.1f} to {found.p95:.1f})" if found.p5 < found.p95 else "")
+def _value(found: Outcome, point: OperatingPoint) -> str:
+    """F'_ior after a step; against a limit the probability that it is kept, or the value that is held against it."""
+    if found.probability is None:
+        return f"{found.p50:.1f}″" + (f" ({found.p5:.1f} to {found.p95:.1f})" if found.p5 < found.p95 else "")
+    if found.p5 == found.p95:
+        return f"{found.p50 + point.self_error.range_arcsec:.1f}″, {'kept' if found.probability else 'not kept'}"
+    return f"{100 * found.probability:.0f} %"

@@ -263,7 +263,7 @@ def _values(result: Comparison) -> Json:
 NAMED_PATHS = 6  # in a line
 _NO_ERROR = 1e-9  # arcsec
 LARGEST_SHARE = 100.0  # of F'_ior of A: a greater one says that A has hardly any error
-DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "better", "most by")
+DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "better")
 
 
 def drives_report(result: DrivesComparison, seed: int) -> Report:
@@ -322,18 +322,19 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
     """A cell for each of DRIVE_HEADS of each drive at each torque."""
     for k in range(len(result.torques)):
         for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
-            change, better, most = _against(result, sheet, changes, k) if changes else [NO_VALUE] * 3
+            odds = changes and changes.probability_better[k]
+            change = _change(result, sheet, changes, k) if changes else NO_VALUE
+            better = NO_VALUE if odds is None else f"{100 * odds:.0f} %"
             best, point = sheet.advice.choice.target, sheet.check.points[k]
             mounted = f"{best.F_ior_arcsec[k]:.1f}, {hole_place(best)}"
-            yield letter, f"{point.M_g:g} N·m", F_ior_words(point, ".1f"), mounted, change, better, most
+            yield letter, f"{point.M_g:g} N·m", F_ior_words(point, ".1f"), mounted, change, better
 
 
-def _against(result: DrivesComparison, sheet: DriveSheet, changes: DriveChanges, k: int) -> tuple[str, str, str]:
-    """How F'_ior changes from A at a torque by its place, how sure less is, and the field that alone does most."""
-    odds = changes.probability_better[k]
-    most = max(changes.single, key=lambda change: abs(change.change_arcsec[k]), default=None)
-    better = NO_VALUE if odds is None else f"{100 * odds:.0f} %"
-    return _change(result, sheet, changes, k), better, most.field if most else NO_VALUE
+def _most_by(result: DrivesComparison, changes: DriveChanges) -> str:
+    """The field that alone changes F'_ior most, at each torque; empty where none can be changed alone."""
+    greatest = (max(changes.single, key=lambda c: abs(c.change_arcsec[k])) for k in range(len(result.torques)))
+    places = zip(greatest, _loads(result), strict=True) if changes.single else ()
+    return "; ".join(f"{named(change.field or '')} at {load}" for change, load in places)
 
 
 def _change(result: DrivesComparison, sheet: DriveSheet, changes: DriveChanges, k: int) -> str:
@@ -395,6 +396,8 @@ def _drives_facts(result: DrivesComparison) -> Iterator[tuple[str, str]]:
     for letter, sheet in _lettered(result).items():
         yield f"{letter} unknown", unknown_names(sheet.check.unknown)
         yield f"{letter} influence", ", ".join(each.group for each in sheet.check.influences[:3])
+    for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
+        yield f"{letter} most by", _most_by(result, changes)
     if result.rated_shares:
         yield "torques", f"none in common: each drive at {' and '.join(_loads(result))}"
     yield "differs", _some([row[0].path for row in result.differing])

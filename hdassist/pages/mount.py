@@ -40,7 +40,6 @@ NO_HOLE_BETTER = {
 ROWS = 3  # holes on the first screen beside the present and the worst one
 APART = 3.0  # standard deviations by which values of one hole may differ without a remark
 LEVELS = {"p5": 0.05, "p50": 0.5, "p95": 0.95}
-OLD_LEVELS = {"expected": "p50", "low": "p5", "high": "p95"}  # their names in JSON before, kept beside them
 
 
 def mount_report(
@@ -141,7 +140,7 @@ def _measured(advice: Advice, trial: Trial) -> str:
 def instruction_of(advice: Advice) -> str:
     """What to do with the wheel, in a sentence or two."""
     if checked := advice.verification:
-        predicted = f"predicted {checked.expected_arcsec:.1f} ({checked.low_arcsec:.1f} to {checked.high_arcsec:.1f})"
+        predicted = f"predicted {checked.mean_arcsec:.1f} ({checked.low_arcsec:.1f} to {checked.high_arcsec:.1f})"
         told = f"{_measured(advice, checked.trial)}, {predicted}"
         if back := checked.back_to:
             return f"Go back to {_where(advice, back.rotation_deg)}, where {back.F_ior_arcsec:g} was measured: {told}."
@@ -314,7 +313,10 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
     if (len(turns) < 2 and (not curve or len(curve.rotation_deg) < 2)) or advice.no_hole_better == "standing":
         return
     ends = [np.array([found.quantile(level, place) for place in range(len(turns))]) for level in LEVELS.values()]
-    marked = {"now": advice.choice.current, "best": advice.choice.chosen}
+    marked, next_words = {"now": advice.choice.current, "best": advice.choice.chosen}, "next"
+    if advice.next and advice.word != "ANY_HOLE" and advice.next.rotation_deg == marked["best"].rotation_deg:
+        del marked["best"]
+        next_words = "best and next"
     for k, (M_g, limit) in enumerate(zip(advice.torques, limits or [None] * len(advice.torques), strict=True)):
         x, line = turns / per, ends[1][:, k]
         as_given = curve is not None and not sampled and len(curve.rotation_deg) > len(turns)
@@ -331,7 +333,7 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
             ]
         if advice.next:
             next_deg = advice.next.rotation_deg
-            marks.append(CurveMark(next_deg / per, float(ends[1][found.place(next_deg), k]), "next", "target"))
+            marks.append(CurveMark(next_deg / per, float(ends[1][found.place(next_deg), k]), next_words, "target"))
         notes = ["median, 5 to 95 %"] * sampled
         notes += ["unknown as 0"] * (bool(advice.unknown) and not sampled)
         notes += ["line: limit less self error"] * (limit is not None)
@@ -355,7 +357,7 @@ def _values(advice: Advice, seed: int) -> Json:
     facing, facing_sd = after.facing if after else (None, None)
     answer = {
         **attributes(advice, "word", M_g_Nm="torques", probability_needed="sure"),
-        **attributes(choice, "turn", "current", hole="target.hole", rotation_deg_chosen="target.rotation_deg"),
+        **attributes(choice, "current", hole="target.hole", rotation_deg="target.rotation_deg"),
         **attributes(choice, recommended="target", best_bet="chosen"),
         "worst": choice.ranked[-1],
         "probability": probability,
@@ -370,17 +372,13 @@ def _values(advice: Advice, seed: int) -> Json:
         "worth": [{"values": count, "F_ior_arcsec": F_ior} for count, F_ior in advice.worths],
         "suspected": advice.suspected and _trial(advice, advice.suspected),
         "order": "turn" if choice.turn else "leave",
-        "settled": advice.word in ("TURN", "LEAVE"),
-        "gain": advice.gain_range[1],
-        "gain_range": dict(zip(LEVELS, advice.gain_range, strict=True)),
-        "probability_gain": probability,
-        "measure": advice.to_try if advice.next and not advice.trials else [],
+        "gain": dict(zip(LEVELS, advice.gain_range, strict=True)),
+        "to_try": advice.to_try if advice.next and not advice.trials else [],
         "influence": influence_objects(advice.influences),
         "samples": samples_object(advice.samples),
         "effective_samples": after.effective if after else found.effective,
         "curves": [],
-        "rotation_deg": [],
-        "belief": None,
+        "now": None,
         "compensated": _compensated(advice),
         "trials": None,
         "offset": {
@@ -397,18 +395,17 @@ def _values(advice: Advice, seed: int) -> Json:
     if advice.next and value:
         answer["next"] = attributes(advice.next, "hole", "rotation_deg") | attributes(value, "gain_arcsec")
     if curve:
-        answer["rotation_deg"] = curve.rotation_deg
+        angles = attributes(curve, "rotation_deg", "phase_deg")
         answer["curves"] = [
-            {"M_g_Nm": M_g, "phase_deg": curve.phase_deg, "F_ior_arcsec": values, "every_state": every}
+            {"M_g_Nm": M_g, **angles, "F_ior_arcsec": values, "every_state": every}
             for M_g, values, every in zip(curve.torques, curve.F_ior_arcsec, curve.every_state, strict=True)
         ]
     if found.is_sampled:
-        by_torque = [{"M_g_Nm": M_g, **each} for M_g, each in zip(advice.torques, now, strict=True)]
-        answer["belief"] = {"now": by_torque, "positions": positions, "worst_over_best": spans}
+        answer["now"] = [{"M_g_Nm": M_g, **each} for M_g, each in zip(advice.torques, now, strict=True)]
     if setup:
         misread = zip(advice.trials, after.misread if after else (), strict=True)
         answer["trials"] = {
-            **attributes(setup, "noise_arcsec", "M_g"),
+            **attributes(setup, "noise_arcsec", M_g_Nm="M_g"),
             "noise_found_arcsec": setup.noise_arcsec * float(after.noise.mean()) if after else None,
             "measured": [{**_trial(advice, trial), "probability_misread": odds} for trial, odds in misread],
             "probability_by_values_alone": after.by_values if after else None,
@@ -416,7 +413,7 @@ def _values(advice: Advice, seed: int) -> Json:
     if checked:
         answer["verification"] = {
             **_trial(advice, checked.trial),
-            **attributes(checked, "expected_arcsec", "low_arcsec", "high_arcsec", "as_predicted"),
+            **attributes(checked, "mean_arcsec", "low_arcsec", "high_arcsec", "as_predicted"),
             "verdict": "GO_BACK" if checked.back_to else "KEEP",
             "position": _trial(advice, checked.back_to or checked.trial),
         }
@@ -425,10 +422,7 @@ def _values(advice: Advice, seed: int) -> Json:
 
 def _action(advice: Advice, place: int) -> Json:
     """A hole with F'_ior at each torque and how good it is."""
-    action = asdict(advice.decision.action(place))
-    F_ior = action["F_ior_arcsec"]
-    F_ior |= {name: F_ior[level] for name, level in OLD_LEVELS.items()}
-    return attributes(advice.position(place), "hole", "phase_deg") | action
+    return attributes(advice.position(place), "hole", "phase_deg") | asdict(advice.decision.action(place))
 
 
 def _compensated(advice: Advice) -> Json | None:
@@ -437,7 +431,7 @@ def _compensated(advice: Advice) -> Json | None:
         return None
     form, found = advice.compensated
     places = range(len(found.rotations_deg))
-    left = {name: [found.quantile(LEVELS[level], each) for each in places] for name, level in OLD_LEVELS.items()}
+    left = {name: [found.quantile(level, each) for each in places] for name, level in LEVELS.items()}
     order = "none" if not advice.correction else "turn" if advice.choice.turn else "leave"
     return {"form": form, "order": order, "rotation_deg": found.rotations_deg, "left_arcsec": left}
 
@@ -462,7 +456,7 @@ def _csv(advice: Advice) -> CsvTable:
     medians = [found.quantile(0.5, place)[k] for k in range(count) for place in range(len(rotations))]
     return csv_columns(
         **columns,
-        F_ior_expected_arcsec=medians,
+        F_ior_p50_arcsec=medians,
         probability_good=np.tile(found.probability_good, count),
         expected_loss=np.tile(found.expected_loss, count),
     )

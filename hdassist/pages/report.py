@@ -13,14 +13,13 @@ from markupsafe import Markup
 from rich.console import Group
 from rich.text import Text
 
-from hdassist.error.stiffness import segments_beside
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import TRADE, Card, hole_place
-from hdassist.pages.check import F_ior_table, check_facts, check_report, error_tables, possible_steps
+from hdassist.pages.check import F_ior_table, check_facts, check_report, error_tables, steps_table
 from hdassist.pages.compare import sheet_warnings
-from hdassist.pages.curves import ARCMIN, percent_off, stiffness_report
+from hdassist.pages.curves import stiffness_report
 from hdassist.pages.mount import WORDS, mount_report
 from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive, origin_counts, resolved_fields, value_text
@@ -63,7 +62,7 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     mount = mount_report(sheet.advice, seed, limits=[point.left_arcsec for point in sheet.check.points])
     stiff = stiffness_report(drive, sheet.stiffness)
     k, values = Kinematics.of(drive), origin_counts(drive)
-    error = [F_ior_table(sheet.check), possible_steps(sheet.check).table, next(error_tables(sheet.check))]
+    error = [F_ior_table(sheet.check), steps_table(sheet.check), next(error_tables(sheet.check))]
     figures = [block for block in (*check.blocks, *check.details) if isinstance(block, Curve)]
     facts, *more = (block for block in (*mount.blocks, *mount.details) if isinstance(block, Facts))
     *_, holes = (block for block in mount.details if isinstance(block, Table))
@@ -116,10 +115,6 @@ def _tiles(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[tuple[str, 
     advice = sheet.advice
     gain = f"{-100 * advice.gain_range[1]:+.0f} % error" if advice.choice.turn else "leave it as it is"
     yield "position of the wheel", hole_place(advice.choice.target), f"{WORDS[advice.word]}: {gain}"
-    for first in segments_beside(sheet.drive.catalogue, sheet.stiffness.positive)[:1]:
-        theirs = f", catalogue {first.catalogue * ARCMIN:.3g}" if first.catalogue else ""
-        theirs += "" if first.off_percent is None else f": {percent_off(first.off_percent)}"
-        yield "torsional stiffness K1", f"{first.segment.stiffness * ARCMIN:.3g}", f"N·m/arcmin{theirs}"
     yield "values assumed", str(values["assumed"]), f"{values['given']} given, {values['identified']} identified"
 
 

@@ -121,33 +121,43 @@ def tables(block: Table, style: Style) -> Iterator[RenderableType]:
     options = screen.options.update(width=ANY_WIDTH)
     left, title = list(range(1, len(block.heads))), "\n".join((block.title, *block.notes))
     while left or title:
-        narrower = [(left, False)] + [(left[:count], True) for count in range(len(left), 0, -1)]
-        for columns, is_tight in narrower:
-            table = _table(block, [0, *columns], style, is_tight=is_tight)
+        narrower = [(left, {}), (left, {"is_tight": True})]
+        narrower += [(left[:count], {"is_tight": True, "folds": True}) for count in range(len(left), 0, -1)]
+        for columns, ways in narrower:
+            table = _table(block, [0, *columns], style, **ways)
             if Measurement.get(screen, options, table).minimum <= style.width:
                 break
         yield Group(Text(style.text(title), style="bold"), table) if title else table
         left, title = left[len(columns) :], ""
 
 
-def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool) -> RichTable:
-    """Some columns of a table, of which only words with spaces wrap; those of a tight one are near, and heads wrap."""
+def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool = False, folds: bool = False) -> RichTable:
+    """Some columns of a table, of which only words with spaces wrap.
+
+    Columns of a tight one are near, and its heads wrap; where it folds, brackets stand below their numbers.
+    """
     found = RichTable(
         box=box.ASCII2 if style.ascii else box.SIMPLE_HEAD,
         pad_edge=False,
         show_edge=style.ascii,
         padding=(0, 0 if is_tight else 1),
     )
+    columns_of_cells = []
     for k in columns:
-        head, *cells = (style.text(row[k]) for row in (block.heads, *block.rows))
+        head, *cells = (style.text(PAGE_WORDS.get(row[k], row[k])) for row in (block.heads, *block.rows))
+        is_words = k in block.words
+        if folds and not is_words:
+            cells = [cell.replace(" (", "\n(") for cell in cells]
+        lines = [line for cell in cells for line in cell.split("\n")]
         if is_tight:
-            head = textwrap.fill(head, max(1, *map(cell_len, (*cells, *head.split()))), break_on_hyphens=False)
-        widest = max(map(cell_len, (*head.split("\n"), *cells)))
-        wraps = k in block.words and any(" " in cell for cell in (head, *cells))
-        justify: JustifyMethod = "left" if k in block.words else "right"
-        found.add_column(head, justify=justify, overflow="fold", no_wrap=not wraps, min_width=None if wraps else widest)
-    for row in block.rows:
-        found.add_row(*(word(row[k], style) for k in columns))
+            head = textwrap.fill(head, max(1, *map(cell_len, (*lines, *head.split()))), break_on_hyphens=False)
+        wraps = is_words and any(" " in cell for cell in (head, *cells))
+        least = None if wraps else max(map(cell_len, (*head.split("\n"), *lines)))
+        justify: JustifyMethod = "left" if is_words else "right"
+        found.add_column(head, justify=justify, overflow="fold", no_wrap=not wraps, min_width=least)
+        columns_of_cells.append(cells)
+    for cells_of_row in zip(*columns_of_cells, strict=True):
+        found.add_row(*(Text(cell, style=STYLES.get(tone_of(cell), "")) for cell in cells_of_row))
     return found
 
 

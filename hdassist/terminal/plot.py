@@ -25,6 +25,7 @@ MARK_SIGNS = {
     "best": "B",
     "worst": "W",
     "next": "?",
+    "best and next": "B",
     "measured": "◆",
     "enough": "E",
 }  # as the seat has them

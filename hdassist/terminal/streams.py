@@ -30,7 +30,7 @@ PIPE_WIDTH = 80
 STRICT = "HDASSIST_STRICT"
 Made = TypeVar("Made")
 PLAIN_CHARACTERS = str.maketrans("·µ×−–’█─", "*ux--'#-") | str.maketrans(
-    {"°": " deg", "±": "+-", "…": "...", "≤": "<=", "≥": ">=", "″": " arcsec"}
+    {"°": " deg", "±": "+-", "…": "...", "≤": "<=", "≥": ">=", "→": "->", "″": " arcsec"}
 )
 
 
@@ -59,7 +59,7 @@ class Style:
         """The text as the stream can show it, whatever it has of control characters escaped."""
         text = visible(text)
         if not self.ascii:
-            return text.replace("N*m", "N·m")
+            return re.sub(r"\bum\b", "µm", text.replace("N*m", "N·m"))
         plain = re.sub(" ([″°])", r"\1", text).translate(PLAIN_CHARACTERS)
         return "".join(c if c.isascii() or ord(c) in self.beyond_ascii else "?" for c in plain)
 

@@ -231,7 +231,7 @@ def test_a_joint_s_record_gives_a_table_over_its_travel(tmp_path, travel_deg, ra
     written = ["--csv", str(tmp_path / "table.csv"), "--write", f"csv={tmp_path / 'plain.csv'}"]
     answer = run("compensate", str(tmp_path / "run.csv"), *options, *written, "--json")
     assert answer.returncode == 0, answer.stderr
-    promised = json.loads(answer.stdout)["correction"]["expected"][0]
+    promised = json.loads(answer.stdout)["correction"]["promised"][0]
     table = np.genfromtxt(tmp_path / "table.csv", delimiter=",", names=True)
     fine = start + np.arange(round(travel_deg / 360 * ratio * 400)) / 400
     taken = np.interp(360 * fine / ratio, table["output_deg"], table["error_arcsec"], period=360)

@@ -61,7 +61,7 @@ def test_a_sample_is_turned_as_a_preset_is():
 def test_the_order_goes_by_what_a_table_leaves_and_by_F_ior_where_phasors_tell_no_hole_from_another():
     answer = json.loads(run(*SIX, "--compensated", "output:36", "--json").stdout)
     found = answer["compensated"]
-    worst_served = np.max(np.array(found["left_arcsec"]["expected"]) / found["left_arcsec"]["expected"][0], axis=1)
+    worst_served = np.max(np.array(found["left_arcsec"]["p50"]) / found["left_arcsec"]["p50"][0], axis=1)
     best = found["rotation_deg"][int(np.argmin(worst_served))]
     assert (found["form"], found["order"]) == ("output turn, 36 points", "turn")
     assert answer["recommended"]["rotation_deg"] == best

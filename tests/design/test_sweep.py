@@ -125,7 +125,7 @@ def test_rows_of_two_fields(tmp_path):
     assert [bool(row["F_ior_arcsec"]) for row in in_csv] == [True, False] * 2  # there are no such drives
     words = " ".join(done.stdout.split())
     assert words.startswith(
-        "small, F'_ior over tolerances.e_hb (30 to 60 um) and gears.x_b (1.6 to 4), 4 rows: 22.10 to "
+        "small, F'_ior over tolerances.e_hb (30 to 60 µm) and gears.x_b (1.6 to 4), 4 rows: 22.10 to "
     )
     assert "no answer 2 of 4 rows; the first: gears.x_b:" in words
     assert f"next hdassist check {SMALL} --torque=4 --set tolerances.e_hb=30 --set gears.x_b=1.6 " in words

@@ -52,7 +52,7 @@ def test_the_card_on_stdout_and_the_tables_in_a_file(tmp_path):
     answer = tmp_path / "answer.json"
     result = run(*QUICK, "--card", "-", "--json", "-o", str(answer))
     assert result.stdout.startswith("Assembly card")
-    assert json.loads(answer.read_text())["schema"] == "hdassist.mount/2"
+    assert json.loads(answer.read_text())["schema"] == "hdassist.mount/3"
 
 
 @pytest.mark.parametrize(

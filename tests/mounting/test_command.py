@@ -24,7 +24,7 @@ def test_json_has_what_others_build_on(answer):
     assert answer.returncode == 0
     assert answer.stderr == ""
     told = json.loads(answer.stdout)
-    assert told["schema"] == "hdassist.mount/2"
+    assert told["schema"] == "hdassist.mount/3"
     assert [c["M_g_Nm"] for c in told["curves"]] == [1, 4]
     for curve in told["curves"]:
         assert curve["phase_deg"] == [90, 150, 210, 270, 330, 30]
@@ -36,8 +36,8 @@ def test_json_has_what_others_build_on(answer):
     assert best["hole"] == best["rotation_deg"] / 60
     now = told["current"]["F_ior_arcsec"]
     worst_served = max(b / n for b, n in zip(best["F_ior_arcsec"], now, strict=True))
-    assert told["gain"] == pytest.approx(1 - worst_served)
-    assert told["gain"] > 0.1
+    assert told["gain"]["p50"] == pytest.approx(1 - worst_served)
+    assert told["gain"]["p50"] > 0.1
     assert told["certificate"]["states"] == 12 * 220
 
 

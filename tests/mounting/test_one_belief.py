@@ -97,13 +97,13 @@ def test_all_pages_say_the_same_numbers_and_the_same_probability():
     kept = every.samples.F_ior_arcsec[:, 1] <= every.points[1].left_arcsec
     assert made["yield"]["as_built"]["share"] == kept.mean()
     for page in (mounted, report["mount"]):
-        assert [(each["p5"], each["p50"]) for each in page["belief"]["now"]] == [
+        assert [(each["p5"], each["p50"]) for each in page["now"]] == [
             (each["p5_arcsec"], each["p50_arcsec"]) for each in now
         ]
         assert page["current"]["F_ior_arcsec"] == [each["p50_arcsec"] for each in now]
         # one number of a hole everywhere
-        positions = {each["hole"]: each["F_ior_arcsec"]["expected"] for each in page["belief"]["positions"]}
-        for place in (*page["measure"], page["current"], page["best_bet"], page["worst"]):
+        positions = {each["hole"]: each["F_ior_arcsec"]["p50"] for each in page["positions"]}
+        for place in (*page["to_try"], page["current"], page["best_bet"], page["worst"]):
             assert place["F_ior_arcsec"] == positions[place["hole"]]
     assert mounted["samples"] == checked["samples"]
     planned = answer("plan", *few)["F_ior_arcsec"]

@@ -68,7 +68,7 @@ def test_json_says_what_was_measured(answer, files):
 
 def test_json_has_the_curve_and_nothing_that_needs_a_search(answer):
     told = json.loads(answer.stdout)
-    assert (told["belief"], told["samples"]) == (None, None)
+    assert (told["now"], told["samples"]) == (None, None)
     assert "sensitivity" not in told["current"]
     (curve,) = told["curves"]
     assert curve["phase_deg"] == [120, 300]

@@ -15,9 +15,13 @@ from rich.table import Table
 from rich.text import Text
 
 from hdassist.errors import DataError
+from hdassist.report import Report
+from hdassist.report import Table as TableBlock
 from hdassist.terminal import output
 from hdassist.terminal.output import Output, complain
+from hdassist.terminal.page import report_page
 from hdassist.terminal.streams import Style
+from tests.conftest import ROOT
 from tests.process import SMALL, TINY, on_terminal, run
 from tests.test_plaintext import EVERY_HIDDEN, hidden
 
@@ -117,3 +121,24 @@ def test_a_bar_of_seven_bits(monkeypatch: pytest.MonkeyPatch) -> None:
         advance(1)
     assert "5 um" in stream.getvalue()
     assert stream.getvalue().isascii()
+
+
+@pytest.mark.parametrize("columns", [60, 80, 100, 140])
+def test_a_table_of_ranges_is_one_table_without_broken_words(columns: int) -> None:
+    at = ["16.08 (14.6-16.9)", "11.85 (10.9-12.6)"]
+    rows = [["best", "8", *at, "100", "100", "0.0"], ["worst", "3", *at, "0", "0", "148.7"]]
+    heads = ("", "hole", "at 80 N·m", "at 800 N·m", "better", "good", "loss")
+    style = Style(ascii=False, codes=False, width=columns)
+    report = Report("mount", None, "x", blocks=(TableBlock("", heads, tuple(map(tuple, rows))),))
+    page = Output(style).page(report_page(report, style))
+    assert max(map(len, page.splitlines())) <= columns
+    assert page.count("─\n") == 1
+    assert {word for row in rows for cell in row for word in cell.split()} <= set(page.split())
+    assert set(" ".join(heads).split()) <= set(page.split())
+
+
+def test_every_character_of_pages_has_a_seven_bit_form() -> None:
+    texts = [path.read_text("utf-8") for path in (ROOT / "hdassist/pages").glob("*.py")]
+    texts += [(ROOT / "hdassist/terminal/languages/en.yaml").read_text("utf-8")]
+    strange = {letter for text in texts for letter in text if not letter.isascii()}
+    assert "?" not in Style(ascii=True, codes=False, width=80).text("".join(strange))
