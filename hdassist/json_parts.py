@@ -16,7 +16,12 @@ if TYPE_CHECKING:
     from hdassist.solve.through_cvxpy import CrossCheck
 
 Json = dict[str, Any]
-_SCHEMA_NUMBERS = {"accept": 2, "accept-replay": 2, "mount": 3}  # of JSON whose keys have changed; all other has 1
+_SCHEMA_NUMBERS = {
+    "accept": 2,
+    "accept-replay": 2,
+    "mount": 3,
+    "tolerance": 2,
+}  # of JSON whose keys have changed; all other has 1
 
 
 def as_json(value: Any) -> Any:

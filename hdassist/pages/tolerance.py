@@ -20,7 +20,6 @@ from hdassist.verdict import Verdict
 
 PLOTTED_SHARES = np.linspace(0, 100, 201)  # of drives, %
 _PLOTTED_ROWS = 5
-GAIN_SHARES = (0.05, 0.5, 0.95)  # quantiles of the gain of turning
 MORE_DRIVES = "more drives (-n) may decide it"
 FEW_DESIGNS = 8  # fewer hardly bound the yield of the type
 
@@ -59,7 +58,7 @@ def _percentile(share: float, drives: MountedDrives) -> float:
     return drives.percentile(share).value
 
 
-PERCENTILES = (("low", "5 %", 0.05), ("median", "median", 0.5), ("high", "95 %", 0.95))
+PERCENTILES = (("p5", "5 %", 0.05), ("p50", "median", 0.5), ("p95", "95 %", 0.95))
 MOUNTING_COLUMNS: Quantities[MountedDrives] = (
     Quantity("M_g_Nm", "torque", value="point.M_g"),
     Quantity("wheel", value=lambda d: f"best of {d.summary.positions}" if d.best else "as built"),
@@ -188,7 +187,7 @@ def _reasons(summary: Summary) -> Iterator[str]:
     elif summary.positions > 1 and not summary.has_limit:
         off = []
         for point in summary.points:
-            low, median, high = -100 * np.quantile(point.gains(), GAIN_SHARES)
+            low, median, high = -100 * np.quantile(point.gains(), [share for *_, share in PERCENTILES])
             off.append(f"{median:+z.0f} % ({low:+z.0f} to {high:+z.0f}) at {point.M_g:g} N·m")
         yield f"F'_ior by turning the wheel: {', '.join(off)}"
 
@@ -229,7 +228,7 @@ def _values(law: ProductionLaw, seed: int, summary: Summary, gains: Sequence[Mea
         "operating_points": [
             {
                 **attributes(point, M_g_Nm="M_g", limit_arcsec="limit", self_error_arcsec="self_error"),
-                "gain": dict(zip(("low", "median", "high"), np.quantile(point.gains(), GAIN_SHARES), strict=True)),
+                "gain": {name: np.quantile(point.gains(), share) for name, _, share in PERCENTILES},
                 **{name: _F_ior_object(MountedDrives(summary, point, best)) for name, best in ways.items()},
             }
             for point in summary.points

@@ -97,7 +97,14 @@ def test_people_see_the_hole_how_sure_what_to_measure_and_where_to_go_on(answer)
     page = " ".join(done.stdout.split())
     assert page.startswith(f"small, 5 values at 4 N*m: TURN, hole {answer[0]['hole']} Turn the rigid wheel by ")
     assert (
-        " ".join(answer[0]["instruction"].replace("·", "*").replace("°", " deg").replace("″", " arcsec").split())
+        " ".join(
+            answer[0]["instruction"]
+            .replace("→", "->")
+            .replace("·", "*")
+            .replace("°", " deg")
+            .replace("″", " arcsec")
+            .split()
+        )
         in page
     )
     for words in ("It is better than staying by more than 1 % with ", " effective samples.", "F'_ior at 4 N*m, arcsec"):
