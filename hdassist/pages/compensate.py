@@ -220,7 +220,10 @@ def _curves(result: Correction) -> tuple[Any, Any]:
 def _before_and_after(result: Correction) -> Curve:
     before, after = _curves(result)
     turns, names = np.arange(len(before)) / POINTS_A_TURN, ("before", "after")
-    return Curve(turns, before, "turns of the cam over the full cycle", "error, ″", second=after, names=names, rows=3)
+    title = "error, ″, least and greatest around each cam turn"
+    return Curve(
+        turns, before, "turns of the cam over the full cycle", title, over=1.0, second=after, names=names, rows=3
+    )
 
 
 def _form_object(each: FormResiduals) -> dict[str, Any]:

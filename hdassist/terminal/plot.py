@@ -42,15 +42,22 @@ def curve(style: Style, drawn: Curve) -> str:
     """
     frame = _Frame.around(style, drawn)
     fine = frame if style.ascii else frame.finer(DOTS.shape)
-    lines = least_and_greatest(drawn.x, drawn.y, fine.columns, drawn.over) if drawn.over else [(drawn.x, drawn.y)]
-    dots = np.logical_or.reduce([fine.dots(*line) for line in lines])
+    dots, *others = (
+        np.logical_or.reduce(
+            [
+                fine.dots(*line)
+                for line in (least_and_greatest(drawn.x, y, fine.columns, drawn.over) if drawn.over else [(drawn.x, y)])
+            ]
+        )
+        for y in drawn.series
+    )
     title, under = drawn.y_label, dict.fromkeys(f"{sign(mark, style)}: {mark.words}" for mark in drawn.marks)
     for x, *both in drawn.whiskers:
         column, (last, first) = fine.place(x, both)
         dots[first : last + 1, column] = True
     cells = np.where(dots, "*", " ").tolist() if style.ascii else dots_to_braille(dots)
-    if drawn.second is not None:
-        second = fine.dots(drawn.x, drawn.second) & ~dots
+    for other in others:
+        second = other & ~dots
         if style.ascii:
             cells = np.array([*" *o"])[dots + 2 * second].tolist()
         else:
