@@ -322,7 +322,7 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
     """A cell for each of DRIVE_HEADS of each drive at each torque."""
     for k in range(len(result.torques)):
         for (letter, sheet), changes in zip(_lettered(result).items(), (None, *result.changes), strict=True):
-            odds = changes and changes.probability_better[k]
+            odds = changes.probability_better[k] if changes else None
             change = _change(result, sheet, changes, k) if changes else NO_VALUE
             better = NO_VALUE if odds is None else f"{100 * odds:.0f} %"
             best, point = sheet.advice.choice.target, sheet.check.points[k]
