@@ -32,8 +32,8 @@ Formatter: TypeAlias = Any
 
 OTHERS = "Options"
 SECTIONS = (  # of options, in their order; sections of commands stand before them
-    "Arguments", OTHERS, "Drive", "Measured trace", "Measured teeth", "Trials", "Card", "Lot", "Archive", "Controller",
-    "Answer", "Advanced",
+    "Arguments", OTHERS, "Drive", "Measured trace", "Measured teeth", "Trials", "Card", "Test sheet", "Lot", "Archive",
+    "Controller", "Answer", "Advanced",
 )  # fmt: skip
 _NOTE = re.compile(r"  \[(?:default: )?\(?([^;\]]*?)\)?(?:; [^\]]*)?\]$")  # default and range, as typer writes them
 WIDEST = 31  # columns of names of options: --limit [NAME@TORQUE=]VALUE ...

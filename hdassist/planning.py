@@ -1,9 +1,15 @@
-"""Which test of F'_ior is enough: the share of it that readings at some positions see, over all that is not known."""
+"""Which test of F'_ior is enough: the share of it that readings at some positions see, over all that is not known.
+
+And the test itself, as it can be carried out: approaches in their order, how long they take, and the readings of a
+limit that pass and fail.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from math import hypot, isfinite, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +18,18 @@ from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
 from hdassist.belief.statistics import Probability, probability_of, weighted_quantile
 from hdassist.design.check import drive_samples
-from hdassist.error.cycle import limits_left
+from hdassist.error.cycle import kinematic_error, limits_left
 from hdassist.error.error_map import searchable
 from hdassist.error.waves import POINTS_A_TURN, ErrorLines, error_lines
 from hdassist.errors import UsageError
+from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array
-from hdassist.preset.fields import Drive
-from hdassist.run.run import Run
+from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.plaintext import number_of
+from hdassist.preset.fields import DEVIATIONS, Drive
+from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import Certificate
-from hdassist.verdict import Verdict
+from hdassist.verdict import GUARD, Verdict
 
 QUOTED_POSITIONS = 12  # of a test as makers quote it
 FEWEST_POSITIONS, MOST_A_CAM_TURN = 6, 5  # positions that are tried, from and up to
@@ -29,6 +38,9 @@ LEAST_ARCSEC = 1e-9  # of an error: of a lesser one all is seen
 LISTED_LINES = 12  # the largest
 NEVER = Probability(0.0, 0.0, 0.0)  # of a test that sees all: no chance is in it
 SEEN_SHARE = 0.95  # of F'_ior, that a test sees which is enough where there is no limit
+ROUGH_NOISE = 0.03  # of a composite deviation F'_i: greatest rms of single teeth; evenly from none, a guess
+ROUGH_ORDERS, ROUGH_SIZE = range(5, 13), 0.1  # around a wheel, beyond the belief's; scale of Rayleigh's law over order
+ROUGH_WHEELS, ROUGH_UM = 8, 50.0  # drawn of each kind; F'_i at which they are solved
 
 
 @dataclass(frozen=True)
@@ -179,11 +191,106 @@ class DrivesUnderTest:
         low, high = (max(getattr(each, end) for each in (false_pass, false_fail)) for end in ("low", "high"))
         return PlanJudgement(plan, seen, false_pass, false_fail, self._verdict(low, high))
 
+    def test_of(
+        self, judged: PlanJudgement, run: ApproachRun, ratio: float, M_g: float, limit: float | None
+    ) -> PlannedTest:
+        """The test of a judged plan at a torque M_g [N*m]; ratio: cam turns an output turn; limit: with the self error.
+
+        A reading with its guard band over the share that is seen at 5 % of drives and starts has to keep the limit; one
+        beyond the limit by its guard band fails, as a test sees no more than there is.
+        """
+        guard = GUARD * self.demands.noise_arcsec
+        planned = PlannedTest(judged, run, ratio, M_g, self.demands.noise_arcsec)
+        if self.left_arcsec is None or limit is None:
+            return planned
+        own, least = limit - self.left_arcsec, judged.seen[0]
+        passes, fails = max(limit * least - guard, 0.0), limit + guard
+        rng = np.random.default_rng([self.seed, 1])
+        read = self.seen_shares(judged.plan, self.starts) * self.F_ior_arcsec + own
+        read += self.demands.noise_arcsec * rng.standard_normal(read.shape)
+        passing, failing = self.probability(read <= passes), self.probability(read > fails)
+        return replace(planned, passes_up_to=passes, fails_beyond=fails, passing=passing, failing=failing)
+
     def _verdict(self, low: float, high: float) -> Verdict:
         """Whether a probability of being wrong, by the ends of its Monte Carlo interval, is allowed."""
         if high <= self.demands.wrong:
             return Verdict.PASS
         return Verdict.FAIL if low > self.demands.wrong else Verdict.INCONCLUSIVE
+
+
+@dataclass(frozen=True)
+class EncoderData:
+    """Encoders of a rig: step of the output's readings and graduation error ± [arcsec], step of the cam's [deg]."""
+
+    step_arcsec: float = 0.0
+    graduation_arcsec: float = 0.0
+    cam_step_deg: float = 0.0
+
+    @classmethod
+    def of(cls, text: str) -> EncoderData:
+        """Read "0.5,1,0.1". Raises UsageError: no such text."""
+        numbers = [number_of(part) for part in text.split(",")]
+        if len(numbers) > 3 or not all(isfinite(each) and each >= 0 for each in numbers):
+            hint = "step and graduation error of the output's in arcsec, step of the cam's in deg: 0.5,1,0.1"
+            raise UsageError(f"invalid --encoders {text}: expected STEP[,GRADUATION[,CAM]]", hint)
+        return cls(*numbers)
+
+    def uncertainty_arcsec(self, ratio: float) -> float:
+        """Standard uncertainty of the difference of two readings, whose errors are as likely anywhere within them."""
+        widths = self.step_arcsec, 2 * self.graduation_arcsec, self.cam_step_deg * 3600 / ratio
+        return sqrt(2 / 12) * hypot(*widths)
+
+
+@dataclass(frozen=True)
+class ApproachRun:
+    """How positions of a plan are approached: repeats of all, dwell at each [s], warm-up [min], speed of the cam [rpm].
+
+    lead_turns: of the cam, from before the first position, so that play and friction are taken up.
+    """
+
+    repeats: int = 1
+    dwell_s: float = 5.0
+    warm_up_min: float = 30.0
+    cam_rpm: float = 60.0
+    lead_turns: float = 1.0
+
+    def approaches(self, plan: ReadingPlan, ratio: float) -> tuple[Array, Array, Array]:
+        """Minute at which each reading is taken, target [deg] of the output, and side 1 or -1; all in their order."""
+        step = 360 * plan.step_turns
+        forth = step * np.arange(plan.readings)
+        passes = [(1, forth), (-1, forth[::-1])] if plan.both else [(1, forth)]
+        target = np.concatenate([targets for _ in range(self.repeats) for _, targets in passes])
+        side = np.concatenate([np.full(plan.readings, way) for _ in range(self.repeats) for way, _ in passes])
+        lead, apart = self.lead_turns / self.cam_rpm, plan.step_turns * ratio / self.cam_rpm  # min
+        begins = np.arange(len(target)) % plan.readings == 0
+        back = 0.0 if plan.both else apart * (plan.readings - 1) + lead  # a pass one way begins where the last began
+        moves = np.where(begins, lead * (1 + plan.both) + back, apart)
+        moves[0] = lead
+        return self.warm_up_min + np.cumsum(moves + self.dwell_s / 60), target, side
+
+
+@dataclass(frozen=True)
+class PlannedTest:
+    """A test as it can be carried out: its judgement, how it is run, standard uncertainty [arcsec] of the range read.
+
+    M_g [N*m]; passes_up_to, fails_beyond: readings [arcsec] at which a limit is kept in 95 of 100 drives of the plan,
+    and surely is not; passing, failing: probability of either; None without a limit.
+    """
+
+    judged: PlanJudgement
+    run: ApproachRun
+    ratio: float
+    M_g: float
+    uncertainty_arcsec: float
+    passes_up_to: float | None = None
+    fails_beyond: float | None = None
+    passing: Probability | None = None
+    failing: Probability | None = None
+
+    @property
+    def minutes(self) -> float:
+        """Duration, warm-up included."""
+        return float(self.run.approaches(self.judged.plan, self.ratio)[0][-1])
 
 
 @dataclass(frozen=True)
@@ -220,6 +327,7 @@ class PlanChoice:
     samples: Samples | None
     certificate: Certificate
     verdict: Verdict
+    test: PlannedTest
 
 
 def choose_plan(
@@ -227,14 +335,15 @@ def choose_plan(
     asked: ReadingPlan | None = None,
     *,
     demands: PlanDemands = PlanDemands(),
+    test: ApproachRun = ApproachRun(),
     draws: int = EFFECTIVE_SAMPLES,
     travel_deg: float | None = None,
     run: Run = Run(),
 ) -> PlanChoice:
     """Plans of a test at the first torque of a drive that has a limit, at the first where none has.
 
-    Arguments: asked, a plan to judge beside the others; demands; draws, effective samples of all that is not known
-    exactly, 0 for none; travel_deg of the output, the preset's where None.
+    Arguments: asked, a plan to judge beside the others; demands; test, how it is carried out; draws, effective samples
+    of all that is not known exactly, 0 for none; travel_deg of the output, the preset's where None.
     Raises UsageError for rolling balls, UntrustedError as `check` does.
     """
     if not searchable(drive):
@@ -245,9 +354,11 @@ def choose_plan(
     samples = drive_samples(prior, left, draws=draws, run=run) if prior.fields and draws else None
     lines = error_lines(drive, torques[place], samples.values() if samples else [{}], run)
     curves, proof = lines.curves, lines.certificate
+    F_ior = np.ptp(curves, axis=1, keepdims=True)
     if samples:  # F'_ior as every page has it
-        weights, proof = samples.weights, proof + samples.certificate
-        curves *= samples.F_ior_arcsec[:, [place]] / np.maximum(np.ptp(curves, axis=1, keepdims=True), LEAST_ARCSEC)
+        weights, proof, F_ior = samples.weights, proof + samples.certificate, samples.F_ior_arcsec[:, [place]]
+    curves += rough_curves(drive, torques[place], samples.values() if samples else [{}], curves.shape[1], run.seed)
+    curves *= F_ior / np.maximum(np.ptp(curves, axis=1, keepdims=True), LEAST_ARCSEC)
     cycle, ratio = lines.kinematics.cycle_cam_revolutions, abs(lines.kinematics.u)
     output, used = round(cycle / ratio), (travel_deg or drive.acceptance.travel) / 360
     drives = DrivesUnderTest(
@@ -264,7 +375,40 @@ def choose_plan(
     shown = [*own, scan[QUOTED_POSITIONS - FEWEST_POSITIONS], *fewest, *records]
     judged, enough = tuple({each.plan: each for each in shown}.values()), (*fewest, *shortest)
     seen, verdict = _lines_seen(lines, drives, judged[0].plan), [*own, *enough, records[-1]][0].verdict
-    return PlanChoice(drive, torques[place], drives, bool(own), judged, enough, scan, seen, samples, proof, verdict)
+    M_g, carried = torques[place], [*own, *fewest, judged[0]][0]
+    planned = drives.test_of(carried, test, ratio, M_g, drive.limit(M_g))
+    return PlanChoice(drive, M_g, drives, bool(own), judged, enough, scan, seen, samples, proof, verdict, planned)
+
+
+def rough_curves(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]], points: int, seed: int = 0) -> Array:
+    """Error [arcsec] by rough teeth over the full cycle of drives, shape (drives, points).
+
+    Harmonics beyond the belief's and noise of single teeth, in proportion to the composite deviation of their wheel,
+    are solved in the drive without other deviations, where the error is that of one wheel plus that of the other; of
+    some wheels, in a random position in each drive. Arguments: M_g [N*m]; changes of the drive by path; points of the
+    cycle; seed.
+    """
+    rng, kinematics = np.random.default_rng([seed, 2]), Kinematics.of(drive)
+    smooth = drive.with_values({each.size: 0.0 for each in DEVIATIONS})
+    state, part = np.divmod(np.arange(points) * kinematics.cycle_states / points, 1)
+    index, curves = state.astype(np.int64), np.zeros((len(changes), points))
+    for wheel, z, path in (("g", drive.gears.z_g, "tolerances.F_i1"), ("b", drive.gears.z_b, "tolerances.F_i2")):
+        sizes = [change.get(path, drive.number(path)) / ROUGH_UM for change in changes]
+        if not any(sizes):
+            continue
+        errors, turn = [], 2 * np.pi * np.arange(z) / z
+        for _ in range(ROUGH_WHEELS):
+            teeth = rng.uniform(0, ROUGH_NOISE) * rng.standard_normal(z)
+            for order in ROUGH_ORDERS:
+                teeth += ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * turn - 2 * np.pi * rng.random())
+            states, rough = pitch_locked_states(kinematics, np.arange(z)), ToothDeviations(**{wheel: ROUGH_UM * teeth})
+            found = kinematic_error(smooth, M_g, states=states, teeth=rough, run=UNCHECKED).error_arcsec
+            errors.append(found - found.mean())
+        for curve, size in zip(curves, sizes, strict=True):
+            error, first = errors[rng.integers(ROUGH_WHEELS)], rng.integers(z)
+            at = (index + first) % z
+            curve += size * (error[at] * (1 - part) + error[(at + 1) % z] * part)
+    return curves
 
 
 def _lines_seen(lines: ErrorLines, drives: DrivesUnderTest, plan: ReadingPlan) -> tuple[LineSeen, ...]:

@@ -19,6 +19,7 @@ class Verdict(StrEnum):
         return {Verdict.FAIL: 3, Verdict.INCONCLUSIVE: 6}.get(self, 0)
 
 
+GUARD = 1.65  # standard uncertainties of a measured value to its limit: one-sided 95 %
 SURE = 0.95  # probability of keeping a limit from which on a verdict is PASS; FAIL up to 1 less it
 
 

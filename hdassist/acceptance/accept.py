@@ -21,14 +21,15 @@ from hdassist.acceptance.answer import (
     now,
     of_predictions,
 )
-from hdassist.acceptance.decision import GUARD, AcceptedValue, DecidedCheck, Predictions, decide
+from hdassist.acceptance.decision import AcceptedValue, DecidedCheck, Predictions, decide
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.request import Inputs, LotRow, Request
 from hdassist.errors import DataError, HdassistError, UsageError
 from hdassist.json_parts import attributes
+from hdassist.measuring.bench import position_quantities, seen_range
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.model.unknown import unknown_names
-from hdassist.verdict import SEVERITY, worst
+from hdassist.verdict import GUARD, SEVERITY, worst
 from hdassist.version import __version__
 
 QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
@@ -87,6 +88,18 @@ def accept(
             "standard_uncertainty_arcsec": measurement.directions[0].uncertainty_arcsec,
         }
         for M_g, measurement in measured.items()
+    ]
+    traces += [
+        {
+            **attributes(record.table, "file", "sha256"),
+            "M_g_Nm": M_g,
+            "rows": len(record.table.lines),
+            "F_ior_arcsec": found.arcsec,
+            "F_ior_is_lower_bound": True,
+            "standard_uncertainty_arcsec": found.uncertainty_arcsec or 0.0,
+        }
+        for M_g, record in inputs.positions.items()
+        for found in [seen_range(record, position_quantities(record, seed=request.seed))]
     ]
     return ANSWER.validate_python({
         "version": __version__,

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from math import hypot
 from typing import Literal, cast
 
 import numpy as np
@@ -30,8 +31,10 @@ from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.table import TABLE_SECTIONS
 from hdassist.error.waves import EstimatedCycle, estimated_cycle, turn_range_arcsec
 from hdassist.errors import UsageError
+from hdassist.measuring.bench import SeenRange
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import SweepResult
+from hdassist.measuring.range import UncertaintySource, combined
 from hdassist.model.deviations import MeasuredTeeth
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
@@ -42,10 +45,9 @@ from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.through_cvxpy import CrossCheck
-from hdassist.verdict import SURE, Verdict, percent_text, verdict_by_probability
+from hdassist.verdict import GUARD, SURE, Verdict, percent_text, verdict_by_probability
 
 OF_TRAVEL = "predicted over the full cycle: less may come in acceptance.travel, which a record shows"
-GUARD = 1.65  # standard uncertainties: one-sided 95 %
 Basis = Literal["measured", "stated", "predicted"]
 Rule = Literal["guard", "simple"]
 
@@ -262,7 +264,8 @@ class AcceptedValue(ClosedRecord):
     value, in the unit of its check, the median where there is a belief; expanded_uncertainty, k = 2, None where it is
     predicted; basis, how it is known; extent: the value of the whole cycle, a lower bound of it, that of a part which
     does not hold for the whole, or a prediction at the preset's own numbers where others are as possible (not known);
-    rise, by how much it may be greater in another cycle; unstated, sources of its uncertainty that nobody has stated;
+    rise, by how much it may be greater in another cycle; at_most, of a lower bound: value that 95 of 100 drives with it
+    stay below, by a plan of positions; unstated, sources of its uncertainty that nobody has stated;
     belief, of a prediction over the uncertain inputs.
     """
 
@@ -273,6 +276,7 @@ class AcceptedValue(ClosedRecord):
     rise: float = 0.0
     unstated: tuple[str, ...] = ()
     belief: Belief | None = None
+    at_most: float | None = None
 
     @classmethod
     def predicted(cls, limit: Limit, predictions: Predictions) -> AcceptedValue:
@@ -299,6 +303,16 @@ class AcceptedValue(ClosedRecord):
         if value < 0:
             raise UsageError(f"--value {given}: {limit.label} cannot be below zero", "its size, without a sign")
         return cls(value, expanded, "stated", "whole")
+
+    @classmethod
+    def at_positions(cls, found: SeenRange, sources: Sequence[UncertaintySource]) -> AcceptedValue:
+        """F'_ior by approached positions, which see a part of it; sources: of its uncertainty, stated or not."""
+        unstated = tuple(source.name for source in sources if source.arcsec is None)
+        if found.uncertainty_arcsec is None:
+            return cls(found.arcsec, 0.0, "measured", "at least", unstated=unstated)
+        greatest = found.estimates_arcsec[-1] if found.seen else None
+        expanded = COVERAGE_FACTOR * hypot(found.uncertainty_arcsec, combined(sources))
+        return cls(found.arcsec, expanded, "measured", "at least", unstated=unstated, at_most=greatest)
 
     @classmethod
     def measured(cls, limit: Limit, sweep: SweepResult) -> AcceptedValue:
@@ -382,8 +396,12 @@ def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule,
             return Verdict.INCONCLUSIVE, OF_TRAVEL
         within = known.extent == "at least" and room + (known.expanded_uncertainty or 0.0) > 0
         return Verdict.FAIL, f"the estimate {known.value:.4g} is beyond the limit by its rule" * within
-    if known.extent == "at least":
+    if known.extent == "at least" and known.at_most is None:
         return Verdict.INCONCLUSIVE, "a lower bound: part of the cycle only"
+    if known.at_most is not None and known.value is not None:
+        room -= (known.at_most - known.value) + guard * (known.at_most / max(known.value, 1e-9) - 1)
+        if room < guard:
+            return Verdict.INCONCLUSIVE, f"a lower bound: positions leave up to {known.at_most:.4g} open"
     strict = rule == "guard" and known.basis != "predicted"
     if room - (known.rise if strict else 0.0) < guard:
         lines = f", with {known.rise:.3g} that lines may add in another cycle" if strict and known.rise else ""

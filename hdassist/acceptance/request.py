@@ -19,12 +19,24 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from hdassist.acceptance.decision import AcceptedValue, Predictions, order_place, predict
-from hdassist.acceptance.limits import LIMIT_NAME, Limit, LimitText, limits_of, load_limited, named_overrides
+from hdassist.acceptance.limits import (
+    F_IOR,
+    LIMIT_NAME,
+    Extent,
+    Limit,
+    LimitText,
+    limits_of,
+    load_limited,
+    named_overrides,
+)
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.errors import DataError, Fault, Finding, HdassistError, PresetError, UsageError
 from hdassist.files import STDIN
 from hdassist.loading.load import Asked
+from hdassist.measuring.bench import PositionRecord, position_quantities, seen_range
+from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import Measurement, Reading
+from hdassist.measuring.range import parse_stated, stated_sources
 from hdassist.model.deviations import MeasuredTeeth
 from hdassist.model.kinematics import Kinematics
 from hdassist.plaintext import number_of
@@ -49,12 +61,13 @@ _UNUSED = re.compile(r"#|note", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Inputs:
-    """Inputs of a request, read: its drive, traces by torque [N*m], values by limit, measured wheels."""
+    """Inputs of a request, read: its drive, traces and positions by torque [N*m], values by limit, measured wheels."""
 
     drive: Drive
     measurements: dict[float, Measurement] = field(default_factory=dict)
     stated: dict[Limit, AcceptedValue] = field(default_factory=dict)
     wheels: MeasuredTeeth | None = None
+    positions: dict[float, PositionRecord] = field(default_factory=dict)
 
     @property
     def unmeasured(self) -> tuple[Limit, ...]:
@@ -146,11 +159,46 @@ class Request(ClosedRecord):
         apart.
         """
         files = self.traces(drive).items()
-        travel = drive.acceptance.travel
-        measurements = {
-            M_g: self.reading.measured(file, drive, seed=self.seed, travel_deg=travel) for M_g, file in files
-        }
-        return Inputs(drive, measurements, stated_values(self.values, drive), self.read_wheels(drive))
+        how = {"seed": self.seed, "travel_deg": drive.acceptance.travel}
+        measurements: dict[float, Measurement] = {}
+        positions: dict[float, PositionRecord] = {}
+        stated = stated_values(self.values, drive)
+        for M_g, file in files:
+            found = self.reading.measured_or_bench(file, drive, **how)
+            if isinstance(found, Measurement):
+                measurements[M_g] = found
+            elif isinstance(found, PositionRecord):
+                positions[M_g] = found
+                stated = self._at_positions(found, M_g, drive) | stated
+            else:
+                words = f"{found.table.file}: a torque loop, which has no F'_ior"
+                raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")
+        return Inputs(drive, measurements, stated, self.read_wheels(drive), positions)
+
+    def _at_positions(self, record: PositionRecord, M_g: float, drive: Drive) -> dict[Limit, AcceptedValue]:
+        """Values by approached positions at a torque M_g [N*m], of the limits of a drive that they are for.
+
+        Raises DataError: positions of a plan at another torque, or that no limit is for.
+        """
+        quantities = position_quantities(record, seed=self.seed)
+        found, by_name = seen_range(record, quantities), {each.name: each for each in quantities}
+        if found.M_g not in (None, M_g):
+            words = f"{record.table.file}: planned for {found.M_g:g} N*m, not for {M_g:g} N*m"
+            raise DataError(words, f"--measured {found.M_g:g}={record.table.file}")
+        sources = stated_sources(parse_stated(self.reading.budget))
+        values = {}
+        for limit in limits_of(drive):
+            if limit.check is F_IOR and limit.M_g_Nm == M_g:
+                values[limit] = AcceptedValue.at_positions(found, sources)
+            elif own := by_name.get(limit.check.field):
+                unsure = own.uncertainty_arcsec
+                is_whole: Extent = "whole" if unsure is not None else "at least"
+                values[limit] = AcceptedValue(own.arcsec, COVERAGE_FACTOR * (unsure or 0.0), "measured", is_whole)
+        if not values:
+            raise DataError(
+                f"{drive.name}: positions at {M_g:g} N*m, where it has no limit", f"--limit F_ior@{M_g:g}=30"
+            )
+        return values
 
     def read_wheels(self, drive: Drive) -> MeasuredTeeth | None:
         """Measured wheels; None without any, and without a prediction. Raises what WheelFiles.read does."""

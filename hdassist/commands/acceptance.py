@@ -6,6 +6,7 @@ from collections.abc import Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
+from math import hypot
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import HdassistError, UsageError
@@ -35,11 +36,14 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
       hdassist plan my-drive.yaml --limit F_ior@6.7=45 --noise 0.5
       hdassist plan my-drive.yaml --limit 45 --positions 127
       hdassist plan vzp160 --positions 24 --turns 2 --json
+      hdassist plan own.yaml --positions 36 --both --repeats 3 \\
+          --encoders 0.5,1 --approach run.csv --sheet run.html
 
     A test reads the output at some positions, from an angle that is not known, and takes the greatest less the least
     error. It misses all that lies between, and does not see waves that come as often as there are positions. Each drive
     that this one may be, by all that is not known exactly (docs/unknown.md), is put to each test, at the first torque
-    with a limit. Its teeth are smooth; noise of single teeth lowers the shares (docs/plan.md).
+    with a limit. Its teeth are rough, as real ones are (docs/plan.md). --approach writes the positions in the order in
+    which they are approached; with the angles that were read it is a file of measure and of accept --measured.
 
     A test is enough that keeps both shares of wrong verdicts, false PASS and false FAIL among all tested; without
     a limit, one that sees 95 % of F'_ior in 95 % of cases. Exit codes: 0 a test (or the one asked about) is enough, 3
@@ -54,6 +58,14 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
     corrected: bool = False
     wrong: float = 0.05
     travel: float | None = None
+    encoders: str | None = None
+    repeats: int = 1
+    dwell: float = 5.0
+    warm_up: float = 30.0
+    rpm: float = 60.0
+    approach: str | None = None
+    sheet: str | None = None
+    serial: str = ""
 
     def plan(self, drive: Drive) -> ReadingPlan | None:
         """The test of a drive to judge, None where none was asked about. Raises UsageError for options without one."""
@@ -69,14 +81,37 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
     def report(self, out: Output, preset: str) -> Report:
         """Tests of the drive, judged."""
         from hdassist.design.check import check_states
-        from hdassist.pages.plan import plan_report
-        from hdassist.planning import PlanDemands, choose_plan
+        from hdassist.model.kinematics import Kinematics
+        from hdassist.pages.plan import approach_csv, plan_report, sheet_report
+        from hdassist.pages.report import blocks_text, report_html
+        from hdassist.planning import ApproachRun, EncoderData, PlanDemands, choose_plan
 
-        drive, demands = self.load(preset), PlanDemands(self.wrong, self.noise, self.corrected)
-        asked = self.plan(drive)
-        how: dict[str, Any] = {"demands": demands, "draws": self.draws, "travel_deg": self.travel}
+        paths = [path for path in (self.approach, self.sheet) if path is not None]
+        if [*paths, self.csv, out.target if self.json else None].count("-") > 1:
+            raise UsageError("standard output can take one of --json, --csv, --approach and --sheet")
+        if self.sheet is not None and self.sheet != "-" and not self.sheet.endswith((".html", ".txt")):
+            raise UsageError(f"a sheet cannot be written as {self.sheet!r}", "its name ends in .html or .txt")
+        for path in paths:
+            take_output(path, self.force)
+        drive = self.load(preset)
+        encoders = EncoderData.of(self.encoders) if self.encoders is not None else EncoderData()
+        noise = hypot(self.noise, encoders.uncertainty_arcsec(abs(Kinematics.of(drive).u)))
+        test = ApproachRun(self.repeats, self.dwell, self.warm_up, self.rpm)
+        how: dict[str, Any] = {"demands": PlanDemands(self.wrong, noise, self.corrected), "draws": self.draws}
         with out.run(drive.name, check_states(drive, draws=self.draws), self) as run:
-            return plan_report(choose_plan(drive, asked=asked, run=run, **how))
+            choice = choose_plan(drive, self.plan(drive), test=test, travel_deg=self.travel, run=run, **how)
+        if self.approach is not None:
+            write_text(self.approach, approach_csv(choice), self.force)
+        if self.sheet is not None:
+            sheet = sheet_report(choice, self.serial, self.approach or "")
+            is_page = self.sheet.endswith(".html")
+            write_text(
+                self.sheet,
+                report_html(sheet) if is_page else blocks_text(sheet.head, sheet.blocks, ascii=self.ascii),
+                self.force,
+            )
+        report = plan_report(choice)
+        return replace(report, head="") if "-" in paths else report
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,14 +11,16 @@ Loops: the twist at a torque is that of a parabola through the readings around i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import hypot, sqrt
+from math import hypot, isfinite, sqrt
 
 import numpy as np
 
 from hdassist.errors import DataError
 from hdassist.measuring.range import BIAS_SHARE
 from hdassist.model.geometry import Array
+from hdassist.plaintext import number_of
 from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import WHOLE_TURN_DEG, AngleError, sweeps
 from hdassist.readers.words import TURN_ARCSEC, role_in
@@ -38,6 +40,18 @@ class PositionRecord:
     target_arcsec: Array
     deviation_arcsec: Array
     side: Array
+
+    def remark(self, key: str) -> tuple[float, ...]:
+        """Numbers of a remark "key: number ..." of the file, as a plan writes them; empty without one.
+
+        Raises DataError: others than positive numbers.
+        """
+        entries = (line.entry for line in self.table.remarks)
+        text = next((entry[1] for entry in entries if entry and entry[0] == key), "")
+        numbers = tuple(map(number_of, text.split()))
+        if not all(isfinite(number) for number in numbers):
+            raise DataError(f"{self.table.file}: remark {key}: {text}: expected numbers", "as hdassist plan wrote it")
+        return numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +75,25 @@ class StatedQuantity:
     arcsec: float
     uncertainty_arcsec: float | None
     of: str
+
+
+@dataclass(frozen=True)
+class SeenRange:
+    """What positions tell of F'_ior [arcsec]: the range that they see, which is a lower bound, and more by their plan.
+
+    uncertainty_arcsec: standard, None without repetition and without that of a plan; seen: share of F'_ior that they
+    see, at 5, 50 and 95 % of drives and starts, empty without a plan; M_g: torque of the plan [N*m].
+    """
+
+    arcsec: float
+    uncertainty_arcsec: float | None
+    seen: tuple[float, ...] = ()
+    M_g: float | None = None
+
+    @property
+    def estimates_arcsec(self) -> tuple[float, ...]:
+        """F'_ior where they see most, the median share, and least; empty without a plan."""
+        return tuple(self.arcsec / share for share in reversed(self.seen))
 
 
 @dataclass(frozen=True)
@@ -135,6 +168,16 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
         words = f"{len(positions)} positions, {len(target)} approaches"
         quantities.append(StatedQuantity(name, max(0.0, float(value) - bias), unsure, words))
     return tuple(quantities)
+
+
+def seen_range(record: PositionRecord, quantities: Sequence[StatedQuantity]) -> SeenRange:
+    """F'_ior by a record of positions with such quantities. Raises DataError for remarks that no plan has."""
+    (found,) = (each for each in quantities if each.name == "positioning")
+    unsure = [each for each in (found.uncertainty_arcsec, *record.remark("uncertainty")) if each]
+    seen, torque = record.remark("sees"), record.remark("torque")
+    if seen and not (len(seen) == 3 and 0 < seen[0] <= seen[1] <= seen[2] <= 1):
+        raise DataError(f"{record.table.file}: remark sees: expected three rising shares", "as hdassist plan wrote it")
+    return SeenRange(found.arcsec, hypot(*unsure) if unsure else None, seen, torque[0] if torque else None)
 
 
 def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:

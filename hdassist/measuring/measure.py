@@ -22,7 +22,7 @@ import numpy as np
 
 from hdassist.error.stiffness import catalogue_torques
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
-from hdassist.measuring.bench import bench_record
+from hdassist.measuring.bench import LoopRecord, PositionRecord, bench_record
 from hdassist.measuring.fit import (
     BINS_PER_COLUMN,
     COVERAGE_FACTOR,
@@ -558,11 +558,18 @@ class Reading(ClosedRecord, TraceForm):
 
         Raises what it and read_trace do.
         """
+        found = self.measured_or_bench(file, drive, ratio, **how)
+        if isinstance(found, Measurement):
+            return found
+        words = f"{found.table.file}: approached positions or a torque loop, which is no trace"
+        raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")
+
+    def measured_or_bench(
+        self, file: str, drive: Drive | None, ratio: float | None = None, **how: Any
+    ) -> Measurement | PositionRecord | LoopRecord:
+        """The same of a trace; approached positions and torque loops as they were recorded."""
         table = read_record(file, self)
-        if bench_record(table):
-            words = f"{table.file}: approached positions or a torque loop, which is no trace"
-            raise DataError(words, "hdassist measure has its figures; accept takes them as --value NAME=VALUE±U")
-        return self.of_table(table, drive, ratio, **how)
+        return bench_record(table) or self.of_table(table, drive, ratio, **how)
 
     def of_table(self, table: NumberTable, drive: Drive | None, ratio: float | None = None, **how: Any) -> Measurement:
         """Results of the trace in a table, of a drive or of one of a ratio; how: more arguments of `measure`."""

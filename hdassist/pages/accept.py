@@ -14,7 +14,7 @@ from hdassist.acceptance.answer import (
     lot_summary,
     provenance,
 )
-from hdassist.acceptance.decision import GUARD, Belief, DecidedCheck, Predictions
+from hdassist.acceptance.decision import Belief, DecidedCheck, Predictions
 from hdassist.acceptance.limits import F_IOR, Limit, LimitText
 from hdassist.acceptance.request import Lot
 from hdassist.errors import DataError
@@ -26,7 +26,7 @@ from hdassist.preset.text import convert, shown
 from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table, four_digits
 from hdassist.terminal.output import csv_text, together
 from hdassist.terminal.words import WHEEL_WORDS, again, samples_words
-from hdassist.verdict import SEVERITY, percent_text, worst_exit_code
+from hdassist.verdict import GUARD, SEVERITY, percent_text, worst_exit_code
 from hdassist.version import __version__
 
 RULE_WORDS = {

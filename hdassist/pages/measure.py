@@ -17,10 +17,12 @@ from hdassist.measuring.bench import (
     LoopRecord,
     PlaceLoop,
     PositionRecord,
+    SeenRange,
     StatedQuantity,
     loop_quantities,
     place_loops,
     position_quantities,
+    seen_range,
 )
 from hdassist.measuring.fit import COVERAGE_FACTOR, SLOWEST_ORDER
 from hdassist.measuring.measure import Measurement, RecordedTorque, SweepResult
@@ -367,8 +369,13 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
         places = place_loops(record, rated)
         found = loop_quantities(places)
     first, unsure = found[0], [each for each in found if each.uncertainty_arcsec is not None]
+    positions = seen_range(record, found) if isinstance(record, PositionRecord) else None
     once = "one approach a position: no uncertainty, and scatter widens the range by an unknown part"
     words = [word for q in unsure for word in ("--value", f"{q.name}={q.arcsec:.3g}±{_expanded(q):.2g}")]
+    planned = positions and positions.M_g
+    if planned and table.file != STDIN:  # all of it by one option
+        budget = ["--budget", "encoder=U,coupling=U,reseating=U,temperature=U"]
+        words = ["--measured", f"{planned:g}={table.file}", "--measured-only", *budget]
     unlimited = [q.name for q in unsure if drive is None or getattr(drive.acceptance, q.name) is None]
     words += [word for name in unlimited for word in ("--limit", f"{name}=LIMIT")]
     return Report(
@@ -380,6 +387,7 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
             Table.by_row("", _STATED_COLUMNS, found),
             *(Table.by_row("places", _PLACES, each) for each in [places] * (len(places) > 1)),
             Facts.of([
+                ("F'_ior", _seen_words(positions) if positions else ""),
                 ("read as", "; ".join(table.notes)),
                 ("next", again("accept", drive, *words) if words and table.file != STDIN else ""),
             ]),
@@ -389,6 +397,7 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
             "file": {"name": table.file, "sha256": table.sha256, "rows": len(table.lines)},
             "notes": list(table.notes),
             "quantities": as_objects(_QUANTITIES, found),
+            "F_ior": positions and as_object(_SEEN_RANGE, positions),
             "places": as_objects(_PLACES, places),
             "seed": seed,
         },
@@ -398,6 +407,25 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
         about=table.file,
         warnings=(once,) * (len(unsure) < len(found)),
     )  # fmt: skip
+
+
+_SEEN_RANGE: Quantities[SeenRange] = (
+    Quantity("at_least_arcsec", value="arcsec"),
+    Quantity("standard_uncertainty_arcsec", value="uncertainty_arcsec"),
+    Quantity("M_g_Nm", value="M_g"),
+    Quantity("median_arcsec", value=lambda of: of.estimates_arcsec[1] if of.seen else None),
+    Quantity("at_most_arcsec", value=lambda of: of.estimates_arcsec[2] if of.seen else None),
+    Quantity("seen", value=lambda of: list(of.seen)),
+)
+
+
+def _seen_words(found: SeenRange) -> str:
+    least = f"at least {found.arcsec:.2f}″ by these positions"
+    if not found.seen:
+        return f"{least}; hdassist plan tells how much they see"
+    _, middle, most = found.estimates_arcsec
+    share = f"{100 * found.seen[0]:.0f} to {100 * found.seen[2]:.0f} %"
+    return f"{least}, which see {share} of it: {middle:.1f}″ in the median, up to {most:.1f}″ in 95 of 100 drives"
 
 
 def _expanded(found: StatedQuantity) -> float:

@@ -7,9 +7,22 @@ import numpy as np
 
 from hdassist.belief.samples import ErrorBelief
 from hdassist.json_parts import samples_object
+from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
-from hdassist.planning import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgement
-from hdassist.report import Curve, CurveMark, Facts, Quantities, Quantity, Report, Table, as_objects, csv_table
+from hdassist.planning import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgement, PlannedTest
+from hdassist.report import (
+    Curve,
+    CurveMark,
+    Facts,
+    Lines,
+    Quantities,
+    Quantity,
+    Report,
+    Table,
+    as_object,
+    as_objects,
+    csv_table,
+)
 from hdassist.terminal.words import more_draws, preset_argument
 from hdassist.verdict import Verdict
 
@@ -40,6 +53,17 @@ LINE_QUANTITIES: Quantities[LineSeen] = (
     Quantity("variance_share", "share, %", digits=_percent),
     Quantity("seen_as", "looks like (0: blind)", digits="g"),
 )
+TEST_QUANTITIES: Quantities[PlannedTest] = (
+    Quantity("test", value="judged.plan.name"),
+    Quantity("repeats", value="run.repeats"),
+    Quantity("readings", value=lambda test: len(_approaches(test)[0])),
+    Quantity("minutes"),
+    Quantity("standard_uncertainty_arcsec", value="uncertainty_arcsec"),
+    Quantity("passes_up_to_arcsec", value="passes_up_to"),
+    Quantity("fails_beyond_arcsec", value="fails_beyond"),
+    *(Quantity(f"{name}.{part}") for name in ("passing", "failing") for part in ("value", "low", "high")),
+)
+LISTED_READINGS = 96  # on a sheet: of more the file has the list
 
 
 def plan_report(choice: PlanChoice) -> Report:
@@ -62,6 +86,8 @@ def plan_report(choice: PlanChoice) -> Report:
     facts = (
         ("blind", f"to lines that come so many times an output turn: {often} of its mean square" if lines else ""),
         ("enough", names if choice.asked else ""),
+        ("takes", _takes(choice.test) if choice.asked or limit else ""),
+        ("verdict", _verdicts(choice.test)),
         ("open", more_draws(choice.samples) if choice.samples and is_open else ""),
         ("next", shlex.join(["hdassist", "measure", "record.csv", "--drive", preset_argument(drive)])),
     )
@@ -94,6 +120,7 @@ def plan_report(choice: PlanChoice) -> Report:
             "enough": [each.plan.name for each in choice.enough],
             "over_positions": as_objects(PLAN_QUANTITIES, choice.over_positions),
             "lines": as_objects(LINE_QUANTITIES, choice.lines),
+            "carried_out": as_object(TEST_QUANTITIES, choice.test),
             "samples": samples_object(choice.samples),
             "seed": drives.seed,
         },
@@ -110,7 +137,7 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
     is_range = choice.samples or drives.travel
     F_ior = "{0:.1f} to {2:.1f}".format(*F_ior_arcsec) if is_range else f"{F_ior_arcsec[0]:.1f}"
     of_travel = f" over {360 * drives.travel:.4g}° of travel" if drives.travel else ""
-    yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior}″){of_travel}, teeth taken as smooth"
+    yield f"{first.plan.name} see {low} to {high} % of F'_ior ({F_ior}″){of_travel}"
     risk, beyond = first.false_pass, drives.beyond
     if not risk or not beyond:
         yield f"enough without a --limit: to see {100 * SEEN_SHARE:g} % of F'_ior in {100 * (1 - wrong):g} % of cases"
@@ -134,4 +161,86 @@ def seen_curve(choice: PlanChoice) -> Curve:
         y_label=f"% of F'_ior seen in 95 of 100 cases{alike}",
         marks=tuple(CurveMark(N, points[N], "enough", "target") for N in found),
         rows=6,
+    )
+
+
+def _approaches(test: PlannedTest) -> tuple[Array, Array, Array]:
+    return test.run.approaches(test.judged.plan, test.ratio)
+
+
+def _takes(test: PlannedTest) -> str:
+    """Readings and duration of a test in words, and what its readings are uncertain by."""
+    unsure = f", u = {test.uncertainty_arcsec:.2g}″" if test.uncertainty_arcsec else ""
+    count = len(_approaches(test)[0])
+    return f"{test.judged.plan.name}: {count} readings, {test.minutes:.0f} min with warm-up{unsure}"
+
+
+def _verdicts(test: PlannedTest) -> str:
+    """Verdicts that a test can give at its limit, in words; empty without one."""
+    if test.passing is None or test.failing is None:
+        return ""
+    passing, failing = test.passing.value, test.failing.value
+    shares = f"PASS {_percent(passing)} %, FAIL {_percent(failing)} %, open {_percent(1 - passing - failing)} %"
+    return f"reading up to {test.passes_up_to:.1f}″ passes, beyond {test.fails_beyond:.1f}″ fails: {shares}"
+
+
+def approach_csv(choice: PlanChoice) -> str:
+    """The file of a test to fill in: a row for each reading in its order, what the test sees as remarks above."""
+    test = choice.test
+    shares = " ".join(f"{share:.3f}" for share in test.judged.seen)
+    rows = [f"{minute:.1f},{target:.6g},{side:g}," for minute, target, side in zip(*_approaches(test), strict=True)]
+    return "\n".join([
+        f"# plan: {choice.drive.name}, {test.judged.plan.name}",
+        f"# torque: {test.M_g:g}",
+        f"# sees: {shares}",
+        f"# uncertainty: {test.uncertainty_arcsec:.4g}",
+        "# write behind each last comma the angle of the output that was read, in deg; or name that column",
+        "# deviation_arcsec and write actual less target, counter-clockwise positive",
+        "minute,target_deg,side,actual_deg",
+        *rows,
+    ]) + "\n"  # fmt: skip
+
+
+def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report:
+    """The sheet of a test for the bench; serial of the drive; file with its positions, where one is written."""
+    test, drive, run = choice.test, choice.drive, choice.test.run
+    minutes, targets, sides = _approaches(test)
+    low, middle, high = map(_percent, test.judged.seen)
+    lead = f"{360 * run.lead_turns / test.ratio:.3g}°"
+    ways = "from below in growing order, then from above in falling order" if test.judged.plan.both else "from below"
+    steps = (
+        f"load the output with {test.M_g:g} N·m, constant, as in use; positive pulls counter-clockwise",
+        f"warm up for {run.warm_up_min:g} min with the cam at {run.cam_rpm:g} rpm; write down the temperature",
+        f"begin anywhere: that angle of the output is 0; go back by {lead} first, as much before turning round",
+        f"approach each position {ways}, {run.repeats} time{'s' * (run.repeats != 1)}; never go past one and back",
+        f"wait {run.dwell_s:g} s, read the output; write down the temperature again at the end",
+    )
+    given = (
+        "the greatest less the least deviation from one side counts, of repeats their mean",
+        f"it sees {low} to {high} % of F'_ior, {middle} % in the median",
+        _verdicts(test),
+        shlex.join([
+            "hdassist", "accept", preset_argument(drive), "--measured", f"{test.M_g:g}={file}", "--measured-only",
+            "--budget", "encoder=U,coupling=U,reseating=U,temperature=U",
+        ]) if file else "",
+    )  # fmt: skip
+    listed = zip(minutes, targets, sides, strict=True) if len(targets) <= LISTED_READINGS else ()
+    rows = tuple(
+        (str(k + 1), f"{minute:.0f}", f"{target:.5g}", "below" if side > 0 else "above", "", "")
+        for k, (minute, target, side) in enumerate(listed)
+    )
+    readings = Table("readings", ("no.", "at min", "position, °", "from", "read, °", "deviation, ″"), rows)
+    return Report(
+        command="plan",
+        drive=drive,
+        head=f"{drive.name}: test of F'_ior at {test.M_g:g} N·m, {_takes(test)}",
+        verdict="",
+        blocks=(
+            Facts((("drive", drive.name), ("serial", serial), ("date, name", ""), ("rig, encoders", ""))),
+            Lines("do", steps, "[ ]"),
+            Facts((("temperature at begin, °C", ""), ("temperature at end, °C", ""))),
+            Lines("means", tuple(filter(None, given))),
+            readings if rows else Facts((("readings", f"the list is in {file or 'the file of --approach'}"),)),
+        ),
+        certificate=choice.certificate,
     )

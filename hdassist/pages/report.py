@@ -179,8 +179,13 @@ def card_html(card: Card) -> str:
 
 def card_text(card: Card, *, ascii: bool = False) -> str:
     """The card as text; ascii: with 7-bit characters only, but for Cyrillic letters."""
+    return blocks_text(card.title, card.blocks, ascii=ascii)
+
+
+def blocks_text(title: str, blocks: Iterable[Block], *, ascii: bool = False) -> str:
+    """A title and blocks below it as text of the width of a card; ascii: as of card_text."""
     style = Style(ascii, codes=False, width=CARD_COLUMNS, beyond_ascii=CYRILLIC)
-    parts = [part for block in (Paragraph(card.title), *card.blocks) for part in block_on_page(block, style)]
+    parts = [part for block in (Paragraph(title), *blocks) for part in block_on_page(block, style)]
     return Output(style).page(Group(*[line for part in parts for line in (part, Text(""))]))
 
 

@@ -181,12 +181,17 @@ def test_a_limit_that_nothing_predicts_asks_for_its_own_value():
     assert "hint: --value repeatability=VALUE±U (hdassist" in done.stderr
 
 
-def test_positions_are_no_trace(tmp_path):
+def test_positions_of_no_plan_are_a_lower_bound(tmp_path):
     rows = "".join(f"{30 * k},{k % 5},{side}\n" for side in (1, -1) for k in range(12))
     (tmp_path / "positions.csv").write_text(f"target_deg,error_arcsec,side\n{rows}")
     done = run(
         "accept", TINY, "--limit", "F_ior@4=60", "--measured", "4=positions.csv", "--measured-only", cwd=tmp_path
     )
+    assert done.returncode == 6
+    assert "F'_ior at 4 N·m, arcsec   INCONCLUSIVE   ≥ 4.00" in done.stdout
+    loop = "".join(f"{torque},{3 * torque}\n" for torque in (*range(-20, 20), *range(20, -20, -1)))
+    (tmp_path / "loop.csv").write_text(f"torque_Nm,twist_arcsec\n{loop}")
+    done = run("accept", TINY, "--limit", "F_ior@4=60", "--measured", "4=loop.csv", "--measured-only", cwd=tmp_path)
     assert done.returncode == 4
-    assert "positions.csv: approached positions or a torque loop, which is no trace" in done.stderr
+    assert "loop.csv: a torque loop, which has no F'_ior" in done.stderr
     assert "--value NAME=VALUE±U" in done.stderr

@@ -8,12 +8,13 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hdassist import load_preset
 from hdassist.pages.plan import seen_curve
 from hdassist.planning import choose_plan
-from tests.process import TINY, run
+from tests.process import SMALL, TINY, run
 
 OPEN = ("--set", "phases.xi_b=unknown", "--draws", "8")
 
@@ -54,7 +55,7 @@ def test_with_a_limit_the_page_has_wrong_verdicts_and_fits_a_screen():
 
 def test_what_chance_leaves_open_asks_for_more_samples():
     page = run("plan", TINY, *OPEN, "--torque", "4", "--limit", "2102", "--no-plot").stdout
-    assert "open  no measurement, more samples settle it: --draws " in page
+    assert re.search(r"^open +no measurement, more samples settle it: --draws ", page, re.M)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +93,7 @@ def test_a_verdict_that_is_known_without_a_test_is_named():
 def test_a_test_asked_about_is_the_first_and_decides():
     asked = run("plan", TINY, "--positions", "10", "-q")
     assert (asked.returncode, asked.stdout) == (3, "10 positions will not do\n")
-    assert run("plan", TINY, "--positions", "360", "-q").stdout == "360 positions will do\n"
+    assert run("plan", TINY, "--positions", "1000", "-q").stdout == "1000 positions will do\n"
     steps = json.loads(run("plan", TINY, "--positions", "8", "--turns", "2", "--both", "--json").stdout)
     assert steps["plans"][0]["test"] == "8 positions over 2 output turns both ways"
     assert steps["plans"][0]["step_output_deg"] == pytest.approx(90)
@@ -132,3 +133,63 @@ def test_wrong_options_are_refused_in_words(options: tuple[str, ...], code: int,
     answer = run("plan", TINY, *options)
     assert answer.returncode == code
     assert words in answer.stderr
+
+
+def read_by_a_rig(file: Path, size: float, seed: int = 0) -> str:
+    """The file of a test filled in on a bench of sines: a drive of so many arcsec, play, noise, another zero."""
+    rng, lines = np.random.default_rng(seed), []
+    for line in file.read_text("utf-8").splitlines():
+        if line.endswith(","):
+            _, target, side, _ = line.split(",")
+            angle = np.radians(float(target)) + rng.uniform(0, 1e-9)
+            error = size / 2 * np.cos(30 * angle + 0.4) * (1 + 0.1 * np.cos(angle)) + 4 * float(side)
+            line += f"{(211.7 + float(target) + (error + 0.2 * rng.standard_normal()) / 3600) % 360:.7f}"
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def test_a_test_is_carried_out_and_decides(tmp_path):
+    options = ("--positions", "29", "--both", "--repeats", "2", "--encoders", "0.2,0.3", "--torque", "4")
+    files = ("--approach", "run.csv", "--sheet", "run.txt", "--serial", "17-1")
+    page = run("plan", SMALL, "--draws", "0", "--limit", "40", *options, *files, "--json", cwd=tmp_path)
+    carried = json.loads(page.stdout)["carried_out"]
+    assert carried["readings"] == 2 * 2 * 29
+    rows = [line for line in (tmp_path / "run.csv").read_text("utf-8").splitlines() if line.endswith(",")]
+    minute, target, side = np.array([[float(cell) for cell in row.split(",")[:3]] for row in rows]).T
+    assert minute[-1] == pytest.approx(carried["minutes"], abs=0.06)
+    assert (np.diff(minute) >= 0).all()
+    moves = np.sign(np.diff(target)) * (np.diff(side) == 0)
+    assert (moves == side[1:] * (np.diff(side) == 0)).all()  # each position is approached from its side
+    sheet = (tmp_path / "run.txt").read_text("utf-8")
+    assert "17-1" in sheet
+    assert "the list is in run.csv" in sheet  # of 116 readings
+
+    unread = run("measure", "run.csv", cwd=tmp_path)
+    assert unread.returncode == 4
+    budget = ("--budget", "encoder=0,coupling=0,reseating=0,temperature=0")
+    for share, code in ((0.8, 0), (1.2, 3)):
+        size = carried["passes_up_to_arcsec" if code == 0 else "fails_beyond_arcsec"] * share / 1.1
+        (tmp_path / "read.csv").write_text(read_by_a_rig(tmp_path / "run.csv", size))
+        answer = ("accept", SMALL, "--limit", "F_ior@4=40", "--measured", "4=read.csv", "--measured-only")
+        done = run(*answer, *budget, "--json", "-o", f"{code}.json", cwd=tmp_path)
+        assert done.returncode == code, done.stderr
+        assert run("accept", "--replay", f"{code}.json", "-q", cwd=tmp_path).returncode == 0
+        without = run(*answer, "-q", cwd=tmp_path)
+        assert without.returncode == (code or 6)  # no budget, no PASS
+    told = json.loads(run("measure", "read.csv", "--json", cwd=tmp_path).stdout)["F_ior"]
+    assert told["at_most_arcsec"] == pytest.approx(told["at_least_arcsec"] / told["seen"][0])
+    wrong = ("--limit", "F_ior@9=40", "--measured", "9=read.csv", "--measured-only")
+    elsewhere = run("accept", SMALL, *wrong, cwd=tmp_path)
+    assert elsewhere.returncode == 4
+    assert "planned for 4 N·m, not for 9 N·m" in elsewhere.stderr
+    text = (tmp_path / "read.csv").read_text("utf-8")
+    (tmp_path / "bare.csv").write_text("".join(line for line in text.splitlines(True) if "# sees" not in line))
+    bare = run("accept", SMALL, "--limit", "F_ior@4=4000", "--measured", "4=bare.csv", *budget, "-q", cwd=tmp_path)
+    assert (bare.returncode, bare.stdout) == (6, "INCONCLUSIVE\n")  # positions of no plan never pass
+
+
+@pytest.mark.parametrize("text", ["x", "1,2,3,4", "-1", "nan"])
+def test_data_of_encoders_are_refused_in_words(text: str):
+    answer = run("plan", TINY, "--encoders", text)
+    assert answer.returncode == 2
+    assert "expected STEP[,GRADUATION[,CAM]]" in answer.stderr
