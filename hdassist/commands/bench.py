@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from hdassist.errors import UsageError
 from hdassist.report import Report
 from hdassist.terminal import options as o
-from hdassist.terminal.output import Output, failure, give, note, run_each
+from hdassist.terminal.output import Output, failure, give, note, run_each, warn
 from hdassist.terminal.streams import take_output, write_text
 
 if TYPE_CHECKING:
@@ -181,9 +181,11 @@ class ControllerOptions(o.OptionGroup):
 
     def write_controller(self, result: Correction, target: tuple[ControllerFormat, str] | None, *, force: bool) -> None:
         """Write the controller's file of a correction, where one is asked for and the correction is not refused."""
-        from hdassist.correction.writers import ControllerAxis, correction_file
+        from hdassist.correction.writers import ControllerAxis, correction_file, poor_table
 
         if target and not result.chosen.is_refused:
+            if words := poor_table(result, target[0]):
+                warn(words)
             sense = -1 if self.clockwise else 1
             axis = ControllerAxis(self.axis, sense, self.zero, self.rows_from, self.steps_per_degree)
             text, about = correction_file(result, target[0], axis)

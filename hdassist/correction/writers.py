@@ -24,6 +24,7 @@ MOTEUS_BINS, INT8_MOST = 256, 127
 PEC_SECONDS = (61, 720)  # sidereal, that OnStepX keeps
 EQMOD_DIGITS = 4
 TWINCAT_STEPS_A_DEGREE = 10_000
+POOR_SHARE = 0.5  # of the error, left by a table
 SETPOINT_STEPS = 2  # each leaves a hundredth of the rest before
 RESAMPLED_POINTS = 8192  # played by a controller that has its own points
 
@@ -151,6 +152,24 @@ def correction_file(result: Correction, controller: ControllerFormat, axis: Cont
         expected.append(ExpectedResidual(M_g, percentiles(error.ranges)[1], *left))
     about = replace(table, promised=tuple(expected), recorded_deg=result.recorded_deg)
     return controller_file(about, controller, axis, result.drive.origin.sha256 if result.drive else "")
+
+
+def poor_table(result: Correction, controller: ControllerFormat) -> str:
+    """Words on a table that leaves more than half of the error, and a form that takes off more; empty of others."""
+    form, (_, left, _) = result.chosen.form, result.chosen.left
+    if left <= POOR_SHARE:
+        return ""
+    words = f"{form.name} leave {100 * left:.0f} % of the error"
+    points = result.fewest_points
+    if not points:
+        return f"{words}: no table over the output turn halves it, --form phasors does more"
+    able = [
+        name
+        for name, each in CONTROLLER_FORMATS.items()
+        if "output" in each.turns and (each.most_points or points) >= points
+    ]
+    here = "" if controller in map(CONTROLLER_FORMATS.get, able) else f", which {controller.name} does not keep"
+    return f"{words}; --form output --points {points} halves it{here} ({', '.join(able)} do)"
 
 
 def controller_file(

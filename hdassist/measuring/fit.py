@@ -261,6 +261,12 @@ class TraceFit:
         return self.design.root[: 2 * len(power)] * np.sqrt(self.variance * np.tile(power, 2))[:, None]
 
     @property
+    def level_covariance(self) -> Array:
+        """Covariance of the levels by noise [arcsec^2], shape (levels, levels)."""
+        rows = self.design.root[2 * len(self.orders) :][: len(self.level)]
+        return np.asarray(rows @ rows.T * self.variance * max(self.correlated, 1.0))
+
+    @property
     def error(self) -> Array:
         """The values without levels, drift and slopes, shape (bins,)."""
         return self.curve(self.bins.turns) + self.residual

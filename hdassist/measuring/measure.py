@@ -2,8 +2,9 @@
 
 Slopes are fitted together with the orders: over the speed, a lag between the encoders, and over the torque. A lag times
 the speed is an offset that changes sign with the direction and grows with the speed. At an even speed it is part of the
-level, and F'_ior has no part of it; friction and play change the level with the direction too. So a lag is known only
-where the speed changes within a sweep.
+level, and F'_ior has no part of it; friction and play change the level with the direction too. So what
+grows with the speed is known only where that changes, within a sweep or from one to another; the rest is lost at the
+reversal. Friction that grows with the speed looks like a lag: all of the fitted one may be that.
 
 The wind-up by a torque that changes along a record is taken off, so that F'_ior is that of the mean torque: by the
 record itself, where the torque does not go with the orders, as gravity goes with the turn of the output; else by K_1 to
@@ -19,6 +20,7 @@ from math import hypot, isfinite, sqrt
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from hdassist.error.stiffness import catalogue_torques
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
@@ -71,6 +73,7 @@ from hdassist.readers.trace import MeasuredTrace, TraceForm, read_record, sweeps
 from hdassist.readers.words import TURN_ARCSEC
 from hdassist.run.kept import ClosedRecord
 
+LEAST_SPEED_APART = 0.2  # of the greatest speed: between sweeps, from which on a lag is fitted to their levels
 LEAST_SPEED_CHANGE = 0.02  # of the speed: within sweeps, from which on a lag is fitted
 LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up too little to see
 LOAD_APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
@@ -107,12 +110,47 @@ def speed_changes(bins: Bins) -> bool:
     return float(high - low) / 2 > LEAST_SPEED_CHANGE * float(np.abs(bins.speed).mean())
 
 
-def encoder_lag(fits: Sequence[TraceFit], ratio: float, sense: int) -> EncoderLag | None:
-    """Lag by the fits of both directions; None where the speed does not change.
+@dataclass(frozen=True)
+class SweepSpeeds:
+    """Parts of the levels of sweeps: lost at the reversal [arcsec], over the speed [arcsec s/turn].
+
+    Each with its standard uncertainty.
+    """
+
+    lost: tuple[float, float]
+    over_speed: tuple[float, float]
+
+
+def lost_by_sweeps(fits: Sequence[TraceFit]) -> SweepSpeeds | None:
+    """The part of the sweeps' levels that goes with the direction and the part that goes with the speed.
+
+    None where the sweeps of both directions do not tell them apart, or slopes over the speed are fitted within them.
+    """
+    if any("speed" in fit.slopes or fit.bins.levels != fit.bins.sweeps for fit in fits):
+        return None
+    level = np.concatenate([fit.level for fit in fits])
+    speed = np.concatenate([[f.bins.speed[f.bins.sweep == k].mean() for k in range(f.bins.sweeps)] for f in fits])
+    pace = np.abs(speed)
+    if len(level) < 3 or not np.ptp(pace) > LEAST_SPEED_APART * pace.max():
+        return None
+    precision = np.linalg.pinv(block_diag(*[fit.level_covariance for fit in fits]))
+    columns = np.column_stack([np.ones(len(level)), np.sign(speed) / 2, speed])
+    covariance = np.linalg.pinv(columns.T @ precision @ columns)
+    found = covariance @ columns.T @ precision @ level
+    left, freedom = level - columns @ found, len(level) - 3
+    spread = np.sqrt(np.diag(covariance) * max(1.0, float(left @ precision @ left) / max(freedom, 1)))
+    return SweepSpeeds((abs(float(found[1])), float(spread[1])), (float(found[2]), float(spread[2])))
+
+
+def encoder_lag(
+    fits: Sequence[TraceFit], ratio: float, sense: int, by_sweeps: SweepSpeeds | None = None
+) -> EncoderLag | None:
+    """Lag by the fits of both directions, or by the speeds of their sweeps; None where the speed does not change.
 
     Arguments: ratio, cam turns per output turn; sense, in which the two encoders count, 0 for a column of errors.
     """
     slopes = [fit.slopes["speed"] for fit in fits if "speed" in fit.slopes]
+    slopes += [by_sweeps.over_speed] if by_sweeps else []
     if not slopes:
         return None
     values, spreads = np.array(slopes).T * (1e3 * ratio * (sense or 1) / TURN_ARCSEC)  # ms
@@ -238,10 +276,20 @@ class SweepResult:
 
 @dataclass(frozen=True)
 class Reversal:
-    """Error in growing minus error in falling direction at the same angles [arcsec]: mean, and greatest departure."""
+    """Error in growing minus error in falling direction at the same angles [arcsec]: mean, and greatest departure.
+
+    lost_motion_arcsec: size of the output's stay where the shaft turns back, by play, friction and hysteresis, without
+    the part that grows with the speed, where that is known; with its standard uncertainty. by: "speeds within sweeps",
+    "speeds of sweeps", or "one speed", where each ms of lag between the encoders is arcsec_per_ms of it (None without
+    time stamps, 0 otherwise).
+    """
 
     mean_arcsec: float
     greatest_departure_arcsec: float
+    lost_motion_arcsec: float = 0.0
+    lost_motion_standard_uncertainty_arcsec: float = 0.0
+    arcsec_per_ms: float | None = 0.0
+    by: str = "one speed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -371,8 +419,13 @@ def measure(
     if not directions:
         hint = "F'_ior is looked for over whole turns; check that the angle is that of the cam, and its unit"
         raise DataError(f"{trace.file}: less than one cam turn in one direction", hint)
-    reversal = _reversal(*directions) if len(directions) == 2 else None
-    lag = encoder_lag([each.fit for each in directions], gearing.ratio, trace.sense) if gearing else None
+    fits = [each.fit for each in directions]
+    by_sweeps = lost_by_sweeps(fits) if len(directions) == 2 and trace.time_s is not None else None
+    per_ms = None
+    if gearing and trace.time_s is not None:
+        per_ms = 2e-3 * float(np.mean([np.median(np.abs(f.bins.speed)) for f in fits])) * TURN_ARCSEC / gearing.ratio
+    reversal = _reversal(directions[0], directions[1], by_sweeps, per_ms) if len(directions) == 2 else None
+    lag = encoder_lag(fits, gearing.ratio, trace.sense, by_sweeps) if gearing else None
     directions.sort(key=lambda each: -each.range.value)
     notes, warnings = list(dict.fromkeys(notes)), list(dict.fromkeys(warnings))
     alone: tuple[SweepResult, ...] = ()
@@ -507,14 +560,28 @@ def _sweep_result(
     )  # fmt: skip
 
 
-def _reversal(up: SweepResult, down: SweepResult) -> Reversal | None:
-    """Difference of the two directions at the angles that both have visited; None if there are none."""
+def _reversal(
+    up: SweepResult, down: SweepResult, by_sweeps: SweepSpeeds | None, per_ms: float | None
+) -> Reversal | None:
+    """Difference of the two directions at the angles that both have visited; None if there are none.
+
+    by_sweeps: parts of the levels by direction and speed, where they are known; per_ms: change by a ms of lag of the
+    difference [arcsec], None where that is not known.
+    """
     shared = np.intersect1d(np.rint(up.grid_turns * 1e6), np.rint(down.grid_turns * 1e6)) / 1e6
     if not len(shared):
         return None
     above, below = (each.fit.curve(shared) + each.fit.level.mean() for each in (up, down))
     apart = above - below
-    return Reversal(float(apart.mean()), float(np.abs(apart - apart.mean()).max()))
+    mean, departure = float(apart.mean()), float(np.abs(apart - apart.mean()).max())
+    if by_sweeps:
+        return Reversal(mean, departure, *by_sweeps.lost, 0.0, "speeds of sweeps")
+    drifts = [source.arcsec for each in (up, down) for source in each.sources if source.name == "drift"]
+    levels = [sqrt(float(each.fit.level_covariance.mean())) for each in (up, down)]
+    unsure = hypot(*levels, *filter(None, drifts))
+    if "speed" in up.fit.slopes and "speed" in down.fit.slopes:
+        return Reversal(mean, departure, abs(mean), unsure, 0.0, "speeds within sweeps")
+    return Reversal(mean, departure, abs(mean), unsure, per_ms, "one speed")
 
 
 @dataclass(frozen=True)

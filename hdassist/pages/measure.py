@@ -25,7 +25,7 @@ from hdassist.measuring.bench import (
     seen_range,
 )
 from hdassist.measuring.fit import COVERAGE_FACTOR, SLOWEST_ORDER
-from hdassist.measuring.measure import Measurement, RecordedTorque, SweepResult
+from hdassist.measuring.measure import Measurement, RecordedTorque, Reversal, SweepResult
 from hdassist.measuring.orders import FULL_SHARE, Gearing, MeasuredOrder
 from hdassist.measuring.range import GAP_PERIODS, STATED, UncertaintySource
 from hdassist.pages.curves import curve_of_turns, slope_words
@@ -196,13 +196,18 @@ def _facts(
         rise = f"; in another cycle they may add {found.range.rise:.2f}″" if found.range.rise else ""
         yield "lines", f"off the orders: {lines}{rise}"
     if reversal := result.reversal:
-        words = f"{reversal.mean_arcsec:.2f}″ on the mean, up to {reversal.greatest_departure_arcsec:.2f}″ off that"
-        yield "reversal", f"{words}; it is not lost motion"
+        yield "reversal", _reversal_words(reversal)
     if torque := result.torque:
         yield "torque", _torque(torque)
     if lag := result.lag:
         reach = COVERAGE_FACTOR * lag.uncertainty_ms
-        yield "lag", f"output read {lag.ms:.3g} ± {reach:.2g} ms after the cam, taken off"
+        yield (
+            "lag",
+            (
+                f"output read {lag.ms:.3g} ± {reach:.2g} ms after the cam, or less: friction that grows with the speed "
+                "looks alike; taken off"
+            ),
+        )
     missing = [source.name for source in found.sources if source.arcsec is None]
     yield "measure", f"not in u: {', '.join(missing)} (--budget NAME=U)" if missing else ""
     yield "read as", "; ".join(result.notes)
@@ -210,6 +215,18 @@ def _facts(
         is_cycle = result.gearing and not (found.is_bound or result.gearing.travel)
         command, record = ("compare", file) if not is_cycle else ("mount", f"h0={file}")
         yield "next", again(command, drive, record, *options)
+
+
+def _reversal_words(reversal: Reversal) -> str:
+    """Lost motion of a record in both directions, and the part of it that may be lag."""
+    reach = COVERAGE_FACTOR * reversal.lost_motion_standard_uncertainty_arcsec
+    words = (
+        f"lost motion {reversal.lost_motion_arcsec:.2f} ± {reach:.2f}″ where it turns back (play, friction, hysteresis)"
+    )
+    if reversal.by == "one speed":
+        size = f", {reversal.arcsec_per_ms:.3g}″ per ms" if reversal.arcsec_per_ms else ""
+        words += f", lag included{size}: record two speeds"
+    return f"{words}; {reversal.mean_arcsec:.2f}″ on the mean, up to {reversal.greatest_departure_arcsec:.2f}″ off that"
 
 
 def _slope_object(result: Measurement, speed: float | None) -> Json:

@@ -169,7 +169,7 @@ def _approaches(test: PlannedTest) -> tuple[Array, Array, Array]:
 
 
 def _takes(test: PlannedTest) -> str:
-    """Readings and duration of a test in words, and what its readings are uncertain by."""
+    """Readings and duration of a test in words, and their uncertainty."""
     unsure = f", u = {test.uncertainty_arcsec:.2g}″" if test.uncertainty_arcsec else ""
     count = len(_approaches(test)[0])
     return f"{test.judged.plan.name}: {count} readings, {test.minutes:.0f} min with warm-up{unsure}"
@@ -185,7 +185,7 @@ def _verdicts(test: PlannedTest) -> str:
 
 
 def approach_csv(choice: PlanChoice) -> str:
-    """The file of a test to fill in: a row for each reading in its order, what the test sees as remarks above."""
+    """The file of a test to fill in: a row for each reading; shares that the test sees as remarks."""
     test = choice.test
     shares = " ".join(f"{share:.3f}" for share in test.judged.seen)
     rows = [f"{minute:.1f},{target:.6g},{side:g}," for minute, target, side in zip(*_approaches(test), strict=True)]

@@ -118,3 +118,14 @@ def test_wrong_options_are_refused_in_words(options: tuple[str, ...], words: str
     answer = run("compensate", TINY, *options)
     assert answer.returncode == 2
     assert words in answer.stderr
+
+
+def test_a_table_that_leaves_most_is_written_with_a_word_on_the_form_that_does_more(tmp_path: Path):
+    poor = ("compensate", TINY, "--draws", "0", "--form", "output", "-q", "--write")
+    done = run(*poor, "linuxcnc-1=t.comp", "--points", "30", cwd=tmp_path)
+    assert done.returncode == 0
+    before, _, after = done.stderr.partition("wrote t.comp")
+    assert "warning: output turn, 30 points leave " in before
+    assert " halves it (csv, c, linuxcnc-1, twincat-cnc, twincat-nc, siemens-840d do)" in before
+    assert not after.strip()
+    assert "warning" not in run(*poor, "c=t.h", "--points", "720", cwd=tmp_path).stderr

@@ -122,7 +122,7 @@ def test_both_directions_stand_side_by_side(rig):
     for direction in told["directions"]:
         name = {1: "growing", -1: "falling"}[direction["direction"]]
         assert re.search(rf"^{name} +{direction['F_ior_arcsec']:.2f} ", page, re.MULTILINE)
-    assert re.search(r"^reversal +-5\.\d\d″ on the mean", page, re.MULTILINE)
+    assert re.search(r"^reversal +lost motion [45]\.\d\d ± 0\.\d\d″ where it turns back", page, re.MULTILINE)
 
 
 def test_a_gap_longer_than_a_cam_turn_is_drawn(rig):
