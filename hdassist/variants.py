@@ -212,7 +212,7 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
         prior = PairedPrior(other.drive, other.prior.fields, paired=paired)
         samples = draw_samples(
             prior, samples.torques, evidence=other.evidence, further=_no_figures, enough=lambda _: False,
-            effort=SamplingEffort(effective=1, most_draws=count), run=run,
+            effort=SamplingEffort(1, count, count), run=run,
         )  # fmt: skip
         proof = samples.certificate
     solved = np.flatnonzero([draw.F_ior_arcsec is not None for draw in samples.made])

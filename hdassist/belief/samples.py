@@ -46,16 +46,19 @@ CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure w
 
 @dataclass(frozen=True)
 class SamplingEffort:
-    """Limits of sampling: effective samples at least and at most, draws at most, and draws at a time."""
+    """Limits of sampling: effective samples at least, draws for a purpose and in all at most, and draws at a time.
+
+    Draws for a purpose are those that are made for no more than to settle it, once so many samples are effective.
+    """
 
     effective: int = EFFECTIVE_SAMPLES
-    most_effective: int = 1024
+    settling_draws: int = 1024
     most_draws: int = 2048
     batch: int = 16
 
     @classmethod
     def of(cls, effective: int) -> SamplingEffort:
-        """The effort for at least so many effective samples, at most 16 times as many."""
+        """The effort for at least so many effective samples, and 16 times as many draws to settle a limit."""
         return cls(effective, 16 * effective, 32 * effective, min(16, effective))
 
 
@@ -188,8 +191,7 @@ def draw_samples(
         for samples in _growing(sampling, kept, draws, effort, run):
             if seen and samples.weights.any():
                 seen(samples)
-            most = samples.effective >= effort.most_effective
-            if samples.stages and (most or enough(samples)):
+            if samples.stages and (len(draws) >= effort.settling_draws or enough(samples)):
                 break
         if not samples.stages:
             raise _too_few(samples, draws, evidence, effort.effective)

@@ -216,12 +216,13 @@ class Production:
         if not self.law.shared:
             return replace(self, designs=(({}, 1.0),)), None
         count = self.design_of(drives - 1) + 1
+        most = DRAWS_PER_DESIGN * count
         samples = draw_samples(
             self.law.joint,
             self.torques,
             evidence=evidence_of(self.drive, of_type=True),
             enough=lambda so_far: len(so_far.weights) >= count,
-            effort=SamplingEffort(1, drives + 1, DRAWS_PER_DESIGN * count, min(count, max(16, count // 4))),
+            effort=SamplingEffort(1, most, most, min(count, max(16, count // 4))),
             run=replace(run, seed=self.seed),
         )
         if len(samples.weights) < count:

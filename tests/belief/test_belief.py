@@ -30,7 +30,7 @@ from tests.support import PROVEN
 
 C_3 = "source.supports.C_3={kind: assumed, range: [1000, 8000], ref: judged}"
 J_N = "source.gears.j_n={kind: assumed, range: [16, 20], ref: judged}"
-FEW = SamplingEffort(effective=8, most_effective=16, most_draws=64, batch=8)
+FEW = SamplingEffort(effective=8, settling_draws=16, most_draws=64, batch=8)
 
 
 def tiny(*overrides: str):
@@ -163,7 +163,15 @@ def test_samples_are_the_same_from_any_number_of_workers_and_the_first_of_more()
 def test_draws_go_on_until_they_are_enough_or_the_most():
     prior = prior_of(tiny("phases.phi_hb=unknown"))
     assert draw_samples(prior, (4.0,), effort=FEW, enough=lambda samples: samples.draws >= 16).draws == 16
-    assert draw_samples(prior, (4.0,), effort=FEW, enough=lambda _: False).draws == 16  # 16 effective are the most
+    assert draw_samples(prior, (4.0,), effort=FEW, enough=lambda _: False).draws == 16  # the most
+
+
+def test_a_purpose_takes_no_more_draws_where_few_of_them_are_effective():
+    drive = tiny("source.cam.W_0={kind: assumed, range: [1.6, 1.8], ref: judged}")
+    evidence = (Evidence("catalogue.K_1", "K_1", stiffness_figures(drive)[0]["K_1"], 0.02),)
+    effort = SamplingEffort(effective=4, settling_draws=32, most_draws=64, batch=16)
+    samples = draw_samples(prior_of(drive), (4.0,), evidence=evidence, effort=effort, enough=lambda _: False)
+    assert samples.effective < samples.draws == 32
 
 
 def test_draws_that_are_no_drive_are_counted():

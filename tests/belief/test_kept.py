@@ -24,7 +24,7 @@ from tests import process
 from tests.process import TINY, run
 
 OPEN = "phases.phi_hb=unknown"
-FEW = SamplingEffort(effective=8, most_effective=16, most_draws=64, batch=8)
+FEW = SamplingEffort(effective=8, settling_draws=16, most_draws=64, batch=8)
 
 
 @pytest.fixture

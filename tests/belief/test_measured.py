@@ -28,7 +28,7 @@ from tests.process import TINY
 W_0 = "source.cam.W_0={kind: assumed, range: [1.6, 1.8], ref: judged}"
 J_N = "source.gears.j_n={kind: assumed, range: [16, 20], ref: judged}"
 UNKNOWN = ("phases.phi_hb=unknown", "tolerances.e_hb=unknown", "mounting.holes=6")
-FEW = SamplingEffort(effective=8, most_effective=8, most_draws=512, batch=64)
+FEW = SamplingEffort(effective=8, settling_draws=8, most_draws=512, batch=64)
 
 
 def tiny(*overrides: str):

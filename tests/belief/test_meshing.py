@@ -15,7 +15,7 @@ from hdassist.model.rules import first_conflict
 from hdassist.preset.knowledge import read_requirements
 from hdassist.run.run import UNCHECKED
 
-FEW = SamplingEffort(effective=8, most_effective=16, most_draws=32, batch=8)
+FEW = SamplingEffort(effective=8, settling_draws=16, most_draws=32, batch=8)
 
 
 def sheet(*overrides: str):
