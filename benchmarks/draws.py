@@ -1,7 +1,7 @@
 """What the search of draws misses of a fine grid, over draws, holes and torques: `python -m benchmarks.draws`.
 
-Draws of a preset as check makes them, each with its wheel in twelve holes at the preset's torques, found from one
-grid of states with slopes, as draws are, and from three (hdassist/error/extremes.py).
+Draws of a preset as check makes them, each with its wheel in twelve holes at the preset's torques, found from a coarse
+grid of states with slopes, as draws are, and from one of 60 x 60 (hdassist/error/extremes.py).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 HOLES = 12
 DRAWS = 64
+FINEST_GRID = (60,)
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def drawn_drives(preset: str, count: int) -> list[Drive]:
 def searched(drive: Drive) -> list[Searched]:
     """Both searches of a drive at its torques."""
     from hdassist.error.error_map import Batch, error_maps
-    from hdassist.error.extremes import DRAWN_GRIDS, FINE_GRIDS, many_extremes
+    from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
     from hdassist.solve.walk import Walk
 
     batch, found = Batch.turned(drive, [360 / HOLES * k for k in range(HOLES)]), []
@@ -59,7 +60,7 @@ def searched(drive: Drive) -> list[Searched]:
         begun, climbed = time.process_time(), Walk.climbed
         few = many_extremes(error_map, batch, DRAWN_GRIDS)
         between = time.process_time()
-        fine = many_extremes(error_map, batch, FINE_GRIDS)
+        fine = many_extremes(error_map, batch, FINEST_GRID)
         seconds = between - begun, time.process_time() - between
         states = fine.certificate.states, few.certificate.states, Walk.climbed - climbed
         found.append(

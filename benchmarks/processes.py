@@ -11,9 +11,12 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from hdassist.run.cache import FOLDER, NO_CACHE
 
 EVERY = 0.2  # s between two looks at the memory
 ANSWERS = (0, 3, 6)  # exit codes of a command that has its answer
@@ -25,17 +28,19 @@ class Process:
     """One command: its arguments and how often it runs.
 
     over: the other process, and the most times its processor time that this one should take; python: arguments of
-    Python instead of hdassist.
+    Python instead of hdassist; after: a command on the same drive that has run before, whose samples are kept.
     """
 
     arguments: tuple[str, ...]
     runs: int
     over: tuple[Process, float] | None = None
     python: bool = False
+    after: Process | None = None
 
     @property
     def words(self) -> str:
-        return " ".join(("python" if self.python else "hdassist", *self.arguments))
+        words = " ".join(("python" if self.python else "hdassist", *self.arguments))
+        return f"{words}, after {self.after.arguments[0]}" if self.after else words
 
     @property
     def call(self) -> list[str]:
@@ -43,24 +48,33 @@ class Process:
 
 
 NEW = ("presets", "new", "own", "--ratio", "100", "--torque", "67", "-o", "own.yaml")  # a data-sheet preset
-TRIALS = ("trials", "vzp160", "h0=20.2", "h3=24.1", "h6=31.5", "--noise", "0.5", "--torque", "80")
+THREE, FOUR = ("h0=20.2", "h3=24.1", "h6=31.5"), ("h0=20.2", "h3=24.1", "h6=31.5", "h9=27.6")
 TERMINAL = Process(("-c", "import typer, rich"), 7, python=True)
 IMPORT = Process(("-c", "import cvxpy"), 7, python=True)
 CHECK = Process(("check", "vzp160"), 5, (IMPORT, 3.8))
+OWN_CHECK = Process(("check", "own.yaml"), 5, (IMPORT, 3.0))
+MOUNT = Process(("mount", "vzp160"), 3, (IMPORT, 7.0))
+REPORT = Process(("report", "own.yaml"), 2, (IMPORT, 8.0))
+TRIALS = Process(("trials", "vzp160", *THREE, "--noise", "0.5", "--torque", "80"), 3, (IMPORT, 5.0))
+TOLERANCE = Process(("tolerance", "vzp160", "-n", "150"), 3, (IMPORT, 10.0))
+SENSITIVITY = Process(("sensitivity", "vzp160"), 3, (IMPORT, 9.0))
 PROCESSES = (
     TERMINAL,
     Process(("--help",), 7, (TERMINAL, 1.7)),
     IMPORT,
     CHECK,
-    Process(("check", "own.yaml"), 5, (IMPORT, 3.0)),
-    Process(("mount", "vzp160"), 3, (IMPORT, 7.0)),
+    OWN_CHECK,
+    MOUNT,
     Process(("mount", "own.yaml"), 3, (IMPORT, 5.0)),
-    Process(("report", "own.yaml"), 2, (IMPORT, 8.0)),
-    Process(TRIALS, 3, (IMPORT, 5.0)),
-    Process(("tolerance", "vzp160", "-n", "150"), 3, (IMPORT, 10.0)),
-    Process(("sensitivity", "vzp160"), 3, (IMPORT, 9.0)),
+    REPORT,
+    Process(("report", "own.yaml"), 2, (IMPORT, 2.0), after=OWN_CHECK),
+    TRIALS,
+    Process(("trials", "own.yaml", *FOUR, "--noise", "0.5"), 3, (IMPORT, 8.0)),
+    TOLERANCE,
+    SENSITIVITY,
     Process(("stiffness", "vzp160"), 5, (IMPORT, 1.6)),
 )
+WORDS_FIRST = (CHECK, MOUNT, TRIALS, REPORT, TOLERANCE, SENSITIVITY)
 LONG = ("tolerance", "sensitivity")  # once in a quick run
 
 
@@ -69,7 +83,9 @@ def measure(quick: bool) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run(Process(NEW, 1).call, cwd=folder, check=True, capture_output=True)
         runs = [measured(p, (1 if p.arguments[0] in LONG else 2) if quick else p.runs, folder) for p in PROCESSES]
-        first = statistics.median(_first_words(CHECK, folder) for _ in range(2 if quick else 5))
+        first = {
+            p.words: statistics.median(_first_words(p, folder) for _ in range(2 if quick else 5)) for p in WORDS_FIRST
+        }
     return {"runs": runs, "first_output_s": first}
 
 
@@ -93,7 +109,9 @@ def _first_words(process: Process, folder: str) -> float:
 
 def measured(process: Process, runs: int, folder: str) -> dict[str, Any]:
     """Medians of runs in a folder; over: words of the other process, and the most times its processor time."""
-    found = [_run(process, folder) for _ in range(runs)]
+    found = [
+        _run(process, folder, os.environ) if not process.after else _run_after(process, folder) for _ in range(runs)
+    ]
     return {
         "command": process.words,
         "runs": runs,
@@ -105,7 +123,16 @@ def measured(process: Process, runs: int, folder: str) -> dict[str, Any]:
     }
 
 
-def _run(process: Process, folder: str) -> dict[str, float]:
+def _run_after(process: Process, folder: str) -> dict[str, float]:
+    """One run with what the command before it has kept in a cache of their own."""
+    assert process.after
+    with tempfile.TemporaryDirectory() as cache:
+        environment = {name: text for name, text in os.environ.items() if name != NO_CACHE} | {FOLDER: cache}
+        _run(process.after, folder, environment)
+        return _run(process, folder, environment)
+
+
+def _run(process: Process, folder: str, environment: Mapping[str, str]) -> dict[str, float]:
     """One run: seconds on the clock, those of the processors (workers included), and memory.
 
     one_process_MB: the greatest resident set of any one process of the command, as the kernel kept it (ru_maxrss);
@@ -113,7 +140,8 @@ def _run(process: Process, folder: str) -> dict[str, float]:
     processes share counted once (PSS); at least what one process had.
     """
     begun = time.perf_counter()
-    child = subprocess.Popen(process.call, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    silent = subprocess.DEVNULL
+    child = subprocess.Popen(process.call, cwd=folder, env=environment, stdout=silent, stderr=silent)
     sums, ended = [0.0], threading.Event()
     watch = threading.Thread(target=_watch, args=(child.pid, sums, ended))
     watch.start()

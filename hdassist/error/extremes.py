@@ -49,7 +49,7 @@ RINGS = 8, 4  # steps from the highest state found, where others look for anothe
 BACK = 0.15  # of a step of the grid: so far before a crest a climb begins
 STEPS = 10  # of a climb at most
 DRAWN_STATES, FINE_STATES = 110, 700  # that a drive takes at a torque, about, beside those of climbs
-GAIN = {DRAWN_GRIDS: 0.002, FINE_GRIDS: 0.0002}  # arcsec that a state has to promise beyond the highest
+DRAWN_GAIN, FINE_GAIN = 0.002, 0.0002  # arcsec that a state has to promise beyond the highest
 
 
 @dataclass(frozen=True)
@@ -116,8 +116,8 @@ def hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> H
 def many_extremes(error_map: ErrorMap, batch: Batch, grids: tuple[int, ...] = FINE_GRIDS) -> Extremes:
     """Extremes of drives, few states of each; of a short cycle every state.
 
-    Argument: grids that propose hills, DRAWN_GRIDS or FINE_GRIDS. Raises UntrustedError where an answer cannot be
-    trusted.
+    Argument: grids that propose hills, of so many positions of each wheel. Raises UntrustedError where an answer cannot
+    be trusted.
     """
     search = _Search(error_map, batch)
     return search.every() if len(error_map.states) < SHORT_CYCLE else search.extremes(grids)
@@ -162,7 +162,11 @@ class _Search:
         _, first = np.unique(groups[order], return_index=True)
         starts = Starts(first, hills.row[first], hills.sign[first], hills.point)
         radius = round(RADIUS * float(self._size.mean()) / min(grids))
-        tops = self._case.climb(self._torus, starts, Rules(STEPS, GAIN[grids] / ARCSEC, (radius, *RINGS)))
+        tops = self._case.climb(
+            self._torus,
+            starts,
+            Rules(STEPS, (DRAWN_GAIN if grids == DRAWN_GRIDS else FINE_GAIN) / ARCSEC, (radius, *RINGS)),
+        )
         rotation, *_ = self._at(np.repeat(np.arange(self._drives), 2), tops)
         return self._found(tops, rotation.reshape(-1, 2))
 
