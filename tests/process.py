@@ -53,7 +53,7 @@ _get_command = cache(typer.main.get_command)  # half of the time of a command th
 class InProcess(Executor):
     """Stands where processes share the work of a command, and does each task at once, pickled as a process gets it."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, *, has_beside: bool = False) -> None:
         """Take the number of processes."""
 
     def begin(self) -> None:

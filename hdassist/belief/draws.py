@@ -17,7 +17,7 @@ import json
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
 from typing import Annotated
@@ -58,6 +58,8 @@ from hdassist.solve.answers import EMPTY, Certificate, Residual
 from hdassist.solve.walk import walk_library
 
 KEPT_SAMPLES = "samples"
+KeptProof = tuple[Count, Residual, Residual, Residual, Residual, Count]
+NO_STATES: KeptProof = astuple(EMPTY)
 ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
 # of a preset, the parts that no draw depends on: words, limits; the prior stands in the key by itself
 WITHOUT_EFFECT = {"name", "description", "acceptance", "cost", "source", "uncertainty", "fit"}
@@ -68,7 +70,8 @@ class Draw(ClosedRecord):
     """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded), weight and proof.
 
     F_ior_arcsec, at each torque; turned_arcsec, at each torque with each turn; shares: of each field's probability;
-    proof: states, residuals, fallbacks; follows: values of fields that follow from others, by path.
+    proof: states, residuals, fallbacks, and turned_proof: those of states with the wheel turned; follows: values of
+    fields that follow from others, by path.
     """
 
     refused: str = ""
@@ -77,13 +80,20 @@ class Draw(ClosedRecord):
     turned_arcsec: tuple[tuple[Magnitude, ...], ...] | None = None
     weight: Magnitude = 0.0
     shares: tuple[ShareOfOne, ...] = ()
-    proof: tuple[Count, Residual, Residual, Residual, Residual, Count] = astuple(EMPTY)
+    proof: KeptProof = NO_STATES
     follows: Mapping[str, Number] = field(default_factory=dict)
+    turned_proof: KeptProof = NO_STATES
 
     @property
     def certificate(self) -> Certificate:
         """Proof of the states behind it."""
-        return Certificate(*self.proof)
+        return Certificate(*self.proof) + Certificate(*self.turned_proof)
+
+    @property
+    def without_turns(self) -> Draw:
+        """The same draw as it is where no turns are asked for."""
+        no_turns = self.turned_arcsec and ((),) * len(self.turned_arcsec)
+        return replace(self, turned_arcsec=no_turns, turned_proof=NO_STATES)
 
 
 _DRAWS = TypeAdapter(list[Draw])
@@ -137,10 +147,13 @@ class Sampling:
         return []
 
     def keep(self, draws: Sequence[Draw]) -> None:
-        """Keep draws, from the first on."""
+        """Keep draws, from the first on; those with turns also as draws without, where more than are kept so."""
         if self._may_be_kept:
             with suppress(ValueError):  # a number that is none
                 keep(KEPT_SAMPLES, self.key, json.dumps(_DRAWS.dump_python(list(draws)), allow_nan=False).encode())
+        alone = replace(self, rotations_deg=())
+        if self.rotations_deg and len(alone.kept()) < len(draws):
+            alone.keep([each.without_turns for each in draws])
 
     @property
     def _may_be_kept(self) -> bool:
@@ -218,7 +231,7 @@ class Sampling:
             own = [deviations.get(f.path, share) for f, share in zip(self.prior.fields, of_fields, strict=True)]
             moved = drive.with_values(self.prior.values(np.array([own]))[0])
             answers = errors_by_turn(maps, moved, self.torques, self.rotations_deg, list(held.values()))
-            F_ior, turned, there, of_errors = answers
+            F_ior, turned, there, of_errors, of_turned = answers
             more, of_further = self.further(moved) if self.further else ({}, EMPTY)
             now = {**figures, **more, **dict(zip(held, there.tolist(), strict=True))}
             weight = float(np.exp(log_likelihood(self.evidence, now))) / (density * their_density) / going_on
@@ -226,7 +239,8 @@ class Sampling:
                 seed = [self.seed, number * self.alike + len(solved)]
                 F_ior, turned = self._shown(there[: len(self.measured)], F_ior, turned, seed)
             at_turns, whole = tuple(map(tuple, turned.tolist())), astuple(proof + of_errors + of_further)
-            solved.append(Draw("", now, tuple(F_ior.tolist()), at_turns, weight, tuple(own), whole, follows))
+            answer = "", now, tuple(F_ior.tolist()), at_turns, weight, tuple(own), whole, follows, astuple(of_turned)
+            solved.append(Draw(*answer))
             proof = EMPTY
         return solved
 
@@ -260,13 +274,15 @@ def errors_by_turn(
     torques: Sequence[float],
     rotations_deg: Sequence[float],
     measured: Sequence[tuple[float, float]] = (),
-) -> tuple[Array, Array, Array, Certificate]:
-    """F'_ior [arcsec] of a drive at torques [N*m], and with its fixed wheel turned, and the proof of both.
+) -> tuple[Array, Array, Array, Certificate, Certificate]:
+    """F'_ior [arcsec] of a drive at torques [N*m], with its fixed wheel turned, and as measured; proof without turns.
 
-    Results of shape (torques,), (torques, rotations) and (measured,). Arguments: maps of its error at all torques;
-    measured, single torques [N*m] with a turn each [deg]. Raises UntrustedError where an answer cannot be trusted.
+    Results of shape (torques,), (torques, rotations) and (measured,), and last the proof of the second. Arguments: maps
+    of its error at all torques; measured, single torques [N*m] with a turn each [deg]. Raises UntrustedError where an
+    answer cannot be trusted.
     """
-    proof, now, turned, there = EMPTY, dict[float, float](), dict[float, Array](), dict[tuple[float, float], float]()
+    proof = turned_proof = EMPTY
+    now, turned, there = dict[float, float](), dict[float, Array](), dict[tuple[float, float], float]()
     for error_map in maps:
         found = many_extremes(error_map, Batch.of(drive), DRAWN_GRIDS)
         M_g, now[error_map.M_g] = error_map.M_g, found.first
@@ -275,9 +291,11 @@ def errors_by_turn(
         alone = [at for at in measured if at[0] == M_g]
         F_ior, of_measured = _at_turns(error_map, drive, found.first, [turn for _, turn in alone])
         there |= zip(alone, F_ior.tolist(), strict=True)
-        proof += found.certificate + of_turned + of_measured
+        proof += found.certificate + of_measured
+        turned_proof += of_turned
     of_turns = np.array([turned[M_g] for M_g in torques]).reshape(len(torques), len(rotations_deg))
-    return np.array([now[M_g] for M_g in torques]), of_turns, np.array([there[at] for at in measured]), proof
+    F_ior_there = np.array([there[at] for at in measured])
+    return np.array([now[M_g] for M_g in torques]), of_turns, F_ior_there, proof, turned_proof
 
 
 def _at_turns(error_map: ErrorMap, drive: Drive, now: float, turns: Sequence[float]) -> tuple[Array, Certificate]:

@@ -246,3 +246,30 @@ def test_answers_are_kept_for_the_source_that_is_there_compiled_or_not(tmp_path)
     assert source() == first != b""
     (copy / "solve" / "walk.c").write_text("/* another */")
     assert source() != first
+
+
+def test_samples_with_turns_are_those_of_a_command_without_turns(folder, solved):
+    turned = drawn(rotations_deg=(0.0, 90.0))
+    count = len(solved)
+    again = drawn()
+    assert len(solved) == count > 0
+    for path in folder.glob("samples-*"):
+        path.unlink()
+    same(again, drawn())
+    assert len(solved) == 2 * count
+    assert turned.certificate.states > again.certificate.states
+    drawn(effort=replace(FEW, effective=16))
+    kept = {path.name: path.read_bytes() for path in folder.glob("samples-*")}
+    drawn(rotations_deg=(0.0, 90.0))  # fewer: those that are kept stay
+    assert kept.items() <= {path.name: path.read_bytes() for path in folder.glob("samples-*")}.items()
+
+
+def test_a_check_takes_the_samples_of_mount_and_answers_the_same(folder, solved):
+    drive = (TINY, "--set", OPEN, "--set", "operation.M_g=4", "--draws", "8", "--json")
+    alone = run("check", *drive).stdout
+    for path in folder.glob("*"):
+        path.unlink()
+    run("mount", *drive)
+    solved.clear()
+    assert run("check", *drive).stdout == alone
+    assert not solved
