@@ -4,7 +4,8 @@ Each hidden drive is like the data-sheet preset, with other stiffnesses, wave, s
 laws than the belief's; rings, teeth, temperature and flanks (whole or coned) that the belief holds for exact; and teeth
 with harmonics of every order and noise. It is a harmonic drive: its teeth are shifted until it has no play, and then
 closer by a preload of another law than the belief's. --stiff draws those whose clearances are small and whose supports
-are stiff. Of it the belief is told K_1 to K_3 (10 % off) and a lost motion that it keeps.
+are stiff. Of it the belief is told K_1 to K_3 (10 % off) and a lost motion that it keeps; with --coupling, what every
+designer knows too: a solid hub, where the support of the cam is one.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class Judged:
     refused: str = ""
 
 
-def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False) -> Judged:
+def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False, coupling: bool = False) -> Judged:
     """What check's rule says of a hidden drive, by its number, with at most so many times as many draws."""
     from hdassist.belief.evidence import evidence_of
     from hdassist.belief.prior import prior_of
@@ -56,7 +57,7 @@ def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False) -
 
     rng = np.random.default_rng([seed, number])
     try:
-        preset, M_g, F_ior = hidden(rng, stiff)
+        preset, M_g, F_ior = hidden(rng, stiff, coupling)
         limit = F_ior * np.exp(LIMITS * rng.standard_normal())
         samples = draw_samples(
             prior_of(preset), [M_g], evidence=evidence_of(preset), enough=partial(limits_settled, [limit]),
@@ -70,9 +71,9 @@ def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False) -
     return Judged(F_ior, limit, p5, p95, verdict, samples.effective)
 
 
-def hidden(rng: np.random.Generator, stiff: bool = False):
+def hidden(rng: np.random.Generator, stiff: bool = False, coupling: bool = False):
     """The preset that is known of a hidden drive, a torque M_g [N*m] and its true F'_ior [arcsec]."""
-    preset, there, teeth = hidden_drive(rng, stiff=stiff)
+    preset, there, teeth = hidden_drive(rng, stiff=stiff, coupling=coupling)
     M_g = preset.operation.M_g[0]
     return preset, M_g, true_F_ior(there, M_g, teeth)
 
@@ -86,8 +87,16 @@ def true_F_ior(drive, M_g: float, teeth) -> float:
     return found.F_ior_arcsec
 
 
-def hidden_drive(rng: np.random.Generator, ratios: tuple[float, ...] = (50, 80, 100, 120), stiff: bool = False):
-    """The preset that is known of a hidden drive, the drive, and the deviations of its teeth."""
+def hidden_drive(
+    rng: np.random.Generator,
+    ratios: tuple[float, ...] = (50, 80, 100, 120),
+    stiff: bool = False,
+    coupling: bool = False,
+):
+    """The preset that is known of a hidden drive, the drive, and the deviations of its teeth.
+
+    Arguments: stiff, within STIFF; coupling, whether it is known that the cam sits on a solid hub, where it does.
+    """
     from hdassist import load_preset
     from hdassist.belief.evidence import stiffness_figures
     from hdassist.belief.prior import prior_of
@@ -114,7 +123,11 @@ def hidden_drive(rng: np.random.Generator, ratios: tuple[float, ...] = (50, 80, 
     there = there.model_copy(update={"numerics": there.numerics.model_copy(update=numerics)})
     figures, _ = stiffness_figures(there)
     stiffness = [figures[name] * np.exp(MISREAD * rng.standard_normal()) for name in ("K_1", "K_2", "K_3")]
-    text = similar_preset("own", like, requirements(stiffness=",".join(f"{K:.5g}" for K in sorted(stiffness))))
+    solid = load_text(similar_preset("own", like, requirements(coupling="solid")), "own.yaml")
+    low, high = solid.source["supports.C_3"].range
+    hub = "solid" if coupling and low <= there.supports.C_3 <= high else None
+    given = requirements(stiffness=",".join(f"{K:.5g}" for K in sorted(stiffness)), coupling=hub)
+    text = similar_preset("own", like, given)
     preset = load_text(text, "own.yaml", [f"catalogue.lost_motion={ROOM * figures['lost_motion']:.4g}"])
     return preset, there, _teeth(there, rng)
 
@@ -178,10 +191,11 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=64, help="effective samples at least")
     parser.add_argument("--most", type=int, default=8, help="times as many, where the verdict is open")
     parser.add_argument("--stiff", action="store_true", help="small clearances, stiff supports")
+    parser.add_argument("--coupling", action="store_true", help="a solid hub is known where it is one")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
-    one = partial(judged, draws=args.draws, most=args.most, seed=args.seed, stiff=args.stiff)
+    one = partial(judged, draws=args.draws, most=args.most, seed=args.seed, stiff=args.stiff, coupling=args.coupling)
     found = []
     with ProcessPoolExecutor(args.jobs) as pool:
         for k, each in enumerate(pool.map(one, range(args.n))):

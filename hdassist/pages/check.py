@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from hdassist.belief.evidence import evidence_of
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
@@ -198,6 +199,7 @@ def check_facts(check: DesignCheck) -> Iterator[Fact]:
         yield "accuracy", _unstated_accuracy(check.drive, check.samples)
         yield "unknown", unknown_names(check.unknown)
         yield "samples", samples_words(check.samples)
+        yield "evidence", _evidence_words(check.drive)
         yield "exact", fitted_words(check.samples.prior)
 
 
@@ -210,6 +212,12 @@ def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
     low, high = (samples.of_ranges.keeping(accuracy, k).percentile(share, k) for share in (0.05, 0.95))
     kept = f"if the seller keeps the usual {accuracy:g}″, {low:.1f} to {high:.1f}″ at {samples.torques[k]:g} N·m"
     return f"catalogue.accuracy is not given; {kept}"
+
+
+def _evidence_words(drive: Drive) -> str:
+    """What samples are weighed by, and how to leave a figure out; empty without any."""
+    paths = [each.path for each in evidence_of(drive)]
+    return f"{', '.join(paths)}; --set {paths[-1]}= leaves that one out" if paths else ""
 
 
 def fitted_words(prior: DrivePrior) -> str:

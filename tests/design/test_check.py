@@ -75,6 +75,16 @@ def test_the_accuracy_is_compared_at_the_least_load_with_the_range_over_what_is_
     assert max(map(len, page.splitlines())) <= 80
 
 
+@pytest.mark.parametrize("left_out", [(), ("--set", "catalogue.play=")])
+def test_what_samples_are_weighed_by_stands_in_the_details_and_can_be_left_out(left_out):
+    stated = ("--set", "catalogue.lost_motion=300", "--set", "catalogue.play=300")
+    asked = ("--no-plot", "--set", "phases.phi_hb=unknown", "--torque", "1", "--draws", "2", *stated, *left_out)
+    page = " ".join(run("check", TINY, *asked, "--details").stdout.split())
+    weighed = "evidence catalogue.lost_motion, catalogue.play; --set catalogue.play= leaves that one out"
+    without = "evidence catalogue.lost_motion; --set catalogue.lost_motion= leaves that one out"
+    assert (without if left_out else weighed) in page
+
+
 def test_json_says_what_the_python_interface_says(answer):
     drive = load_preset(TINY)
     points = json.loads(answer.stdout)["operating_points"]
