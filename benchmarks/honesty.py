@@ -124,8 +124,8 @@ def hidden_drive(
     figures, _ = stiffness_figures(there)
     stiffness = [figures[name] * np.exp(MISREAD * rng.standard_normal()) for name in ("K_1", "K_2", "K_3")]
     solid = load_text(similar_preset("own", like, requirements(coupling="solid")), "own.yaml")
-    low, high = solid.source["supports.C_3"].range
-    hub = "solid" if coupling and low <= there.supports.C_3 <= high else None
+    bounds = solid.source["supports.C_3"].range
+    hub = "solid" if coupling and bounds and bounds[0] <= there.supports.C_3 <= bounds[1] else None
     given = requirements(stiffness=",".join(f"{K:.5g}" for K in sorted(stiffness)), coupling=hub)
     text = similar_preset("own", like, given)
     preset = load_text(text, "own.yaml", [f"catalogue.lost_motion={ROOM * figures['lost_motion']:.4g}"])
