@@ -113,8 +113,10 @@ def run(
 def hear_what_is_ignored() -> None:
     """Have children hear SIGINT and SIGHUP where the tests were begun with these ignored (nohup, in the background).
 
-    A handler that does nothing: unlike what is ignored it is not inherited.
+    A handler that does nothing: unlike what is ignored it is not inherited. Where SIGCHLD is ignored the system waits
+    for children, and their exit codes are lost.
     """
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     for number in (signal.SIGINT, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, lambda *_: None)

@@ -319,7 +319,7 @@ def _interrupt(case: Case, number: signal.Signals, moment: float, whom: str, tal
         process = start(case, place, mark, start_new_session=True)
         time.sleep(moment)
         lost = max(_workers_of(process.pid, mark), default=0) if whom == "a worker" else 0
-        is_done, sent, queued = process.poll() is not None, time.monotonic(), _queued(process.pid)
+        is_done, sent, queued = _is_over(process), time.monotonic(), _queued(process.pid)
         with suppress(ProcessLookupError):
             if lost:
                 os.kill(lost, signal.SIGKILL)
@@ -358,6 +358,11 @@ def _workers_of(parent: int, mark: str) -> list[int]:
         marked = [pid for pid in processes() if pid != parent and has_mark(pid, mark)]
         return [pid for pid in marked if Path(f"/proc/{pid}/cmdline").read_bytes() == line]
     return []
+
+
+def _is_over(process: subprocess.Popen[str]) -> bool:
+    """Whether a process has ended; it can still be waited for, unlike after its poll()."""
+    return os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT | os.WNOHANG) is not None
 
 
 def _end_of(process: subprocess.Popen[str]) -> tuple[str, str, float]:

@@ -35,6 +35,12 @@ def test_a_run_that_is_told_to_stop_leaves_nothing(monkeypatch):
     assert not tally.broken
 
 
+def test_a_run_that_is_over_before_its_signal_is_counted_as_done(monkeypatch):
+    monkeypatch.setattr(faults, "COMMAND", ["true"])
+    tally = signals(1, 0, seconds=8.0)
+    assert (tally.runs, tally.done, tally.broken) == (1, 1, [])
+
+
 @pytest.mark.parametrize(("surrounding", "name"), TRIED)
 def test_where_the_system_gives_little_there_is_an_answer_or_a_refusal(surrounding: str, name: str):
     if reason := unavailable(GIVES_LITTLE[surrounding]):
