@@ -125,8 +125,8 @@ class Phasors:
 
     def error_at(self, cam_turns: Array) -> Array:
         """Error to take off [arcsec] where the cam has turned so far from zero, shape (..., turns)."""
-        waves = np.exp(2j * np.pi * self.per_cam_turn[:, None] * np.asarray(cam_turns))
-        return np.asarray((self.vectors @ waves).real)
+        phase = 2 * np.pi * self.per_cam_turn[:, None] * np.asarray(cam_turns)
+        return np.asarray(self.vectors.real @ np.cos(phase) - self.vectors.imag @ np.sin(phase))
 
 
 def correction_columns(correction: CorrectionTable | Phasors) -> dict[str, Array]:
