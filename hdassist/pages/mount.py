@@ -13,7 +13,7 @@ from hdassist.model.unknown import unknown_names
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
 from hdassist.mounting.decision import FEWEST_VALUES
 from hdassist.mounting.positions import bare, hole_of, hole_words
-from hdassist.mounting.posterior import Trial
+from hdassist.mounting.posterior import Trial, TrialSetup
 from hdassist.pages.card import (
     ENGLISH,
     TRADE,
@@ -58,8 +58,9 @@ def mount_report(
     drive, figures = advice.drive, list[Figure](position_curves(advice, limits))
     figures.append(seat_of(advice.choice, ENGLISH, advice.choice.target))
     count, checked = len(advice.trials), advice.verification
-    tried = f"{count} value{'s' * (count > 1)} at {advice.setup.M_g:g} N·m" if count and advice.setup else ""
-    where = tried or f"{TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
+    where = f"{TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
+    if count and advice.setup:
+        where = f"{count} value{'s' * (count > 1)}{_spread(advice.trials, advice.setup)} at {advice.setup.M_g:g} N·m"
     found, short = advice.decision, Verdict.INCONCLUSIVE.exit_code
     rows = dict.fromkeys((*found.ranked[:ROWS], *(() if found.stay is None else (found.stay,)), found.ranked[-1]))
     back = checked and checked.back_to
@@ -122,6 +123,11 @@ def _warnings_of_values(advice: Advice) -> Iterator[str]:
             if a.rotation_deg == b.rotation_deg and abs(a.F_ior_arcsec - b.F_ior_arcsec) > APART * noise:
                 values = f"{_where(advice, a.rotation_deg)}: {b.F_ior_arcsec:g} and {a.F_ior_arcsec:g}″"
                 yield f"{values} differ by more than a noise of {setup.noise_arcsec:g} makes likely"
+
+
+def _spread(trials: Sequence[Trial], setup: TrialSetup) -> str:
+    """The uncertainty (k = 2) of values that have none of their own, as --noise or its default has it."""
+    return "" if all(trial.noise_arcsec for trial in trials) else f" ± {2 * setup.noise_arcsec:g}″"
 
 
 def _hole(advice: Advice, rotation_deg: float) -> str:
