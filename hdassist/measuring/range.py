@@ -201,7 +201,7 @@ def ranges_of(
     line = np.isin(fit.orders, fit.lines) | fit.unresolved
     own = np.where(np.tile(line, 2), 0.0, fit.coefficients)
     curves = np.concatenate([np.stack([fit.coefficients, own, best], axis=1), best[:, None] + noise], axis=1)
-    curves = np.concatenate([curves, curves * np.tile(~fit.is_slow, 2)[:, None]], axis=1)
+    slow = np.tile(fit.is_slow, 2)
     cosines, sines = curves[:, [0, 0, *range(2, 3 + SLOPE_DRAWS)]].reshape(2, len(fit.orders), -1)
     slopes = (2 * np.pi * np.tile(fit.orders, 2))[:, None] * np.concatenate([sines, -cosines])
     steepest = np.zeros(slopes.shape[1])
@@ -209,22 +209,26 @@ def ranges_of(
     lines = 2 * sum(fit.wave(own)[1] for own in fit.groups if line[own[0]]) if whole else 0.0
     part = np.floor(turns * TURN_PARTS + 1e-6).astype(np.int64)
     part -= part[0]
-    high = np.full((int(part[-1]) + 1, 2 * curves.shape[1]), -np.inf)  # of the curves, then of their opposites
+    high = np.full((int(part[-1]) + 1, curves.shape[1]), -np.inf)  # of each curve in each part of a turn
+    low, highest = -high, np.full(curves.shape[1], -np.inf)
+    lowest = -highest  # both of its cam orders alone
     for start in range(0, len(turns), DESIGN_CHUNK):
         rows = slice(start, start + DESIGN_CHUNK)
         columns = order_columns(turns[rows], fit.orders)
         values = columns @ curves
+        of_cam = values - columns[:, slow] @ curves[slow]
         steepness = np.abs(columns[inner[rows]] @ slopes)
         steepest = np.maximum(steepest, steepness.max(axis=0, initial=0.0))
         places, first = np.unique(part[rows], return_index=True)
-        greatest = np.maximum.reduceat(np.concatenate([values, -values], axis=1), first)
-        high[places] = np.maximum(high[places], greatest)
+        high[places] = np.maximum(high[places], np.maximum.reduceat(values, first))
+        low[places] = np.minimum(low[places], np.minimum.reduceat(values, first))
+        highest, lowest = np.maximum(highest, of_cam.max(axis=0)), np.minimum(lowest, of_cam.min(axis=0))
 
     def extents(parts: slice) -> Array:
-        return np.asarray(np.add(*np.split(high[parts].max(axis=0), 2)))
+        return np.asarray(high[parts].max(axis=0) - low[parts].min(axis=0))
 
-    cycle, cam = np.split(extents(slice(None)), 2)
-    turn = np.max([extents(slice(k, k + TURN_PARTS))[: len(cycle)] for k in range(len(high))], axis=0)
+    turn = np.max([extents(slice(k, k + TURN_PARTS)) for k in range(len(high))], axis=0)
+    cycle, cam = extents(slice(None)), highest - lowest
     return (
         _range(cycle, lines, others[0]),
         _range(turn, lines, others[1]),
