@@ -124,8 +124,11 @@ def order_columns(turns: Array, orders: Array) -> Array:
     whole, part = np.divmod(orders, 1)  # the wave of n + k/ratio is the product of two of few waves
     part = part.round(12)
     waves = {order: np.exp(2j * np.pi * order * turns) for order in {*whole.tolist(), *part.tolist()}}
-    wave = np.array([waves[n] * waves[off] for n, off in zip(whole.tolist(), part.tolist(), strict=True)])
-    return np.concatenate([wave.real, wave.imag]).T
+    columns = np.empty((2, len(orders), len(turns)))
+    for row, (n, off) in enumerate(zip(whole.tolist(), part.tolist(), strict=True)):
+        wave = waves[n] * waves[off]
+        columns[0, row], columns[1, row] = wave.real, wave.imag
+    return columns.reshape(2 * len(orders), len(turns)).T
 
 
 def curve_of(coefficients: Array, orders: Array, turns: Array) -> Array:
@@ -160,8 +163,9 @@ class SlowTerms:
 class TraceDesign:
     """Normal equations of orders, levels of the sweeps and slow terms on the bins of a trace, factored once.
 
-    columns: unknowns, cosines and sines of the orders first; reach: travel [turns] at the end of the drift; root: times
-    its transpose the inverse of the normal equations, shape (columns, columns); condition: of these.
+    columns: unknowns, cosines and sines of the orders first; reach: travel [turns] at the end of the drift; gram:
+    normal equations, shape (columns, columns); root: times its transpose the inverse of these, same shape; condition:
+    of these.
     Raises UntrustedError: too few bins, or angles that do not resolve the orders.
     """
 
@@ -177,8 +181,9 @@ class TraceDesign:
         self._parts = [slice(k, min(k + DESIGN_CHUNK, len(bins))) for k in range(0, len(bins), DESIGN_CHUNK)]
         gram = np.zeros((columns, columns))
         for rows in self._parts:
-            matrix = self._rows(rows.start)
-            gram += (matrix * bins.weight[rows, None]).T @ matrix
+            matrix = self._rows(rows.start) * np.sqrt(bins.weight[rows, None])
+            gram += matrix.T @ matrix  # of one array with itself: half the work
+        self.gram = gram
         scale = 1 / np.sqrt(np.diag(gram))
         values, vectors = np.linalg.eigh(gram * scale * scale[:, None])
         values += slow.ridge
@@ -303,8 +308,8 @@ class TraceFit:
 
     def mean_square(self, own: OrderIndices) -> Array:
         """Twice the mean products of cosines and sines of some orders over the record: of even turns, the identity."""
-        columns, weight = order_columns(self.bins.turns, self.orders[own]), self.bins.weight
-        return 2 * (columns.T * weight) @ columns / weight.sum() if len(own) > 1 else np.eye(2)
+        pair = np.concatenate([own, own + len(self.orders)])
+        return 2 * self.design.gram[np.ix_(pair, pair)] / self.bins.weight.sum() if len(own) > 1 else np.eye(2)
 
     def wave(self, own: OrderIndices, square: Array | None = None) -> tuple[float, float, float, float]:
         """Order, amplitude, its standard uncertainty [arcsec] and phase [deg] of the wave of the orders of a group.

@@ -516,7 +516,7 @@ def _sweep_result(
     grid = places / per_turn
     slow = fit.design.drift_at(fit.drift, bins.turns, bins.travel)
     if not fit.design.slow.by_angle:
-        slow = curve_of(fit.coefficients * np.tile(fit.is_slow, 2), fit.orders, bins.turns)
+        slow = curve_of(fit.coefficients[np.tile(fit.is_slow, 2)], fit.orders[fit.is_slow], bins.turns)
     # a drift that was left in may be none at all; one that was taken off may be bent
     drift = abs(drift_left) / 2 if len(fit.drift) != 1 else BENT * abs(float(fit.drift[0]))
     drifting = (

@@ -31,6 +31,7 @@ WIND_UP = "wind-up"
 POINTS_PER_PERIOD = 16  # points in a period of the highest order
 GAP_PERIODS = 0.5  # periods of the highest declared order: between readings as near as that the curve is followed
 BRIDGED_TURNS = 1 / 8  # of the cam: angles between readings further apart were not visited
+BRIDGED_IN_CYCLE = 1 / 2  # the same of whole output turns, whose other turns of the cam show these angles too
 BRIDGED_SPREAD = 2.0  # times the usual spread of the curve by noise: between readings it is as well known
 SPREAD_PLACES = 200  # readings, whose spread is the usual one
 SPREAD_FACTOR = 1.15
@@ -138,9 +139,11 @@ class Range:
 def visited_angles(fit: TraceFit) -> tuple[Array, int]:
     """Places of a fine grid of cam angles whose error a fit tells, rising, and the places in a turn.
 
-    They lie between readings that follow its highest declared order, or at most BRIDGED_TURNS apart where the fit knows
-    the curve between about as surely as at the readings.
+    They lie between readings that follow its highest declared order, or at most BRIDGED_TURNS apart (of whole output
+    turns BRIDGED_IN_CYCLE) where the fit knows the curve between about as surely as at the readings.
     """
+    slow = fit.design.slow
+    longest = BRIDGED_TURNS if slow.by_angle or slow.ridge else BRIDGED_IN_CYCLE
     bins, wide = fit.bins, GAP_PERIODS / float(fit.orders[~np.isin(fit.orders, fit.lines)][-1])
     per_turn = POINTS_PER_PERIOD * int(np.ceil(fit.orders[-1]))
     usual = float(np.median(_spread(fit, bins.turns[:: max(1, len(bins) // SPREAD_PLACES)])))
@@ -149,7 +152,7 @@ def visited_angles(fit: TraceFit) -> tuple[Array, int]:
         turns = bins.turns[bins.sweep == index]
         gaps = np.diff(turns)
         told = gaps <= wide
-        bridged = np.flatnonzero(~told & (gaps <= BRIDGED_TURNS))
+        bridged = np.flatnonzero(~told & (gaps <= longest))
         if len(bridged):
             told[bridged] = _spread(fit, turns[bridged] + gaps[bridged] / 2) <= BRIDGED_SPREAD * usual
         grid = np.arange(np.ceil(turns[0] * per_turn), np.floor(turns[-1] * per_turn) + 1)
@@ -209,30 +212,28 @@ def ranges_of(
     lines = 2 * sum(fit.wave(own)[1] for own in fit.groups if line[own[0]]) if whole else 0.0
     part = np.floor(turns * TURN_PARTS + 1e-6).astype(np.int64)
     part -= part[0]
-    high = np.full((int(part[-1]) + 1, curves.shape[1]), -np.inf)  # of each curve in each part of a turn
-    low, highest = -high, np.full(curves.shape[1], -np.inf)
-    lowest = -highest  # both of its cam orders alone
+    shape = int(part[-1]) + 1, curves.shape[1]
+    high, low, cam_high, cam_low = (np.full(size, end) for size in (shape, shape[1]) for end in (-np.inf, np.inf))
     for start in range(0, len(turns), DESIGN_CHUNK):
         rows = slice(start, start + DESIGN_CHUNK)
         columns = order_columns(turns[rows], fit.orders)
         values = columns @ curves
-        of_cam = values - columns[:, slow] @ curves[slow]
-        steepness = np.abs(columns[inner[rows]] @ slopes)
+        steepness = np.abs((columns if inner[rows].all() else columns[inner[rows]]) @ slopes)
         steepest = np.maximum(steepest, steepness.max(axis=0, initial=0.0))
         places, first = np.unique(part[rows], return_index=True)
         high[places] = np.maximum(high[places], np.maximum.reduceat(values, first))
         low[places] = np.minimum(low[places], np.minimum.reduceat(values, first))
-        highest, lowest = np.maximum(highest, of_cam.max(axis=0)), np.minimum(lowest, of_cam.min(axis=0))
+        values -= columns[:, slow] @ curves[slow]
+        cam_high, cam_low = np.maximum(cam_high, values.max(axis=0)), np.minimum(cam_low, values.min(axis=0))
 
     def extents(parts: slice) -> Array:
         return np.asarray(high[parts].max(axis=0) - low[parts].min(axis=0))
 
     turn = np.max([extents(slice(k, k + TURN_PARTS)) for k in range(len(high))], axis=0)
-    cycle, cam = extents(slice(None)), highest - lowest
     return (
-        _range(cycle, lines, others[0]),
+        _range(extents(slice(None)), lines, others[0]),
         _range(turn, lines, others[1]),
-        _range(cam, 0.0, others[2]),
+        _range(cam_high - cam_low, 0.0, others[2]),
         _range(steepest, 0.0, 0.0),
     )
 

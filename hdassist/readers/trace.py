@@ -308,6 +308,13 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     per_turn = abs(ratio or 1)
     angle, readings = (table.values[:, column.index].copy() for column in (first, other))
     time_s, torque = _beside(table, "time", "s"), _beside(table, "torque", "N·m")
+    used = {first.index, other.index, *(k for k, name in enumerate(table.names) if role_in(name) in ("time", "torque"))}
+    unused = [
+        f'"{name}" ({table.values[:, k].min():.4g} to {table.values[:, k].max():.4g})'
+        for k, name in enumerate(table.names)
+        if k not in used
+    ]
+    table.notes += [f"not used: {', '.join(unused)}"] if unused else []
     table.values = np.empty((0, 0))  # a long trace takes no more memory than it needs
     output = _angle(table, other, readings, form.wrap) if other.shaft else None
     cam = _angle(table, first, angle, form.wrap, None if output is None else output * per_turn)
