@@ -21,6 +21,7 @@ SOURCES = (
     "test_prior_predictive",
     "test_published_drives",
     "test_harmonics_bound",
+    "test_drawn_sizes",
     "test_robot_joint",
     "test_cam_torque",
     "test_bearing_theory",
