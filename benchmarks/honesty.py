@@ -4,8 +4,8 @@ Each hidden drive is like the data-sheet preset, with other stiffnesses, wave, s
 laws than the belief's; rings, teeth, temperature and flanks (whole or coned) that the belief holds for exact; and teeth
 with harmonics of every order and noise. It is a harmonic drive: its teeth are shifted until it has no play, and then
 closer by a preload of another law than the belief's. --stiff draws those whose clearances are small and whose supports
-are stiff. Of it the belief is told K_1 to K_3 (10 % off) and a lost motion that it keeps; with --coupling, what every
-designer knows too: a solid hub, where the support of the cam is one.
+are stiff. Of it the belief is told K_1 to K_3 (10 % off) and a lost motion that it keeps; with --coupling, a solid
+hub too, as every designer knows, where the support of the cam is one.
 """
 
 from __future__ import annotations

@@ -215,7 +215,7 @@ def _unstated_accuracy(drive: Drive, samples: Samples) -> str:
 
 
 def _evidence_words(drive: Drive) -> str:
-    """What samples are weighed by, and how to leave a figure out; empty without any."""
+    """The figures that weigh samples, and how to leave a figure out; empty without any."""
     paths = [each.path for each in evidence_of(drive)]
     return f"{', '.join(paths)}; --set {paths[-1]}= leaves that one out" if paths else ""
 

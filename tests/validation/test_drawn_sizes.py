@@ -19,11 +19,11 @@ from tests.validation.case import Case, Kind, parameters
 SIZES = (14, 17, 20, 25, 32, 40, 45, 50, 58, 65)
 EFFORT = SamplingEffort(64, 64)
 SOFT = 1e4  # N/mm at the diameter of vzp160: the middle of what is drawn; Oldham couplings are far below
-SOURCE = "what these drives are sold for"
+SOURCE = "zero backlash, as sold"
 
 TITLE = "Catalogue sizes as they are drawn"
 ABOUT = (
-    "What `check` draws of each size before anything is measured, all that a catalogue leaves open of design and "
+    "Draws of `check` of each size before anything is measured, of all that a catalogue leaves open of design and "
     "deviations; F'_ior at the lighter torque of the preset, 5/50/95 %. Play follows from how the teeth mesh. The "
     "width is that of the cam's support (C_3, last column: at most 1e4 N/mm at 160 mm, by the diameter): say how the "
     "cam sits, `cam.coupling`. Medians of 64 effective draws are known to some 7 %, the 95th percentile to 15."
@@ -88,7 +88,7 @@ MISSES = {
 CASES = [
     Case(
         "median of the play, greatest of all sizes", "arcsec", SOURCE, 0, 5,
-        why="sold as without backlash", kind=Kind.CHECK, digits=".1f",
+        why="less than shows on a bench", kind=Kind.CHECK, digits=".1f",
         value=lambda: max(map(play, SIZES)), slow=True,
     ),
     *(Case(

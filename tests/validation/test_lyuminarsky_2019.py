@@ -25,7 +25,7 @@ ABOUT = (
     "phase) and the range of Fig. 2 in three cam turns, within bounds, the self error among them "
     "(`docs/vzp160.targets.yaml`; `python -m benchmarks.identify`). Held back: what the text says of one-wave "
     "engagement (80 N·m, 36 starts of a cam turn), catalogue stiffnesses. Its alternatives were fitted "
-    "to Fig. 3 alone: of them Fig. 2 is held back. What both figures leave (`fit` of the preset) was "
+    "to Fig. 3 alone: of them Fig. 2 is held back. All that both figures leave (`fit` of the preset) was "
     "searched again from drives spread over all bounds (568 drives, 130 effective): none of the twelve values is "
     "distributed otherwise (Kolmogorov and Smirnov: greatest distance 0.16, 0.21 would be one in twenty), hole 0 has "
     "27.6″ (25.8 to 29.8) and 7.8″, hole 8 16.5″ (15.3 to 17.5) and 4.3″, and K1 is not below 72 where Fig. 3 is "
