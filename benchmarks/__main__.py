@@ -1,7 +1,8 @@
 """Speed and memory of what users wait for, in one run: `python -m benchmarks [--quick] [--json FILE] [--write]`.
 
-Prints every target with what was measured. --write makes docs/performance.md of it; --from takes the numbers of an
-earlier run instead of measuring, but for parts that are measured anew (--anew engine --anew proposals).
+Prints every target with what was measured. --write makes docs/performance.md of it, with the run before beside it
+(--first FILE); --from takes the numbers of an earlier run instead of measuring, but for parts that are measured anew
+(--anew engine --anew proposals).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import Any
 from benchmarks import machine, page
 from benchmarks.rows import rows
 
-FORMAT = "hdassist.benchmarks/4"
+FORMAT = "hdassist.benchmarks/5"
 
 
 # a child starts with its parent's memory on its account: nothing heavy is imported before processes are measured
@@ -60,16 +61,23 @@ def main() -> None:
     reader.add_argument("--quick", action="store_true", help="fewer runs and cases, no solvers through cvxpy")
     reader.add_argument("--json", metavar="FILE", help="write the measurements to FILE")
     reader.add_argument("--from", metavar="FILE", dest="earlier", help="read the measurements of an earlier run")
+    reader.add_argument("--first", metavar="FILE", help="the run before, which the page has beside this one")
     reader.add_argument("--anew", metavar="PART", choices=PARTS, action="append", help="measure a part of it anew")
     reader.add_argument("--write", action="store_true", help="write docs/performance.md")
     options = reader.parse_args()
     if options.write and options.quick:
         reader.error("the page is not made from a quick run")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line has it; numpy is not loaded yet
+
+    def run_of(file: str) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(Path(file).read_text(encoding="utf-8"))
+        if found.get("schema") != FORMAT or (options.write and found["quick"]):
+            reader.error(f"{file} does not hold a full run of this format")
+        return found
+
+    first = run_of(options.first) if options.first else None
     if options.earlier:
-        measured = json.loads(Path(options.earlier).read_text(encoding="utf-8"))
-        if measured.get("schema") != FORMAT or (options.write and measured["quick"]):
-            reader.error(f"{options.earlier} does not hold a full run of this format")
+        measured = run_of(options.earlier)
         if options.anew:
             measured = joined(measured, measure(options.quick, options.anew))
     else:
@@ -78,7 +86,7 @@ def main() -> None:
     if options.json:
         Path(options.json).write_text(json.dumps(measured, indent=2) + "\n", encoding="utf-8")
     if options.write:
-        page.PAGE.write_text(page.page(measured), encoding="utf-8")
+        page.PAGE.write_text(page.page(measured, first), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -59,10 +59,10 @@ def searched(drive: Drive) -> list[Searched]:
         error_map.load_case()  # with the reference, which both have
         begun, climbed = time.process_time(), Walk.climbed
         few = many_extremes(error_map, batch, DRAWN_GRIDS)
-        between = time.process_time()
+        between, climbed = time.process_time(), Walk.climbed - climbed
         fine = many_extremes(error_map, batch, FINEST_GRID)
         seconds = between - begun, time.process_time() - between
-        states = fine.certificate.states, few.certificate.states, Walk.climbed - climbed
+        states = fine.certificate.states, few.certificate.states, climbed
         found.append(
             Searched(
                 error_map.M_g,

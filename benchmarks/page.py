@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -12,15 +13,20 @@ from benchmarks.words import CHOSEN, DRAWN, HEAD, REASONS, SEARCHED, SOLVERS
 PAGE = Path(__file__).parents[1] / "docs/performance.md"
 
 
-def page(measured: dict[str, Any]) -> str:
-    """The page as text."""
+def page(measured: dict[str, Any], first: dict[str, Any] | None = None) -> str:
+    """The page as text; first: the run before, whose numbers stand beside those of this one."""
     targets = list(rows(measured))
+    before = {row.key + _name(row): row for row in rows(first)} if first else {}
     parts = [
         HEAD,
         _machine(measured["machine"]),
         *_anew(measured.get("anew", {})),
+        *([f"The run before it was made at load {first['machine']['load']}.\n"] if first else []),
         "## Targets\n",
-        _table(("work", "target", "measured", ""), map(_target, targets)),
+        _table(
+            ("work", "target", *(["run before"] if first else []), "measured", ""),
+            ((*_target(row)[:2], *([_before(row, before)] if first else []), *_target(row)[2:]) for row in targets),
+        ),
         _missed(targets),
         "## Solvers, one state\n",
         SOLVERS,
@@ -75,6 +81,16 @@ def _table(heads: Iterable[str], lines: Iterable[Iterable[str]]) -> str:
 
 def _target(row: Row) -> tuple[str, ...]:
     return row.work, row.asked, row.got, "met" if row.met else "**missed**"
+
+
+def _name(row: Row) -> str:
+    """The work of a row without what was measured of it, in brackets."""
+    return re.sub(r" \([^()]*\)", "", row.work)
+
+
+def _before(row: Row, before: dict[str, Row]) -> str:
+    there = before.get(row.key + _name(row))
+    return there.got + ("" if there.met == row.met else ", met" if there.met else ", **missed**") if there else ""
 
 
 def _missed(targets: list[Row]) -> str:

@@ -16,8 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hdassist.run.cache import FOLDER, NO_CACHE
-
 EVERY = 0.2  # s between two looks at the memory
 ANSWERS = (0, 3, 6)  # exit codes of a command that has its answer
 CONTROL = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")
@@ -127,7 +125,8 @@ def _run_after(process: Process, folder: str) -> dict[str, float]:
     """One run with what the command before it has kept in a cache of their own."""
     assert process.after
     with tempfile.TemporaryDirectory() as cache:
-        environment = {name: text for name, text in os.environ.items() if name != NO_CACHE} | {FOLDER: cache}
+        environment = {name: text for name, text in os.environ.items() if name != "HDASSIST_NO_CACHE"}
+        environment["HDASSIST_CACHE"] = cache
         _run(process.after, folder, environment)
         return _run(process, folder, environment)
 

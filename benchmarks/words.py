@@ -5,9 +5,9 @@ WALK, NUMPY, WARM_DAQP = "compiled walk, AVX2", "numpy engine", "DAQP, warm from
 HEAD = """\
 # Speed and memory
 
-Made by `python -m benchmarks --write`, which measures everything below in one run and takes some ten minutes; `--from`
-with `--anew` measures parts of an earlier run again. Ratios count; absolute times belong to the machine named here and
-to its other work.
+Made by `python -m benchmarks --json second.json --first first.json --write`, which measures everything below in one
+run of some ten minutes and has the run before beside it; `--from` with `--anew` measures parts of an earlier run again.
+Ratios count; absolute times belong to the machine named here and to its other work.
 
 Times are processor time: of whole processes that of the command and its workers, over that of an import which every
 answer needs or could do with; of all else that of one thread. Whole processes have all that a user waits for: the
@@ -36,38 +36,45 @@ REASONS = {
     "draws": "crests where a mesh zone lets go: the error jumps by arcseconds over a few steps of the wheels, and a "
     "climb that begins beside one may end before it. Next: the state where the share of a zone is 0, solved by "
     "itself.",
-    "mount own.yaml": "as `mount vzp160`, with every deviation drawn, so that states have twelve scalars.",
-    "report own.yaml": "check, mount, stiffness and its own figures, one after the other. Next: samples that all "
-    "share.",
+    "mount own.yaml": "as `mount vzp160`, and of each draw also what `check own.yaml` says: three contact systems, one "
+    "of them with play, and the stiffness that the catalogue is held against. Next: as there.",
+    "report own.yaml": "mount, the parts of check that are not samples, and stiffness; its samples are those of mount, "
+    "and the process of the cross-check is one for all three. Next: as for mount.",
+    "report own.yaml again": "check searches no holes: it would take as long as mount. So its samples serve mount and "
+    "the report for nothing, while theirs serve check; self error and steps are kept. Next: a table of each draw, from "
+    "which all holes are read.",
+    "trials own.yaml": "34 draws with a table of 10 000 states at each of two torques: 62 %, all in C; reading them at "
+    "the "
+    "deviations of 25 proposals 25 %, searches 5 %, draws of stiffness 5 %. Next: as there, which is a third "
+    "of all; tables of fewer states for the deviations that the trials leave.",
     "proposals": "a hill between the points of the grid, or a long crease, along which a climb ends early. The values "
     "of one drive as it is given do not rest on proposals: they solve every state; drawn drives do. Next: a "
     "fourth grid where one zone takes nearly all.",
-    "check": "shares as they were before draws had slopes: "
-    "64 drives drawn from all that is not known 47 %, the import of cvxpy 12 % and the cross-check of ten "
-    "states 9 %, the self error 11 % (400 pairs of phases, each with contacts and a programme of its own: states in C "
-    "a quarter, their proof in numpy a third, contacts and programmes another), all other imports 11 % (scipy.special "
-    "a third of them), every state of both torques 6 %, a cam that floats 2 %. Of a drawn drive (some 700 states in 18 "
-    "batches) states solved in C are a quarter, the reference that the walk starts from a sixth, contacts and rules of "
-    "the drive a seventh; the rest is numpy and Python around batches of few states. Without any drawn drive (`--draws "
-    "0`) it is still 2.8 times. Next: the reference of a draw, made once for both torques.",
-    "check own.yaml": "shares as they were before draws had slopes: "
-    "64 drives drawn from what is not known, deviations too, 69 %: of it coarse grids of states "
-    "half, climbs and what is around extremes three tenths, contacts, references and conflicts of fields the rest. "
-    "The cross-check with the import of cvxpy is 16 %, the self error 10 %. Again, from kept samples, it is 1.8 "
-    "times. Next: the reference of a draw, made once for both torques.",
-    "mount": "shares as they were before draws had slopes: "
-    "64 drives, each in twelve holes at both torques, are 75 %: 0.55 of 0.7 million states, 354 a search, "
-    "196 of them its grid, the others climbs and the surroundings of extremes. Two thirds of that time are in C, where "
-    "a state of the grid takes some two times one of the cycle, because contacts of one and the next differ more; "
-    "states of all holes go in the order of their deviations, nearest first, which took a sixth off. The curve of the "
-    "drive as given, by finer grids and by every state in two holes, is 12 %, the import of cvxpy 4 %, twelve states "
-    "of the cross-check 3 %, all other imports 5 %. Tried, against every state of 192 searches, of which three are "
-    "more than 0.01 arcsec low, by 0.5 at most: 16 x 16 positions, 16 x 12, 15 x 15 of the difference to the drive as "
-    "given (two to four, by up to 0.5; a tenth to a quarter more states); positions shifted from hole to hole (no "
-    "better); drives as sums of differences of 16 of them (0.2 to 0.9 arcsec off). Next: one table of each draw over "
-    "phase and deviation vector, read in all holes, that proposes where to climb.",
+    "check": "of one process on a loaded machine: 64 drives drawn from all that is not known 36 % (of a drive 30 ms: "
+    "the contact systems' references, one a torque, a third, states of its grids and climbs in C a quarter, "
+    "contacts and rules of the drive a seventh, the rest numpy around batches of few states), what it would "
+    "take, twelve drives in other holes, with tighter tolerances and another coupling, 15 %, the self error 13 % (400 pairs of phases, each with "
+    "contacts and a programme of its own), ten states by another solver 11 % and the import of cvxpy without "
+    "scipy.stats 4 %, every state of both torques 7 %, all other imports 9 % (a quarter scipy.special, which "
+    "cvxpy has too). Without any drawn drive it is more than half. Tried: grids of 7 and 8 with shorter "
+    "climbs, 10 to 20 % of a search, not worth numbers that move. Next: the reference of a draw, made once "
+    "for both torques; the self error's programmes in C.",
+    "check own.yaml": "72 drives, of which each takes twice as long as one of vzp160, are 53 %: its search at two "
+    "torques 29 %, "
+    "the profile shift at which its teeth mesh, which is another contact system, 10 %, the stiffness that its "
+    "catalogue is held against 8 %. What it would take is 21 %, the self error 10 %, the cross-check 10 %, "
+    "every state 6 %. Next: the mesh from its gaps, without a contact system; as above.",
+    "mount": "64 drives, each in twelve holes at both torques, are 73 %, of which two thirds are in C; the curve of "
+    "the drive as given, by finer grids and by every state in two holes, 14 %, twelve states of the "
+    "cross-check 8 %, the import of cvxpy 2 %, all other imports 5 %. A search of a hole is 155 states, 102 "
+    "of them its grids and first states on hills, and within 0.03 arcsec of a grid of 60 x 60 (below): grids "
+    "of 7 and 8, one ring around the top for two, a gain of 0.02 arcsec for 0.002 or fewer hills take off 5 "
+    "to 20 % each, for up to 0.26 arcsec. Next: one table of each draw over phase and deviation vector, read "
+    "in all holes, that proposes where to climb.",
     "trials": "a table of the error for each draw of stiffnesses and clearances, where one of the preset served "
-    "before; not profiled by parts. Next: tables at further torques only for draws that keep weight after the trials.",
+    "before: "
+    "some 10 000 states a table, at each torque. Next: tables at further torques only for draws that keep "
+    "weight after the trials.",
     "tolerance": "of 150 drives: states solved in C 45 %, proposals 12 %, deviation scalars 10 % and tables read 4 % "
     "in numpy, walks and their references made 7 %, imports 5 %; by purpose, tables of the error 15 % and the self "
     "error 11 %. Next: fewer states where a table is sure.",
@@ -81,9 +88,10 @@ REASONS = {
     "their import. Next: head and bar before numpy is imported.",
     "--help": "the modules of all commands are imported for their options: typer is a quarter of it, "
     "importlib.metadata a fifth (for `doctor`). Next: import what a command needs when it runs.",
-    "memory": "each worker holds its own share of numpy and scipy (40 MB with those of the command), the process "
-    "of the cross-check cvxpy besides (80 MB), until it ends; solved systems are let go at once. Next: scipy.special "
-    "where it is used alone.",
+    "memory": "each worker holds its own share of numpy, scipy and of what it has computed (80 MB at the end of check, "
+    "of which it has freed a fifth that the C library keeps: giving that back after each draw takes an eighth "
+    "of its time), the process of the cross-check cvxpy besides (90 MB), the command itself 55 MB; report has "
+    "the most. Next: draws in C, which need no numpy of their own.",
     "explorer": "the first number is one search of a typical drive; the proven one adds every state of its cycle at "
     "each torque, and the process that solves them. Next: torques of one cycle solved together.",
     "coned": "five times the flanks are candidates, and most of what a state costs goes with all of them. Next: "
@@ -129,6 +137,7 @@ share in brackets is the greatest of those that miss more than 0.01″.
 SEARCHED = """\
 ## Searches of draws
 
-Draws of `vzp160`, each with its wheel in twelve holes, searched from one grid of states with slopes, against three
-(`python -m benchmarks.draws`): F'_ior is of states of the cycle by both, so a negative miss is one of the single grid.
+Draws of `vzp160`, each with its wheel in twelve holes, searched from a grid of 9 x 9 states with slopes, as draws are,
+against one of 60 x 60 (`python -m benchmarks.draws`): F'_ior is of states of the cycle by both, so a negative miss is
+one of the coarse grid.
 """

@@ -35,12 +35,14 @@ def slow() -> dict:
     return {
         "machine": {"processor": "P", "cores": 2, "load": 0.1, "python": "3"},
         "engine": [{"M_g": 80.0, "us": us, "certificate_us": 5.0, "cvxpy_us": {"DAQP": 9000.0}}],
-        "processes": {"runs": runs, "first_output_s": 9.0},
+        "processes": {"runs": runs, "first_output_s": {p.words: 9.0 for p in processes.WORDS_FIRST}},
         "proposals": [summary],
         "draws": [search],
         "growth": sizes,
         "coned": stations,
-        "tolerance": [{"case": "vzp160", "value_ms": 99.0, "drives": 2, "efficiency": 0.1}],
+        "tolerance": [
+            {"case": "vzp160", "value_ms": 99.0, "drive_ms": 999.0, "law_ms": 9.0, "drives": 2, "efficiency": 0.1}
+        ],
         "explorer": [{"name": "vzp160", "first_s": 1.0, "proven_s": 2.0, "check_s": 4.0}],
     }
 
@@ -58,6 +60,15 @@ def test_the_page_has_every_target_and_part():
     for run in slow()["processes"]["runs"]:
         assert f"| `{run['command']}` | 1 | 90.00 |" in made
     assert "| random drives | 1 | 10.00″ to 10.00″ | 20200, 100 | 3800, 40 | 1.0e+00″ (10.00%) | 1 |" in made
+
+
+def test_the_page_has_the_run_before_beside_each_number():
+    fast = slow()
+    fast["processes"]["runs"] = [run | {"processor_s": 1.5} for run in slow()["processes"]["runs"]]
+    made = page(slow(), fast)
+    asked = "`hdassist check vzp160` over `python -c import cvxpy`"
+    assert f"| {asked} | ≤ 3.8 times | 1 times, met | 90 times | **missed** |" in made
+    assert "| ≤ 9 µs | 99 µs | 99 µs | **missed** |" in made
 
 
 def test_parts_that_were_measured_anew_are_named():

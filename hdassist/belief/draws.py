@@ -14,7 +14,6 @@ whose checksum or types do not hold is drawn anew.
 from __future__ import annotations
 
 import json
-import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, field, replace
@@ -44,25 +43,26 @@ from hdassist.belief.evidence import (
 from hdassist.belief.meshing import meshing_shift
 from hdassist.belief.prior import DrivePrior
 from hdassist.belief.proposals import PILOT_DRAWS, DeviationProposal, open_deviations, proposed_draws
+from hdassist.error.cycle import WITHOUT_EFFECT
 from hdassist.error.error_map import Batch, ErrorMap, error_maps
 from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
 from hdassist.error.stiffness import rated_torque
 from hdassist.errors import HdassistError
+from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Array
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
-from hdassist.run.cache import cached, keep, keeps_answers, program
+from hdassist.run.cache import cached, keep, keeps_answers
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate, Residual
-from hdassist.solve.walk import walk_library
+from hdassist.solve.formulation import formulate
+from hdassist.solve.walk import digits_depend_on
 
 KEPT_SAMPLES = "samples"
 KeptProof = tuple[Count, Residual, Residual, Residual, Residual, Count]
 NO_STATES: KeptProof = astuple(EMPTY)
 ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
-# of a preset, the parts that no draw depends on: words, limits; the prior stands in the key by itself
-WITHOUT_EFFECT = {"name", "description", "acceptance", "cost", "source", "uncertainty", "fit"}
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ class Sampling:
             "evidence": [astuple(each) for each in self.evidence],
             "further": self.further_name,
             "seed": self.seed,
-            "program": [*program("daqp", "pydantic"), walk_library()[1], platform.platform()],
+            "program": digits_depend_on(),
         }
         return sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
 
@@ -212,9 +212,10 @@ class Sampling:
             return [Draw(refused=f"{conflict.path}: {conflict.message}")] * self.alike
         # stiffness takes some states: by its likelihood a draw goes on or not, and weighs the more
         figures: Mapping[str, float] = {}
+        formulation = formulate(contact_system(drive))
         going_on = 1.0
         if any(each.figure in STIFFNESS_FIGURES for each in self.evidence):
-            figures, of_stiffness = stiffness_figures(drive)
+            figures, of_stiffness = stiffness_figures(drive, formulation)
             proof += of_stiffness
             of_stiffness_alone = float(np.exp(log_likelihood(self.evidence, figures)))
             going_on = min(1.0, of_stiffness_alone / density / KEPT_LIKELIHOOD)  # equation (1)
@@ -223,7 +224,8 @@ class Sampling:
         held = {each.figure: (each.M_g, each.rotation_deg) for each in self.measured}
         if self.torques and any(each.figure == ACCURACY for each in self.evidence):
             held[ACCURACY] = (ACCURACY_LOAD * rated_torque(drive), 0.0)
-        maps = error_maps(drive, list(dict.fromkeys((*self.torques, *(M_g for M_g, _ in held.values())))))
+        torques = dict.fromkeys((*self.torques, *(M_g for M_g, _ in held.values())))
+        maps = error_maps(drive, list(torques), formulation)
         nearer, of_tables = self.near.drawn(maps, number) if self.near else ([({}, 1.0)], EMPTY)
         proof += of_tables
         solved = list[Draw]()

@@ -26,6 +26,7 @@ from hdassist.preset.fields import Drive
 from hdassist.preset.rules import turn_of
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import Certificate
+from hdassist.solve.formulation import Formulation
 
 FREEDOM = 4.0  # degrees of freedom of Student's t
 MEAN_OF_TYPE = 0.15  # of a catalogue's stiffness, in the logarithm: drives of a type, and the model's misfit
@@ -110,12 +111,13 @@ def measured_errors(drive: Drive) -> tuple[Evidence, ...]:
     return tuple(found)
 
 
-def stiffness_figures(drive: Drive) -> tuple[dict[str, float], Certificate]:
+def stiffness_figures(drive: Drive, formulation: Formulation | None = None) -> tuple[dict[str, float], Certificate]:
     """K_1 to K_3 [N*m/rad], on the weaker side, lost motion and play [arcsec] of a drive, by name, with their proof.
 
-    Raises UntrustedError where an answer cannot be trusted.
+    Argument: formulation of its contact system, where it is there already. Raises UntrustedError where an answer cannot
+    be trusted.
     """
-    found = stiffness(drive, points=1, run=UNCHECKED)
+    found = stiffness(drive, points=1, formulation=formulation, run=UNCHECKED)
     figures = *(found.weaker(k) for k in (1, 2, 3)), found.lost_motion_arcsec, found.play_arcsec
     return dict(zip(STIFFNESS_FIGURES, figures, strict=True)), found.certificate
 

@@ -10,22 +10,21 @@ A question takes the samples apart by its answers. So one set of samples answers
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from functools import partial
-from hashlib import sha256
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
-from hdassist.belief.draws import WITHOUT_EFFECT
 from hdassist.belief.influence import influences
 from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import even_rows, log_error, weighted_quantile
+from hdassist.error.cycle import WITHOUT_EFFECT
 from hdassist.error.error_map import Batch, ErrorMap, Extremes, error_maps, searchable
 from hdassist.error.extremes import DRAWN_GRIDS, FINE_GRIDS, many_extremes
 from hdassist.error.waves import WAVE_POINTS, ErrorWaves
@@ -35,11 +34,11 @@ from hdassist.model.geometry import Array
 from hdassist.model.unknown import no_hole_better, unknown_turn
 from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.preset.knowledge import SUPPORT_FIELD, with_cam_support
-from hdassist.run.cache import cached, keep, keeps_answers, program
+from hdassist.run.cache import kept_answer
 from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.walk import walk_library
+from hdassist.solve.walk import digits_depend_on
 
 CHANGED_SAMPLES = 12  # samples that are solved again
 ASKED_OF = 3  # drives, of which two are solved with another coupling: each is another contact system
@@ -96,6 +95,9 @@ class Changed:
     now: float
     after: Mapping[str, float | None]
     proof: Certificate = EMPTY
+
+
+_CHANGED = TypeAdapter(list[Changed])
 
 
 def steps_of(
@@ -223,20 +225,17 @@ def _changed(
     supports = _supports(prior, shares)
     depends = {
         "drives": [each.model_dump(mode="json", exclude=WITHOUT_EFFECT) for each in drives],
-        "supports": supports, "M_g": M_g, "drawn": drawn, "program": [*program("daqp"), walk_library()[1]],
+        "supports": supports, "M_g": M_g, "drawn": drawn, "program": digits_depend_on(),
     }  # fmt: skip
-    key = sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
-    with suppress(ValueError, TypeError, KeyError):
-        if keeps_answers() and (data := cached("steps", key)):
-            return [Changed(now, after, Certificate(*proof)) for now, after, proof in json.loads(data)]
-    every = [{name: of[k] for name, of in supports.items() if k % ASKED_OF != 1} for k in range(len(drives))]
-    found = list(
-        run.map(partial(_changed_one, M_g=M_g, drawn=drawn, every_hole=not unknown_turn(prior.drive)), drives, every)
-    )
-    run.solved(sum(each.proof.states for each in found))
-    if keeps_answers():
-        keep("steps", key, json.dumps([(each.now, each.after, astuple(each.proof)) for each in found]).encode())
-    return found
+
+    def changed() -> list[Changed]:
+        every = [{name: of[k] for name, of in supports.items() if k % ASKED_OF != 1} for k in range(len(drives))]
+        one = partial(_changed_one, M_g=M_g, drawn=drawn, every_hole=not unknown_turn(prior.drive))
+        found = list(run.map(one, drives, every))
+        run.solved(sum(each.proof.states for each in found))
+        return found
+
+    return kept_answer("steps", depends, _CHANGED, changed)
 
 
 def _supports(prior: DrivePrior, shares: Array) -> dict[str, list[float]]:

@@ -13,6 +13,7 @@ from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from hdassist.errors import UsageError
 from hdassist.model.contacts import WITHOUT_DEVIATIONS, ContactSystems, contact_system
@@ -26,13 +27,17 @@ from hdassist.model.kinematics import (
     pitch_locked_states,
 )
 from hdassist.preset.fields import Drive
+from hdassist.run.cache import kept_answer
 from hdassist.run.run import CROSS_SOLVER, Run
 from hdassist.solve.answers import EMPTY, STATES_AT_A_TIME, Certificate
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.through_cvxpy import CrossCheck, require_solver, solve_again
+from hdassist.solve.walk import digits_depend_on
 
 ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
+# parts of a preset without any bearing on its error: words, limits, uncertainties
+WITHOUT_EFFECT = {"name", "description", "acceptance", "cost", "source", "uncertainty", "fit"}
 CHECKED = 3  # random states beside the extremes that another solver solves again
 CYCLE_BLOCK = 4 * STATES_AT_A_TIME  # states whose gaps are held at once
 
@@ -211,11 +216,23 @@ class SelfError:
         return float(np.ptp(self.rotation_arcsec[0]))
 
 
+_SELF_ERRORS = TypeAdapter(list[tuple[list[list[float]], Certificate]])
+
+
 def self_error(drive: Drive, torques: Sequence[float], *, run: Run = Run()) -> list[SelfError]:
-    """Self error of a drive at torques M_g [N*m], over numerics.n_phase tooth and ball phases.
+    """Self error of a drive at torques M_g [N*m], over numerics.n_phase tooth and ball phases, kept for the next time.
 
     Raises UntrustedError where an answer cannot be trusted.
     """
+    parts = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
+    depends = {"drive": parts, "torques": list(torques), "program": digits_depend_on()}
+    found = kept_answer("self", depends, _SELF_ERRORS, partial(_self_errors, drive, torques))
+    run.solved(sum(proof.states for _, proof in found))
+    return [SelfError(M_g, np.array(rows), proof) for M_g, (rows, proof) in zip(torques, found, strict=True)]
+
+
+def _self_errors(drive: Drive, torques: Sequence[float]) -> list[tuple[list[list[float]], Certificate]]:
+    """Rotation [arcsec] over both phases at each torque, and its proof."""
     systems, grid = ContactSystems(drive), drive.numerics.n_phase
     rotation, certificates = np.empty((len(torques), grid, grid)), [EMPTY] * len(torques)
     cases: dict[float, LoadCase] = {}  # one a torque: contact sets of neighbours are near, of torques they are not
@@ -224,10 +241,10 @@ def self_error(drive: Drive, torques: Sequence[float], *, run: Run = Run()) -> l
         for t, M_g in enumerate(torques):
             cases[M_g] = LoadCase(formulation, M_g, like=cases.get(M_g, cases.get(torques[0])))
             place = partial(_place, i / grid, k / grid, M_g)
-            answers = cases[M_g].solve(WITHOUT_DEVIATIONS, place, run.solved)
+            answers = cases[M_g].solve(WITHOUT_DEVIATIONS, place)
             rotation[t, i, k] = answers.rotation_arcsec[0]
             certificates[t] += answers.certificate
-    return list(map(SelfError, torques, rotation, certificates))
+    return list(zip(rotation.tolist(), certificates, strict=True))
 
 
 def limits_left(drive: Drive, torques: Sequence[float]) -> list[float | None]:

@@ -149,9 +149,12 @@ def every_state(drive: Drive, M_g: float) -> Extremes:
     return Extremes(F_ior, at_max, at_min, error.certificate)
 
 
-def error_maps(drive: Drive, torques: Sequence[float]) -> list[ErrorMap]:
-    """Maps of the error of a drive at torques [N*m], which share one contact system."""
-    formulation, maps = formulate(contact_system(drive)), list[ErrorMap]()
+def error_maps(drive: Drive, torques: Sequence[float], formulation: Formulation | None = None) -> list[ErrorMap]:
+    """Maps of the error of a drive at torques [N*m], which share one contact system.
+
+    Argument: formulation of that system, where it is there already.
+    """
+    formulation, maps = formulation or formulate(contact_system(drive)), list[ErrorMap]()
     for M_g in torques:
         maps.append(ErrorMap(drive, M_g, formulation, maps[-1].fresh if maps else None))
     return maps

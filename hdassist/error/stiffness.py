@@ -21,7 +21,7 @@ from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.fields import Catalogue, Drive
 from hdassist.run.run import Progress, Run
 from hdassist.solve.answers import ARCSEC, N_MM, Certificate
-from hdassist.solve.formulation import formulate
+from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.through_cvxpy import CrossCheck, solve_again
 
@@ -115,13 +115,15 @@ def stiffness(
     T_2: float | None = None,
     T_max: float | None = None,
     points: int = CURVE_POINTS,
+    formulation: Formulation | None = None,
     run: Run = Run(),
 ) -> Stiffness:
     """Twist of a drive without deviations over torques to both sides, at tooth phase 0 and its ball phase.
 
     Arguments: T_1, T_2, ends of the first two segments, by default as catalogues have them for the size;
     T_max, end of the curve, by default 1.5 T_2 [N*m]; points, torques to each side, besides those that have a name;
-    run, whose other solver solves the least and the greatest torque to both sides again.
+    formulation of the drive's contact system, where it is there already; run, whose other solver solves the least and
+    the greatest torque to both sides again.
     Raises UsageError for torques that cannot be meant, UntrustedError where an answer cannot be trusted.
     """
     rated, defaults = rated_torque(drive), catalogue_torques(drive)
@@ -141,7 +143,7 @@ def stiffness(
     ends = [least, *(T for T in (T_1, T_2) if T_max >= T), *([T_max] if T_max > T_2 else [])]
     side = np.unique([*ends, LOST_MOTION_SHARE * rated, *np.linspace(0, T_max, points + 1)[1:]])
     torque = np.concatenate([-side[::-1], side])
-    twist = Twist(drive)
+    twist = Twist(drive, formulation)
     contact, tube, proof = twist.at(torque, run.solved)
     check = None
     if run.cross_check:
@@ -167,10 +169,13 @@ def _again(drive: Drive, torque: Array, contact: Array, solver: str) -> CrossChe
 
 
 class Twist:
-    """Twist of a drive without deviations, at tooth phase 0 and its ball phase."""
+    """Twist of a drive without deviations, at tooth phase 0 and its ball phase.
 
-    def __init__(self, drive: Drive) -> None:
-        self.case = LoadCase(formulate(contact_system(drive)), rated_torque(drive))
+    Argument: formulation of its contact system, where it is there already.
+    """
+
+    def __init__(self, drive: Drive, formulation: Formulation | None = None) -> None:
+        self.case = LoadCase(formulation or formulate(contact_system(drive)), rated_torque(drive))
         self._tube = shell_twist_stiffness(drive, self.case.system.geometry)
 
     def at(self, torque: Array, progress: Progress | None = None) -> tuple[Array, Array, Certificate]:

@@ -117,7 +117,7 @@ def teeth_mesh(geometry: Geometry) -> Iterator[Conflict]:
     if any(base >= tip for base, tip in wheels) or any(any(rule(geometry)) for rule in coarse):
         return  # faults of the other rules
     try:
-        flanks = flank_candidates(geometry)
+        flanks = flank_candidates(geometry, 0.0)  # as contact systems ask for them
     except UntrustedError:  # the tips just reach each other, the flanks do not
         return
     least = int(np.argmin(flanks.gap))

@@ -6,19 +6,24 @@ first line has the key and the checksum of the rest. Whatever does not hold is a
 be emptied at any time, and where it cannot be used no data are kept.
 """
 
+import json
 import os
 import platform
 import re
 import secrets
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
+from typing import TypeVar
 
 from platformdirs import user_cache_path
+from pydantic import TypeAdapter
+
+AnswerT = TypeVar("AnswerT")
 
 FOLDER, NO_CACHE = "HDASSIST_CACHE", "HDASSIST_NO_CACHE"  # variables: another folder; whether answers are not kept
 OWN_FOLDER = "answers"  # in the folder of the cache
@@ -99,6 +104,21 @@ def keep(kind: str, key: str, data: bytes) -> None:
                 os.unlink(beside, dir_fd=folder)
             raise
         _prune(folder, MOST, _OLDEST_LEFT * MOST)
+
+
+def kept_answer(kind: str, depends: object, adapter: TypeAdapter[AnswerT], compute: Callable[[], AnswerT]) -> AnswerT:
+    """An answer of a kind as it is kept, or computed and kept.
+
+    Arguments: depends, all that decides it, as JSON; adapter, its type.
+    """
+    if not keeps_answers():
+        return compute()
+    key = sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
+    with suppress(ValueError):
+        return adapter.validate_json(cached(kind, key) or b"")
+    found = compute()
+    keep(kind, key, adapter.dump_json(found))
+    return found
 
 
 def cached_files() -> list[int]:

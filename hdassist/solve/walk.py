@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import platform
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,11 @@ def walk_library() -> tuple[Any, str]:
 def installation() -> tuple[str, ...]:
     """All that an answer depends on in this process, but for the machine: source, versions, engine."""
     return (*program("cvxpy", "daqp"), "compiled" if walk_library()[0] else "numpy")
+
+
+def digits_depend_on() -> tuple[str, ...]:
+    """All that the last digits of an answer depend on, beside what was asked for."""
+    return (*program("daqp", "pydantic"), walk_library()[1], platform.platform())
 
 
 def _opened(path: Path) -> Any:

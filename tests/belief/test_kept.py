@@ -114,7 +114,7 @@ def test_other_questions_have_other_samples(folder, solved, monkeypatch):
     for number, options in enumerate(asked, 2):
         drawn(*options.pop("overrides", ()), **options)
         assert len(list(folder.glob("samples-*"))) == number
-    monkeypatch.setattr(draws, "program", lambda *_: ["another"])
+    monkeypatch.setattr(draws, "digits_depend_on", lambda: ["another"])
     drawn()
     assert len(list(folder.glob("samples-*"))) == number + 1
     count = len(solved)
@@ -273,3 +273,16 @@ def test_a_check_takes_the_samples_of_mount_and_answers_the_same(folder, solved)
     solved.clear()
     assert run("check", *drive).stdout == alone
     assert not solved
+
+
+def test_self_error_and_steps_are_the_same_kept_as_computed(folder, monkeypatch):
+    asked = ("check", TINY, "--set", OPEN, "--limit", "F_ior=1", "--draws", "8", "--json")
+    first = run(*asked).stdout
+    assert {path.name.partition("-")[0] for path in folder.iterdir()} >= {"self", "steps", "samples", "again"}
+    solved = []
+    monkeypatch.setattr("hdassist.error.cycle.ContactSystems", lambda *_: solved.append(1))
+    assert run(*asked).stdout == first
+    assert not solved
+    for path in folder.glob("self-*"):
+        path.write_bytes(path.read_bytes()[:-9])  # one that does not hold is computed
+    monkeypatch.undo()
