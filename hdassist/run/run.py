@@ -89,7 +89,7 @@ UNCHECKED = Run(cross_check=None)  # in this process, no state solved again
 ENGINES = {"dask": "distributed", "mpi": "mpi4py", "ray": "ray"}  # by the package that each needs
 _RETRIES = 3  # of a task whose worker was lost
 TIMEOUT = 10.0  # s for a scheduler to answer
-Installation = Callable[[], object]  # what the digits of an answer depend on, where it is called
+Installation = Callable[[], object]  # all that the digits of an answer depend on, where it is called
 
 
 class Cluster(Executor):

@@ -47,7 +47,7 @@ def installation() -> tuple[str, ...]:
 
 
 def digits_depend_on() -> tuple[str, ...]:
-    """All that the last digits of an answer depend on, beside what was asked for."""
+    """All that the last digits of an answer depend on, beside the question."""
     return (*program("daqp", "pydantic"), walk_library()[1], platform.platform())
 
 
