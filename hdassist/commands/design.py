@@ -70,6 +70,7 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
     Examples:
       hdassist trace vzp160 --torque 80 --phi-g0 20
       hdassist trace vzp160 --torque 80 -n 100 --csv trace.csv
+      hdassist trace vzp160 --torque 80 --gravity 60,90 -n 100
       hdassist trace my-drive.yaml --set phases.xi_b=260 --json
 
     One cam revolution has as many states as the fixed wheel has teeth. Orders that differ by the
@@ -80,17 +81,19 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
     start: float = 0.0
     revolutions: int = 1
     speed: float | None = None
+    gravity: str | None = None
     solver: str | None = None
     cross_check: str = "highs"
     seed: int = 0
 
     def report(self, out: Output, preset: str) -> Report:
         """The trace of a drive."""
-        from hdassist.error.trace import trace
+        from hdassist.error.trace import Gravity, trace
         from hdassist.model.kinematics import Kinematics
         from hdassist.pages.curves import trace_report
 
         files = self.wheels_of_one([preset])
+        gravity = Gravity.of(self.gravity) if self.gravity is not None else None
         drive = self.load(preset)
         measured = self.teeth(files, drive)
         with out.run(drive.name, self.revolutions * Kinematics.of(drive).teeth_fixed, self) as run:
@@ -100,6 +103,7 @@ class TraceCommand(o.PlotOptions, o.PitchOptions, o.OneTorqueOptions):
                 measured=measured,
                 start_deg=self.start,
                 revolutions=self.revolutions,
+                gravity=gravity,
                 solver=self.solver,
                 run=run,
             )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import product
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -12,13 +14,18 @@ from hdassist.errors import UsageError
 from hdassist.model.deviations import MeasuredTeeth, is_half_turn_symmetric
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.plaintext import number_of
 from hdassist.preset.fields import DEVIATIONS, Drive
-from hdassist.run.run import Run
+from hdassist.run.run import UNCHECKED, Run
+from hdassist.solve.answers import EMPTY
 
 DEGREE = 4  # products of up to so many deviations are named
 UNEXPLAINED_ORDERS = 12  # orders without a known cause that are kept all the same
 NO_CAUSE = "no single cause known"
 FLOOR = 1e-9  # arcsec: a smaller value is rounding
+INTERPOLATED, LEAST_INTERPOLATED = 0.02, 0.02  # of the range, and arcsec: error of interpolation that is aimed at
+MOST_TORQUES, PROVEN_STATES = 33, 24  # that are solved; states that are solved at their own torque
+LEAST_APART = 1e-6  # of the greatest torque: between two that are solved
 
 
 @dataclass(frozen=True)
@@ -101,10 +108,45 @@ def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[Order]:
 
 
 @dataclass(frozen=True)
+class Gravity:
+    """Torque of a weight: amplitude [N*m] times the cosine of the moving wheel's angle less a direction [deg]."""
+
+    amplitude_Nm: float
+    direction_deg: float = 0.0
+
+    @classmethod
+    def of(cls, text: str) -> Gravity:
+        """Read "60,90". Raises UsageError: no such text."""
+        numbers = [number_of(part) for part in text.split(",")]
+        if len(numbers) > 2 or not np.isfinite(numbers).all() or not 0 < abs(numbers[0]) <= 1e7:
+            hint = "amplitude in N·m, and the output's angle in deg where it is greatest: 60,90"
+            raise UsageError(f"invalid --gravity {text}: expected AMPLITUDE[,ANGLE]", hint)
+        return cls(*numbers)
+
+
+@dataclass(frozen=True)
+class ErrorAlong:
+    """An error along which the torque changes [N*m]: least, greatest, and those solved with their ranges [arcsec].
+
+    wind_up_arcsec: range of the mean twist, which the error is without; bound_arcsec: of what the straight line from
+    one torque to the next leaves of the error, by torques halfway and by states solved at their own.
+    """
+
+    gravity: Gravity
+    least_Nm: float
+    greatest_Nm: float
+    torques_Nm: tuple[float, ...]
+    ranges_arcsec: tuple[float, ...]
+    wind_up_arcsec: float
+    bound_arcsec: float
+
+
+@dataclass(frozen=True)
 class Trace:
     """Error over whole cam revolutions from phi_h = 0.
 
-    start_deg: the moving wheel's angle there; measured: wheels in place of first harmonics.
+    start_deg: the moving wheel's angle there; measured: wheels in place of first harmonics; along: where the torque
+    changes along it, of which the mean is the error's; then the error is without the mean wind-up.
     """
 
     error: KinematicError
@@ -112,6 +154,7 @@ class Trace:
     revolutions: int
     orders: tuple[Order, ...]
     measured: MeasuredTeeth | None = None
+    along: ErrorAlong | None = None
 
     @property
     def slope_arcsec_per_deg(self) -> float:
@@ -127,14 +170,15 @@ def trace(
     measured: MeasuredTeeth | None = None,
     start_deg: float = 0.0,
     revolutions: int = 1,
+    gravity: Gravity | None = None,
     solver: str | None = None,
     run: Run = Run(),
 ) -> Trace:
     """Error of a drive at a torque M_g [N*m] over whole cam revolutions, and its orders.
 
-    Arguments: measured, wheels in place of first harmonics; start_deg, angle of the moving wheel at phi_h = 0 (phi_g0
-    with the rigid wheel fixed) [deg], where that wheel is measured to the nearest of its teeth; solver, a name that
-    cvxpy knows, to send each state through cvxpy instead of the engine.
+    Arguments: gravity, on top of M_g; measured, wheels in place of first harmonics; start_deg, angle of the moving
+    wheel at phi_h = 0 (phi_g0 with the rigid wheel fixed) [deg], measured ones to the nearest of their teeth;
+    solver, a name that cvxpy knows, to send each state through cvxpy instead of the engine.
     Raises UsageError for less than one revolution, more than a cycle, a start angle that is no number or an unknown
     solver, UntrustedError where an answer cannot be trusted.
     """
@@ -151,5 +195,63 @@ def trace(
     )
     there, teeth = measured.in_drive(drive) if measured else (drive, None)
     error = kinematic_error(there, M_g, states=states, teeth=teeth, solver=solver, run=run)
+    along = None
+    if gravity:
+        more = partial(kinematic_error, there, teeth=teeth, solver=solver, run=UNCHECKED)
+        error, along = error_along(error, gravity, more)
     found = orders(drive, error.error_arcsec, revolutions)
-    return Trace(error, start_deg, revolutions, tuple(found), measured)
+    return Trace(error, start_deg, revolutions, tuple(found), measured, along)
+
+
+def error_along(
+    mean: KinematicError, gravity: Gravity, solve: Callable[..., KinematicError]
+) -> tuple[KinematicError, ErrorAlong]:
+    """Error with gravity on top of a mean torque, whose error is there, straight between torques that are solved.
+
+    Torques halfway are solved until lines miss them by no more than INTERPOLATED of the range. Argument: solve, gives
+    the error at a torque [N*m] in some states.
+    """
+    states = mean.states
+    moving = states.phi_g if mean.kinematics.fixed == "rigid" else states.phi_b
+    torque = mean.M_g + gravity.amplitude_Nm * np.cos(moving - np.radians(gravity.direction_deg))
+    low, high = float(torque.min()), float(torque.max())
+    solved = {M_g: solve(M_g, states=states) for M_g in (low, high)}
+    solved[mean.M_g] = mean
+
+    def rest(M_g: float) -> Array:
+        """Rotation in each state at a torque less its mean, shape (states,) [arcsec]."""
+        return solved[M_g].rotation_arcsec - solved[M_g].wind_up_arcsec
+
+    missed: dict[tuple[float, float], float] = {}  # by lines between two torques, halfway, in the states between them
+    open_ = list(pairwise(sorted(solved)))
+    while open_:
+        for below, above in open_:
+            share = 0.5 if below + above else 0.4  # no error at no torque at all
+            between, own = below + share * (above - below), (torque >= below) & (torque <= above)
+            missed[below, above] = 0.0
+            if own.any() and above - below > LEAST_APART * max(abs(low), abs(high)):
+                solved[between] = solve(between, states=states)
+                line = (1 - share) * rest(below) + share * rest(above)
+                missed[below, above] = float(np.abs(rest(between) - line)[own].max())
+        worst = max(missed, key=missed.__getitem__)
+        aim = max(INTERPOLATED * mean.range_arcsec, LEAST_INTERPOLATED)
+        open_ = []
+        if missed[worst] > aim and len(solved) < MOST_TORQUES:
+            between = next(M_g for M_g in solved if worst[0] < M_g < worst[1])
+            open_ = [(worst[0], between), (between, worst[1])]
+            del missed[worst]
+    bound = max(missed.values())
+    nodes = np.array(sorted(solved))
+    place = np.clip(np.searchsorted(nodes, torque) - 1, 0, len(nodes) - 2)
+    shares = (torque - nodes[place]) / np.diff(nodes)[place]
+    every, each = np.array([rest(M_g) for M_g in nodes.tolist()]), np.arange(len(states))
+    rotation = every[place, each] * (1 - shares) + every[place + 1, each] * shares
+    twist = [solved[M_g].wind_up_arcsec for M_g in nodes.tolist()]
+    for k in np.linspace(0, len(states) - 1, PROVEN_STATES).astype(np.int64).tolist():
+        own = solve(float(torque[k]), states=states.take(np.array([k]))).rotation_arcsec[0]
+        bound = max(bound, abs(float(own - np.interp(torque[k], nodes, twist) - rotation[k])))
+    certificate = sum((one.certificate for one in solved.values()), EMPTY)
+    ranges = tuple(solved[M_g].range_arcsec for M_g in nodes.tolist())
+    wind_up = float(np.ptp(np.interp(torque, nodes, twist)))
+    along = ErrorAlong(gravity, low, high, tuple(nodes.tolist()), ranges, wind_up, bound)
+    return replace(mean, rotation_arcsec=rotation, certificate=certificate), along

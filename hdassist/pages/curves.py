@@ -17,7 +17,7 @@ from hdassist.error.stiffness import (
     segments_beside,
     stiffness_object,
 )
-from hdassist.error.trace import Order, Trace, order_legend
+from hdassist.error.trace import ErrorAlong, Order, Trace, order_legend
 from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.preset.fields import Drive, Measured, is_overridden
@@ -88,7 +88,14 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
         ),
         blocks=(
             Table.by_row("", [order, _ON_PAGE, cause], orders[:_NAMED_ORDERS]),
-            Facts.of([("assumed", on_what(drive)), ("unknown", not_known(drive)), ("next", next_)]),
+            Facts.of(
+                [
+                    ("gravity", _along_words(trace.along)),
+                    ("assumed", on_what(drive)),
+                    ("unknown", not_known(drive)),
+                    ("next", next_),
+                ]
+            ),
             curve_of_turns(error.states.phi_h / (2 * np.pi), error.error_arcsec, words),
         ),
         details=(
@@ -102,6 +109,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
             "unknown": unknown_objects(unknowns(drive)),
             "pitch": pitch_object(trace.measured),
             "M_g_Nm": error.M_g,
+            "gravity": trace.along,
             f"{moving}_deg": trace.start_deg,
             "cam_revolutions": trace.revolutions,
             "phi_h_deg": angles["phi_h_deg"],
@@ -115,6 +123,16 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
         line=f"{error.range_arcsec:.2f} arcsec",
         warnings=(*drive.origin.warnings, *unknown_notes(drive)),
     )
+
+
+def _along_words(along: ErrorAlong | None) -> str:
+    """The torque along a trace, the bound of the interpolation, and ranges at the ends; empty for an even torque."""
+    if along is None:
+        return ""
+    ends = f"{along.least_Nm:.4g} to {along.greatest_Nm:.4g} N·m"
+    solved = f"{len(along.torques_Nm)} torques solved, lines between miss at most {along.bound_arcsec:.2g}″"
+    even = f"at even torque {along.ranges_arcsec[0]:.2f}″ and {along.ranges_arcsec[-1]:.2f}″ at the ends"
+    return f"{ends}, {solved}; {even}; wind-up of {along.wind_up_arcsec:.4g}″ left out"
 
 
 def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:

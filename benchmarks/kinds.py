@@ -1,0 +1,137 @@
+"""How often records of each kind are held: `python -m benchmarks.kinds [RIGS]`, 40 of each in about three minutes.
+
+Each rig is made of angles and times alone, with a drive that nobody knows: coloured noise, counts, lost rows, drift,
+lag, friction. It has none of the orders, bins or fits of the tool. Printed are F'_ior, order 2 of the cam with its
+beats, lost motion and lag that were held by their 95 % intervals, and verdicts at limits 3 % off the true F'_ior that
+were wrong.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections import Counter
+
+import numpy as np
+from scipy.signal import lfilter
+
+from hdassist.errors import HdassistError
+from hdassist.measuring.measure import measure
+from hdassist.model.geometry import Array
+from hdassist.readers.trace import TraceForm, read_trace
+from hdassist.verdict import GUARD
+
+RATIO, ROWS = 30, 60  # cam turns of the cycle, one output turn; rows a cam turn at one turn a second
+KINDS = ("white noise", "coloured noise", "counts", "lost rows", "drift", "lag", "friction")
+BOTH_WAYS = ("lag", "friction")  # at two speeds
+COUNTS = (2**14, 2**22)  # a turn, of the cam's and the output's encoder
+LIMITS = (0.97, 1.03)  # of the true F'_ior
+PER_MS = 1.296e3 / RATIO  # arcsec s/turn, of a ms of lag
+FINE = np.arange(RATIO * 240) / 240
+
+
+class Rig:
+    """A rig of a kind by its seed: its file, true F'_ior, amplitude of order 2, lost motion [arcsec] and lag [ms]."""
+
+    def __init__(self, kind: str, seed: int) -> None:
+        rng = self.rng = np.random.default_rng([KINDS.index(kind), seed])
+        self.kind, self.size = kind, rng.uniform(3, 12)
+        self.phase, self.share = rng.uniform(0, 2 * np.pi, 8), rng.uniform(0, 1, 8)
+        self.play, self.lag, self.rubs = (
+            (rng.uniform(0, 20), *((rng.uniform(-1, 1), 0.0) if kind == "lag" else (0.0, rng.uniform(0, 3))))
+            if kind in BOTH_WAYS
+            else (0.0, 0.0, 0.0)
+        )
+        self.F_ior, self.order_2 = float(np.ptp(self.error(FINE))), float(np.sqrt(2 * np.mean(self.oval(FINE) ** 2)))
+        self.file = self.written()
+
+    def oval(self, turns: Array) -> Array:
+        """Error [arcsec] of order 2 of the cam with its beats, at cam angles [turns]."""
+        cam, output, p, s = 2 * np.pi * turns, 2 * np.pi * turns / RATIO, self.phase, self.share
+        beats = 1 + 0.5 * s[0] * np.cos(output + p[1]) + 0.2 * s[1] * np.cos(2 * output + p[2])
+        return np.asarray(self.size * np.cos(2 * cam + p[0]) * beats)
+
+    def error(self, turns: Array) -> Array:
+        """All of the error [arcsec] at cam angles [turns]."""
+        cam, output, p, s = 2 * np.pi * turns, 2 * np.pi * turns / RATIO, self.phase, self.share
+        rest = 0.3 * s[2] * np.cos(cam + p[3] + 0.5 * s[3] * np.sin(output + p[4])) + 0.1 * s[4] * np.cos(
+            4 * cam + p[5]
+        )
+        return np.asarray(self.oval(turns) + self.size * (rest + s[5] * np.cos(output + p[6])))
+
+    def noise(self, count: int) -> Array:
+        """Noise of readings [arcsec]."""
+        white = self.rng.standard_normal(count)
+        if self.kind == "coloured noise":
+            memory = self.rng.uniform(0.3, 0.9)
+            white = lfilter([np.sqrt(1 - memory**2)], [1, -memory], white)
+        return np.asarray(self.rng.choice([0.2, 0.6, 1.5]) * white)
+
+    def written(self) -> str:
+        """Columns of time, cam and output, as text."""
+        parts, start = [], 0.0
+        for speed in (1.0, 2.0) if self.kind in BOTH_WAYS else (1.0,):
+            for way in (1, -1) if self.kind in BOTH_WAYS else (1,):
+                time = np.arange(1, RATIO * ROWS + 1) / ROWS / speed
+                first = 0.0 if way > 0 else float(RATIO)
+                turns = first + way * speed * time
+                if self.kind == "counts":  # no motor turns evenly
+                    turns += self.rng.uniform(-0.3, 0.3, len(turns)) / ROWS
+                late = turns + way * speed * self.lag / 1e3
+                lost = way * (self.play / 2 + self.rubs * speed)
+                output = late / RATIO * 1_296_000 + self.error(late) - lost + self.noise(len(time))
+                parts.append(np.array([start + time, turns * 360, output / 3600]))
+                start += float(time[-1]) + 0.5
+        time, cam, output = np.concatenate(parts, axis=1)
+        kept = np.ones(len(time), bool)
+        if self.kind == "counts":
+            cam, output = (np.round(each / 360 * count) for each, count in zip((cam, output), COUNTS, strict=True))
+        if self.kind == "drift":
+            output = output + self.rng.uniform(-5, 5) / 3600 * time / time[-1]
+        while self.kind == "lost rows" and kept.mean() > 0.75:
+            gap = self.rng.integers(len(kept))
+            kept[gap : gap + self.rng.integers(1, 7)] = False
+        rows = zip(time[kept], cam[kept], output[kept], strict=True)
+        return "time_s,cam_deg,output_deg\n" + "\n".join(f"{t:.5f},{a:.6f},{b:.8f}" for t, a, b in rows)
+
+
+def counted(rig: Rig) -> Counter[str]:
+    """Quantities of a rig that its record states, those that it holds ("name held"), and wrong verdicts."""
+    units = ",".join(map(str, COUNTS)) if rig.kind == "counts" else None
+    form = TraceForm(angle="cam_deg", second="output_deg", angle_unit=units)
+    drift = "linear" if rig.kind == "drift" else "none"
+    try:
+        found = measure(read_trace(io.StringIO(rig.file), form, RATIO), ratio=RATIO, drift=drift)
+    except HdassistError:
+        return Counter({"refused": 1})
+    first, count = found.directions[0], Counter({"F'_ior": 1, "order 2": 1})
+    low, high = first.interval_arcsec
+    count["F'_ior held"] += low <= rig.F_ior <= high
+    count["lower bounds"] += first.is_bound
+    order = next(each for each in first.orders_of_cam if each.per_cam_rev == 2)
+    count["order 2 held"] += abs(order.amplitude_arcsec - rig.order_2) <= 2 * order.uncertainty_arcsec
+    reach = GUARD * first.uncertainty_arcsec
+    count["false PASS"] += not first.is_bound and first.range.value + first.range.rise + reach <= LIMITS[0] * rig.F_ior
+    count["false FAIL"] += first.range.value - reach > LIMITS[1] * rig.F_ior
+    if lost := found.reversal:
+        unsure = 2 * lost.lost_motion_standard_uncertainty_arcsec
+        count.update({"lost motion": 1, "lost motion held": abs(lost.lost_motion_arcsec - rig.play) <= unsure})
+    if rig.kind in BOTH_WAYS and (lag := found.lag):
+        true = rig.lag - rig.rubs / PER_MS  # friction looks like that
+        count.update({"lag": 1, "lag held": abs(lag.ms - true) <= 2 * lag.uncertainty_ms})
+    return count
+
+
+def main(rigs: int) -> None:
+    """A row of a table for each kind."""
+    names = ("F'_ior", "order 2", "lost motion", "lag")
+    print(f"| kind | {' | '.join(names)} | false PASS | false FAIL | lower bounds | refused |")
+    for kind in KINDS:
+        count = sum((counted(Rig(kind, seed)) for seed in range(rigs)), Counter())
+        cells = [f"{count[f'{name} held']} of {count[name]}" if count[name] else "" for name in names]
+        cells += [str(count[name]) for name in ("false PASS", "false FAIL", "lower bounds", "refused")]
+        print(f"| {kind} | {' | '.join(cells)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 40)
