@@ -5,9 +5,11 @@ from functools import partial
 import numpy as np
 import pytest
 
+from benchmarks.draws import FINEST_GRID, HOLES, drawn_drives
+from benchmarks.rows import DRAWS_RMS, DRAWS_WORST
 from hdassist import load_preset
 from hdassist.error import extremes
-from hdassist.error.error_map import Batch, ErrorMap
+from hdassist.error.error_map import Batch, ErrorMap, error_maps
 from hdassist.error.extremes import DRAWN_GRIDS, between_states, many_extremes
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.mounting.positions import rotated
@@ -96,3 +98,15 @@ def test_what_may_lie_between_states_holds_a_smooth_map():
     assert (up[0] >= there - 0.01).all()
     assert (down[0] <= there + 0.01).all()
     assert np.abs(up - down).max() < 0.3
+
+
+@pytest.mark.skipif(not HAS_COMPILER, reason="half a minute in numpy")
+def test_searches_of_draws_are_near_those_of_a_grid_of_sixty():
+    drives, holes = drawn_drives("vzp160", 1), [360 / HOLES * k for k in range(HOLES)]  # docs/performance.md has 64
+    maps = [(each, Batch.turned(drive, holes)) for drive in drives for each in error_maps(drive, drive.operation.M_g)]
+    few, fine = (
+        np.array([many_extremes(*found, grids).F_ior_arcsec for found in maps]) for grids in (DRAWN_GRIDS, FINEST_GRID)
+    )
+    missed = few - fine
+    assert np.abs(missed).max() <= DRAWS_WORST
+    assert np.sqrt((missed**2).mean()) <= DRAWS_RMS
