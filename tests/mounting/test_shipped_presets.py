@@ -1,22 +1,33 @@
-"""Every shipped preset, and one without any phase, has a hole and a card before any value; few draws, two holes."""
+"""Every shipped preset, one without any phase and one of a data sheet have a hole and a card before any value; few draws, two holes."""
 
 import pytest
 
 from hdassist import load_preset, preset_names
+from hdassist.loading.load import load_text
+from hdassist.loading.write import similar_preset
 from hdassist.mounting.advice import advise
 from hdassist.pages.report import card_text
+from hdassist.preset.knowledge import read_requirements
 from hdassist.run.run import UNCHECKED
 from tests.advices import card
 
 WITHOUT_PHASES = tuple(f"phases.{name}=unknown" for name in ("xi_g", "xi_b", "phi_hb", "phi_hh"))
 
 
+def drive_of(name, more):
+    if name != "own.yaml":
+        return load_preset(name, more)
+    like = load_preset("vzp160")
+    sheet = read_requirements(like, ratio=100, pitch_diameter="63.5 mm", torque="67")
+    return load_text(similar_preset("own", like, sheet), name, more)
+
+
 @pytest.mark.parametrize(
-    ("name", "more"), [*((name, ()) for name in preset_names()), ("vzp160", WITHOUT_PHASES)], ids=str
+    ("name", "more"), [*((name, ()) for name in preset_names()), ("vzp160", WITHOUT_PHASES), ("own.yaml", ())], ids=str
 )
 def test_mount_names_a_hole_and_makes_a_card_of(name, more):
-    M_g = load_preset(name).operation.M_g[0]
-    drive = load_preset(name, ["mounting.holes=2", f"operation.M_g={M_g}", *more])
+    M_g = drive_of(name, ()).operation.M_g[0]
+    drive = drive_of(name, ["mounting.holes=2", f"operation.M_g={M_g}", *more])
     advice = advise(drive, (M_g,), (0.0, 180.0), draws=1, run=UNCHECKED)
     assert not advice.fault and advice.samples is not None
     assert advice.choice.target.hole in (0, 1)
