@@ -1,12 +1,15 @@
 """The advice on where to mount the fixed wheel: holes, uncertainty, words."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hdassist import load_preset
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.decision import Decision
+from hdassist.mounting.decision import Decision, MeasurementValue
 from hdassist.mounting.positions import MountingCurve, seat_positions
+from hdassist.mounting.posterior import Trial
 from hdassist.pages.card import instruction, seat_of, turn
 from hdassist.pages.mount import mount_report
 from hdassist.solve.answers import EMPTY
@@ -99,3 +102,14 @@ def test_the_page_names_what_each_torque_alone_would_choose_where_that_differs()
     (_, facts, *_), one = mount_report(advice_of(curve_of(light, heavy, holes=3)), 0).blocks, curve_of(light, holes=3)
     assert ("each torque alone", "1 N·m hole 1, 2 N·m hole 2") in facts.rows
     assert "each torque alone" not in dict(mount_report(advice_of(one), 0).blocks[1].rows)
+
+
+def test_measuring_ends_where_one_more_value_is_not_worth_it_and_never_before_four():
+    advice, one = advice_of(curve_of([20.0, 9.0, 12.0], holes=3)), Trial(0.0, 20.0)
+
+    def goes_on(values: int, worth: float) -> bool:
+        value = MeasurementValue(120.0, (20.0, 19.7))
+        return replace(advice, trials=(one,) * values, value=value, worth=worth).next is not None
+
+    assert [goes_on(values, 0.02) for values in (3, 4, 5)] == [True, False, False]
+    assert goes_on(5, 0.01)

@@ -1,4 +1,4 @@
-"""Every shipped preset, one without any phase and one of a data sheet have a hole and a card before any value; few draws, two holes."""
+"""Every shipped preset, one without any phase and one of a data sheet have a hole and a card before any value."""
 
 import pytest
 
