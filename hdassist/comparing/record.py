@@ -172,6 +172,7 @@ class RecordedOrders:
         order = -self._turning[1]  # how often each wave goes by in a cam turn, shape (waves,)
         both = design.project(lambda rows: order_columns(design.bins.turns[rows], order))[: len(self.measured)]
         self._cosine, self._sine = both[:, : len(order)].T, both[:, len(order) :].T
+        self._scanned: dict[tuple[bytes, ...], tuple[Array, Array]] = {}  # parts of predictions, of all ways to count
 
     def read_as(self, alignment: Alignment) -> RecordedOrders:
         """The record counted otherwise; its orders are the same."""
@@ -198,9 +199,16 @@ class RecordedOrders:
 
         Arguments: waves, shape (..., waves); angles: start and zero [deg], shape (..., 2).
         """
+        return self._counted(*self._parts(waves, angles))
+
+    def _parts(self, waves: Complex, angles: Array) -> tuple[Array, Array]:
+        """What the real and the imaginary parts of waves give, however the file counts, shape (..., 2 orders) each."""
         turned = np.asarray(waves * np.exp(1j * np.radians(angles @ self._turning)))
-        sines = self.alignment.sense * turned.imag
-        return np.asarray(self.alignment.sign * (turned.real @ self._cosine + sines @ self._sine))
+        return turned.real @ self._cosine, turned.imag @ self._sine
+
+    def _counted(self, real: Array, imaginary: Array) -> Array:
+        """Coefficients as the file counts, of both parts."""
+        return np.asarray(self.alignment.sign * (real + self.alignment.sense * imaginary))
 
     def slopes(self, waves: Complex, angles: Array) -> Array:
         """Change of the coefficients [arcsec/deg] with start and zero of the alignment, shape (2, 2 orders)."""
@@ -231,7 +239,11 @@ class RecordedOrders:
         count = SCANNED.get(sum(fitted), 1)
         steps = [np.arange(count if is_fitted else 1) * (360 / count) for is_fitted in fitted]
         grid = angles + np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
-        chi_square = (self.whitened(self.measured - self.predicted(waves, grid)) ** 2).sum(axis=1)
+        key = waves.tobytes(), grid.tobytes()
+        if key not in self._scanned:
+            self._scanned.clear()
+            self._scanned[key] = self._parts(waves, grid)
+        chi_square = (self.whitened(self.measured - self._counted(*self._scanned[key])) ** 2).sum(axis=1)
         return grid[chi_square.argmin()], float(chi_square.min())
 
     def within_noise(self, chi_square: float, unknowns: int) -> bool:
