@@ -45,6 +45,7 @@ SIZE_STEP, SIZE_ROUNDS = 4.0, 50  # of mean squares of lines
 LEAST_POWER = 1e-12  # arcsec^2
 # the least was fitted: the smallest of four at which the promises of two records of part of a cycle hold, not derived
 LEAST_MISFIT, FIRST_MISFIT, MOST_MISFIT = 0.025, 0.1, 0.15  # of the error, root mean square
+SEARCHED, STARTS = 128, 4  # drives with open fields alone drawn, as many with all; the best, from which fits begin
 FITS = 2  # the second by the misfit of the first, and with what lines leave of its drive's solved cycle
 MISFITS_A_TURN = 24  # of the cam: independent numbers of a misfit of orders up to 12
 OPEN_DIRECTION = 12**-0.5  # standard deviation, as a share of its turn
@@ -279,6 +280,7 @@ def agreeing_drives(
     """Values by path of drives that agree with records by torque [N*m], and the misfit as a share of the error.
 
     The first of the drives agrees best; others that agree better than normal numbers around it would come more often.
+    Fits begin at the likeliest of drawn drives: one from the preset's own values may end in a hollow beside the best.
     Angles of the records are the preset's. Fields that are open, uncertain, or doubted as `compare` does, are fitted:
     as normal numbers, directions as shares of their turn. Raises UntrustedError where no drive agrees.
     """
@@ -319,18 +321,25 @@ def agreeing_drives(
         pull = np.where(turning, (unknowns - start) / OPEN_DIRECTION, unknowns)
         return np.concatenate([(off(unknowns) - beyond) / scale, pull], axis=1)
 
-    shares = prior.shares(draws, run.seed)[:, : len(fields)]
-    begun = np.where(turning, shares, ndtri(shares)) * [each.distribution != "normal" for each in fields]
-    best, read = begun[np.argmin(off(begun).var(axis=1))], levelled(each.error_arcsec for each in records.values())
+    shares = prior.shares(SEARCHED, run.seed)[:, : len(fields)]
+    begun = np.where(turning, shares, np.clip(ndtri(shares), -LARGEST, LARGEST))
+    begun = np.concatenate([begun * [each.distribution != "normal" for each in fields], begun])
+    read, bounds = levelled(each.error_arcsec for each in records.values()), np.where(turning, np.inf, LARGEST)
     misfit, noise, together, beyond = FIRST_MISFIT, 0.0, len(read) / (MISFITS_A_TURN * cam_turns), np.zeros(len(read))
-    bounds = np.where(turning, np.inf, LARGEST)
+    unlikely = off(begun).var(axis=1) / (misfit**2 * np.var(read)) * MISFITS_A_TURN * cam_turns
+    unlikely += (begun[:, ~turning] ** 2).sum(axis=1)
+    starts = begun[np.argsort(unlikely)[:STARTS]]
     for _ in range(FITS):
-        about = best, float(np.sqrt(noise + together * misfit**2 * np.var(read))), beyond
-        fit = least_squares(
-            lambda unknowns, *about: residuals(unknowns[None], *about)[0], best,
-            bounds=(-bounds, bounds), ftol=1e-3, diff_step=1e-3, args=about,
-        )  # fmt: skip
-        best = fit.x
+        about = starts[0], float(np.sqrt(noise + together * misfit**2 * np.var(read))), beyond
+        fits = [
+            least_squares(
+                lambda unknowns, *about: residuals(unknowns[None], *about)[0], start,
+                bounds=(-bounds, bounds), ftol=1e-3, diff_step=1e-3, args=about,
+            )
+            for start in starts
+        ]  # fmt: skip
+        fit = min(fits, key=lambda each: float(each.cost))
+        best, starts = fit.x, fit.x[None]
         beyond = beyond_lines(values_of(best[None])[0])
         left = off(best[None])[0] - beyond
         noise = float(np.var(np.diff(left))) / 2  # of a reading: a misfit goes on from one to the next
