@@ -3,6 +3,13 @@
 The unknowns are x and y of each vector, then start and zero of the record [deg]. Every step of the Gauss-Newton
 iteration (docs/theory.md, (13) to (16)) solves the contacts anew. Directions among the unknowns along which the
 standard uncertainty would exceed any plausible deviation are unidentifiable and stay where they are.
+
+This is not the fit of correction.records.agreeing_drives, which answers another question. Here: which deviation, of any
+size and against the preset, would explain the difference; so no prior pulls, doubts of the model widen the covariance,
+and a direction that the record does not show has no number. There: which drives that the preset allows may have made
+the record, and what error do they have in turns and at torques that it has not; so a prior holds all that is open,
+deviations that are given stay, doubts are fitted with the rest, and the answer is many drives. Both take the alignment,
+the doubts and F'_ior of a record from the same code.
 """
 
 from __future__ import annotations

@@ -282,7 +282,8 @@ def agreeing_drives(
     The first of the drives agrees best; others that agree better than normal numbers around it would come more often.
     Fits begin at the likeliest of drawn drives: one from the preset's own values may end in a hollow beside the best.
     Angles of the records are the preset's. Fields that are open, uncertain, or doubted as `compare` does, are fitted:
-    as normal numbers, directions as shares of their turn. Raises UntrustedError where no drive agrees.
+    as normal numbers, directions as shares of their turn; comparing/fit says how that differs from its own fit. Raises
+    UntrustedError where no drive agrees.
     """
     doubts = {path: 2 * deviation for path, deviation in doubts_of(drive).items()}
     prior = prior_of(drive.model_copy(update={"uncertainty": doubts | drive.uncertainty}))

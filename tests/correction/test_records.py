@@ -101,7 +101,10 @@ OPEN = ["phases.xi_b=unknown"]
 ANOTHER = (
     ("phases.xi_b=290",), ("phases.xi_b=290", "supports.C_2=6.6e3", "gears.j_n=18.5"),
     # refused before: one fit from the preset's own supports and clearance ended in a hollow beside it
-    ("phases.xi_b=349", "supports.C_2=8.5e3", "supports.C_3=2.2e3", "contact.c_t=7.3e-5", "cam.W_0=1.79", "gears.j_n=17.2"),
+    (
+        "phases.xi_b=349", "supports.C_2=8.5e3", "supports.C_3=2.2e3", "contact.c_t=7.3e-5", "cam.W_0=1.79",
+        "gears.j_n=17.2",
+    ),
 )  # fmt: skip
 
 
