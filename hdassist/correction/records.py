@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,8 @@ SIZE_STEP, SIZE_ROUNDS = 4.0, 50  # of mean squares of lines
 LEAST_POWER = 1e-12  # arcsec^2
 # the least was fitted: the smallest of four at which the promises of two records of part of a cycle hold, not derived
 LEAST_MISFIT, FIRST_MISFIT, MOST_MISFIT = 0.025, 0.1, 0.15  # of the error, root mean square
-SEARCHED, STARTS = 128, 4  # drives with open fields alone drawn, as many with all; the best, from which fits begin
+# drives with open fields alone drawn, as many with all; the likeliest, from which fits begin until one shows the record
+SEARCHED, STARTS = 128, 16
 FITS = 2  # the second by the misfit of the first, and with what lines leave of its drive's solved cycle
 MISFITS_A_TURN = 24  # of the cam: independent numbers of a misfit of orders up to 12
 OPEN_DIRECTION = 12**-0.5  # standard deviation, as a share of its turn
@@ -331,15 +333,17 @@ def agreeing_drives(
     unlikely += (begun[:, ~turning] ** 2).sum(axis=1)
     starts = begun[np.argsort(unlikely)[:STARTS]]
     for _ in range(FITS):
-        about = starts[0], float(np.sqrt(noise + together * misfit**2 * np.var(read))), beyond
-        fits = [
-            least_squares(
+        scale, fits = float(np.sqrt(noise + together * misfit**2 * np.var(read))), list[tuple[Any, tuple[Any, ...]]]()
+        for start in starts:
+            about = start, scale, beyond
+            fit = least_squares(
                 lambda unknowns, *about: residuals(unknowns[None], *about)[0], start,
                 bounds=(-bounds, bounds), ftol=1e-3, diff_step=1e-3, args=about,
-            )
-            for start in starts
-        ]  # fmt: skip
-        fit = min(fits, key=lambda each: float(each.cost))
+            )  # fmt: skip
+            fits.append((fit, about))
+            if np.var(off(fit.x[None]) - beyond) <= MOST_MISFIT**2 * np.var(read):
+                break
+        fit, about = min(fits, key=lambda each: float(each[0].cost))
         best, starts = fit.x, fit.x[None]
         beyond = beyond_lines(values_of(best[None])[0])
         left = off(best[None])[0] - beyond
