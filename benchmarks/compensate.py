@@ -5,7 +5,8 @@ supports, clearances, flanks and temperature, and teeth with harmonics of every 
 first torque is recorded with noise; lines are before the record as large as in draws of the preset's prior, whatever
 its data sheet says. The correction made of that is held against its solved cycle: whether what was promised (95 %)
 holds, whether the drive is worse with it than without, and what the mean over the cam's turns of the same record, a
-table of a cam turn, leaves.
+table of a cam turn, leaves. --allowed: the hidden drive is one that the preset allows, which a record of part of the
+cycle (--span 0.4) can be fitted by; --least: the least misfit that its promise counts with.
 """
 
 from __future__ import annotations
@@ -37,14 +38,14 @@ class CorrectedDrive:
     refused: str = ""
 
 
-def corrected(number: int, draws: int, seed: int, span: float) -> dict[str, CorrectedDrive]:
+def corrected(number: int, draws: int, seed: int, span: float, allowed: bool = False) -> dict[str, CorrectedDrive]:
     """What corrections of a hidden drive leave, by form."""
     from benchmarks.honesty import hidden_drive
     from hdassist.belief.prior import prior_of
     from hdassist.comparing.record import Alignment
     from hdassist.correction.correct import PHASORS, correct, correction_of
     from hdassist.correction.forms import CAM_POINTS, CorrectionForm
-    from hdassist.correction.records import recorded_error
+    from hdassist.correction.records import fitted_prior, recorded_error
     from hdassist.error.cycle import kinematic_error
     from hdassist.errors import HdassistError
     from hdassist.measuring.measure import measure
@@ -56,6 +57,10 @@ def corrected(number: int, draws: int, seed: int, span: float) -> dict[str, Corr
     tables = (CorrectionForm("output", POINTS), CorrectionForm("cam", CAM_POINTS))
     try:
         preset, there, teeth = hidden_drive(rng, RATIOS)
+        while allowed:
+            fitted = fitted_prior(preset)
+            there, teeth = preset.with_values(fitted.values(rng.random((1, len(fitted.fields))))[0]), None
+            allowed = first_conflict(there) is not None
         M_g = preset.operation.M_g[0]
         error = kinematic_error(there, M_g, teeth=teeth, run=UNCHECKED)
         turns, actual = error.states.phi_h / (2 * np.pi), -error.error_arcsec
@@ -101,10 +106,16 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first")
     parser.add_argument("--span", type=float, default=1.02, help="of the cycle, that a record has")
     parser.add_argument("--seed", type=int, default=2)
+    parser.add_argument("--allowed", action="store_true", help="hidden drives that the preset allows")
+    parser.add_argument("--least", type=float, help="misfit over the error, at least, of records of part of the cycle")
     args = parser.parse_args()
+    if args.least is not None:
+        from hdassist.correction import records
+
+        records.LEAST_MISFIT = args.least
     found: dict[str, list[CorrectedDrive]] = {}
     for number in range(args.first, args.first + args.n):
-        for name, each in corrected(number, args.draws, args.seed, args.span).items():
+        for name, each in corrected(number, args.draws, args.seed, args.span, args.allowed).items():
             found.setdefault(name, []).append(each)
             words = f"{each.uncorrected:.1f} to {each.left:.2f}, promised {each.promised:.2f}, plain {each.plain:.1f}"
             print(number, name, words, each.refused, flush=True)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import chdtri, ndtr, ndtri
 
-from hdassist.belief.prior import prior_of
+from hdassist.belief.prior import DrivePrior, prior_of
 from hdassist.comparing.compare import mirrored_reading
 from hdassist.comparing.record import Alignment, doubts_of
 from hdassist.correction.forms import between_points
@@ -276,6 +276,14 @@ def is_of_teeth(often: NDArray[np.int64], kinematics: Kinematics) -> NDArray[np.
     )
 
 
+def fitted_prior(drive: Drive) -> DrivePrior:
+    """Fields that a record of part of the cycle is fitted by: open, uncertain, or doubted as `compare` does."""
+    doubts = {path: 2 * deviation for path, deviation in doubts_of(drive).items()}
+    prior = prior_of(drive.model_copy(update={"uncertainty": doubts | drive.uncertainty}))
+    fields = tuple(each for each in prior.fields if each.distribution == "normal" or drive.value(each.path) is None)
+    return replace(prior, fields=fields)
+
+
 def agreeing_drives(
     drive: Drive, records: Mapping[float, RecordedError], draws: int, run: Run
 ) -> tuple[list[dict[str, float]], float]:
@@ -283,14 +291,11 @@ def agreeing_drives(
 
     The first of the drives agrees best; others that agree better than normal numbers around it would come more often.
     Fits begin at the likeliest of drawn drives: one from the preset's own values may end in a hollow beside the best.
-    Angles of the records are the preset's. Fields that are open, uncertain, or doubted as `compare` does, are fitted:
-    as normal numbers, directions as shares of their turn; comparing/fit says how that differs from its own fit. Raises
-    UntrustedError where no drive agrees.
+    Angles of the records are the preset's. Fields of fitted_prior are normal numbers, directions shares of their turn;
+    comparing/fit says how that differs from its own fit. Raises UntrustedError where no drive agrees.
     """
-    doubts = {path: 2 * deviation for path, deviation in doubts_of(drive).items()}
-    prior = prior_of(drive.model_copy(update={"uncertainty": doubts | drive.uncertainty}))
-    fields = tuple(each for each in prior.fields if each.distribution == "normal" or drive.value(each.path) is None)
-    prior, turning = replace(prior, fields=fields), np.array([each.is_any_direction for each in fields])
+    prior = fitted_prior(drive)
+    fields, turning = prior.fields, np.array([each.is_any_direction for each in prior.fields])
     cam_turns = sum(np.ptp(each.cam_turns) for each in records.values())
 
     def values_of(unknowns: Array) -> list[dict[str, float]]:
