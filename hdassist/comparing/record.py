@@ -202,7 +202,7 @@ class RecordedOrders:
         return self._counted(*self._parts(waves, angles))
 
     def _parts(self, waves: Complex, angles: Array) -> tuple[Array, Array]:
-        """What the real and the imaginary parts of waves give, however the file counts, shape (..., 2 orders) each."""
+        """Shares of the real and the imaginary parts of waves, however the file counts, shape (..., 2 orders) each."""
         turned = np.asarray(waves * np.exp(1j * np.radians(angles @ self._turning)))
         return turned.real @ self._cosine, turned.imag @ self._sine
 

@@ -294,7 +294,7 @@ def loaded_error(
 def _exported(
     chosen: FormResiduals, lines: Mapping[float, ErrorLines], M_g: float, preset: str
 ) -> CorrectionTable | Phasors:
-    """The correction of a form for a torque, with what drives differ by; tables have the opposite torque's too."""
+    """The correction of a form for a torque, and its uncertainty; tables have the opposite torque's too."""
     form = chosen.form
     found = replace(form.fitted(lines[M_g].mean, M_g), preset=preset, promised=chosen.residuals)
     if isinstance(found, Phasors):
@@ -441,7 +441,7 @@ class VerifiedCorrection:
 
 
 def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorrection:
-    """What a record with the correction on shows, and what was promised.
+    """A record with the correction on, held against the promise.
 
     Its interval is all that noise leaves open. PASS where that is within the promise at 95 %, FAIL where none of it is.
     """
