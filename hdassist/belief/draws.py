@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import astuple, dataclass, field, replace
 from functools import cached_property
@@ -100,6 +101,8 @@ _DRAWS = TypeAdapter(list[Draw])
 
 
 FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
+UnderWay = dict[int, Future[list[Draw]]]  # draws by their number
+FEW_PROCESSES = 4  # that wait so little at the end of a batch that no draw is begun which may not be needed
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
 SHOWN_DIGITS = 6  # of an arcsec: the last ones hang on how many positions are computed at once
 
@@ -176,13 +179,24 @@ class Sampling:
 
     # New draws
 
-    def new(self, draws: Sequence[Draw], first: int, last: int, run: Run) -> Iterator[list[Draw]]:
+    def new(
+        self, draws: Sequence[Draw], first: int, last: int, run: Run, ahead: UnderWay, most: int
+    ) -> Iterator[list[Draw]]:
         """New draws, from the first to before the last, `alike` of them at a time.
 
-        Argument: draws so far, by the first of which the others are proposed.
+        Arguments: draws so far, by the first of which the others are proposed; ahead, draws that are under way by their
+        number: of a run of many processes as many follow, of most at most, so that none waits at the end of a batch.
         """
         pilot = [each.figures for each in draws[:: self.alike][:PILOT_DRAWS]]
         fresh = first // self.alike, -(-last // self.alike)
+        if run.executor and run.at_a_time > FEW_PROCESSES and self.alike == 1:
+            most = min(most, PILOT_DRAWS) if first < PILOT_DRAWS else most
+            begin, end = max(ahead, default=first - 1) + 1, min(last + run.at_a_time, most)
+            if begin < end:
+                shares, density = proposed_draws(self.prior, self.evidence, pilot, begin, end, self.seed)
+                rows = zip(self.prior.values(shares), shares.tolist(), density.tolist(), strict=True)
+                ahead |= {k: run.executor.submit(self.solved, k, *row) for k, row in enumerate(rows, begin)}
+            return (ahead.pop(k).result() for k in range(first, last))
         shares, density = proposed_draws(self.prior, self.evidence, pilot, *fresh, self.seed)
         return run.map(self.solved, range(*fresh), self.prior.values(shares), shares.tolist(), density.tolist())
 

@@ -14,7 +14,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.belief.draws import Draw, FiguresOf, Sampling
+from hdassist.belief.draws import Draw, FiguresOf, Sampling, UnderWay
 from hdassist.belief.evidence import (
     ACCURACY,
     SOFT_EDGE,
@@ -207,25 +207,32 @@ def _growing(
 ) -> Iterator[Samples]:
     """Samples after each batch of draws, which are added to the others: kept ones first, then new ones."""
     effective, stages, samples = 0.0, tuple[Samples, ...](), None
-    while len(draws) < effort.most_draws and not (samples and len(draws) >= HOPELESS and not len(samples.weights)):
-        size = min(effort.batch, max(HOPELESS, len(draws)))
-        if effective and not stages:  # no more than are likely to be needed
-            size = min(size, max(FEWEST_AT_ONCE, int(np.ceil((effort.effective / effective - 1) * len(draws)))))
-        if len(draws) < PILOT_DRAWS:
-            size = min(size, PILOT_DRAWS - len(draws))
-        first, last = len(draws), min(len(draws) + size, effort.most_draws)
-        batch: Iterable[list[Draw]] = [list(kept[first:last])]
-        if last > len(kept):
-            batch = chain(batch, sampling.new(draws[:first], max(first, len(kept)), last, run))
-        for some in batch:
-            draws += some
-            run.solved(sum(each.certificate.states for each in some))
-        samples = _collected(sampling, draws)
-        effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
-        if stages or effective >= effort.effective:
-            stages = (*stages, samples)
-        samples = replace(samples, stages=stages)
-        yield samples
+    ahead: UnderWay = {}
+    try:
+        while len(draws) < effort.most_draws and not (samples and len(draws) >= HOPELESS and not len(samples.weights)):
+            size = min(effort.batch, max(HOPELESS, len(draws)))
+            if effective and not stages:  # no more than are likely to be needed
+                size = min(size, max(FEWEST_AT_ONCE, int(np.ceil((effort.effective / effective - 1) * len(draws)))))
+            if len(draws) < PILOT_DRAWS:
+                size = min(size, PILOT_DRAWS - len(draws))
+            first, last = len(draws), min(len(draws) + size, effort.most_draws)
+            batch: Iterable[list[Draw]] = [list(kept[first:last])]
+            if last > len(kept):
+                batch = chain(
+                    batch, sampling.new(draws[:first], max(first, len(kept)), last, run, ahead, effort.most_draws)
+                )
+            for some in batch:
+                draws += some
+                run.solved(sum(each.certificate.states for each in some))
+            samples = _collected(sampling, draws)
+            effective = samples.effective + 1e-9  # equal weights give a whole number but for rounding
+            if stages or effective >= effort.effective:
+                stages = (*stages, samples)
+            samples = replace(samples, stages=stages)
+            yield samples
+    finally:
+        for each in ahead.values():
+            each.cancel()
 
 
 def limits_settled(left_arcsec: Sequence[float | None], samples: Samples, sure: float = SURE) -> bool:

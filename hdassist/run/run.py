@@ -72,6 +72,11 @@ class Run:
         return found
 
     @property
+    def at_a_time(self) -> int:
+        """How many tasks are worked on at a time by now; 0 where that is not known, or in this process."""
+        return int(getattr(self.executor, "size", 0))
+
+    @property
     def of_task(self) -> Run:
         """The run of one task: in a process of its own, which reports once it is done, or in this one."""
         return replace(self, executor=None, progress=None if self.executor else self.progress)
@@ -311,13 +316,13 @@ def workers(jobs: int) -> Iterator[Executor]:
 class Processes(ThreadPoolExecutor):
     """Processes to which threads hand out tasks through pipes: a pool of the library may wait for a killed one.
 
-    beside: an executor of one process more, for tasks that import much; None without.
+    size: their number; beside: an executor of one process more, for tasks that import much, None without.
     """
 
     def __init__(self, count: int, *, has_beside: bool = False) -> None:
         super().__init__(count)
         self.beside = Processes(1) if has_beside else None
-        self._count, self._is_over = count, False
+        self.size, self._is_over = count, False
         self._processes: list[BaseProcess] = []
         self._idle: SimpleQueue[Connection] = SimpleQueue()
 
@@ -335,7 +340,7 @@ class Processes(ThreadPoolExecutor):
             with stops_held_back():
                 forkserver.ensure_running()
         pools = [self.beside, self] if self.beside else [self]
-        every = [pool for pool in pools for _ in range(pool._count)]
+        every = [pool for pool in pools for _ in range(pool.size)]
         for pool in every:
             here, there = context.Pipe()
             process = context.Process(target=_work, args=(here, there, os.getpid()))

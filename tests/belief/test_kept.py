@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -286,3 +287,22 @@ def test_self_error_and_steps_are_the_same_kept_as_computed(folder, monkeypatch)
     for path in folder.glob("self-*"):
         path.write_bytes(path.read_bytes()[:-9])  # one that does not hold is computed
     monkeypatch.undo()
+
+
+class Many(ThreadPoolExecutor):
+    """Threads that say how many they are, and keep count of their tasks."""
+
+    size, tasks = 6, 0
+
+    def submit(self, *task, **more):
+        self.tasks += 1
+        return super().submit(*task, **more)
+
+
+@pytest.mark.parametrize("effective", [40, 100])
+def test_many_processes_work_ahead_and_change_nothing(effective):
+    effort = SamplingEffort(effective=effective, most_draws=512, batch=16)
+    with Many(Many.size) as executor:
+        many = drawn(effort=effort, run=Run(executor))
+    same(drawn(effort=effort), many)
+    assert executor.tasks == many.draws + Many.size
