@@ -269,7 +269,6 @@ def without_fonts(svg: str) -> str:
 
 
 LINES = ("head", "headline", "tabs", "looked-at", "next", "command", "keys", "about")
-NO_BREAK = "\N{NO-BREAK SPACE}"
 TOO_SMALL = "too small for the explorer: 60 x 18 at least. q quits."
 VIEWS = {
     "holes": "holes",
@@ -439,14 +438,21 @@ class Explorer(Exporting):
 
     def _keys(self) -> Content:
         """Keys that work where the focus is; a click presses one."""
-        keys: dict[str, str] = {}
+        keys: dict[str, tuple[str, str]] = {}
         if isinstance(self.screen, ModalScreen):  # a dialog says its own
             return Content("")
         for active in self.screen.active_bindings.values():
             if (key := active.binding).show and active.enabled:
-                words = f"[b]{self.get_key_display(key)}[/b] {key.description}".replace(" ", NO_BREAK)
-                keys.setdefault(key.description, f"[@click=app.simulate_key('{key.key}')]{words}[/]")
-        return Content.from_markup("  ".join(keys.values()))
+                keys.setdefault(key.description, (self.get_key_display(key), key.key))
+        lines, room = [""], self.size.width - 2  # a key and its word stand in one line
+        for description, (display, key) in keys.items():
+            width = len(f"  {display} {description}")
+            if room < width:
+                lines.append("")
+                room = self.size.width - 2
+            room -= width
+            lines[-1] += f"[@click=app.simulate_key('{key}')][b]{display}[/b] {description}[/]  "
+        return Content.from_markup("\n".join(lines))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Whether an action can be done now."""

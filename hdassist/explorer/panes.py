@@ -274,7 +274,7 @@ def _lever_cells(
     return (
         Text.assemble(name, (f" {mark}", INK[1] if mark == "?" else INK[3])),
         Text(visible(field.meaning), "dim"),
-        Text.assemble((f" {value}", INK[3] if mark == "*" else ""), (f" {field.unit}", "dim")),
+        Text.assemble((f" {value}", INK[3] if mark == "*" else ""), (f" {field.unit.replace('um', 'µm')}", "dim")),
         Text(f" {pinned}{by:+.4g}" if changes else "", INK[0]),
         Text(f" {changes[torque]:+7.2f}" if changes else "", INK[0]),
     )

@@ -322,7 +322,7 @@ def steps_table(check: DesignCheck) -> Table:
     point, words, now = _before_steps(check)
     heads = ("what would it take", f"{words.partition(',')[0]} then")
     rows = tuple((step_words(each, check.drive), outcome_words(each, point)) for each in check.steps)
-    return Table(f"at {point.M_g:g} N·m; now {now}", heads, rows)
+    return Table(f"{words} at {point.M_g:g} N·m, now {now}", heads, rows)
 
 
 def steps_fact(check: DesignCheck) -> Fact:
