@@ -18,6 +18,8 @@ from hdassist.pages import curves as curves_page
 from hdassist.preset.fields import field_table, sections
 from hdassist.report import Quantity
 from hdassist.terminal.output import with_code
+from hdassist.terminal.plot import MARK_SIGNS
+from hdassist.terminal.words import Texts, texts
 from hdassist.verdict import Verdict
 from tests.conftest import ROOT
 from tests.process import SMALL, on_terminal, run
@@ -128,6 +130,16 @@ def test_all_words_of_pages_are_known() -> None:
             unknown.append(word)
     assert not unknown, "to be explained in hdassist/explaining.toml"
     assert {"now", "N"} <= {name for entry in explained("N") for name in entry.names}  # beside the number of balls
+
+
+@pytest.mark.parametrize("say", [texts(), texts().variant("trials")], ids=["seat", "after trials"])
+def test_letters_of_seats_and_plots_have_one_meaning_which_is_explained(say: Texts) -> None:
+    letters = {say(f"seat.letter_{kind}"): say(f"seat.{kind}") for kind in ("now", "best", "worst")}
+    letters |= {"x": "not allowed", "a": "mark now", "b": "mark afterwards", "c": "cam offset on the card"}
+    marks = {mark: words for words, mark in MARK_SIGNS.items() if mark.isalpha() and " " not in words}
+    assert {letter: words for letter, words in marks.items() if letters.get(letter, words) != words} == {}
+    for letter, words in (*letters.items(), *marks.items()):
+        assert any({letter, words} <= {*entry.names} for entry in explained(letter)), letter
 
 
 def test_a_field_has_its_unit_range_and_default():

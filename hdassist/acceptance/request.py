@@ -340,7 +340,11 @@ def _column(name: str) -> Column:
     if ".".join(map(str, path_of(name)[:2])) in field_table():
         return "overrides", f"{name}="
     known = [*PLAIN_COLUMNS, "measured", *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
-    hint = REMOVED.get(name) or near_miss(name, known) or "section.key, limit NAME@TORQUE, or note for what is not used"
+    hint = (
+        REMOVED.get(name)
+        or near_miss(name, known)
+        or "F_ior@80, limit F_ior@80, section.key, or note for what is not used"
+    )
     raise InvalidValueError("no such column", hint)
 
 

@@ -79,7 +79,7 @@ def shown_label(check: DecidedCheck) -> str:
 
 
 DECISION_COLUMNS: Quantities[DecidedCheck] = (
-    Quantity("check", value=lambda d: f"{shown_label(d)}, {d.unit.replace('*', '·')}"),
+    Quantity("check", value=lambda d: f"{shown_label(d)},{_unit(d).replace('″', ' ″')}"),
     Quantity("verdict", digits=str),
     Quantity("value", value=_value),
     Quantity("expanded_uncertainty", "± (k=2)", value=_beside("expanded_uncertainty")),
@@ -183,12 +183,16 @@ def sentence(check: DecidedCheck) -> str:
     """A check in words: value, uncertainty or range, limit, margin and the guard that it needs, how it is known."""
     cells = {quantity.key: quantity.of(check) for quantity in DECISION_COLUMNS}
     if not cells["value"]:
-        return f"{shown_label(check)}: no value, limit {bound(check)} {check.unit}"
+        return f"{shown_label(check)}: no value, limit {bound(check)}{_unit(check)}"
     spread = f" ± {cells['expanded_uncertainty']}" if cells["expanded_uncertainty"] else ""
     value = cells["value"] + spread + (f" ({cells['range']})" if cells["range"] else "")
     rest = [f"{name} {cells[name]}" for name in ("limit", "margin", "guard", "kept") if cells[name]]
-    unit = check.unit.replace("*", "·")
-    return ", ".join(filter(None, (f"{shown_label(check)}: {value} {unit}", *rest, check.basis)))
+    return ", ".join(filter(None, (f"{shown_label(check)}: {value}{_unit(check)}", *rest, check.basis)))
+
+
+def _unit(check: DecidedCheck) -> str:
+    """The unit as it stands behind a value."""
+    return "″" if check.unit == "arcsec" else f" {check.unit.replace('*', '·')}"
 
 
 def is_open(check: DecidedCheck) -> bool:

@@ -56,7 +56,8 @@ def mount_report(
     torque [arcsec], for curves; sure, probability that was asked for: a choice that is less sure ends with code 6.
     """
     drive, figures = advice.drive, list[Figure](position_curves(advice, limits))
-    figures.append(seat_of(advice.choice, ENGLISH, advice.choice.target))
+    say = ENGLISH.variant("trials") if advice.trials else ENGLISH
+    figures.append(seat_of(advice.choice, say, advice.choice.target))
     count, checked = len(advice.trials), advice.verification
     where = f"{TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
     if count and advice.setup:
@@ -284,7 +285,7 @@ def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
 def positions_table(advice: Advice, places: Sequence[int], title: str = "") -> Table:
     """Some holes, by their places: F'_ior, median and range over samples, and how good each is."""
     found, rows = advice.decision, []
-    names = {found.ranked[-1]: "worst", found.stay: "now", found.best: "best"}
+    names = {found.ranked[-1]: "worst", found.stay: _standing(advice), found.best: "best"}
     sampled = found.is_sampled
     for place in places:
         action = found.action(place)
@@ -311,6 +312,11 @@ def positions_table(advice: Advice, places: Sequence[int], title: str = "") -> T
     )  # fmt: skip
 
 
+def _standing(advice: Advice) -> str:
+    """Word for hole 0: where the wheel stands, or after trials stood before the first of them."""
+    return "first" if advice.trials else "now"
+
+
 def position_curves(advice: Advice, limits: Sequence[float | None] | None = None) -> Iterator[Curve]:
     """F'_ior over the positions of the wheel at each torque: the drive as given, ranges over the samples, values."""
     found, holes, curve = advice.decision, advice.drive.mounting.holes, advice.curve
@@ -319,7 +325,8 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
     if (len(turns) < 2 and (not curve or len(curve.rotation_deg) < 2)) or advice.no_hole_better == "standing":
         return
     ends = [np.array([found.quantile(level, place) for place in range(len(turns))]) for level in LEVELS.values()]
-    marked, next_words = {"now": advice.choice.current, "best": advice.choice.chosen}, "next"
+    now, next_words = _standing(advice), "next"
+    marked = {now: advice.choice.current, "best": advice.choice.chosen}
     if advice.next and advice.word != "ANY_HOLE" and advice.next.rotation_deg == marked["best"].rotation_deg:
         del marked["best"]
         next_words = "best and next"
@@ -333,9 +340,9 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
         marks = [CurveMark(t.rotation_deg / per, t.F_ior_arcsec, "measured", "now") for t in tried]
         if advice.word != "ANY_HOLE":
             marks += [
-                CurveMark(p.rotation_deg / per, p.F_ior_arcsec[k], name, "now" if name == "now" else "target")
+                CurveMark(p.rotation_deg / per, p.F_ior_arcsec[k], name, "now" if name == now else "target")
                 for name, p in marked.items()
-                if name == "now" or p.rotation_deg
+                if name == now or p.rotation_deg
             ]
         if advice.next:
             next_deg = advice.next.rotation_deg

@@ -66,11 +66,11 @@ def test_each_verdict_reads_right(told):
     assert names == ["good", "bad <&\"'>", "open, \\x07", "broken", "part"]
     where = "F'_ior at 1 N·m"
     assert read["good", where][0] == "system-out"
-    assert read["good", where][3].startswith(f"PASS: {where}: 20.00 ± 1.00 arcsec, limit ≤ 30, margin 10.00")
+    assert read["good", where][3].startswith(f"PASS: {where}: 20.00 ± 1.00″, limit ≤ 30, margin 10.00")
     for name, verdict, value in (("bad <&\"'>", "FAIL", "40.00"), ("open, \\x07", "INCONCLUSIVE", "30.10")):
         tag, kind, message, body = read[name, where]
         assert (tag, kind) == ("failure", verdict)
-        assert message.startswith(f"{verdict}: {where}: {value} ± 1.00 arcsec, limit ≤ 30")
+        assert message.startswith(f"{verdict}: {where}: {value} ± 1.00″, limit ≤ 30")
         assert body.startswith(message)
         assert "hdassist explain F_IOR" in body
     tag, kind, message, body = read["broken", "no answer"]

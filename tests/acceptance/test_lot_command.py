@@ -80,7 +80,7 @@ def test_a_lot_on_paper_and_in_files(folder, here):
     verdicts = ["PASS", "FAIL", "INCONCLUSIVE", "DATA_ERROR", "DATA_ERROR"]
     page = [line for line in result.stdout.splitlines() if line.startswith("17-")]
     assert [line.split()[:2] for line in page] == [[f"17-{n}", v] for n, v in enumerate(verdicts, 1)]
-    assert "F'_ior at 1 N·m: 55.00 ± 1.00 arcsec, limit ≤ 40, margin" in page[1]
+    assert "F'_ior at 1 N·m: 55.00 ± 1.00″, limit ≤ 40, margin" in page[1]
     words = " ".join(result.stdout.split())
     assert "margin 0.20, guard 0.82, stated; within the guard band" in words
     assert f"turn it 17-2: hdassist mount {SMALL} h0=55 --trial-torque 1 next" in words
