@@ -25,7 +25,7 @@ from hdassist.json_parts import (
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import wheel
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.knowledge import SIZE_20, SMALL_ACCURACY, USUAL_ACCURACY
 from hdassist.report import Curve, Fact, Facts, Quantities, Quantity, Report, Table, as_objects, csv_table
 from hdassist.terminal.words import (
@@ -298,20 +298,6 @@ def _line(check: DesignCheck) -> str:
 
 
 SHOWN_STEPS = 3  # on a short page
-QUESTIONS = {  # to the maker, the drawing or the bench
-    "cam.coupling": "how does the wave generator sit?",
-    "cam.W_0": "how far does the cam deform the flexspline, on its drawing?",
-    "supports.C_1": "how stiff is the rigid wheel's housing, radially?",
-    "supports.C_2": "how stiff is the flexspline's output support, radially?",
-    "supports.C_3": "how stiff is the wave generator on its shaft, radially?",
-    "tolerances.F_i1": "how large is the composite deviation of the flexspline's teeth?",
-    "tolerances.F_i2": "how large is the composite deviation of the rigid wheel's teeth?",
-    "tolerances.e_hb": "how far is the wave generator's axis off that of the rigid wheel?",
-    "tolerances.e_hg": "how far is the wave generator's axis off that of the flexspline?",
-    "bearing.g_b": "how much radial play has the bearing on the cam?",
-    "gears.j_n": "how thick are the teeth, over pins?",
-    "operation.dT": "how much warmer than the rigid wheel do cam and flexspline run?",
-}
 COUPLING_ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
 
 
@@ -351,7 +337,7 @@ def step_words(step: Step, drive: Drive) -> str:
     """A step in words, the field or the command behind it in brackets."""
     holes = drive.mounting.holes
     if step.kind == "question":
-        return f"{QUESTIONS.get(step.of) or named(step.of).rpartition(' (')[0] + '?'} ({step.of})"
+        return f"{field_table()[step.of].question or named(step.of).rpartition(' (')[0] + '?'} ({step.of})"
     if step.kind == "hole":
         place = f"hole {step.of}" if holes else f"{30 * int(step.of)}°"
         return f"mount in {place} (hdassist mount)"

@@ -121,7 +121,8 @@ class PresetField:
 
     meaning; unit, empty for a pure number; default, where it may be left out; unknown: whether it is unknown then;
     range of the field, or of each item of it: from ge, or just above gt, to le; kind of its value; choices of that
-    kind; is_optional: whether it may be empty; is_required: whether it has to be given.
+    kind; is_optional: whether it may be empty; is_required: whether it has to be given; question, to its maker, and
+    how, to measure it, of those that decide most.
     """
 
     meaning: str = ""
@@ -135,6 +136,8 @@ class PresetField:
     choices: tuple[str, ...] = ()
     is_optional: bool = False
     is_required: bool = False
+    question: str = ""
+    how: str = ""
 
     @classmethod
     def of(cls, info: FieldInfo, **declared: Any) -> PresetField:

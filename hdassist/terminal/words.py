@@ -46,17 +46,6 @@ TAKEN_OVER = {  # options that the next command has too, by their name: the comm
 }
 REPORTED = 2  # influences and measurements on a short page
 MORE_DRAWS = 4  # times as many samples, which halve the interval of a probability
-HOW = {
-    "cam.W_0": "on a drawing, or the axes of the cam with a micrometre",
-    "supports.C_1": "push the rigid wheel in its housing",
-    "supports.C_2": "push the flexspline sideways",
-    "supports.C_3": "push the cam sideways",
-    "tolerances.F_i1": "run-out of the flexspline's teeth and where it is greatest",
-    "tolerances.F_i2": "run-out of the rigid wheel's teeth and where it is greatest",
-    "bearing.g_b": "radial play of the bearing on the cam",
-    "gears.j_n": "tooth thickness over pins",
-    "stiffness.lost_motion": "lost motion at 4 % of the rated torque",
-}
 
 
 def again(command: str, drive: Drive | None, *more: str) -> str:
@@ -143,9 +132,10 @@ def measure_words(found: Sequence[MeasurementGain]) -> str:
     """The best measurements with the gain expected of each."""
     words: list[str] = []
     for each in found[:REPORTED]:
-        field = each.measured in HOW and words  # the first in words, others by their path
-        how = f", {HOW[each.measured]}" if each.measured in HOW else ""
-        words.append(f"{each.measured if field else named(each.measured)}{how}: spread {-100 * each.gain:+.0f} %")
+        field = field_table().get(each.measured.replace("stiffness.", "measured."))
+        how = f", {field.how}" if field and field.how else ""
+        name = each.measured if how and words else named(each.measured)  # the first in words, others by their path
+        words.append(f"{name}{how}: spread {-100 * each.gain:+.0f} %")
     return "; ".join(words)
 
 
