@@ -169,7 +169,7 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
 
 
 def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Iterator[Fact]:
-    """What it would take, remarks and the next command, a label and a text each."""
+    """Possible steps, remarks and the next command, a label and a text each."""
     if predictions:
         yield steps_fact(predictions)
     codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))

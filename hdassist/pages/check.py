@@ -180,7 +180,7 @@ def _undrawn(check: DesignCheck) -> Iterator[str]:
 
 
 def _facts(check: DesignCheck) -> Iterator[Fact]:
-    """What it would take, what is taken as 0, and the next command, a label and a text each."""
+    """Possible steps, inputs taken as 0, and the next command, a label and a text each."""
     if tuple(_undrawn(check)):
         yield "measure", again("accept", check.drive, "--measured", f"{check.points[check.least_sure].M_g:g}=FILE")
     yield steps_fact(check)

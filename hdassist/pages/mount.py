@@ -102,7 +102,7 @@ def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
 
 
 def _warnings_of_values(advice: Advice) -> Iterator[str]:
-    """What is odd about measured values."""
+    """Oddities of measured values."""
     after, setup = advice.after, advice.setup
     if not after or not setup:
         return
@@ -145,7 +145,7 @@ def _measured(advice: Advice, trial: Trial) -> str:
 
 
 def instruction_of(advice: Advice) -> str:
-    """What to do with the wheel, in a sentence or two."""
+    """The order for the wheel, in a sentence or two."""
     if checked := advice.verification:
         predicted = f"predicted {checked.mean_arcsec:.1f} ({checked.low_arcsec:.1f} to {checked.high_arcsec:.1f})"
         told = f"{_measured(advice, checked.trial)}, {predicted}"
@@ -168,7 +168,7 @@ def instruction_of(advice: Advice) -> str:
 
 
 def _why(advice: Advice) -> Iterator[str]:
-    """The order, how sure it is, and what to measure."""
+    """The order, how sure it is, and the next measurement."""
     yield instruction_of(advice)
     if not advice.verification:
         yield sure_words(advice)
@@ -196,7 +196,7 @@ def sure_words(advice: Advice) -> str:
 
 
 def next_value_words(advice: Advice) -> str:
-    """What further values would bring, or that it is time to stop; empty where that is not known."""
+    """The gain of further values, or that it is time to stop; empty where that is not known."""
     value, worths = advice.value, advice.worths
     if not value or not advice.setup:
         return ""
@@ -225,7 +225,7 @@ def next_value_words(advice: Advice) -> str:
 
 
 def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
-    """What each torque alone would choose, limits, and the next command, a label and a text each."""
+    """The choice of each torque alone, limits, and the next command, a label and a text each."""
     found, drive, at = advice.decision, advice.drive, advice.choice.target.rotation_deg
     alone = [p.rotation_deg for p in advice.by_torque]
     if advice.word != "ANY_HOLE" and any(each != alone[0] for each in alone):
@@ -439,7 +439,7 @@ def _action(advice: Advice, place: int) -> Json:
 
 
 def _compensated(advice: Advice) -> Json | None:
-    """What a stored correction leaves in each position; None without one."""
+    """The error that a stored correction leaves in each position; None without one."""
     if not advice.compensated:
         return None
     form, found = advice.compensated

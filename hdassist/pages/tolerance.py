@@ -368,7 +368,7 @@ def allocate_report(
     """The cheapest tolerances of a drive.
 
     Arguments: the search, ways to build the drive that it found tolerances for, self errors [arcsec] at each torque,
-    and what of the design to measure.
+    and measurements of the design.
     """
     law, choices = found.production.law, found.choices
     drive, verdicts = law.drive, {way.verdict for way in ways}
