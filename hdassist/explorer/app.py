@@ -445,13 +445,13 @@ class Explorer(Exporting):
             if (key := active.binding).show and active.enabled:
                 keys.setdefault(key.description, (self.get_key_display(key), key.key))
         lines, room = [""], self.size.width - 2  # a key and its word stand in one line
-        for description, (display, key) in keys.items():
+        for description, (display, name) in keys.items():
             width = len(f"  {display} {description}")
             if room < width:
                 lines.append("")
                 room = self.size.width - 2
             room -= width
-            lines[-1] += f"[@click=app.simulate_key('{key}')][b]{display}[/b] {description}[/]  "
+            lines[-1] += f"[@click=app.simulate_key('{name}')][b]{display}[/b] {description}[/]  "
         return Content.from_markup("\n".join(lines))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
