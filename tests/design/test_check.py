@@ -85,6 +85,18 @@ def test_what_samples_are_weighed_by_stands_in_the_details_and_can_be_left_out(l
     assert (without if left_out else weighed) in page
 
 
+def test_the_accuracy_that_sellers_keep_is_offered_where_none_is_stated_of_a_drive_without_backlash():
+    asked = ("--no-plot", "--set", "phases.phi_hb=unknown", "--torque", "1", "--draws", "8", "--details")
+    offered = re.compile(
+        r"catalogue.accuracy is not given; if the seller keeps the usual 90″, ([\d.]+) to ([\d.]+)″ at 1"
+    )
+    page = " ".join(run("check", TINY, *asked, "--set", "catalogue.play=300").stdout.split())
+    low, high = map(float, offered.search(page).groups())
+    assert low < high < 200  # a soft limit
+    for given in ((), ("--set", "catalogue.play=300", "--set", "catalogue.accuracy=60")):
+        assert not offered.search(" ".join(run("check", TINY, *asked, *given).stdout.split()))
+
+
 def test_json_says_what_the_python_interface_says(answer):
     drive = load_preset(TINY)
     points = json.loads(answer.stdout)["operating_points"]

@@ -95,6 +95,12 @@ def test_what_was_asked_for_is_given_and_nothing_else() -> None:
     assert {path for path, s in made().source.items() if s.kind == "given"} == set()
 
 
+@pytest.mark.parametrize(("diameter", "lost_motion"), [(27.9, 180), (35.56, 60), (165.1, 60)])
+def test_a_new_drive_is_sold_without_backlash_and_nothing_is_assumed_of_its_accuracy(diameter, lost_motion) -> None:
+    said = made(z_g=200, diameter=diameter).catalogue
+    assert (said.play, said.lost_motion, said.accuracy) == (5, lost_motion, None)
+
+
 def test_each_guess_has_a_reason_and_those_that_are_measured_a_range() -> None:
     drive = made(z_g=160, diameter=63.0)
     coupled = {"gears.m", "gears.alpha", "gears.x_g", "gears.x_b"}  # moved one by one they make no drive
