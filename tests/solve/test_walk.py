@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import platform
+import re
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -33,6 +35,13 @@ PROVEN = 5e-11  # residual of either engine, as a share of its scale
 def test_the_walk_is_compiled_and_of_this_source():
     found, words = walk.walk_library()
     assert found, words
+
+
+@pytest.mark.skipif(not Path("/proc/cpuinfo").exists() or platform.machine() != "x86_64", reason="x86-64 on Linux")
+def test_it_has_the_instructions_of_this_machine():
+    flags = re.search("^flags.*", Path("/proc/cpuinfo").read_text(), re.MULTILINE)[0].split()
+    expected = 4 if "avx512vl" in flags else 3 if "avx2" in flags else 1
+    assert walk.walk_library()[0].walk_level() == expected
 
 
 def states_of(drive, count, teeth=None):
