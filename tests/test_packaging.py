@@ -1,13 +1,16 @@
 """Presets and command are found from a wheel, and from an editable install."""
 
 import os
+import re
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
+from hdassist.version import __version__
 from tests.support import HAS_COMPILER
 
 ROOT = Path(__file__).parents[1]
@@ -23,6 +26,16 @@ def build(folder: Path, target: str = "build_wheel", compiler: str = "cc") -> Pa
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(site)
     return site
+
+
+def test_version_changelog_and_citation_are_of_one_release() -> None:
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    unreleased, release = re.findall(r"^## (.*)$", changelog, re.MULTILINE)[:2]
+    assert unreleased == "Unreleased"
+    number, date = re.fullmatch(r"(\S+) \((\d{4}-\d\d-\d\d)\)", release).groups()
+    assert number == __version__ or __version__.endswith(".dev0")  # towards the next one
+    citation = yaml.safe_load((ROOT / ".github/CITATION.cff").read_text(encoding="utf-8"))
+    assert (citation["version"], str(citation["date-released"])) == (number, date)
 
 
 @pytest.fixture(scope="module")
