@@ -11,7 +11,7 @@ import pytest
 from textual.pilot import Pilot
 
 from benchmarks.explorer_pictures import VIEWS, rows
-from benchmarks.readme_pictures import COLUMNS, SCREENS
+from benchmarks.readme_pictures import SCREENS
 from hdassist.explorer.app import Explorer
 from tests.conftest import ROOT
 from tests.explorer.rig import explored
@@ -44,7 +44,7 @@ def above_the_plot(lines: list[str]) -> list[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCREENS)
 def test_a_screen_is_what_its_command_prints(name: str) -> None:
-    told = run(*shlex.split(SCREENS[name])[1:], env={"COLUMNS": str(COLUMNS)}).stdout
+    told = run(*shlex.split(SCREENS[name])[1:]).stdout  # 80 columns in a pipe
     shown = above_the_plot(lines_of(PICTURES / f"{name}.svg")[1:])
     printed = above_the_plot(told.splitlines())
     assert len(shown) == len(printed) and all(map(alike, shown, printed)), (
