@@ -62,7 +62,7 @@ def test_json_has_percentiles_yield_and_what_was_drawn(kept: Path) -> None:
     assert answer["exit_code"] == done.returncode == 3
     (point,) = answer["operating_points"]
     values = [record["F_ior_arcsec"][0] for record in map(json.loads, kept.read_text().splitlines()[1:])]
-    low, high = point["as_built"]["high_interval_arcsec"]
+    low, high = point["as_built"]["p95_interval_arcsec"]
     assert low <= point["as_built"]["p95_arcsec"] <= high
     assert answer["yield"]["as_built"]["good"] == sum(v + point["self_error_arcsec"] <= 55 for v in values)
     best = answer["yield"]["best_position"]
