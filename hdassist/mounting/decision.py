@@ -122,14 +122,18 @@ class Decision:
 
     # How good each hole is
 
-    @cached_property
-    def served(self) -> Array:
-        """F'_ior in each hole over the mean of all holes, at the torque served worst, shape (samples, holes).
+    def served_at(self, F_ior_arcsec: Array) -> Array:
+        """F'_ior over the mean of all holes at the torque served worst, from (torques, samples, ...), (samples, ...).
 
         The mean is the same wherever the wheel stands, so that no hole is preferred for being the present one.
         """
-        mean = self.F_ior_arcsec.mean(axis=2, keepdims=True)
-        return np.asarray((self.F_ior_arcsec / np.maximum(mean, NO_ERROR)).max(axis=0))
+        mean = self.F_ior_arcsec.mean(axis=2).reshape(F_ior_arcsec.shape[:2] + (1,) * (F_ior_arcsec.ndim - 2))
+        return np.asarray((F_ior_arcsec / np.maximum(mean, NO_ERROR)).max(axis=0))
+
+    @cached_property
+    def served(self) -> Array:
+        """That of each hole, shape (samples, holes)."""
+        return self.served_at(self.F_ior_arcsec)
 
     @cached_property
     def losses(self) -> Array:
@@ -147,8 +151,8 @@ class Decision:
         return np.average(self.losses < GOOD, axis=0, weights=self.sample_weights)
 
     def gains(self, place: int) -> Array:
-        """Share of F'_ior at rotation 0 that a hole takes off at every torque at least, shape (samples,)."""
-        return np.asarray((1 - self.F_ior_arcsec[:, :, place] / np.maximum(self.now_arcsec, NO_ERROR)).min(axis=0))
+        """Share of F'_ior at rotation 0 that a hole takes off at the torque served worst, shape (samples,)."""
+        return np.asarray(1 - self.served[:, place] / np.maximum(self.served_at(self.now_arcsec), 1e-12))
 
     def is_better(self, place: int) -> NDArray[np.bool_]:
         """Whether a hole is better than staying by more than a turn has to earn, shape (samples,)."""
