@@ -331,14 +331,15 @@ class DrivesComparison:
     def probability_best(self) -> float | None:
         """Probability that F'_ior of the best drive is less than that of the first, at the torque where this is least.
 
-        Of the first one, that no other is less; None where inputs are unknown and were not drawn.
+        Of the first one, that no other is less there; None where inputs are unknown and were not drawn.
         """
-        decisive = [self.changes[self.best - 1]] if self.best else self.changes
-        odds = [chance for changes in decisive for chance in changes.probability_better]
-        known = [chance for chance in odds if chance is not None]
-        if len(known) < len(odds):
-            return None
-        return min(known) if self.best else 1 - max(known)
+        chances = []
+        for changes in [self.changes[self.best - 1]] if self.best else self.changes:
+            known = [chance for chance in changes.probability_better if chance is not None]
+            if len(known) < len(changes.probability_better):
+                return None
+            chances.append(min(known))
+        return chances[0] if self.best else 1 - max(chances)
 
 
 def at_common_torques(drives: Sequence[Drive]) -> list[Drive]:
