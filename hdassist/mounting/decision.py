@@ -151,12 +151,12 @@ class Decision:
         return np.average(self.losses < GOOD, axis=0, weights=self.sample_weights)
 
     def gains(self, place: int) -> Array:
-        """Share of F'_ior at rotation 0 that a hole takes off at the torque served worst, shape (samples,)."""
-        return np.asarray(1 - self.served[:, place] / np.maximum(self.served_at(self.now_arcsec), 1e-12))
+        """Share of F'_ior at rotation 0 that a hole takes off at every torque at least, shape (samples,)."""
+        return np.asarray((1 - self.F_ior_arcsec[:, :, place] / np.maximum(self.now_arcsec, NO_ERROR)).min(axis=0))
 
     def is_better(self, place: int) -> NDArray[np.bool_]:
         """Whether a hole is better than staying by more than a turn has to earn, shape (samples,)."""
-        return self.gains(place) > self.cost
+        return np.asarray(self.served[:, place] < (1 - self.cost) * self.served_at(self.now_arcsec))
 
     def probability_better(self, place: int) -> float:
         """Probability of that."""

@@ -51,7 +51,8 @@ def test_of_several_torques_the_one_served_worst_decides_and_each_alone_has_its_
     assert found.best == 2
     served = np.array([20 / 14, 12 / (29 / 3), 12 / 14])  # over the mean of the holes at each torque
     assert found.losses[0] == pytest.approx(served / served[2] - 1)
-    assert [found.gains(k)[0] for k in range(3)] == pytest.approx(1 - served / served[0])
+    assert [found.gains(k)[0] for k in range(3)] == pytest.approx([0, -0.2, 0.3])
+    assert [bool(found.is_better(k)[0]) for k in range(3)] == [False, True, True]  # 12/9.7 is less than 20/14
 
 
 @settings(max_examples=50)

@@ -177,7 +177,7 @@ FAULTS = {
     "duplicate": (rows().replace("30;", "29;"), "30:1: column 1: a tooth for the second time"),
     "no number": (rows().replace(f"30;{VALUES[29]}", "30;n/a"), "30:4: column 2: "),
     "unit": ("# unit: in\n" + rows(), "1:9: unit: not a metric unit"),
-    "size": ("# unit: mm\n" + rows(), "2:1: column 2: 3.91e+04 um over the whole wheel"),
+    "size": ("# unit: mm\n" + rows(), "2:1: column 2: 3.91e+04 µm over the whole wheel"),
     "decimal comma": (rows(separator=",").replace(".", ","), "1:1: 2 columns of deviations"),
     "empty": ("", "1:1: the file is empty"),
     "BOM": ("\ufeff" + rows().replace("7;", "7.5;", 1), "7:1: column 1: must be the whole number of a tooth"),
