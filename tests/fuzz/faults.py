@@ -32,8 +32,12 @@ OLD = "what was there before\n"
 STARTS = 0.1  # s: the interpreter itself starts, and what it says of an interrupt before it is its own
 GRACE = 5.0  # s for what was begun to end after its parent
 LONGEST = 300.0  # s of one run, on a machine that has other work
-# one line says it, behind those that any run says
-STOPPED = re.compile(r"(many.csv: 100 drives\n)?(warning: ([\w.-]+: )?)?(interrupted|terminated|hung up)(: [^\n]+)?\n")
+# one line says it, behind those that any run says; an answer with what there is by then may be warned of
+STOPPED = re.compile(
+    r"(many.csv: 100 drives\n)?(warning: ([\w.-]+: )?)?(interrupted|terminated|hung up)(: [^\n]+)?\n"
+    r"(warning: [^\n]+\n)*"
+)
+WARNINGS = re.compile(r"(warning: [^\n]+\n)*")
 TOLD = 20  # runs after which the count so far is printed
 SOON = 2.0  # s in which a command ends that is told to stop
 USUAL_ENDS = (0, 3, 6)
@@ -336,7 +340,9 @@ def _interrupt(case: Case, number: signal.Signals, moment: float, whom: str, tal
             said += [] if process.returncode in USUAL_ENDS else [f"exit {process.returncode}: {err[-300:]}"]
         elif lost:
             said += [] if process.returncode == 5 and LOST in err else [f"exit {process.returncode}: {err[-600:]}"]
-        elif process.returncode == -number and not err:  # by the system: the interpreter itself was starting or ending
+        elif process.returncode == -number and WARNINGS.fullmatch(
+            err
+        ):  # by the system: the interpreter itself was starting or ending
             tally.outside += 1
             said += [] if moment < STARTS or out else ["ended by the system at work"]
         else:
