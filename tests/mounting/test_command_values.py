@@ -196,3 +196,14 @@ def test_values_of_the_preset_count_beside_those_given():
     given = run(*LOOSE, "h0=73", "h4=18.5", "h8=25", "--json")
     assert done.returncode == given.returncode == 0, done.stderr
     assert json.loads(done.stdout)["positions"] == json.loads(given.stdout)["positions"]
+
+
+def test_the_number_of_samples_that_are_needed_is_that_of_the_help():
+    """A catalogue's value that no drive has: 8 samples of --draws 16 with measured values, as the help has it."""
+    few = run(
+        "mount", SMALL, "--torque", "4", *TRIALS[:3], "--draws", "16", "--set", ASSUMED, "--set", "catalogue.K_2=1e9"
+    )
+    assert few.returncode == 5
+    assert re.search(r" draws are effective, 8 are needed: catalogue\.K_2 ", few.stderr), few.stderr
+    words = " ".join(run("mount", "-h").stdout.split())
+    assert "Effective samples of unknown inputs, at least; half of them with values measured in holes. [64]" in words
