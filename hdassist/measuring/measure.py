@@ -368,7 +368,8 @@ def measure(
     torque = None if trace.load is None else RecordedTorque.of(trace.load)
     for sign in (0,) if together else (1, -1):
         own = cleaned.one_way(sign)
-        longest = max((float(np.ptp(angles)) / 360 for angles in own.by_sweep(own.cam_deg)), default=0.0)
+        angles = own.by_sweep(own.cam_deg)
+        longest = max((float(np.ptp(each)) / 360 * len(each) / (len(each) - 1) for each in angles), default=0.0)
         if longest < SHORTEST_TURNS - 0.01:
             if own.sweeps:
                 notes.append(f"{'growing' if sign > 0 else 'falling'} angles left out: {longest:.2g} of a cam turn")

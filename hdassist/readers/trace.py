@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import hypot
 from typing import Any, Literal
 
@@ -137,7 +138,22 @@ def sweeps(angle: Angles) -> list[AngleSweep]:
         if not (is_leap and follows):  # no restart of the same move
             message = f"the angle runs backwards: {angle[row]:.6g} deg after {angle[last]:.6g} deg"
             raise AngleError(row, message, "put the rows in the order of time, which --robust does not, or --wrap 360")
-    return [move for move in moves if len(move) >= FEW_ROWS]
+    return [move for move in _without_turning(angle, moves, step / 2) if len(move) >= FEW_ROWS]
+
+
+def _without_turning(angle: Angles, moves: Sequence[AngleSweep], within: float) -> list[AngleSweep]:
+    """Moves without the rows so near to their turning points [deg], which may be readings of either direction.
+
+    Where a shaft has turned back between two rows the last of one move may be the first of the other, on whose side of
+    the play it lies.
+    """
+    ends = [[move.start, move.stop] for move in moves]
+    for before, after in pairwise(range(len(moves))):
+        if min(len(moves[before]), len(moves[after])) >= FEW_ROWS:
+            away = np.abs(angle - angle[moves[before].stop - 1]) >= within
+            ends[before][1] -= int(away[moves[before].rows][::-1].argmax())
+            ends[after][0] += int(away[moves[after].rows].argmax())
+    return [AngleSweep(start, stop, move.direction) for (start, stop), move in zip(ends, moves, strict=True)]
 
 
 def _moves(angle: Angles, least: float) -> list[AngleSweep]:
@@ -362,7 +378,7 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         )
     left = len(cam) - sum(map(len, moves))
     if left:
-        table.notes.append(f"left out, short moves to the other side: {left} of {len(cam)} rows")
+        table.notes.append(f"left out, turning points and short moves: {left} of {len(cam)} rows")
     return MeasuredTrace(
         table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(table.notes),
         first.shaft or "cam", sense, in_time, form.robust, time_s, torque, by_cam,

@@ -17,11 +17,18 @@ RATIO = 30
 
 
 def there_and_back(
-    seed: int, speeds: tuple[float, ...], play: float, lag_ms: float, friction: float = 0.0, uneven: float = 0.0
+    seed: int,
+    speeds: tuple[float, ...],
+    play: float,
+    lag_ms: float,
+    friction: float = 0.0,
+    uneven: float = 0.0,
+    first: int = 1,
 ) -> str:
     """A file of sweeps over the cycle there and back at speeds [turns/s], read every 10 ms, the output lag_ms later.
 
-    play [arcsec] and friction [arcsec s/turn] hold the output back in either direction; uneven: share of the speed.
+    play [arcsec] and friction [arcsec s/turn] hold the output back in either direction; uneven: share of the speed;
+    first: row of a way, by 0 the turning point is read on the way back.
     """
     rng, rows, start = np.random.default_rng(seed), [], 0.0
     phases = rng.uniform(0, 2 * np.pi, 3)
@@ -37,7 +44,7 @@ def there_and_back(
 
     for speed in speeds:
         for way in (1, -1):
-            time = np.arange(1, round(100 * RATIO / speed) + 1) / 100  # the end is reached by the way to it
+            time = np.arange(first, round(100 * RATIO / speed) + first) / 100  # 1: the end is reached by the way to it
             late = turns(time + lag_ms / 1000, speed, way)
             pace = np.gradient(turns(time, speed, way), time)
             output = late / RATIO * 360 + error(late) / 3600 - (way * play / 2 + friction * pace) / 3600
@@ -74,6 +81,15 @@ def test_friction_that_grows_with_the_speed_is_no_lost_motion_at_rest():
     assert found.reversal.lost_motion_arcsec == pytest.approx(8.0, abs=0.3)
     per_ms = 1e-3 * 1296000 / RATIO  # arcsec s/turn
     assert found.lag.ms == pytest.approx(-2.0 / per_ms, abs=0.02)  # which it looks like
+
+
+@pytest.mark.parametrize(("seed", "speeds", "play"), [(3, (3.0, 6.0), 3.0), (0, (0.6, 1.2), 40.0)])
+def test_a_turning_point_that_is_read_on_the_way_back_is_neither_drift_nor_spike(seed, speeds, play):
+    """It seems to be the last row of the way forth, on the wrong side of the play."""
+    found = measured(seed, speeds, play, 0.0, friction=0.1 * play, first=0)
+    assert not found.warnings
+    reversal = found.reversal
+    assert abs(reversal.lost_motion_arcsec - play) <= 2 * reversal.lost_motion_standard_uncertainty_arcsec
 
 
 def test_a_speed_that_changes_on_the_way_tells_them_apart_too():
