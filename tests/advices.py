@@ -43,7 +43,7 @@ def advice_of(*values: list[float], rotations: list[float] | None = None, overri
         allowed=None if allowed == "all" else allowed,
     )  # fmt: skip
     found = replace(Decision.as_given(curve), all_alike=bool(no_hole_better(drive)))
-    return Advice(drive, found, curve, setup=TrialSetup(torques[0]))
+    return Advice(drive, found, TrialSetup(torques[0]), curve)
 
 
 def sampled(advice: Advice, spread: float = 0.02, seed: int = 1) -> Advice:

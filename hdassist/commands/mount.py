@@ -33,6 +33,7 @@ class MountCommand(
     Examples:
       hdassist mount vzp160
       hdassist mount own.yaml h0=28.1 h4=17.3 h8=24.9 --noise 0.5 --card card.html
+      hdassist mount own.yaml h0@4=28.1 h4@4=17.3 h8@4=24.9 h4@40=9.3
       hdassist mount own.yaml h0=28.1 h4=17.3 h8=24.9 h5=16.4 --verify h5=16.2
       hdassist mount my-drive.yaml --set "phases.xi_b=260±10" --limit 30
       hdassist mount my-drive.yaml --bolted 5 -q
@@ -158,7 +159,8 @@ class MountCommand(
         torques = others = drive.operation.M_g
         if self.torque and self.preset != "-":
             others = replace(self, torque=[], limit=[]).load(self.preset).operation.M_g
-        setup = TrialSetup(self.torque_of(torques), self.noise)
+        heaviest = () if self.trial_torque else (max(torques, key=abs),)
+        setup = TrialSetup(self.torque_of(torques), self.noise, heaviest)
         states = advice_states(drive, 0, draws=self.draws, trials=True)
         with out.run(drive.name, states, self) as run:
             return advise_after(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -95,20 +95,20 @@ class Verification:
 class Advice:
     """The hole in which to mount the fixed wheel, how sure that is, and the gain of further measurements.
 
-    decision, over samples of all that is not known; curve, of the drive as the preset has it with unknown deviations as
-    0, none where holes were measured; samples of the belief; setup, how holes are measured, trials, measured values,
+    decision, over samples of all that is not known; setup, how holes are measured; curve, of the drive as the preset
+    has it with unknown deviations as 0, none where holes were measured; samples of the belief; trials, measured values,
     and after, samples after these; value, of further values; likelier_torque [N*m], at which the values are far more
     probable than at that of the setup; measured: wheels in place of first harmonics; unknown: deviations that are not
     known; open_: fields, by path, that are not known exactly; sure, probability from which on a choice is an order;
-    worth, gain below which measuring stops; compensated: words for a stored correction, and the decision by what
-    it leaves; verification of a choice; fault: why nothing could be drawn.
+    worth, gain below which measuring stops; compensated: words for a stored correction, and the decision by what it
+    leaves; verification of a choice; fault: why nothing could be drawn.
     """
 
     drive: Drive
     decision: Decision
+    setup: TrialSetup
     curve: MountingCurve | None = None
     samples: Samples | None = None
-    setup: TrialSetup | None = None
     trials: tuple[Trial, ...] = ()
     after: HolePosterior | None = None
     value: MeasurementValue | None = None
@@ -210,6 +210,15 @@ class Advice:
         expected = self.value.F_ior_arcsec
         return tuple((self.values + step, expected[step]) for step in steps if step < len(expected))
 
+    def torque_of(self, trial: Trial) -> float:
+        """Torque of a value [N*m]."""
+        return self.setup.point(trial)[1]
+
+    @property
+    def torques_of_values(self) -> tuple[float, ...]:
+        """Torques of the measured values [N*m], that of the setup without any."""
+        return tuple(dict.fromkeys(map(self.torque_of, self.trials))) or (self.setup.M_g,)
+
     @property
     def suspected(self) -> Trial | None:
         """The value without which the others are the most probable, where one is more probably misread than not."""
@@ -282,7 +291,7 @@ def advise(
     left, alike = limits_left(drive, torques), bool(_no_hole_better(drive, measured)) or _any_direction(known)
     as_given = replace(Decision.as_given(curve, left), cost=cost, all_alike=alike)
     advice = Advice(
-        drive, as_given, curve, setup=setup, measured=measured, unknown=unknowns(known), open_=open_, sure=sure,
+        drive, as_given, setup, curve, measured=measured, unknown=unknowns(known), open_=open_, sure=sure,
         worth=worth,
     )  # fmt: skip
 
@@ -309,7 +318,7 @@ def advise(
     count = len(measured_errors(drive))
     shown = found if count else as_measured(found, seed=run.seed)
     torque = min(range(len(torques)), key=lambda k: (torques[k] != setup.M_g, abs(torques[k])))
-    value = _value(shown, shown.F_ior_arcsec[torque], None, setup, count, run.seed)
+    value = _value(shown, {setup.M_g: shown.F_ior_arcsec[torque]}, None, setup, count, run.seed)
     return checked(replace(advice, value=value))
 
 
@@ -330,7 +339,7 @@ def advise_after(
 ) -> Advice:
     """Find the hole in which to mount the fixed wheel after F'_ior was measured in some holes.
 
-    Arguments: trials, measured on the setup, beside those that the preset has at its torque; outcome, a last one, of an
+    Arguments: trials, measured on the setup, beside those that the preset has; outcome, a last one, of an
     advice by the others; effort in place of that for the draws; samples, already drawn; other_torques [N*m], at which
     values that the drive does not show may have been measured; the others as those of advise. Raises what hole_samples
     does, and UsageError without any value.
@@ -343,7 +352,8 @@ def advise_after(
     if not drive.mounting.holes:
         positions = sorted({*positions, *(trial.rotation_deg for trial in every)})
     effort = effort or TableSampling.of(draws)
-    whole = samples or hole_samples(drive, torques, setup, effort=effort, run=run)
+    tried = [setup.point(each)[1] for each in every]
+    whole = samples or hole_samples(drive, (*torques, *tried), setup, effort=effort, run=run)
     near = whole.near(every)
     after = posterior_of(near, every, [*positions, 0.0])
     found = after.decision(torques, limits_left(drive, torques), cost)
@@ -353,9 +363,10 @@ def advise_after(
         others = sorted({*torques, *other_torques} - {*whole.F_ior_by_torque})
         if not likelier and others and after.by_values > UNSHOWN_VALUES:
             likelier = likelier_torque(hole_samples(drive, others, setup, effort=effort, run=run), every)
-    value = _value(found, after.F_ior_arcsec[:, :-1], noise, setup, len(every), run.seed)
+    measurable = {M_g: after.F_ior_by_torque[M_g][:, :-1] for M_g in (setup.M_g, *setup.others, *tried)}
+    value = _value(found, measurable, noise, setup, len(every), run.seed)
     advice = Advice(
-        drive, found, setup=setup, trials=every, after=after, value=value, likelier_torque=likelier,
+        drive, found, setup, trials=every, after=after, value=value, likelier_torque=likelier,
         unknown=unknowns(drive), open_=tuple(each.path for each in prior_of(drive).fields), sure=sure, worth=worth,
     )  # fmt: skip
     return replace(advice, verification=_verified(advice, outcome)) if outcome else advice
@@ -363,18 +374,18 @@ def advise_after(
 
 def _value(
     decision: Decision,
-    at_torque: Array,
+    measurable: Mapping[float, Array],
     noise: Array | None,
     setup: TrialSetup,
     count: int,
     seed: int,
 ) -> MeasurementValue | None:
-    """What values beside so many bring; None of one hole. at_torque: F'_ior in the holes, where values are measured."""
+    """What values beside so many bring; None of one hole. measurable: F'_ior in the holes by torque of a value."""
     if len(decision.rotations_deg) < 2:
         return None
     noise = np.full(len(decision.sample_weights), setup.noise_arcsec) if noise is None else noise
     steps, first = (3, ()) if count else (FORESEEN_VALUES, _thirds(decision.rotations_deg))
-    return value_of_measurement(decision, at_torque, noise, steps=steps, first=first, seed=seed)
+    return value_of_measurement(decision, measurable, noise, steps=steps, first=first, seed=seed)
 
 
 def _verified(advice: Advice, outcome: Trial) -> Verification:
@@ -383,7 +394,8 @@ def _verified(advice: Advice, outcome: Trial) -> Verification:
     assert after
     told = posterior_of(after.samples, before, [outcome.rotation_deg])
     noise = np.random.default_rng([after.samples.seed, 4]).standard_normal(len(told.noise))
-    read = told.F_ior_arcsec[:, 0] + noise * told.noise * after.samples.noise([outcome])
+    predicted = told.F_ior_by_torque[advice.torque_of(outcome)][:, 0]
+    read = predicted + noise * told.noise * after.samples.noise([outcome])
     low, high = np.quantile(read, (0.025, 0.975)).tolist()
 
     as_predicted = low <= outcome.F_ior_arcsec <= high
@@ -393,21 +405,25 @@ def _verified(advice: Advice, outcome: Trial) -> Verification:
         place = found.place(trial.rotation_deg)
         if place is None:
             return np.inf
-        return float(found.expected_loss[place]) if as_predicted else trial.F_ior_arcsec / outcome.F_ior_arcsec
+        if as_predicted:
+            return float(found.expected_loss[place])
+        is_comparable = advice.torque_of(trial) == advice.torque_of(outcome)
+        return trial.F_ior_arcsec / outcome.F_ior_arcsec if is_comparable else np.inf
 
     others = [each for each in reversed(before) if each.rotation_deg != outcome.rotation_deg]
     least = min(others, key=loss, default=outcome)
     back = least if loss(least) + found.cost < loss(outcome) else None
-    return Verification(outcome, float(told.F_ior_arcsec.mean()), low, high, back)
+    return Verification(outcome, float(predicted.mean()), low, high, back)
 
 
 def _of_preset(drive: Drive, setup: TrialSetup, given: Sequence[Trial | None]) -> list[Trial]:
-    """Values that the preset has as measured at the torque of the setup, without those that are given once more."""
-    known = {(each.rotation_deg, each.F_ior_arcsec) for each in given if each}
-    found = [
-        Trial(e.rotation_deg, e.value, noise_arcsec=e.spread) for e in measured_errors(drive) if e.M_g == setup.M_g
+    """Values that the preset has as measured, without those that are given once more."""
+    known = {(*setup.point(each), each.F_ior_arcsec) for each in given if each}
+    return [
+        Trial(e.rotation_deg, e.value, M_g=e.M_g, noise_arcsec=e.spread)
+        for e in measured_errors(drive)
+        if (e.rotation_deg, e.M_g, e.value) not in known
     ]
-    return [each for each in found if (each.rotation_deg, each.F_ior_arcsec) not in known]
 
 
 def _thirds(rotations_deg: Sequence[float]) -> tuple[float, ...]:

@@ -6,7 +6,7 @@ always named: a wheel has to go into some hole.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -246,13 +246,14 @@ class Decision:
 
 @dataclass(frozen=True)
 class MeasurementValue:
-    """What further measured values are worth: the hole to measure next, and F'_ior [arcsec] that is expected.
+    """What further measured values are worth: the hole and torque [N*m] to measure next, and F'_ior [arcsec] expected.
 
     F_ior_arcsec in the hole that would be chosen: now, after one more value, after two, and so on, at the torque of the
     values; of several torques what that served worst leaves of F'_ior there.
     """
 
     rotation_deg: float
+    M_g: float
     F_ior_arcsec: tuple[float, ...]
 
     @property
@@ -267,26 +268,28 @@ class MeasurementValue:
 
 def value_of_measurement(
     decision: Decision,
-    measured_arcsec: Array,
+    measured_arcsec: Mapping[float, Array],
     noise_arcsec: Array,
     *,
     steps: int = 3,
     first: Sequence[float] = (),
     seed: int = 0,
 ) -> MeasurementValue:
-    """The hole whose value is expected to bring most, and the gain of that and of further values; no nested solving.
+    """The hole and torque whose value is expected to bring most, and its gain and that of further values.
 
-    For each hole OUTCOMES values that may be measured there reweigh the samples, and the hole of least loss is chosen
-    anew. One value is played through with each of LOOKED_AT samples as the true drive, further ones with FUTURES of
-    them, each taken where it is expected to bring most. Arguments: measured_arcsec, F'_ior in the holes at the torque
-    of the values, shape (samples, holes); noise_arcsec, standard deviation of a value, shape (samples,); steps, further
-    values; first, rotations [deg] that are measured in any case before others.
+    No nested solving: for each of them OUTCOMES values that may be measured there reweigh the samples, and the hole of
+    least loss is chosen anew. One value is played through with each of LOOKED_AT samples as the true drive, further
+    ones with FUTURES of them, each taken where it is expected to bring most. Arguments: measured_arcsec, F'_ior in the
+    holes by the torque that values may have, that of most values first, shape (samples, holes) each; noise_arcsec,
+    standard deviation of a value, shape (samples,); steps, further values; first, rotations [deg] that are measured in
+    any case before others.
     """
     rng, rows = np.random.default_rng(seed), even_rows(decision.sample_weights, LOOKED_AT)
-    losses, noise, F_ior = decision.losses[rows], noise_arcsec[rows], measured_arcsec[rows]
-    served_arcsec = decision.served[rows] * F_ior.mean(axis=1, keepdims=True)  # of one torque F'_ior itself
-    count = F_ior.shape[1]
-    candidates = np.linspace(0, count, min(count, MOST_CANDIDATES), endpoint=False).astype(int)
+    losses, noise, count = decision.losses[rows], noise_arcsec[rows], len(decision.rotations_deg)
+    F_ior = np.hstack([each[rows] for each in measured_arcsec.values()])  # (samples, torques x holes)
+    served_arcsec = decision.served[rows] * F_ior[:, :count].mean(axis=1, keepdims=True)  # of one torque F'_ior itself
+    holes = np.linspace(0, count, min(count, MOST_CANDIDATES), endpoint=False).astype(int)
+    candidates = np.add.outer(np.arange(0, F_ior.shape[1], count), holes).ravel()
     off = rng.permutation(ndtri((np.arange(LOOKED_AT) + 0.5) / LOOKED_AT))
     true = F_ior[:, candidates].T  # (candidates, samples)
     values = true + noise * off
@@ -321,9 +324,9 @@ def value_of_measurement(
     least = served_arcsec.min(axis=1)  # of the best hole: what remains above it is small, and varies little
     more = np.mean([np.array(every[truth][2:]) - least[truth] for truth in further], axis=0)
     expected = [now, after_one, *(least.mean() + more)]
-    return MeasurementValue(
-        decision.rotations_deg[following[0]], tuple(np.minimum.accumulate(expected).tolist())
-    )  # a value cannot harm
+    torque, hole = divmod(following[0], count)
+    expected = np.minimum.accumulate(expected).tolist()  # a value cannot harm
+    return MeasurementValue(decision.rotations_deg[hole], list(measured_arcsec)[torque], tuple(expected))
 
 
 def as_measured(decision: Decision, number: int = LOOKED_AT, seed: int = 0) -> Decision:

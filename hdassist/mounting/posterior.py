@@ -1,5 +1,7 @@
 """F'_ior measured in holes: values and records as given, and samples of the belief in tables, reweighed by them.
 
+Values may be of several torques: the scale is the same at all of them, the misfit another one, as large a share.
+
 Stiffnesses, clearances and the wave are drawn as `check` draws them, by the evidence of stiffness; with each draw of
 these F'_ior of many draws of the deviations is read off a table (belief/proposals.py), in all directions that stand.
 Smooth curves over the holes that no drive made stand beside them: where no drive shows the values, these decide.
@@ -24,7 +26,6 @@ from scipy.special import logsumexp, softmax
 from hdassist.belief.evidence import (
     ACCURACY,
     FREEDOM,
-    LEAST_SHOWN,
     MISFITS,
     SCALE,
     SMOOTH_NUMBERS,
@@ -35,9 +36,7 @@ from hdassist.belief.evidence import (
     kernel,
     log_likelihood_of_errors,
     log_likelihoods,
-    measured_errors,
     smooth_misfits,
-    values_of_errors,
 )
 from hdassist.belief.prior import DrivePrior, FieldPrior, owner_of, prior_of
 from hdassist.belief.proposals import (
@@ -74,26 +73,39 @@ TRIAL_HINT = "like 120=17.3 (deg) or h4=17.3 (hole): F'_ior in arcsec, with a po
 class Trial:
     """F'_ior measured [arcsec] with the fixed wheel turned by rotation_deg from where it stood at 0.
 
-    noise_arcsec: standard deviation of this value; None: that of all values.
+    M_g, torque [N*m], and noise_arcsec, standard deviation of this value; None: those of the setup.
     """
 
     rotation_deg: float
     F_ior_arcsec: float
+    M_g: float | None = field(default=None, kw_only=True)
     noise_arcsec: float | None = field(default=None, kw_only=True)
 
 
 def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> Trial:
-    """Read 120=17.3 (degrees) or h4=17.3 (holes of the seat, of which some are allowed). Raises UsageError for else."""
+    """Read 120=17.3 (degrees), h4=17.3 (holes of the seat, of which some are allowed) or h4@80=17.3 (N*m).
+
+    Raises UsageError for all else.
+    """
     where, _, value = text.lower().partition("=")
-    rotation, F_ior = read_trial_position(where, text, holes, allowed), number_of(value)
+    (rotation, M_g), F_ior = read_trial_position(where, text, holes, allowed), number_of(value)
     if not 0 < F_ior <= LARGEST_ERROR:
         wanted = f"expected F'_ior in arcsec, as {where}=17.3, or the file of a record, as {where}=run.csv"
         raise UsageError(f"invalid trial {shown(text)!r}: {wanted}", TRIAL_HINT)
-    return Trial(rotation, F_ior)
+    return Trial(rotation, F_ior, M_g=M_g)
 
 
-def read_trial_position(where: str, text: str, holes: int, allowed: Sequence[int] | str = "all") -> float:
-    """Turn [deg] of the position in a trial's text: degrees, or a hole of the seat. Raises UsageError for else."""
+def read_trial_position(
+    name: str, text: str, holes: int, allowed: Sequence[int] | str = "all"
+) -> tuple[float, float | None]:
+    """Turn [deg] and torque [N*m] of the position in a trial's text: degrees or a hole of the seat, and @80 or none.
+
+    Raises UsageError for all else.
+    """
+    where, at, torque = name.partition("@")
+    M_g = number_of(torque) if at else None
+    if M_g is not None and not is_torque(M_g):
+        raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE@TORQUE=VALUE, N·m", TRIAL_HINT)
     rotation = turn_of(where, holes)
     if rotation != rotation and not (where.startswith("h") and where[1:].isdecimal()):
         raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE=VALUE", TRIAL_HINT)
@@ -105,7 +117,7 @@ def read_trial_position(where: str, text: str, holes: int, allowed: Sequence[int
             f"{text!r}: hole {hole % holes} is not one of mounting.allowed",
             "an advice never chooses it: give it as one more trial",
         )
-    return 360 * (hole % holes) / holes if hole is not None else rotation % 360
+    return (360 * (hole % holes) / holes if hole is not None else rotation % 360), M_g
 
 
 def read_trial_or_record(
@@ -120,7 +132,7 @@ def read_trial_or_record(
     where, _, file = text.partition("=")
     if not (re.search(r"[/\\]|\.[A-Za-z]", file) or (isnan(number_of(file)) and os.path.lexists(file))):
         return read_trial(text, drive.mounting.holes, allowed)
-    rotation = read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
+    rotation, M_g = read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
     greatest = reading.measured(file, drive, seed=seed).directions[0]
     if greatest.is_bound and (covered := greatest.coverage):
         turns, cycle = covered.cam_turns, covered.cam_turns / covered.share
@@ -128,10 +140,11 @@ def read_trial_or_record(
             f"{file}: {turns:.3g} of the {cycle:g} cam turns of the full cycle: F'_ior is a lower bound, and no trial",
             "record the full cycle in one direction",
         )
-    return Trial(rotation, greatest.range.value, noise_arcsec=max(greatest.uncertainty_arcsec, LEAST_NOISE))
+    return Trial(rotation, greatest.range.value, M_g=M_g, noise_arcsec=max(greatest.uncertainty_arcsec, LEAST_NOISE))
 
 
 Places = NDArray[np.int64]
+Point = tuple[float, float]  # a position of the wheel [deg] and a torque [N*m]
 
 WIDEST_SIZE = 2.0  # a size without an uncertainty may be so many times the preset's
 NOISE_SPREAD = 0.56  # of the logarithm of the noise over the stated one: within a third and three times with 95 %
@@ -148,20 +161,30 @@ OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 
 @dataclass(frozen=True)
 class TrialSetup:
-    """How F'_ior is measured in holes: at a torque [N*m], with noise [arcsec], the standard deviation of a value.
+    """How F'_ior is measured in holes, unless a value has its own: at a torque [N*m], with noise [arcsec].
 
-    That of mounting the wheel again included. Raises UsageError unless the torque turns something and the noise is one.
+    That is the standard deviation of a value, that of mounting the wheel again included; others, further torques at
+    which values may be measured. Raises UsageError unless the torque turns something and the noise is one.
     """
 
     M_g: float
     noise_arcsec: float = 1.0
+    others: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        # beyond that, squares are no numbers
-        if not (0 < abs(self.M_g) <= 1e7 and 1e-6 <= self.noise_arcsec <= 1e6):
+        if not (is_torque(self.M_g) and 1e-6 <= self.noise_arcsec <= 1e6):
             stated = f"{self.M_g:g} N·m, noise {self.noise_arcsec:g}″"
             wanted = "expected a torque up to 1e7 N*m but 0, and a noise above 0"
             raise UsageError(f"invalid trials: {stated}: {wanted}", "--trial-torque 80")
+
+    def point(self, trial: Trial) -> Point:
+        """Position [deg] and torque [N*m] of a value."""
+        return trial.rotation_deg, self.M_g if trial.M_g is None else trial.M_g
+
+
+def is_torque(M_g: float) -> bool:
+    """Whether F'_ior can be measured at a torque [N*m]: beyond that, squares are no numbers."""
+    return 0 < abs(M_g) <= 1e7
 
 
 @dataclass(frozen=True)
@@ -190,7 +213,7 @@ class HoleSamples:
     """Samples of a drive, and F'_ior [arcsec] with what stands turned in steps.
 
     F_ior_by_torque [arcsec] by M_g [N*m], and weight, which sums to 1, of shape (samples, directions) each;
-    read_error, relative standard deviation of it, by M_g; values of the offset that stands with the wheel by field,
+    read_error, relative standard deviation of it; values of the offset that stands with the wheel by field,
     shape (samples, directions), NaN of curves that no drive made; seed.
     """
 
@@ -199,14 +222,19 @@ class HoleSamples:
     F_ior_by_torque: Mapping[float, Array]
     weight: Array
     values: Mapping[str, Array]
-    read_error: Mapping[float, float]
+    read_error: float
     seed: int = 0
     certificate: Certificate = EMPTY
 
     @property
     def F_ior_arcsec(self) -> Array:
-        """F'_ior [arcsec] at the torque of the values with the wheel at 0, shape (samples, directions)."""
+        """F'_ior [arcsec] at the torque of the setup with the wheel at 0, shape (samples, directions)."""
         return self.F_ior_by_torque[self.setup.M_g]
+
+    @cached_property
+    def levels(self) -> dict[float, float]:
+        """F'_ior over that at the torque of the setup, median of all samples and directions, by M_g [N*m]."""
+        return {M_g: float(np.median(F_ior / self.F_ior_arcsec)) for M_g, F_ior in self.F_ior_by_torque.items()}
 
     @property
     def possible(self) -> Places:
@@ -220,6 +248,20 @@ class HoleSamples:
         """
         every = np.arange(self.weight.size) if places is None else places
         return turned_errors(self.F_ior_by_torque[self.setup.M_g if M_g is None else M_g], rotations_deg, every)
+
+    def at_points(self, points: Sequence[Point], places: Places) -> Array:
+        """F'_ior [arcsec] in positions at torques, shape (places, points)."""
+        return np.hstack([np.empty((len(places), 0)), *(self.at([turn], places, M_g) for turn, M_g in points)])
+
+    def correlation(self, points: Sequence[Point]) -> Array:
+        """Covariance of the misfit between points over its variance at the torque of the setup, shape (points, points).
+
+        At another torque it is another one, as large a share of F'_ior.
+        """
+        turns, torques = [turn for turn, _ in points], [M_g for _, M_g in points]
+        levels = [self.levels[M_g] for M_g in torques]
+        same_torque = np.equal.outer(torques, torques)
+        return np.asarray(kernel(turns, turns) * same_torque * np.multiply.outer(levels, levels))
 
     def mean(self, places: Places) -> Array:
         """Mean F'_ior of samples over all directions [arcsec], shape (places,)."""
@@ -241,7 +283,7 @@ class HoleSamples:
         weight = every.weight.ravel()[possible]
         log, chance = np.log(weight), weight / weight.sum()
         for trial in trials:
-            f = every.at([trial.rotation_deg], possible)[:, 0]
+            f = every.at_points([self.setup.point(trial)], possible)[:, 0]
             off = (trial.F_ior_arcsec - f) / np.hypot(2 * every.noise([trial]), (SCALE + MISFITS[-1]) * f)
             log = log - (FREEDOM + 1) / 2 * np.log1p(off**2 / FREEDOM)
             chance = chance + softmax(log)
@@ -262,13 +304,16 @@ class HoleSamples:
         count = log_F.shape[1]
         waves = np.sqrt(share @ np.square(2 / count * np.abs(np.fft.rfft(log_F))))  # amplitudes, root mean square
         off, level = rng.standard_normal(shape), share @ log_F.mean(axis=1)
-        log = np.log(np.mean([each.F_ior_arcsec for each in trials])) + NEAR_LEVEL * off
+        levels = [self.levels[self.setup.point(each)[1]] for each in trials]
+        log = (
+            np.log(np.mean([t.F_ior_arcsec / level for t, level in zip(trials, levels, strict=True)]))
+            + NEAR_LEVEL * off
+        )
         density = NEAR_LEVEL / FREE_LEVEL * np.exp((off**2 - ((log - level) / FREE_LEVEL) ** 2) / 2)
         for order in range(1, FREE_ORDERS + 1):
             turn = order * 2 * np.pi * (np.arange(count) / count + rng.random(shape))
             log = log + waves[order] * rng.standard_normal(shape) * np.cos(turn)
-        over = {M_g: float(np.median(F_ior / self.F_ior_arcsec)) for M_g, F_ior in self.F_ior_by_torque.items()}
-        F_ior = {M_g: np.vstack([of, over[M_g] * np.exp(log)]) for M_g, of in self.F_ior_by_torque.items()}
+        F_ior = {M_g: np.vstack([of, self.levels[M_g] * np.exp(log)]) for M_g, of in self.F_ior_by_torque.items()}
         values = {path: np.vstack([of, np.full(log.shape, np.nan)]) for path, of in self.values.items()}
         weight = np.vstack([(1 - FREE_SHARE) * self.weight, FREE_SHARE / log.size * density * np.ones(count)])
         return replace(self, F_ior_by_torque=F_ior, weight=weight, values=values)
@@ -279,7 +324,7 @@ class HolePosterior:
     """Draws after measured values, all of the same weight.
 
     samples that they are of; places among samples and directions of these; misfit, noise, over the stated one, and
-    scale, shape (draws,); rotations_deg and F_ior_arcsec in them at the torque of the values, shape (draws, rotations);
+    scale, shape (draws,); rotations_deg, and F_ior_by_torque [arcsec] in them by M_g [N*m], shape (draws, rotations);
     effective samples that they stand for; misread, probability of each value to be misread, shape (trials,).
     """
 
@@ -289,9 +334,14 @@ class HolePosterior:
     noise: Array
     scale: Array
     rotations_deg: tuple[float, ...]
-    F_ior_arcsec: Array
+    F_ior_by_torque: Mapping[float, Array]
     effective: float
     misread: Array
+
+    @property
+    def F_ior_arcsec(self) -> Array:
+        """F'_ior at the torque of the setup [arcsec], shape (draws, rotations)."""
+        return self.F_ior_by_torque[self.samples.setup.M_g]
 
     @cached_property
     def offset(self) -> tuple[Array, Array]:
@@ -313,22 +363,8 @@ class HolePosterior:
         return float(np.degrees(np.angle(mean)) % 360), spread
 
     def decision(self, torques: Sequence[float], room_arcsec: Sequence[float | None], cost: float) -> Decision:
-        """The decision among the rotations but the last one, which is 0, at torques [N*m].
-
-        At another torque than that of the values the scale is the same; the misfit is as large, but another.
-        """
-        samples, rng = self.samples, np.random.default_rng([self.samples.seed, 1])
-
-        def at(M_g: float) -> Array:
-            if M_g == samples.setup.M_g:
-                return self.F_ior_arcsec
-            f = samples.at(self.rotations_deg, self.places, M_g)
-            spread = (np.hypot(self.misfit, samples.read_error[M_g]) * f.mean(axis=1))[:, None]
-            smooth = smooth_misfits(self.rotations_deg, rng.standard_normal((len(f), SMOOTH_NUMBERS)))
-            return np.asarray(np.maximum(f * self.scale[:, None] + spread * smooth, LEAST_SHOWN * f))
-
-        every = np.array([at(M_g) for M_g in torques])
-        ones = np.ones(len(self.places))
+        """The decision among the rotations but the last one, which is 0, at torques [N*m]."""
+        every, ones = np.array([self.F_ior_by_torque[M_g] for M_g in torques]), np.ones(len(self.places))
         return Decision(self.rotations_deg[:-1], every[..., :-1], every[..., -1], ones, room_arcsec, cost)
 
 
@@ -338,42 +374,53 @@ def posterior_of(
     """Draws of F'_ior in positions [deg] after values, of which there may be none: Trials 4 in docs/theory.md.
 
     A kind of error and a sample are drawn by their likelihood together, then F'_ior given both by equation (1) of
-    belief/evidence.py. Argument: kinds of error that values may have, all of them without it.
+    belief/evidence.py, at all torques of the samples. Argument: kinds of error that values may have, all of them
+    without it.
     """
-    rng, setup = np.random.default_rng(samples.seed), samples.setup
-    y, tried = np.array([t.F_ior_arcsec for t in trials]), [t.rotation_deg for t in trials]
-    possible, stated, kinds = samples.possible, samples.noise(trials), kinds or error_kinds(len(trials), LOG_NOISES)
-    mean, read_error = samples.mean(possible), samples.read_error[setup.M_g]
-    likelihoods = log_likelihoods(kinds, samples.at(tried, possible), y, stated, kernel(tried, tried), mean, read_error)
-    weight = softmax(np.log(samples.weight.ravel()[possible]) + likelihoods)  # shape (kinds, places)
+    rng, other_rng = np.random.default_rng(samples.seed), np.random.default_rng([samples.seed, 1])
+    tried, torques = list(map(samples.setup.point, trials)), tuple(samples.F_ior_by_torque)
+    y, stated, possible = np.array([t.F_ior_arcsec for t in trials]), samples.noise(trials), samples.possible
+    kinds = kinds or error_kinds(len(trials), LOG_NOISES)
+    log = log_likelihoods(
+        kinds, samples.at_points(tried, possible), y, stated, samples.correlation(tried), samples.mean(possible),
+        samples.read_error,
+    )  # fmt: skip
+    weight = softmax(np.log(samples.weight.ravel()[possible]) + log)  # shape (kinds, places)
     at = np.searchsorted(np.cumsum(weight), (np.arange(POSTERIOR_DRAWS) + 0.5) / POSTERIOR_DRAWS)
     kind, row = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
     places = possible[row]
     misfit, noise = np.array([(each.misfit, each.noise) for each in kinds])[kind].T  # shape (draws,) each
-    everywhere = [*rotations_deg, *tried]
+    points = [*((turn, M_g) for M_g in torques for turn in rotations_deg), *tried]
     spread = np.array([each.spreads(stated, y) for each in kinds])[kind]
-    f, variance = samples.at(everywhere, places), (misfit**2 + read_error**2) * samples.mean(places) ** 2
-    smooth = smooth_misfits(everywhere, rng.standard_normal((len(places), SMOOTH_NUMBERS)))
+    variance = (misfit**2 + samples.read_error**2) * samples.mean(places) ** 2
+    size = len(places), SMOOTH_NUMBERS
+    normals = {M_g: (other_rng if k else rng).standard_normal(size) for k, M_g in enumerate(torques)}
+    smooth = np.hstack([samples.levels[M_g] * smooth_misfits([turn], normals[M_g]) for turn, M_g in points])
     normal = rng.standard_normal(len(places)), smooth, rng.standard_normal(spread.shape)
-    F_ior, scale = errors_of_drive(f, y, variance, spread, kernel(everywhere, everywhere), normal)
+    F_ior, scale = errors_of_drive(
+        samples.at_points(points, places), y, variance, spread, samples.correlation(points), normal
+    )
+    by_torque = dict(zip(torques, np.split(F_ior, len(torques), axis=1), strict=True))
     effective = float(1 / np.square(weight.sum(axis=0)).sum())
     of_kind, doubted = weight.sum(axis=1), np.array([each.misread for each in kinds])
     misread = np.array([of_kind[doubted == k].sum() for k in range(len(trials))])
-    return HolePosterior(samples, places, misfit, noise, scale, tuple(rotations_deg), F_ior, effective, misread)
+    return HolePosterior(samples, places, misfit, noise, scale, tuple(rotations_deg), by_torque, effective, misread)
 
 
 def likelier_torque(samples: HoleSamples, trials: Sequence[Trial]) -> float | None:
-    """Torque of the samples [N*m] at which values are far more probable than at that as stated; None without one."""
+    """Torque of the samples [N*m] at which values of one torque are far more probable; None without one."""
     tried, possible = [t.rotation_deg for t in trials], samples.possible
     measured = np.array([t.F_ior_arcsec for t in trials]), samples.noise(trials), kernel(tried, tried)
-    weight = samples.weight.ravel()[possible]
+    weight, (stated, *others) = samples.weight.ravel()[possible], {samples.setup.point(t)[1] for t in trials}
     log_probability = {
-        M_g: logsumexp(log_likelihood_of_errors(samples.at(tried, possible, M_g), *measured, read_error), b=weight)
-        for M_g, read_error in samples.read_error.items()
+        M_g: logsumexp(
+            log_likelihood_of_errors(samples.at(tried, possible, M_g), *measured, samples.read_error), b=weight
+        )
+        for M_g in samples.F_ior_by_torque
     }
     likeliest = max(log_probability, key=log_probability.__getitem__)
-    stated = log_probability[samples.setup.M_g]
-    return likeliest if log_probability[likeliest] > stated + np.log(FAR_LIKELIER) else None
+    is_far = log_probability[likeliest] > log_probability[stated] + np.log(FAR_LIKELIER)
+    return likeliest if is_far and not others else None
 
 
 def table_states(drive: Drive, torques: int, effort: TableSampling) -> int:
@@ -400,7 +447,7 @@ def hole_samples(
     systems = replace(prior, fields=tuple(each for each in prior.fields if each not in open_deviations(prior)))
     if not systems.fields:
         effort = effort.of_one_system
-    every = tuple(dict.fromkeys((setup.M_g, *torques, *(each.M_g for each in measured_errors(drive)))))
+    every = tuple(dict.fromkeys((setup.M_g, *setup.others, *torques)))
     count = effort.systems
     samples = draw_samples(
         systems, (), evidence=tuple(each for each in evidence_of(drive) if not each.M_g),
@@ -436,10 +483,7 @@ def _collected(
     systems: Samples,
     tables: Sequence[TabledErrors | None],
 ) -> HoleSamples:
-    """Samples of all systems that are drives, F'_ior by tables corrected for their mean error.
-
-    Weighed by F'_ior that the preset has as measured at other torques than that of the setup.
-    """
+    """Samples of all systems that are drives, F'_ior by tables corrected for their mean error."""
     drive, kept = belief.drive, [each for each in tables if each]
     if not kept:
         raise UntrustedError("no draw has an answer at the torque of the trials", "hdassist check says why")
@@ -455,17 +499,10 @@ def _collected(
     F_ior *= np.exp(log_missed.mean(axis=1))[:, None, None]
     values = {path: np.concatenate([each.values[path] for each in kept]) for path in standing_offset(drive)}
     proof = sum((each.certificate for each in kept), systems.certificate)
-    found = HoleSamples(
+    return HoleSamples(
         drive, setup, dict(zip(torques, F_ior, strict=True)), weight / weight.sum(), values,
-        dict(zip(torques, log_missed.std(axis=1).tolist(), strict=True)), systems.seed, proof,
+        float(log_missed.std(axis=1).max()), systems.seed, proof,
     )  # fmt: skip
-    errors = [each for each in measured_errors(drive) if each.M_g != setup.M_g]
-    if not errors:
-        return found
-    f = np.hstack([found.at([each.rotation_deg], found.possible, each.M_g) for each in errors])
-    log, flat = log_likelihood_of_errors(f, *values_of_errors(errors)), found.weight.ravel().copy()
-    flat[found.possible] *= np.exp(log - log.max())
-    return replace(found, weight=(flat / flat.sum()).reshape(weight.shape))
 
 
 def open_prior(drive: Drive) -> DrivePrior:

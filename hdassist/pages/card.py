@@ -253,16 +253,14 @@ def _warnings(found: Sequence[str], say: Texts) -> Iterator[str]:
 
 def _foot(advice: Advice, say: Texts, made: date) -> Iterator[str]:
     drive = advice.drive
-    if advice.trials:
-        trials = [
-            say(
-                "foot.trial",
-                where=place_at(t.rotation_deg, hole_of(t.rotation_deg, drive.mounting.holes), say),
-                value=say.number(t.F_ior_arcsec),
-            )
-            for t in advice.trials[:CARD_TRIALS]
-        ]
-        yield say("foot.trials", torque=say.torque(advice.setup.M_g if advice.setup else 0.0), trials="; ".join(trials))
+    by_torque = dict[float, list[str]]()
+    for trial in advice.trials[:CARD_TRIALS]:
+        where = place_at(trial.rotation_deg, hole_of(trial.rotation_deg, drive.mounting.holes), say)
+        words = say("foot.trial", where=where, value=say.number(trial.F_ior_arcsec))
+        by_torque.setdefault(advice.torque_of(trial), []).append(words)
+    if by_torque:
+        (first, words), *others = ((say.torque(M_g), "; ".join(words)) for M_g, words in by_torque.items())
+        yield say("foot.trials", torque=first, trials="; ".join([words, *(": ".join(each) for each in others)]))
     yield say("foot.source")
     digest = drive.origin.sha256[:DIGITS]
     yield say("foot.origin", version=__version__, name=drive.name, digest=digest, date=say.date(made))

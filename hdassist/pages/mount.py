@@ -60,8 +60,9 @@ def mount_report(
     figures.append(seat_of(advice.choice, say, advice.choice.target))
     count, checked = len(advice.trials), advice.verification
     where = f"{TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
-    if count and advice.setup:
-        where = f"{count} value{'s' * (count > 1)}{_spread(advice.trials, advice.setup)} at {advice.setup.M_g:g} N·m"
+    if count:
+        torques = " and ".join(f"{M_g:g}" for M_g in advice.torques_of_values)
+        where = f"{count} value{'s' * (count > 1)}{_spread(advice.trials, advice.setup)} at {torques} N·m"
     found, short = advice.decision, Verdict.INCONCLUSIVE.exit_code
     rows = dict.fromkeys((*found.ranked[:ROWS], *(() if found.stay is None else (found.stay,)), found.ranked[-1]))
     back = checked and checked.back_to
@@ -103,11 +104,11 @@ def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
 
 def _warnings_of_values(advice: Advice) -> Iterator[str]:
     """Oddities of measured values."""
-    after, setup = advice.after, advice.setup
-    if not after or not setup:
+    if not (after := advice.after):
         return
     if M_g := advice.likelier_torque:
-        yield f"the values fit {M_g:g} N·m far better than {setup.M_g:g} N·m: measured at it? (--trial-torque {M_g:g})"
+        stated = f"{advice.torques_of_values[0]:g} N·m"
+        yield f"the values fit {M_g:g} N·m far better than {stated}: measured at it? (--trial-torque {M_g:g})"
     if trial := advice.suspected:
         share = f"{100 * after.misread[advice.trials.index(trial)]:.0f} %"
         yield f"{_measured(advice, trial)} is probably misread ({share}): without it the others agree best"
@@ -121,9 +122,10 @@ def _warnings_of_values(advice: Advice) -> Iterator[str]:
     for k, a in enumerate(advice.trials):
         for b in advice.trials[:k]:
             noise = float(np.linalg.norm(after.samples.noise((a, b))))
-            if a.rotation_deg == b.rotation_deg and abs(a.F_ior_arcsec - b.F_ior_arcsec) > APART * noise:
+            alike = advice.setup.point(a) == advice.setup.point(b)
+            if alike and abs(a.F_ior_arcsec - b.F_ior_arcsec) > APART * noise:
                 values = f"{_where(advice, a.rotation_deg)}: {b.F_ior_arcsec:g} and {a.F_ior_arcsec:g}″"
-                yield f"{values} differ by more than a noise of {setup.noise_arcsec:g} makes likely"
+                yield f"{values} differ by more than a noise of {advice.setup.noise_arcsec:g} makes likely"
 
 
 def _spread(trials: Sequence[Trial], setup: TrialSetup) -> str:
@@ -140,8 +142,9 @@ def _where(advice: Advice, rotation_deg: float) -> str:
 
 
 def _measured(advice: Advice, trial: Trial) -> str:
-    """A value and its position in words."""
-    return f"{trial.F_ior_arcsec:g}″ at {_where(advice, trial.rotation_deg)}"
+    """A value, its position and, of several torques, the torque in words."""
+    torque = f" and {advice.torque_of(trial):g} N·m" * (len(advice.torques_of_values) > 1)
+    return f"{trial.F_ior_arcsec:g}″ at {_where(advice, trial.rotation_deg)}{torque}"
 
 
 def instruction_of(advice: Advice) -> str:
@@ -198,7 +201,7 @@ def sure_words(advice: Advice) -> str:
 def next_value_words(advice: Advice) -> str:
     """The gain of further values, or that it is time to stop; empty where that is not known."""
     value, worths = advice.value, advice.worths
-    if not value or not advice.setup:
+    if not value:
         return ""
     (count, now), *later = worths
     torque, several = f"at {advice.setup.M_g:g} N·m", len(advice.torques) > 1
@@ -219,9 +222,11 @@ def next_value_words(advice: Advice) -> str:
     one, three = (F_ior for _, F_ior in later)
     if not advice.next:
         return f"Stop measuring: {brought(one)} is expected with one more value."
-    again_ = " again" if any(t.rotation_deg == advice.next.rotation_deg for t in advice.trials) else ""
+    point = advice.next.rotation_deg, value.M_g
+    again_ = " again" if point in map(advice.setup.point, advice.trials) else ""
+    at = f" at {value.M_g:g} N·m" * (advice.torques_of_values != (value.M_g,))
     gain = f"{brought(one)} is expected, {brought(three, new=False)} after three more"
-    return f"Measure {hole_place(advice.next)}{again_} next: {gain}."
+    return f"Measure {hole_place(advice.next)}{at}{again_} next: {gain}."
 
 
 def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
@@ -248,7 +253,9 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
         return
     if advice.next and not advice.measured:
         if advice.trials:
-            yield "next", f"the same command with {_name(advice, advice.next.rotation_deg)}=VALUE as one more value"
+            M_g = advice.value.M_g if advice.value else advice.setup.M_g
+            name = _name(advice, advice.next.rotation_deg) + f"@{M_g:g}" * (M_g != advice.setup.M_g)
+            yield "next", f"the same command with {name}=VALUE as one more value"
         else:
             yield "next", again("mount", drive, *(f"{_name(advice, p.rotation_deg)}=F_IOR" for p in advice.to_try))
     elif not carded:
@@ -271,7 +278,7 @@ def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
         yield "influence", influence_words(advice.influences, "the gain")
         yield "unknown", unknown_names(advice.unknown)
         yield "samples", samples_words(advice.samples)
-    if (after := advice.after) and advice.setup:
+    if after := advice.after:
         found = advice.setup.noise_arcsec * after.noise.mean()
         yield "noise", f"given {advice.setup.noise_arcsec:g}, found {found:.2f}″"
         size, _ = after.offset
@@ -336,7 +343,7 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
         if as_given and curve:
             order = np.argsort(curve.rotation_deg)
             x, line = curve.rotation_deg[order] / per, curve.F_ior_arcsec[k, order]
-        tried = [t for t in advice.trials if advice.setup and advice.setup.M_g == M_g]
+        tried = [t for t in advice.trials if advice.torque_of(t) == M_g]
         marks = [CurveMark(t.rotation_deg / per, t.F_ior_arcsec, "measured", "now") for t in tried]
         if advice.word != "ANY_HOLE":
             marks += [
@@ -344,7 +351,7 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
                 for name, p in marked.items()
                 if name == now or p.rotation_deg
             ]
-        if advice.next:
+        if advice.next and advice.value and M_g == (advice.value.M_g if advice.value.M_g in advice.torques else M_g):
             next_deg = advice.next.rotation_deg
             marks.append(CurveMark(next_deg / per, float(ends[1][found.place(next_deg), k]), next_words, "target"))
         notes = ["median, 5 to 95 %"] * sampled
@@ -368,6 +375,7 @@ def _values(advice: Advice, seed: int) -> Json:
     spans = [found.range_of(each.max(axis=1) / each.min(axis=1))[::2] for each in found.F_ior_arcsec]
     size = after.offset[0] if after else np.zeros(0)
     facing, facing_sd = after.facing if after else (None, None)
+    misread = zip(advice.trials, after.misread if after else (), strict=True)
     answer = {
         **attributes(advice, "word", M_g_Nm="torques", probability_needed="sure"),
         **attributes(choice, "current", hole="target.hole", rotation_deg="target.rotation_deg"),
@@ -393,7 +401,12 @@ def _values(advice: Advice, seed: int) -> Json:
         "curves": [],
         "now": None,
         "compensated": _compensated(advice),
-        "trials": None,
+        "trials": {
+            **attributes(setup, "noise_arcsec", M_g_Nm="M_g"),
+            "noise_found_arcsec": setup.noise_arcsec * float(after.noise.mean()) if after else None,
+            "measured": [{**_trial(advice, trial), "probability_misread": odds} for trial, odds in misread],
+            "probability_by_values_alone": after.by_values if after else None,
+        },
         "offset": {
             "size_um": float(size.mean()) if len(size) else None,
             "size_sd_um": float(size.std()) if len(size) else None,
@@ -406,7 +419,9 @@ def _values(advice: Advice, seed: int) -> Json:
         "seed": seed,
     }
     if advice.next and value:
-        answer["next"] = attributes(advice.next, "hole", "rotation_deg") | attributes(value, "gain_arcsec")
+        answer["next"] = attributes(advice.next, "hole", "rotation_deg") | attributes(
+            value, "gain_arcsec", M_g_Nm="M_g"
+        )
     if curve:
         angles = attributes(curve, "rotation_deg", "phase_deg")
         answer["curves"] = [
@@ -415,14 +430,6 @@ def _values(advice: Advice, seed: int) -> Json:
         ]
     if found.is_sampled:
         answer["now"] = [{"M_g_Nm": M_g, **each} for M_g, each in zip(advice.torques, now, strict=True)]
-    if setup:
-        misread = zip(advice.trials, after.misread if after else (), strict=True)
-        answer["trials"] = {
-            **attributes(setup, "noise_arcsec", M_g_Nm="M_g"),
-            "noise_found_arcsec": setup.noise_arcsec * float(after.noise.mean()) if after else None,
-            "measured": [{**_trial(advice, trial), "probability_misread": odds} for trial, odds in misread],
-            "probability_by_values_alone": after.by_values if after else None,
-        }
     if checked:
         answer["verification"] = {
             **_trial(advice, checked.trial),
@@ -451,7 +458,8 @@ def _compensated(advice: Advice) -> Json | None:
 
 def _trial(advice: Advice, trial: Trial) -> Json:
     hole = hole_of(trial.rotation_deg, advice.drive.mounting.holes)
-    return {"hole": hole, **asdict(trial), "value": trial.F_ior_arcsec}
+    of_value = attributes(trial, "rotation_deg", "F_ior_arcsec", "noise_arcsec", value="F_ior_arcsec")
+    return {"hole": hole, **of_value, "M_g_Nm": advice.torque_of(trial)}
 
 
 def _csv(advice: Advice) -> CsvTable:

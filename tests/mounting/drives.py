@@ -49,7 +49,7 @@ def synthetic(F_ior: np.ndarray, weight: np.ndarray | None = None, setup: TrialS
     """Samples with such F'_ior, shape (samples, holes), read without error."""
     weight = np.ones(F_ior.shape) if weight is None else weight
     values = dict.fromkeys(("tolerances.e_hb", "phases.phi_hb"), np.ones(F_ior.shape))
-    return HoleSamples(told(), setup, {setup.M_g: F_ior}, weight / weight.sum(), values, {setup.M_g: 0.0})
+    return HoleSamples(told(), setup, {setup.M_g: F_ior}, weight / weight.sum(), values, 0.0)
 
 
 def learnt(samples: HoleSamples, tried, rotations, torques=(M_G,)) -> tuple[HolePosterior, Decision]:

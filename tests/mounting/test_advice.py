@@ -9,7 +9,7 @@ from hdassist import load_preset
 from hdassist.mounting.advice import Advice
 from hdassist.mounting.decision import Decision, MeasurementValue
 from hdassist.mounting.positions import MountingCurve, seat_positions
-from hdassist.mounting.posterior import Trial
+from hdassist.mounting.posterior import Trial, TrialSetup
 from hdassist.pages.card import instruction, seat_of, turn
 from hdassist.pages.mount import mount_report
 from hdassist.solve.answers import EMPTY
@@ -28,7 +28,7 @@ def curve_of(*values: list[float], holes: int = 12, **options) -> MountingCurve:
 
 def advice_of(curve: MountingCurve) -> Advice:
     drive = load_preset(SMALL, [f"operation.M_g={list(curve.torques)}", f"mounting.holes={curve.holes}"])
-    return Advice(drive, Decision.as_given(curve), curve)
+    return Advice(drive, Decision.as_given(curve), TrialSetup(curve.torques[0]), curve)
 
 
 def test_only_allowed_holes_are_recommended():
@@ -81,7 +81,7 @@ def test_the_seat_shows_where_holes_lie():
                 "mounting": drive.mounting.model_copy(update={"first_hole": first_hole, "holes": 4}),
             }
         )
-        choice = Advice(there, Decision.as_given(curve), curve).choice
+        choice = replace(advice_of(curve), drive=there).choice
         rows = seat_in_characters(seat_of(choice, texts(), choice.chosen)).split("\n")
         ((row, column),) = [(r, line.index(letter)) for r, line in enumerate(rows) if letter in line]
         return column - 20, 7 - row
@@ -108,7 +108,7 @@ def test_measuring_ends_where_one_more_value_is_not_worth_it_and_never_before_fo
     advice, one = advice_of(curve_of([20.0, 9.0, 12.0], holes=3)), Trial(0.0, 20.0)
 
     def goes_on(values: int, worth: float) -> bool:
-        value = MeasurementValue(120.0, (20.0, 19.7))
+        value = MeasurementValue(120.0, 1.0, (20.0, 19.7))
         return replace(advice, trials=(one,) * values, value=value, worth=worth).next is not None
 
     assert [goes_on(values, 0.02) for values in (3, 4, 5)] == [True, False, False]

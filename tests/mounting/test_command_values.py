@@ -130,6 +130,20 @@ def test_one_value_names_a_hole_and_the_next_one_to_measure():
     assert run(*ONE, "h0=20", "-q", "--sure", "0.999").returncode == 6
 
 
+def test_values_count_at_their_own_torque():
+    """Of a drive at two torques: in JSON, in the outcome, on the page and on the card."""
+    values = ("h0@4=73", "120@4=18.7", "h8@4=25", "h4=90", "--torque", "1")  # without one: at the lightest
+    done = run(*LOOSE, *values, "--verify", "h3@1=88", "--json")
+    assert done.returncode in (0, 3), done.stderr
+    found = json.loads(done.stdout)
+    assert [(m["hole"], m["M_g_Nm"]) for m in found["trials"]["measured"]] == [(0, 4), (4, 4), (8, 4), (4, 1), (3, 1)]
+    assert found["verification"]["M_g_Nm"] == 1
+    page = run(*LOOSE, *values, "--card", "-")
+    assert page.returncode == 0, page.stderr
+    for words in ("measured at 4 N·m: hole 0", "; 1 N·m: hole 4"):
+        assert words in " ".join(page.stdout.split())
+
+
 def test_an_outcome_says_keep_or_go_back():
     worse = run(*ONE, *TRIALS, "--verify", "h6=80", "-q")
     assert worse.returncode == 3

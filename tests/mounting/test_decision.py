@@ -101,7 +101,7 @@ def waves(number: int = 400, seed: int = 3) -> Decision:
 
 def value_of(decision: Decision, noise: float, **more: object) -> MeasurementValue:
     F_ior = decision.F_ior_arcsec[0]
-    return value_of_measurement(decision, F_ior, np.full(len(F_ior), noise), **more)  # type: ignore[arg-type]
+    return value_of_measurement(decision, {1.0: F_ior}, np.full(len(F_ior), noise), **more)  # type: ignore[arg-type]
 
 
 def test_one_more_value_brings_what_bayes_by_hand_says():

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from hdassist import load_preset
@@ -17,6 +19,7 @@ from tests.mounting.drives import (
     HOLES,
     M_G,
     POSITIONS,
+    SETUP,
     THIRDS,
     direction_of,
     learnt,
@@ -131,7 +134,7 @@ def test_more_values_make_it_surer_and_the_next_one_brings_what_is_foreseen(clou
     sure = [decision.probability_good[decision.best] for decision in (one, three, six)]
     assert sure == sorted(sure)
     F_ior, noise = draws.F_ior_arcsec, draws.noise * cloud.setup.noise_arcsec
-    found = value_of_measurement(three, F_ior[:, :-1], noise, steps=1)
+    found = value_of_measurement(three, {M_G: F_ior[:, :-1]}, noise, steps=1)
     now, foreseen = found.F_ior_arcsec
     assert foreseen < now == pytest.approx(three.F_ior_arcsec[0, :, three.best].mean(), rel=0.03)
     # what is foreseen of the next value is what comes of it, over values that may be measured there
@@ -202,8 +205,7 @@ def test_the_torque_at_which_values_are_far_more_probable_is_named(cloud: HoleSa
     # by hand, of one sample in one direction, whose values at the other torque are those measured: 2 are 3 off
     weight = np.eye(1, len(POSITIONS))
     one = synthetic(np.full(weight.shape, 30.0), weight)
-    one = replace(one, F_ior_by_torque={M_G: np.full(weight.shape, 30.0), 1.0: np.full(weight.shape, 20.0)},
-                  read_error={M_G: 0.0, 1.0: 0.0})  # fmt: skip
+    one = replace(one, F_ior_by_torque={M_G: np.full(weight.shape, 30.0), 1.0: np.full(weight.shape, 20.0)})
     assert likelier_torque(one, [Trial(0, 20.0), Trial(120, 20.0), Trial(240, 20.0)]) == 1.0
     assert likelier_torque(one, [Trial(0, 28.0), Trial(120, 28.0), Trial(240, 28.0)]) is None
 
@@ -238,8 +240,48 @@ def test_another_torque_shares_the_scale_but_not_the_misfit(cloud: HoleSamples) 
     assert both.F_ior_arcsec[1] == pytest.approx(draws.F_ior_arcsec[:, :-1])
     f = cloud.at(POSITIONS, draws.places, 1.0)
     left = both.F_ior_arcsec[0] - f * draws.scale[:, None]
-    spread = np.hypot(draws.misfit, cloud.read_error[1.0]) * f.mean(axis=1)
+    spread = np.hypot(draws.misfit, cloud.read_error) * cloud.mean(draws.places) * cloud.levels[1.0]
     assert (left / spread[:, None]).std() == pytest.approx(1, abs=0.1)
+
+
+def two_torques() -> HoleSamples:
+    """Drives whose F'_ior goes once around the seat, at 1 N*m in a direction of its own, and four times as small."""
+    turn = 2 * np.pi * np.arange(HOLES) / HOLES
+    light, heavy = np.meshgrid(np.arange(HOLES), np.arange(HOLES), indexing="ij")
+    F_ior = 24 + 8 * np.cos(turn - turn[light.ravel(), None])
+    one = synthetic(F_ior, np.tile(np.eye(1, HOLES), (len(F_ior), 1)))
+    return replace(one, F_ior_by_torque={M_G: F_ior, 1.0: 6 + 2 * np.cos(turn - turn[heavy.ravel(), None])})
+
+
+BOTH = told("operation.M_g=[1, 4]")
+LIGHT_VALUES = [Trial(0.0, 32.0), Trial(120.0, 20.0), Trial(240.0, 20.0)]  # best at 180 deg
+
+
+def test_values_at_a_second_torque_tell_what_those_at_the_first_cannot() -> None:
+    """By values at 4 N*m nothing is known of 1 N*m: a value there is worth most, and says where it is best."""
+    samples = two_torques()
+    setup = TrialSetup(M_G, 0.5, others=(1.0,))
+    blind = advise_after(BOTH, LIGHT_VALUES, setup, samples=replace(samples, setup=setup))
+    assert blind.value and blind.value.M_g == 1.0
+    more = [*LIGHT_VALUES, *(Trial(turn, 6 + 2 * np.cos(np.radians(turn - 90)), M_g=1.0) for turn in (0, 90, 180))]
+    known = advise_after(BOTH, more, setup, samples=replace(samples, setup=setup))
+    assert known.decision.of_torque(0).best == 9 and known.decision.of_torque(1).best == 6  # 270 and 180 deg
+    assert known.decision.best in (7, 8)
+    assert known.decision.expected_loss[known.decision.best] < blind.decision.expected_loss[blind.decision.best]
+    only = advise_after(BOTH, LIGHT_VALUES, SETUP, samples=samples)  # who said that it is measured at 4 N*m alone
+    assert only.value and only.value.M_g == M_G
+
+
+@given(order=st.permutations(range(5)))
+@settings(max_examples=6, deadline=None)
+def test_the_order_of_values_does_not_matter(order: list[int]) -> None:
+    samples = two_torques()
+    values = [*LIGHT_VALUES, Trial(90.0, 8.0, M_g=1.0), Trial(270.0, 4.5, M_g=1.0)]
+    first, other = (advise_after(BOTH, tried, SETUP, samples=samples) for tried in (values, [values[k] for k in order]))
+    assert other.decision.best == first.decision.best
+    assert other.decision.expected_loss == pytest.approx(first.decision.expected_loss, abs=0.02)
+    assert first.after and other.after
+    assert other.after.misread == pytest.approx(first.after.misread[order], abs=1e-4)
 
 
 def test_forbidden_holes_are_not_chosen(cloud: HoleSamples) -> None:

@@ -25,7 +25,7 @@ def require_turned(prior: HoleSamples, drive: Drive, sample: int, direction: int
     assert direction_of(prior)[place][0] == pytest.approx(values["phases.phi_hb"])
     turned = rotated(drive.with_values(values), rotation)
     exact = ErrorMap(turned, M_G).extremes(turned).first
-    assert prior.at([rotation], place)[0, 0] == pytest.approx(exact, rel=max(5 * prior.read_error[M_G], 0.05))
+    assert prior.at([rotation], place)[0, 0] == pytest.approx(exact, rel=max(5 * prior.read_error, 0.05))
 
 
 def test_turning_the_wheel_is_turning_all_that_stands_back() -> None:

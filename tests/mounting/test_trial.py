@@ -28,6 +28,8 @@ def test_reading_trials() -> None:
     assert read_trial("h4=17.3", 12) == read_trial("H4=17.3", 12) == Trial(120.0, 17.3)
     assert read_trial("4=17.3", 0) == Trial(4.0, 17.3)
     assert read_trial("-30=17.3", 12) == Trial(330.0, 17.3)
+    assert read_trial("h4@80=17.3", 12) == Trial(120.0, 17.3, M_g=80.0)
+    assert read_trial("120@-2.5=17.3", 12) == Trial(120.0, 17.3, M_g=-2.5)
 
 
 NO_TRIALS = [
@@ -47,6 +49,12 @@ NO_TRIALS = [
     "4=17",
     "99999=3",
     "h4=run.csv",
+    "h4@=17",
+    "h4@0=17",
+    "h4@nan=17",
+    "h4@x=17",
+    "@4=17",
+    "h4@1e9=17",
 ]
 
 
