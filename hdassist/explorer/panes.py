@@ -341,11 +341,11 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
         holes, best = session.drive.mounting.holes, known.curve.place(best_deg)
         name = f"best: {'hole ' * bool(holes)}{bare(best_deg, holes)}{'°' * (not holes)}, ″"
         columns[name] = [f"[{INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, best]]
-    widths = {name: 1 + max(Text.from_markup(cell).cell_len for cell in (name, *columns[name])) for name in columns}
+    widths = {name: 2 + max(Text.from_markup(cell).cell_len for cell in (name, *columns[name])) for name in columns}
     for name in reversed(widths):
         if sum(widths[name] for name in columns) > width:
             del columns[name]
-    table = RichTable(box=None, padding=(0, 1, 0, 0), header_style="dim")
+    table = RichTable(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for name in columns:
         table.add_column(name, justify="right", no_wrap=True)
     for cells in zip(*columns.values(), strict=True):

@@ -16,7 +16,7 @@ from hdassist.json_parts import Json
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names, unknown_notes
 from hdassist.pages.card import hole_place
-from hdassist.pages.check import check_report
+from hdassist.pages.check import check_report, influence_at
 from hdassist.pages.curves import stiffness_warnings
 from hdassist.pages.mount import mount_warnings
 from hdassist.preset.fields import UNKNOWN as NOT_KNOWN
@@ -395,7 +395,7 @@ def _drives_facts(result: DrivesComparison) -> Iterator[tuple[str, str]]:
     """Unknown inputs, influences, differences and the next command, a label and a text each."""
     for letter, sheet in _lettered(result).items():
         yield f"{letter} unknown", unknown_names(sheet.check.unknown)
-        yield f"{letter} influence", ", ".join(each.group for each in sheet.check.influences[:3])
+        yield f"{letter} influence", influence_at(sheet.check)
     for letter, changes in zip([*_lettered(result)][1:], result.changes, strict=True):
         yield f"{letter} most by", _most_by(result, changes)
     if result.rated_shares:

@@ -47,15 +47,14 @@ def mount_report(
     seed: int,
     *,
     carded: bool = False,
-    limits: Sequence[float | None] | None = None,
     sure: float | None = None,
 ) -> Report:
     """The advice on a drive.
 
-    Arguments: seed, of its samples; carded, whether a card is written; limits that F'_ior is held against at each
-    torque [arcsec], for curves; sure, probability that was asked for: a choice that is less sure ends with code 6.
+    Arguments: seed, of its samples; carded, whether a card is written; sure, probability that was asked for: a choice
+    that is less sure ends with code 6.
     """
-    drive, figures = advice.drive, list[Figure](position_curves(advice, limits))
+    drive, figures = advice.drive, list[Figure](position_curves(advice))
     say = ENGLISH.variant("trials") if advice.trials else ENGLISH
     figures.append(seat_of(advice.choice, say, advice.choice.target))
     count, checked = len(advice.trials), advice.verification
@@ -239,11 +238,7 @@ def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
     if found.stay is None:
         yield "forbidden", "the wheel may not stay where it stands"
     if found.is_sampled and (kept := found.probability_kept) is not None and not advice.correction:
-        limits = [
-            f"{drive.limit(M_g):g}″ at {M_g:g} N·m"
-            for M_g, room in zip(advice.torques, limits_left(drive, advice.torques), strict=True)
-            if room is not None
-        ]
+        limits = [f"{limit:g}″ at {M_g:g} N·m" for M_g in advice.torques if (limit := drive.limit(M_g)) is not None]
         stays = "" if not at or found.stay is None else f", {100 * kept[found.stay]:.0f} % where it stands"
         held = f"{_where(advice, at)} keeps {', '.join(limits)} (F'_ior + self error)"
         yield "limit", f"{held} with {100 * kept[found.best]:.0f} %{stays}"
@@ -271,7 +266,7 @@ def _name(advice: Advice, rotation_deg: float) -> str:
 
 def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
     """Gain, influences, samples, noise and offset by the values, a label and a text each."""
-    if advice.decision.is_sampled and not advice.correction:
+    if advice.choice.turn and advice.decision.is_sampled and not advice.correction:
         low, middle, high = (-100 * each for each in advice.gain_range)
         yield "gain", f"{middle:+z.0f} % ({low:+z.0f} to {high:+z.0f}) F'_ior against where it stands"
     if advice.samples:
@@ -324,8 +319,8 @@ def _standing(advice: Advice) -> str:
     return "first" if advice.trials else "now"
 
 
-def position_curves(advice: Advice, limits: Sequence[float | None] | None = None) -> Iterator[Curve]:
-    """F'_ior over the positions of the wheel at each torque: the drive as given, ranges over the samples, values."""
+def position_curves(advice: Advice) -> Iterator[Curve]:
+    """F'_ior over positions of the wheel at each torque: drive as given, ranges over samples, values, limit."""
     found, holes, curve = advice.decision, advice.drive.mounting.holes, advice.curve
     per, sampled = 360 / holes if holes else 1.0, found.is_sampled
     turns = np.array(found.rotations_deg)
@@ -337,7 +332,7 @@ def position_curves(advice: Advice, limits: Sequence[float | None] | None = None
     if advice.next and advice.word != "ANY_HOLE" and advice.next.rotation_deg == marked["best"].rotation_deg:
         del marked["best"]
         next_words = "best and next"
-    for k, (M_g, limit) in enumerate(zip(advice.torques, limits or [None] * len(advice.torques), strict=True)):
+    for k, (M_g, limit) in enumerate(zip(advice.torques, limits_left(advice.drive, advice.torques), strict=True)):
         x, line = turns / per, ends[1][:, k]
         as_given = curve is not None and not sampled and len(curve.rotation_deg) > len(turns)
         if as_given and curve:

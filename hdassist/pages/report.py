@@ -59,7 +59,7 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     """The report of a drive, two pages of paper; draws, seed: of the unknown inputs."""
     drive, verdict = sheet.drive, sheet.check.verdict
     check = check_report(sheet.check, seed)
-    mount = mount_report(sheet.advice, seed, limits=[point.left_arcsec for point in sheet.check.points])
+    mount = mount_report(sheet.advice, seed)
     stiff = stiffness_report(drive, sheet.stiffness)
     k, values = Kinematics.of(drive), origin_counts(drive)
     error = [F_ior_table(sheet.check), steps_table(sheet.check), next(error_tables(sheet.check))]

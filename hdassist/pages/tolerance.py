@@ -298,14 +298,15 @@ def sensitivity_report(found: Sensitivities) -> Report:
     limited = all(law.drive.limit(M_g) is not None for M_g in torques)
     next_ = again("allocate", law.drive, *(() if limited else ("--limit", "LIMIT")))
     facts = [("measure", measure_words(found.to_measure)), ("next", next_)]
+    short, *whole = _table(effects[found.worst], *LISTED), *(_table(each, len(each), len(each)) for each in effects)
     return Report(
         command="sensitivity",
         drive=law.drive,
         head=f"{law.drive.name}, tighten first at {torques[found.worst]:g} N·m",
         verdict=verdict,
         why=(reason,),
-        blocks=(_table(effects[found.worst], *LISTED), Facts.of(facts)),
-        details=(Facts((("drawn", drawn),)), *(_table(each, len(each), len(each)) for each in effects)),
+        blocks=(short, Facts.of(facts)),
+        details=(Facts((("drawn", drawn),)), *(table for table in whole if table != short)),
         certificate=found,
         values={
             "operating_points": [
@@ -356,8 +357,9 @@ def _table(effects: Sequence[FieldEffect], tolerances: int, others: int) -> Tabl
     """So many fields with a tolerance, the greatest gain first, and so many others."""
     tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
     rest = [e for e in effects if not e.tightened]
-    title = f"at {effects[0].M_g:g} N·m: share of the spread of F'_ior; gain of a tolerance {STEP_WORDS}"
     shown = [*tight[:tolerances], *rest[:others]]
+    share = "share of the spread of F'_ior; " * any(each.share is not None for each in shown)
+    title = f"at {effects[0].M_g:g} N·m: {share}gain of a tolerance {STEP_WORDS}"
     table = Table.by_row(title, EFFECT_COLUMNS, shown)
     return replace(table, notes=(NO_SHARE,) * any(each.share is None for each in shown))
 

@@ -113,7 +113,7 @@ class _Frame:
         first, span = self.figure.x[0], max(float(np.ptp(self.figure.x)), np.finfo(float).tiny)
         column = ((np.asarray(x) - first) / span * self.columns).astype(int)
         row = np.rint((self.high - np.asarray(y)) / (self.high - self.low) * (self.rows - 1)).astype(int)
-        return np.minimum(column, self.columns - 1), np.clip(row, 0, self.rows - 1)
+        return np.clip(column, 0, self.columns - 1), np.clip(row, 0, self.rows - 1)
 
     def dots(self, x: PlotValues, y: PlotValues) -> Dots:
         """A line from point to point, shape (rows, columns); where points lie apart it is straight, at NaN a gap."""
@@ -220,8 +220,9 @@ def seat_in_characters(seat: Seat) -> str:
         _put(canvas, hole.angle_deg, label if hole.usable else seat.barred, 1.0)
     for k in range(0 if seat.holes else NUMBERED_IN_TEXT):
         _put(canvas, seat.first_deg + 360 * k / NUMBERED_IN_TEXT, ".", 1.0)
-    for place in seat.places:
-        _put(canvas, place.angle_deg, place.letter, 0.72)
+    for angle in dict.fromkeys(place.angle_deg for place in seat.places):
+        letters = [place.letter for place in seat.places if place.angle_deg == angle]
+        _put(canvas, angle, "".join(letters), 0.72)
     for pointer in seat.pointers:
         _put(canvas, pointer.angle_deg, pointer.letter, LETTER_RADIUS[pointer.kind])
     _put(canvas, 0, "+", 0.0)

@@ -104,6 +104,14 @@ def test_the_page_names_what_each_torque_alone_would_choose_where_that_differs()
     assert "each torque alone" not in dict(mount_report(advice_of(one), 0).blocks[1].rows)
 
 
+def test_the_curve_has_the_limit_less_the_self_error():
+    plain = advice_of(curve_of([20.0, 9.0, 12.0], holes=3))
+    limited = replace(plain, drive=load_preset(SMALL, [*plain.drive.origin.overrides, "acceptance.F_ior=15"]))
+    curve, line = (mount_report(each, 0).blocks[-1] for each in (plain, limited))
+    assert curve.limit is None
+    assert 0 < line.limit < 15
+
+
 def test_measuring_ends_where_one_more_value_is_not_worth_it_and_never_before_four():
     advice, one = advice_of(curve_of([20.0, 9.0, 12.0], holes=3)), Trial(0.0, 20.0)
 

@@ -138,6 +138,14 @@ def test_angles_of_the_cam_are_turns_and_numbers_have_no_exponent(sheet):
     assert (four_digits(39_690.0), four_digits(396.9), four_digits(1.2)) == ("39690", "396.9", "1.2")
 
 
+def test_the_line_of_a_limit_has_its_number(sheet):
+    report = drive_report(sheet, draws=64, seed=0)
+    limits = [block.limit for section in sections(report) for block in section.blocks if isinstance(block, Curve)]
+    numbers = re.findall(r'<text class="y held"[^>]*>([\d.]+)<', report_html(report))
+    assert numbers == [f"{limit:.4g}" for limit in limits if limit is not None]
+    assert numbers
+
+
 def test_a_printed_report_has_one_size_of_letters_beside_its_heads():
     css = resources.files("hdassist.pages").joinpath("templates/report.css").read_text("utf-8")
     sized = re.findall(r"^\s*([^{}@]*?) {[^{}]*font-size: ([^;]+);", css, flags=re.MULTILINE)

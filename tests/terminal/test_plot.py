@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.report import Curve, CurveMark, Quantity, Table, as_object, csv_table
+from hdassist.report import Curve, CurveMark, Hole, Quantity, Seat, SeatMark, Table, as_object, csv_table
 from hdassist.terminal.output import combine, csv_text, json_text
-from hdassist.terminal.plot import curve, dots_to_braille, least_and_greatest
+from hdassist.terminal.plot import curve, dots_to_braille, least_and_greatest, seat_in_characters
 from hdassist.terminal.streams import Style
 
 BRAILLE, ASCII = Style(ascii=False, codes=False, width=80), Style(ascii=True, codes=False, width=80)
@@ -108,6 +108,19 @@ def test_marks_have_one_sign_on_every_page_and_their_legend_beside_it():
     assert page.splitlines()[-1].strip() == "holes (N: now, B: best, ◆: measured, ?: next)"
     assert "".join(rows(page)).count("◆") == 1
     assert "o: measured" in curve(ASCII, Curve(x, x, "holes", "y", marks=tuple(marks)))
+
+
+def test_a_mark_before_the_curve_stands_at_its_begin():
+    marks = (CurveMark(0.0, 0.5, "enough", "target"),)
+    drawn = rows(curve(ASCII, Curve(np.linspace(1, 10, 20), np.linspace(0, 1, 20), "x", "y", marks=marks)))
+    assert [row[0] for row in drawn].count("E") == 1
+
+
+def test_letters_of_one_place_of_the_seat_stand_side_by_side():
+    places = tuple(SeatMark("", angle, letter, "") for angle, letter in ((0.0, "W"), (0.0, "N"), (90.0, "B")))
+    drawn = seat_in_characters(Seat("", (Hole(0, 0.0, True),), 0.0, 0.0, places, (), "x", ""))
+    assert "WN" in drawn
+    assert "B" in drawn
 
 
 def test_a_plot_has_the_width_of_its_terminal_and_twelve_rows_on_a_tall_one():
