@@ -1,6 +1,8 @@
 """Least squares of a measured trace at given orders, on the angles as they were recorded, and how sure it is.
 
 error = level of the sweep + slow terms + lag * speed + compliance * load + sum of a cos(2 pi f x) + b sin(2 pi f x).
+Where the orders change with the torque, a and b are a_0 + a_1 t + a_2 |t|, t 0 at the mean torque and 1 or -1 at the
+farthest: straight lines to either side of the mean.
 The coefficients are as uncertain as those of independent residuals, widened by the noise floor of the residuals at each
 order, or, in records too short for that, by the number of neighbours that err together: the integrated autocorrelation.
 The part of the residuals that is correlated from one bin to the next is no noise of reading but error beyond the given
@@ -11,6 +13,7 @@ The trace is averaged over small steps of the angle first, so that the effort do
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import factorial
@@ -82,6 +85,12 @@ class Bins:
         """Number of levels."""
         return int(self.level.max()) + 1
 
+    @cached_property
+    def torque(self) -> tuple[float, float]:
+        """Mean load, and how far the farthest is from it."""
+        mean = float(np.average(self.load, weights=self.rows))
+        return mean, max(float(np.abs(self.load - mean).max()), 1e-300)
+
     @property
     def span(self) -> float:
         """Turns of the cam from least to greatest angle of the longest sweep."""
@@ -144,12 +153,14 @@ class SlowTerms:
     by_angle: Legendre polynomials of the cam angle instead, for all that is slow in a part of an output turn; over:
     names of the columns, speed for a lag between the encoders, load for the wind-up. ridge: added to the normal
     equations of unit diagonal, so that orders which the record does not tell apart stay small, but not their sum.
+    order_changes: of the orders with the torque, none, 1 along a straight line, 2 with a bend at the mean torque.
     """
 
     degree: int = 0
     by_angle: bool = False
     over: tuple[str, ...] = ()
     ridge: float = 0.0
+    order_changes: int = 0
 
     @property
     def periods(self) -> float:
@@ -163,16 +174,16 @@ class SlowTerms:
 class TraceDesign:
     """Normal equations of orders, levels of the sweeps and slow terms on the bins of a trace, factored once.
 
-    columns: unknowns, cosines and sines of the orders first; reach: travel [turns] at the end of the drift; gram:
-    normal equations, shape (columns, columns); root: times its transpose the inverse of these, same shape; condition:
-    of these.
+    columns: unknowns, cosines and sines of the orders first, their changes with the torque last; reach: travel [turns]
+    at the end of the drift; gram: normal equations, shape (columns, columns); root: times its transpose the inverse of
+    these, same shape; condition: of these.
     Raises UntrustedError: too few bins, or angles that do not resolve the orders.
     """
 
     def __init__(self, bins: Bins, orders: Array, slow: SlowTerms = SlowTerms()) -> None:
         self.bins, self.orders, self.slow = bins, orders, slow
         self.reach = max(float(bins.travel.max()), 1e-12)
-        self.columns = columns = 2 * len(orders) + bins.levels + slow.degree + len(slow.over)
+        self.columns = columns = 2 * len(orders) * (1 + slow.order_changes) + bins.levels + slow.degree + len(slow.over)
         if len(bins) < BINS_PER_COLUMN * columns:
             message = f"{len(bins)} steps of the angle are too few for {columns} unknowns"
             raise UntrustedError(
@@ -203,7 +214,10 @@ class TraceDesign:
         levels = np.eye(bins.levels)[bins.level[rows]]
         slow = self._slow(bins.turns[rows], bins.travel[rows])
         over = [getattr(bins, name)[rows, None] for name in self.slow.over]
-        return np.concatenate([order_columns(bins.turns[rows], self.orders), levels, slow, *over], axis=1)
+        mean, reach = bins.torque
+        away, waves = (bins.load[rows, None] - mean) / reach, order_columns(bins.turns[rows], self.orders)
+        changes = (waves * share for share in (away, np.abs(away))[: self.slow.order_changes])
+        return np.concatenate([waves, levels, slow, *over, *changes], axis=1)
 
     def _slow(self, turns: Array, travel: Array) -> Array:
         """Drift, or polynomials of the angle, at angles and travels [turns], shape (angles, degree)."""
@@ -231,8 +245,9 @@ class TraceFit:
     """Least squares of values at the bins of a design [arcsec], shape (bins,).
 
     orders: per cam turn, rising; lines: those that were found in the residuals, rising; coefficients: of the cosines,
-    then of the sines, shape (2 orders,); level: shape (levels,); drift: coefficients, shape (degree,); slopes: over
-    columns of the bins by name, each with its standard uncertainty: over speed [arcsec s/turn], over the load;
+    then of the sines, at the mean torque, shape (2 orders,); level: shape (levels,); drift: coefficients, shape
+    (degree,); slopes: over columns of the bins by name, each with its standard uncertainty: over speed [arcsec s/turn],
+    over the load; blocks: coefficients and rows of the design's root, of orders and of their changes with the torque;
     residual: shape (bins,); variance: of it, at weight 1; correlated: bins that err together; unmodelled: size of the
     residuals beyond noise of reading.
     """
@@ -243,11 +258,30 @@ class TraceFit:
         solution, self.residual = design.fitted(values)
         self.variance = float(bins.weight @ self.residual**2) / (len(bins) - design.columns)
         self.correlated, self.unmodelled = residual_memory(design, self.residual, self.variance)
-        ends = np.cumsum([2 * len(design.orders), bins.levels, design.slow.degree])
-        self.coefficients, self.level, self.drift, slopes = np.split(solution, ends)
-        unsure = np.linalg.norm(design.root[ends[-1] :], axis=1) * np.sqrt(self.variance * max(self.correlated, 1.0))
+        waves = 2 * len(design.orders)
+        sizes = waves, bins.levels, design.slow.degree, len(design.slow.over), *[waves] * design.slow.order_changes
+        ends = np.cumsum(sizes)[:-1]
+        parts = list(zip(np.split(solution, ends), np.split(design.root, ends), strict=True))
+        self.blocks = [parts[0], *parts[4:]]
+        (self.level, _), (self.drift, _), (slopes, root) = parts[1:4]
+        self.coefficients, self.order_root = parts[0]
+        unsure = np.linalg.norm(root, axis=1) * np.sqrt(self.variance * max(self.correlated, 1.0))
         pairs = zip(slopes.tolist(), unsure.tolist(), strict=True)
         self.slopes = dict(zip(design.slow.over, pairs, strict=True))
+
+    def combined(self, *shares: float) -> TraceFit:
+        """The same with the curve that is such shares of its blocks together."""
+        found = copy(self)
+        pairs = list(zip(shares, self.blocks, strict=False))
+        found.coefficients = np.asarray(sum(share * coefficients for share, (coefficients, _) in pairs))
+        found.order_root = np.asarray(sum(share * root for share, (_, root) in pairs))
+        found.__dict__.pop("factor", None)
+        return found
+
+    def at_torque(self, torque: float) -> TraceFit:
+        """The same with the curve at a torque between the least and the greatest [N*m]."""
+        mean, reach = self.bins.torque
+        return self.combined(1.0, (torque - mean) / reach, abs(torque - mean) / reach)
 
     @cached_property
     def noise(self) -> tuple[Array, Array]:
@@ -263,7 +297,7 @@ class TraceFit:
     def factor(self) -> Array:
         """Shape (2 orders, columns): its product with unit noise is an error of the coefficients."""
         power, _ = self.noise
-        return self.design.root[: 2 * len(power)] * np.sqrt(self.variance * np.tile(power, 2))[:, None]
+        return self.order_root * np.sqrt(self.variance * np.tile(power, 2))[:, None]
 
     @property
     def level_covariance(self) -> Array:

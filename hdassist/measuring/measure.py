@@ -8,7 +8,8 @@ reversal. Friction that grows with the speed looks like a lag: all of the fitted
 
 The wind-up by a torque that changes along a record is taken off, so that F'_ior is that of the mean torque: by the
 record itself, where the torque does not go with the orders, as gravity goes with the turn of the output; else by K_1 to
-K_3 of the drive's catalogue.
+K_3 of the drive's catalogue. There the orders change with the torque too, along straight lines between the least, the
+mean and the greatest; a torque that goes with the output's turn changes its beats, and F'_ior is of the curve along it.
 """
 
 from __future__ import annotations
@@ -77,6 +78,7 @@ LEAST_SPEED_APART = 0.2  # of the greatest speed: between sweeps, from which on 
 LEAST_SPEED_CHANGE = 0.02  # of the speed: within sweeps, from which on a lag is fitted
 LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up too little to see
 LOAD_APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
+CHANGE_TOLD = 3.0  # times the noise of a curve without changes: that at each torque, at most, where a record has them
 CATALOGUE_SHARE = 0.1  # of a wind-up: standard uncertainty of a drive's stiffness by its catalogue; a guess
 CLEAR_SENSE = 0.5  # correlation of error and wind-up
 ARCSEC_PER_RAD = 648000 / np.pi
@@ -89,6 +91,10 @@ DRIFT_OFF = (
 )
 WIND_UP_LEFT = (
     "the torque goes with the output's turn: its wind-up is left in (--drive PRESET with catalogue.K_1 to K_3)"
+)
+CHANGES_LEFT = (
+    "the record does not tell how the orders change with the torque, which may be part of F'_ior: "
+    "record a sweep at each torque"
 )
 BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
 COARSE_STEP = 1 / 4  # of F'_ior: greatest step in time with the turns that the error is resolved from
@@ -179,10 +185,9 @@ class RecordedTorque:
         """The torque of rows [N*m] in figures."""
         return cls(float(torque.mean()), float(torque.min()), float(torque.max()))
 
-    @property
-    def changes(self) -> bool:
-        """Whether it changes by enough to wind up anything."""
-        return self.greatest_Nm - self.least_Nm > LEAST_CHANGE * max(abs(self.least_Nm), abs(self.greatest_Nm))
+    def is_change(self, torques: Sequence[Array]) -> bool:
+        """Whether it changes within some of its rows [N*m] by enough to matter."""
+        return float(max(map(np.ptp, torques))) > LEAST_CHANGE * max(abs(self.least_Nm), abs(self.greatest_Nm))
 
     def fitted(self, slope: float, uncertainty: float) -> RecordedTorque:
         """The same with the slope over the torque that a fit has taken off, and its uncertainty [arcsec/(N*m)]."""
@@ -218,6 +223,39 @@ def tells_compliance(fit: TraceFit) -> bool:
     return float(np.std(fit.design.fitted(load)[1])) > LOAD_APART * float(np.std(load))
 
 
+def with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None]:
+    """A fit whose orders change with the torque, where its bins show that they do, and the most that lines miss.
+
+    That is the bend of the curve [arcsec] at the mean torque, by which a straight line misses it there, or a quarter of
+    it where there is a line to either side; None where the orders do not change, or the record does not tell a bend.
+    """
+    bins, miss = fit.bins, None
+    torques = float(bins.load.min()), bins.torque[0], float(bins.load.max())
+    for changes in (2, 1):
+        with suppress(UntrustedError):
+            trial = fit_orders(bins, fit.orders, replace(fit.design.slow, order_changes=changes))
+            noise = max(float(np.linalg.norm(trial.at_torque(torque).order_root)) for torque in torques)
+            if noise > CHANGE_TOLD * float(np.linalg.norm(fit.order_root)):
+                continue
+            last = trial.combined(*[0.0] * changes, 1.0)
+            if changes == 2:
+                rng = np.random.default_rng([seed, 4])
+                bend, *_ = ranges_of(last, np.sort(bins.turns), rng, (0.0, 0.0, 0.0), whole=False)
+                miss = bend.interval[1]
+            if last.clear_of_noise:
+                return trial, miss and miss / changes**2
+    return fit, None
+
+
+@dataclass(frozen=True)
+class TorqueRange:
+    """F'_ior at a torque of a record [N*m], with its standard uncertainty [arcsec]."""
+
+    M_g_Nm: float
+    F_ior_arcsec: float
+    standard_uncertainty_arcsec: float
+
+
 @dataclass(frozen=True, eq=False)
 class SweepResult:
     """One direction of a trace: 1 for growing cam angles, -1 for falling ones, 0 for both as one.
@@ -226,7 +264,8 @@ class SweepResult:
     turn of the cam; cam: of the orders of the cam, without slow terms of the output; slope: the
     greatest [arcsec a cam turn]; slow_arcsec: range of these;
     raw_range_arcsec: of the readings themselves, drift taken off where asked; orders_of_cam: each with its beats;
-    coverage: None where the ratio is not known; sources: of the uncertainty of F'_ior.
+    coverage: None where the ratio is not known; sources: of the uncertainty of F'_ior; torques: the least, the mean and
+    the greatest, where the orders change with it, and torque_miss_arcsec, the most that lines between them miss.
     """
 
     direction: int
@@ -242,6 +281,8 @@ class SweepResult:
     orders_of_cam: tuple[MeasuredOrder, ...]
     coverage: Coverage | None
     sources: tuple[UncertaintySource, ...]
+    torques: tuple[TorqueRange, ...] = ()
+    torque_miss_arcsec: float | None = None
 
     @property
     def bins(self) -> Bins:
@@ -384,7 +425,8 @@ def measure(
             if not together:
                 slow = replace(slow, over=("speed",) * (trace.time_s is not None and speed_changes(bins)))
             fit = _fit(bins, declared, turns_ratio, slow, notes)
-            if torque and torque.changes and torque.by != "catalogue":
+            loads = [] if own.load is None else own.by_sweep(own.load)
+            if torque and torque.by != "catalogue" and torque.is_change(loads):
                 if tells_compliance(fit):
                     slow = replace(slow, over=(*slow.over, "load"))
                     fit = _fit(bins, declared, turns_ratio, slow, notes)
@@ -400,18 +442,22 @@ def measure(
             changed, words = found
             cleaned = replace(changed, sweeps=tuple(sweeps(changed.cam_deg)))
             warnings.append(words)
-        drift_left = 0.0
+        drift_left, miss = 0.0, None
+        if torque and torque.is_change([bins.load]):
+            fit, miss = with_order_changes(fit, seed)
+            if "load" in fit.slopes and len(fit.blocks) == 1:
+                warnings.append(CHANGES_LEFT)
         if not together:  # a comparison looks for drift in the difference, and counts lines as noise
             fit, drift_left = _with_lines_or_drift(fit)
             if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
                 warnings.append(DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
-                fit = _fit(bins, declared, turns_ratio, replace(slow, degree=1), notes)
+                fit = fit_orders(bins, fit.orders[~np.isin(fit.orders, fit.lines)], replace(fit.design.slow, degree=1))
                 fit, drift_left = _with_lines_or_drift(fit)
             elif drift_left:
                 warnings.append(DRIFT_LEFT.format(drift_left))
         wind_up = torque.uncertainty_arcsec if torque and torque.by == "catalogue" else 0.0
         result = _sweep_result(
-            sign, own, fit, declared, drift_left, gearing, drive, stated or {}, seed, wind_up, may_be_noise
+            sign, own, fit, declared, drift_left, gearing, drive, stated or {}, seed, wind_up, may_be_noise, miss
         )
         if not fit.unmodelled < UNMODELLED * result.range.value:
             size = f"{fit.unmodelled:.2g}″"
@@ -499,10 +545,12 @@ def _sweep_result(
     seed: int,
     wind_up: float,
     may_be_noise: bool,
+    torque_miss: float | None,
 ) -> SweepResult:
     """The range of a fit with its uncertainty, refused where it is noise and may not be; orders and coverage.
 
-    drift_left: linear drift [arcsec] that the fit has in it; wind_up: uncertainty of one taken off by a catalogue.
+    drift_left: linear drift [arcsec] that the fit has in it; wind_up: uncertainty of one taken off by a catalogue;
+    torque_miss: of lines between torques.
     """
     bins = fit.bins
     places, per_turn = visited_angles(fit)
@@ -524,19 +572,25 @@ def _sweep_result(
         UncertaintySource("drift", drift / sqrt(3), "how straight it is, or whether it is one"),
         UncertaintySource(WIND_UP, wind_up, "stiffnesses of a catalogue, by which it was taken off"),
     )
+    misses = [torque_miss] if torque_miss else []
     common = (
         # both extremes of a range err by themselves: hence sqrt(2)
         UncertaintySource("between readings", image_change(fit, grid) / sqrt(2), "orders that even readings hide"),
         UncertaintySource("beyond the orders", sqrt(2) * fit.unmodelled, "residuals that go on from step to step"),
         resolution_source(trace, float(np.sqrt(np.mean(bins.rows * fit.residual**2)))),
+        *(UncertaintySource("between torques", each / sqrt(12), "how straight the orders change") for each in misses),
         *stated_sources(stated),
     )
     drifts, others = combined(drifting), combined(common)
-    extent, revolution, cam, slope = ranges_of(
-        fit, grid, np.random.default_rng([seed, sign + 1]),
-        (hypot(drifts, others), hypot(drifts / bins.span, others), others),
-        whole=visits is not None and visits.share >= FULL_SHARE,
-    )  # fmt: skip
+
+    def ranges(own: TraceFit) -> tuple[Range, Range, Range, Range]:
+        parts = hypot(drifts, others), hypot(drifts / bins.span, others), others
+        is_whole = visits is not None and visits.share >= FULL_SHARE
+        return ranges_of(own, grid, np.random.default_rng([seed, sign + 1]), parts, whole=is_whole)
+
+    extent, revolution, cam, slope = ranges(fit)
+    torques = sorted({float(bins.load.min()), bins.torque[0], float(bins.load.max())}) if len(fit.blocks) > 1 else []
+    at_torques = [(torque, ranges(fit.at_torque(torque))[0]) for torque in torques]
     sources = (
         UncertaintySource("noise", extent.spread, "bootstrap of the residuals"),
         UncertaintySource("bias correction", extent.bias_uncertainty, "a third of what was taken off"),
@@ -557,7 +611,7 @@ def _sweep_result(
     return SweepResult(
         sign, fit, grid, extent, revolution, cam, slope, float(np.ptp(slow)),
         float(np.ptp(trace.error_arcsec[rows] - drifted)), *order_tables(fit, declared, drive, gearing), visits,
-        sources,
+        sources, tuple(TorqueRange(torque, each.value, each.uncertainty) for torque, each in at_torques), torque_miss,
     )  # fmt: skip
 
 

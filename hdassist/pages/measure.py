@@ -199,6 +199,7 @@ def _facts(
         yield "reversal", _reversal_words(reversal)
     if torque := result.torque:
         yield "torque", _torque(torque)
+        yield "at torques", _at_torques(found)
     if lag := result.lag:
         reach = COVERAGE_FACTOR * lag.uncertainty_ms
         yield (
@@ -249,7 +250,20 @@ def _torque(torque: RecordedTorque) -> str:
     by = "K_1 to K_3 of the preset's catalogue"
     if fitted := torque.stiffness_Nm_rad:
         by = f"the record itself, {fitted[0]:.3g} ± {COVERAGE_FACTOR * fitted[1]:.2g} N·m/rad"
-    return f"{words}; wind-up of {size} taken off by {by}: F'_ior is that at the mean"
+    where = "at the mean" if fitted else "along it"
+    return f"{words}; wind-up of {size} taken off by {by}: F'_ior is that {where}"
+
+
+def _at_torques(found: SweepResult) -> str:
+    """F'_ior at each torque of a record that tells how the orders change with it."""
+    if not found.torques:
+        return ""
+    each = (
+        f"{t.F_ior_arcsec:.2f} ± {COVERAGE_FACTOR * t.standard_uncertainty_arcsec:.2f}″ at {t.M_g_Nm:.4g} N·m"
+        for t in found.torques
+    )
+    miss = found.torque_miss_arcsec
+    return f"{', '.join(each)}; straight between, which misses {NO_VALUE if miss is None else f'{miss:.2g}″ at most'}"
 
 
 def _slow(found: SweepResult) -> str:
@@ -297,6 +311,8 @@ def _sweep(found: SweepResult) -> Json:
         **as_object(SWEEP_QUANTITIES, found),
         **{name: as_objects(ORDER_COLUMNS, getattr(found, name)) for name in ("orders", "orders_of_cam", "lines")},
         "budget": as_objects(_BUDGET, found.sources),
+        "torques": [asdict(each) for each in found.torques],
+        "torque_miss_arcsec": found.torque_miss_arcsec,
     }
 
 

@@ -88,3 +88,87 @@ def test_a_constant_torque_is_told_and_changes_nothing(unit: str, size: float, t
     assert told["torque"]["by"] == ""
     assert told["F_ior_arcsec"] == pytest.approx(RANGE, abs=0.2)
     assert "torque   20 N·m on the mean, 20 to 20\n" in run("measure", "run.csv", "--ratio", "100", cwd=tmp_path).stdout
+
+
+RATIO, PER_TURN, MIDDLE = 30, 60, 20.0  # a small drive, whose orders change with the torque
+
+
+def loaded(turns: np.ndarray, torque: np.ndarray | float, slope: float, bend: float, phase: np.ndarray) -> np.ndarray:
+    """Error [arcsec] of a made-up drive at torques [N·m]: order 2 with a beat, order 1, once an output turn."""
+    away, cam = (torque - MIDDLE) / 10, 2 * np.pi * turns
+    oval = (10 + slope * away + bend * away**2) * np.cos(2 * cam + phase[0])
+    beat = 1 + 0.2 * np.cos(cam / RATIO + phase[3])
+    return oval * beat + 3 * np.cos(cam + phase[1] + 0.3 * away) + 2 * np.cos(cam / RATIO + phase[2])
+
+
+def rig(seed: int, turns: np.ndarray, torque: np.ndarray, slope: float, bend: float, winds: bool = True):
+    """A record of that drive, and its true F'_ior at a torque, or along torques, over the cycle."""
+    rng = np.random.default_rng(seed)
+    phase, fine = rng.uniform(0, 2 * np.pi, 4), np.arange(RATIO * 240) / 240
+    error = loaded(turns, torque, slope, bend, phase) + 0.5 * rng.standard_normal(len(turns))
+    error += winds * torque / STIFFNESS * 648000 / np.pi
+    words = text([360 * turns, error, torque], "cam_deg;error_arcsec;torque [N·m]", ";")
+    result = measure(read_trace(io.StringIO(words)), ratio=RATIO)
+    return result, lambda at: float(np.ptp(loaded(fine, at(fine) if callable(at) else at, slope, bend, phase)))
+
+
+ONCE = np.arange(RATIO * PER_TURN) / PER_TURN
+
+
+@pytest.mark.parametrize("bend", [0.0, 2.0])
+def test_sweeps_at_several_torques_tell_the_error_at_each_and_what_lines_between_miss(bend: float):
+    """At twice the uncertainty; of a parabola lines between three torques miss a quarter of its bend."""
+    held = []
+    for seed in range(4):
+        turns, torque = np.tile(ONCE, 3), np.repeat([10.0, 20.0, 30.0], len(ONCE))
+        result, true = rig(seed, turns, torque, 2.0, bend)
+        (found,) = result.directions
+        assert not result.warnings  # the wind-up is in the levels of the sweeps
+        assert [each.M_g_Nm for each in found.torques] == pytest.approx([10, 20, 30], abs=0.01)
+        assert found.torques[1].F_ior_arcsec == pytest.approx(found.range.value)
+        held += [
+            abs(each.F_ior_arcsec - true(each.M_g_Nm)) <= 2 * each.standard_uncertainty_arcsec for each in found.torques
+        ]
+        assert found.torque_miss_arcsec is not None
+        between = (found.torques[1].F_ior_arcsec + found.torques[2].F_ior_arcsec) / 2
+        assert abs(between - true(25.0)) < found.torque_miss_arcsec + found.torques[2].standard_uncertainty_arcsec
+    assert sum(held) >= 11
+
+
+def test_two_torques_tell_no_bend():
+    turns, torque = np.tile(ONCE, 2), np.repeat([10.0, 30.0], len(ONCE))
+    result, true = rig(1, turns, torque, 2.0, 0.0)
+    (found,) = result.directions
+    assert found.torque_miss_arcsec is None
+    for each in (found.torques[0], found.torques[-1]):
+        assert abs(each.F_ior_arcsec - true(each.M_g_Nm)) <= 3 * each.standard_uncertainty_arcsec
+
+
+def test_gravity_s_torque_changes_the_beats_and_the_curve_is_that_along_it():
+    def gravity(turns: np.ndarray) -> np.ndarray:
+        return MIDDLE + 10 * np.cos(2 * np.pi * turns / RATIO + 0.4)
+
+    held = []
+    for seed in range(4):
+        result, true = rig(seed, ONCE, gravity(ONCE), 2.0, 1.0, winds=False)
+        (found,) = result.directions
+        assert not found.torques
+        low, high = found.interval_arcsec
+        held.append(low <= true(gravity) <= high)
+    assert sum(held) >= 3
+
+
+def test_a_record_that_does_not_tell_how_the_orders_change_with_its_torque_is_reported():
+    torque = MIDDLE + 6 * np.sin(2 * np.pi * ONCE / 7.3) + 4 * np.sin(ONCE**2 / 9)
+    result, _ = rig(0, ONCE, torque, 2.0, 0.0)
+    assert any("record a sweep at each torque" in warning for warning in result.warnings)
+
+
+def test_the_error_at_each_torque_is_on_the_page_and_in_the_answer(tmp_path):
+    turns, torque = np.tile(ONCE, 2), np.repeat([10.0, 30.0], len(ONCE))
+    error = loaded(turns, torque, 2.0, 0.0, np.arange(4.0)) + 0.1 * np.sin(turns**2)
+    (tmp_path / "run.csv").write_text(text([360 * turns, error, torque], "cam_deg;error_arcsec;torque [N·m]", ";"))
+    page = run("measure", "run.csv", "--ratio", "30", cwd=tmp_path).stdout
+    assert "″ at 10 N·m, " in page
+    (direction,) = json.loads(run("measure", "run.csv", "--ratio", "30", "--json", cwd=tmp_path).stdout)["directions"]
+    assert [each["M_g_Nm"] for each in direction["torques"]] == pytest.approx([10, 20, 30], abs=0.01)
