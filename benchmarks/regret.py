@@ -1,10 +1,12 @@
-"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,D2,G,F] [--n 40] [--first 0]`.
+"""Regret of the hole that mount names: `python -m benchmarks.regret [--cases A,D1,D2,G,F,T] [--n 40] [--first 0]`.
 
-Regret is F'_ior in the hole named over the least of 12 holes, less 1. Hidden drives are none that the preset can be:
+Regret is F'_ior in the hole named over the least of 12 holes, less 1; of two torques (T) F'_ior over its mean of all
+holes, at the torque served worst. Hidden drives are none that the preset can be:
 other stiffnesses, flanks, teeth with all orders, order-2 errors, misread values. Holes 0, 4 and 8 are measured, then
-those that the tool names; --by-parts: none, where offsets and marks are measured. Beside it: as it stands, the best
-hole measured, climbing by hand, a sine through the values; and each probability as stated beside how often it came
-true. --first: number of the first hidden drive; --keep: a folder where true values are kept.
+those that the tool names, at the torque that it names or, with --light, all at the lightest; --by-parts: none, where
+offsets and marks are measured. Beside it: as it stands, the best hole measured, climbing by hand, a sine through the
+values, all at the lightest torque; and each probability as stated beside how often it came true. --first: number of the
+first hidden drive; --keep: a folder where true values are kept.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ ALSO_OFF = ("supports.C_2", "supports.C_3", "contact.k_face", "contact.c_ball")
 
 @dataclass(frozen=True)
 class Case:
-    """Hidden drives, noise of their values [arcsec], stated as 1, and whether one of six is misread.
+    """Hidden drives, torques [N*m], noise of their values [arcsec], stated as 1, and whether one of six is misread.
 
     order_2: arcsec that a hidden vzp160 has beside what the model computes, at twice a turn of the cam; None: drives of
     which a data sheet is known (honesty.py).
@@ -36,6 +38,7 @@ class Case:
     order_2: float | None = 0.0
     noise: float = 1.0
     misread: bool = False
+    torques: tuple[float, ...] = (M_G,)
 
 
 CASES = {
@@ -44,6 +47,7 @@ CASES = {
     "D2": Case(noise=2.0),
     "G": Case(order_2=4.0, noise=2.0, misread=True),
     "F": Case(order_2=None),
+    "T": Case(torques=(M_G, 800.0)),
 }
 
 
@@ -70,18 +74,21 @@ def _direction(deviation) -> float:
     return float(-np.degrees(np.angle(np.fft.fft(deviation)[1])) % 360)
 
 
-def hidden_vzp160(seed: int):
-    """F'_ior [arcsec] in each hole of a hidden drive like vzp160, by the order-2 error that it has beside."""
+def hidden_vzp160(seed: int, torques: tuple[float, ...]):
+    """F'_ior [arcsec] at each torque in each hole of a hidden drive like vzp160, by its order-2 error beside."""
     from hdassist.error.cycle import kinematic_error
     from hdassist.run.run import UNCHECKED
 
     drive, teeth, _, rng = drive_like_vzp160(seed)
-    errors = []
-    for hole in range(HOLES):
-        there = drive.with_values({"phases.phi_hb": (drive.number("phases.phi_hb") - 30 * hole) % 360})
-        errors.append(kinematic_error(there, M_G, teeth=teeth, run=UNCHECKED))
-    beside = np.sin(2 * errors[0].states.phi_h + rng.uniform(0, 2 * np.pi))
-    return {size: [float(np.ptp(each.error_arcsec + size * beside)) for each in errors] for size in (0.0, 2.0, 4.0)}
+    turns = [{"phases.phi_hb": (drive.number("phases.phi_hb") - 30 * hole) % 360} for hole in range(HOLES)]
+    errors = [
+        [kinematic_error(drive.with_values(turn), M_g, teeth=teeth, run=UNCHECKED) for turn in turns] for M_g in torques
+    ]
+    beside = np.sin(2 * errors[0][0].states.phi_h + rng.uniform(0, 2 * np.pi))
+    return {
+        size: [[float(np.ptp(each.error_arcsec + size * beside)) for each in row] for row in errors]
+        for size in (0.0, 2.0, 4.0)
+    }
 
 
 def hidden_by_data_sheet(seed: int):
@@ -97,20 +104,28 @@ def hidden_by_data_sheet(seed: int):
     )  # fmt: skip
     M_g = preset.operation.M_g[0]
     every = (kinematic_error(there.with_values(each), M_g, teeth=teeth, run=UNCHECKED) for each in turned)
-    return {None: [each.F_ior_arcsec for each in every]}
+    return {None: [[each.F_ior_arcsec for each in every]]}
 
 
 def true_values(case: Case, seed: int, keep: Path | None):
-    """True F'_ior [arcsec] in each hole of a hidden drive, shape (holes,), computed once where they are kept."""
-    file = keep and keep / f"{'sheet' if case.order_2 is None else 'vzp160'}-{seed}.json"
+    """True F'_ior [arcsec] of a hidden drive, shape (torques, holes), computed once where they are kept."""
+    name = "-".join(
+        ["sheet" if case.order_2 is None else "vzp160", *(f"{M_g:g}" for M_g in case.torques[1:]), f"{seed}"]
+    )
+    file = keep and keep / f"{name}.json"
     if file and file.exists():
         found = json.loads(file.read_text())
     else:
-        made = hidden_by_data_sheet(seed) if case.order_2 is None else hidden_vzp160(seed)
+        made = hidden_by_data_sheet(seed) if case.order_2 is None else hidden_vzp160(seed, case.torques)
         found = {str(key): values for key, values in made.items()}
         if file:
             file.write_text(json.dumps(found))
-    return np.array(found[str(case.order_2)])
+    return np.atleast_2d(found[str(case.order_2)])
+
+
+def served_worst(true):
+    """F'_ior over the mean of all holes at the torque served worst, shape (holes,), of true values."""
+    return (true / true.mean(axis=1, keepdims=True)).max(axis=0)
 
 
 def judged(case: Case, seed: int, samples, keep: Path | None):
@@ -118,12 +133,13 @@ def judged(case: Case, seed: int, samples, keep: Path | None):
     from hdassist.mounting.advice import advise_after
     from hdassist.mounting.posterior import Trial
 
-    rng, true = np.random.default_rng([20, seed]), true_values(case, seed, keep)
+    rng, every = np.random.default_rng([20, seed]), true_values(case, seed, keep)
+    true, torques = served_worst(every), list(samples.F_ior_by_torque)
     wrong, off = rng.integers(MOST), rng.uniform(*MISREAD) * rng.choice([-1, 1])
 
-    def measured(hole: int, number: int) -> Trial:
-        value = true[hole] + case.noise * rng.standard_normal() + off * (case.misread and wrong == number)
-        return Trial(30.0 * hole, max(float(value), 0.5))
+    def measured(hole: int, number: int, torque: int = 0) -> Trial:
+        value = every[torque, hole] + case.noise * rng.standard_normal() + off * (case.misread and wrong == number)
+        return Trial(30.0 * hole, max(float(value), 0.5), M_g=torques[torque])
 
     trials = [measured(hole, k) for k, hole in enumerate(FIRST)]
     climbed, rows, stop = list(trials), {}, None
@@ -134,12 +150,13 @@ def judged(case: Case, seed: int, samples, keep: Path | None):
         best = round(found.rotations_deg[found.best] / 30)
         other = round(found.rotations_deg[found.challenger or 0] / 30)
         is_better = true[best] < 0.99 * true[0] if best else true[other] >= 0.99 * true[0]
-        by_sine = int(np.argmin(_sine(trials)))
+        light = [each for each in trials if each.M_g == torques[0]]
+        by_sine = int(np.argmin(_sine(light)))
         rows[count] = {
             "regret": regret[best], "stated loss": found.expected_loss[found.best],
             "stated good": found.probability_good[found.best], "good": regret[best] < GOOD,
             "stated right": found.probability.value, "right": is_better,
-            "best measured": regret[_hole(min(trials, key=lambda t: t.F_ior_arcsec))],
+            "best measured": regret[_hole(min(light, key=lambda t: t.F_ior_arcsec))],
             "climbing": regret[_hole(min(climbed, key=lambda t: t.F_ior_arcsec))], "sine": regret[by_sine],
         }  # fmt: skip
         if stop is None and advice.next is None:
@@ -148,7 +165,7 @@ def judged(case: Case, seed: int, samples, keep: Path | None):
             named = None if advice.suspected is None else bool(trials.index(advice.suspected) == wrong)
             return rows, stop or (count, regret[best]), regret[0], named
         assert advice.value
-        trials.append(measured(round(advice.value.rotation_deg / 30), count))
+        trials.append(measured(round(advice.value.rotation_deg / 30), count, torques.index(advice.value.M_g)))
         climbed.append(measured(_climb(climbed), count))
 
 
@@ -160,12 +177,12 @@ def judged_by_parts(case: Case, seed: int, keep: Path | None):
     from hdassist.mounting.advice import advise
     from hdassist.mounting.positions import seat_positions
 
-    regret = (true := true_values(case, seed, keep)) / true.min() - 1
+    regret = (true := served_worst(true_values(case, seed, keep))) / true.min() - 1
     if case.order_2 is None:
         return regret[0], regret[0]
     _, _, preset, _ = drive_like_vzp160(seed)
-    preset = preset.model_copy(update={"operation": preset.operation.model_copy(update={"M_g": (M_G,)})})
-    found = advise(preset, (M_G,), seat_positions(preset), draws=DRAWS_BY_PARTS).decision
+    preset = preset.model_copy(update={"operation": preset.operation.model_copy(update={"M_g": case.torques})})
+    found = advise(preset, case.torques, seat_positions(preset), draws=DRAWS_BY_PARTS).decision
     return regret[round(found.rotations_deg[found.best] / 30)], regret[0]
 
 
@@ -196,15 +213,15 @@ def _climb(trials) -> int:
     return best
 
 
-def samples_of(case: Case, seed: int):
+def samples_of(case: Case, seed: int, light: bool):
     """Samples of what is known of a hidden drive, before any value."""
     from hdassist import load_preset
     from hdassist.mounting.posterior import TrialSetup, hole_samples
 
     preset = load_preset("vzp160") if case.order_2 is not None else hidden_drive(np.random.default_rng([1, seed]))[0]
-    M_g = M_G if case.order_2 is not None else preset.operation.M_g[0]
-    one = preset.model_copy(update={"operation": preset.operation.model_copy(update={"M_g": (M_g,)})})
-    return hole_samples(one, (M_g,), TrialSetup(M_g))
+    torques = case.torques if case.order_2 is not None else preset.operation.M_g[:1]
+    one = preset.model_copy(update={"operation": preset.operation.model_copy(update={"M_g": torques})})
+    return hole_samples(one, torques, TrialSetup(torques[0], others=() if light else torques[1:]))
 
 
 def main() -> None:
@@ -214,9 +231,9 @@ def main() -> None:
     parser.add_argument("--n", type=int, default=40, help="hidden drives of each case")
     parser.add_argument("--first", type=int, default=0, help="number of the first of them")
     parser.add_argument("--by-parts", action="store_true", help="by the parts alone, no value of F'_ior")
+    parser.add_argument("--light", action="store_true", help="all values at the lightest torque")
     parser.add_argument("--keep", type=Path, help="folder of true values")
     args = parser.parse_args()
-    alike = None
     for name in args.cases.split(","):
         case, found, seeds = CASES[name], [], range(args.first, args.first + args.n)
         if args.by_parts:
@@ -225,14 +242,15 @@ def main() -> None:
             print(f"{name}: by parts {named:.1f} %, as it stands {stays:.1f} %, worse in {worse:.0f} %", flush=True)
             continue
         for seed in seeds:
-            if case.order_2 is None or alike is None:
-                samples = samples_of(case, seed)
-                alike = samples if case.order_2 is not None else alike
-            found.append(judged(case, seed, samples if case.order_2 is None else alike, args.keep))
+            if case.order_2 is None or seed == args.first:
+                samples = samples_of(case, seed, args.light)
+            found.append(judged(case, seed, samples, args.keep))
         print(f"{name}: {len(found)} drives; as it stands (no value): {100 * np.mean([f[2] for f in found]):.1f} %")
         for count in range(len(FIRST), MOST + 1):
             mean = {key: float(np.mean([rows[count][key] for rows, *_ in found])) for key in found[0][0][count]}
-            print(f"  {count} values: " + ", ".join(f"{key} {100 * value:.1f}" for key, value in mean.items()))
+            error = np.std([rows[count]["regret"] for rows, *_ in found]) / np.sqrt(len(found))
+            words = ", ".join(f"{key} {100 * value:.1f}" for key, value in mean.items())
+            print(f"  {count} values: {words}; standard error of the regret {100 * error:.1f}")
         stops = np.array([stop for _, stop, *_ in found])
         print(f"  at the stop: {stops[:, 0].mean():.2f} values, regret {100 * stops[:, 1].mean():.1f} %")
         if case.misread:
