@@ -182,7 +182,7 @@ def judged_by_parts(case: Case, seed: int, keep: Path | None):
         return regret[0], regret[0]
     _, _, preset, _ = drive_like_vzp160(seed)
     preset = preset.model_copy(update={"operation": preset.operation.model_copy(update={"M_g": case.torques})})
-    found = advise(preset, case.torques, seat_positions(preset), draws=DRAWS_BY_PARTS).decision
+    found = advise(preset, seat_positions(preset), draws=DRAWS_BY_PARTS).decision
     return regret[round(found.rotations_deg[found.best] / 30)], regret[0]
 
 

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, drive_samples
 from hdassist.belief.statistics import Probability, probability_of, weighted_quantile
-from hdassist.design.check import drive_samples
 from hdassist.error.cycle import kinematic_error, limits_left
 from hdassist.error.error_map import searchable
 from hdassist.error.waves import POINTS_A_TURN, ErrorLines, error_lines

@@ -88,7 +88,7 @@ def sheet_of(drive: Drive, *, draws: int = EFFECTIVE_SAMPLES, run: Run = Run()) 
 
     Argument: draws, from the unknown fields. Raises UntrustedError where an answer cannot be trusted.
     """
-    advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=draws, run=run)
+    advice = advise(drive, seat_positions(drive), draws=draws, run=run)
     checked = check(drive, draws=draws, samples=advice.samples, run=run)
     return DriveSheet(checked, advice, stiffness(drive, run=run))
 

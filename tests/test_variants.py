@@ -338,7 +338,7 @@ def test_each_of_three_drives_has_as_built_mounted_best_and_its_field_on_one_scr
     assert " ".join(page.split()).startswith(f"{files}: take B: B {-share:+.0f} %; C {-share:+.0f} % ")
     for letter, sheet in zip("ABC", three.sheets, strict=True):
         built = sheet.check.points[0].error.F_ior_arcsec
-        best = sheet.advice.choice.target
+        best = sheet.advice.chosen
         change = r"- +-$" if letter == "A" else rf"{-share:+.0f} % +100 %$"
         row = rf"^{letter} +4 N·m +{built:.1f} +{best.F_ior_arcsec[0]:.1f}, hole {best.hole} +{change}"
         assert re.search(row, page, re.MULTILINE), row

@@ -22,9 +22,10 @@ import numpy as np
 
 from hdassist.acceptance.limits import F_IOR, Extent, Limit, LimitText, torques_of
 from hdassist.belief.evidence import evidence_of
+from hdassist.belief.prior import beside_measured_teeth
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, SamplingEffort, draw_samples
 from hdassist.belief.statistics import Probability, weighted_quantile
-from hdassist.design.check import DesignCheck, OperatingPoint, beside_measured_teeth
+from hdassist.design.check import DesignCheck, OperatingPoint
 from hdassist.error.cycle import KinematicError, SelfError, kinematic_error, self_error
 from hdassist.error.error_map import searchable
 from hdassist.error.stiffness import Stiffness, stiffness

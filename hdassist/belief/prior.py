@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from hdassist.belief.statistics import sobol_points
-from hdassist.model.deviations import standing_offset
+from hdassist.model.deviations import MeasuredTeeth, standing_offset
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import assumptions, unknowns
 from hdassist.preset.fields import DEVIATIONS, Drive, deviation_sizes, field_table, is_overridden, measures
@@ -178,3 +178,12 @@ def owner_of(drive: Drive, path: str) -> FieldOwner:
 
 
 DRIVES_OWN: Sequence[str] = ("gears.j_n", "bearing.g_b", "bearing.beta")  # clearances and ball phase
+
+
+def beside_measured_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, DrivePrior]:
+    """The drive without the harmonics that measured teeth replace, and the prior of its inputs that are still open."""
+    if measured is None:
+        return drive, prior_of(drive)
+    known = measured.without_harmonics(drive)
+    prior = prior_of(known)
+    return known, replace(prior, fields=tuple(f for f in prior.fields if known.value(f.path) == drive.value(f.path)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -19,6 +20,7 @@ from hdassist.belief.evidence import (
     ACCURACY,
     SOFT_EDGE,
     Evidence,
+    evidence_of,
     log_likelihood,
     require_shown,
     values_of_errors,
@@ -200,6 +202,29 @@ def draw_samples(
     finally:
         if len(draws) > len(kept):
             sampling.keep(draws)
+
+
+def drive_samples(
+    prior: DrivePrior,
+    held_arcsec: Sequence[float | None],
+    *,
+    draws: int = EFFECTIVE_SAMPLES,
+    sure: float = SURE,
+    rotations_deg: Sequence[float] = (),
+    run: Run = Run(),
+    seen: Callable[[Samples], None] | None = None,
+) -> Samples:
+    """Samples of a drive at its torques, until as many again would hardly change a verdict.
+
+    Arguments: prior of the drive; held_arcsec, limit less self error at each torque, None without one; draws, effective
+    samples at least; sure, probability of a limit that settles a verdict; the others, and errors, as those of
+    draw_samples.
+    """
+    drive = prior.drive
+    return draw_samples(
+        prior, drive.operation.M_g, rotations_deg=rotations_deg, evidence=evidence_of(drive),
+        enough=partial(limits_settled, held_arcsec, sure=sure), effort=SamplingEffort.of(draws), run=run, seen=seen,
+    )  # fmt: skip
 
 
 def _growing(

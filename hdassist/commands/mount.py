@@ -143,7 +143,7 @@ class MountCommand(
         setup = TrialSetup(self.torque_of(torques), self.noise)
         with out.run(drive.name, states, self) as run:
             advice = advise(
-                drive, torques, rotations, measured=measured, setup=setup, draws=self.draws, sure=self.sure or SURE,
+                drive, rotations, measured=measured, setup=setup, draws=self.draws, sure=self.sure or SURE,
                 cost=self.cost, worth=self.worth / 100, run=run,
             )  # fmt: skip
             return advice_corrected(advice, form, self.draws, run) if form else advice

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, drive_samples
 from hdassist.comparing.record import Alignment
 from hdassist.correction.forms import (
     TRIED_POINTS,
@@ -32,7 +32,6 @@ from hdassist.correction.records import (
     solved_error,
     with_more_lines,
 )
-from hdassist.design.check import drive_samples
 from hdassist.error.waves import POINTS_A_TURN, ErrorLines, error_lines
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.measuring.measure import Measurement

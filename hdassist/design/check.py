@@ -11,21 +11,14 @@ import numpy as np
 
 from hdassist.belief.evidence import evidence_of
 from hdassist.belief.influence import Influence, influences
-from hdassist.belief.prior import DrivePrior, prior_of
-from hdassist.belief.samples import (
-    EFFECTIVE_SAMPLES,
-    ErrorBelief,
-    Samples,
-    SamplingEffort,
-    draw_samples,
-    limits_settled,
-)
+from hdassist.belief.prior import DrivePrior, beside_measured_teeth, prior_of
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, ErrorBelief, Samples, drive_samples
 from hdassist.belief.statistics import Probability
 from hdassist.belief.steps import Step, steps_of
-from hdassist.error.cycle import KinematicError, SelfError, cross_check_of, kinematic_error, self_error
+from hdassist.error.cycle import KinematicError, SelfError, cross_checks_of, kinematic_error, self_error
 from hdassist.error.error_map import searchable
 from hdassist.error.extremes import DRAWN_STATES
-from hdassist.model.deviations import MeasuredTeeth, ToothDeviations
+from hdassist.model.deviations import MeasuredTeeth
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import Unknown, unknowns
 from hdassist.preset.fields import Drive
@@ -269,48 +262,12 @@ def check(
         errors.append(error)
         run.finished(len(error.states))
     # another solver looks at the extremes while steps are taken
-    checks = run.beside(_cross_checks, shown, [error.sampled(seed=run.seed) for error in errors], teeth, run.of_task)
+    solved = [(there, teeth, error.sampled(seed=run.seed)) for there, error in zip(shown, errors, strict=True)]
+    checks = run.beside(cross_checks_of, solved, run.of_task)
     checked = checked.with_errors(errors).with_steps(run)
     return checked.with_errors([replace(e, cross_check=c) for e, c in zip(errors, checks.result(), strict=True)])
-
-
-def beside_measured_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, DrivePrior]:
-    """The drive without the harmonics that measured teeth replace, and the prior of its inputs that are still open."""
-    if measured is None:
-        return drive, prior_of(drive)
-    known = measured.without_harmonics(drive)
-    prior = prior_of(known)
-    return known, replace(prior, fields=tuple(f for f in prior.fields if known.value(f.path) == drive.value(f.path)))
-
-
-def drive_samples(
-    prior: DrivePrior,
-    held_arcsec: Sequence[float | None],
-    *,
-    draws: int = EFFECTIVE_SAMPLES,
-    sure: float = SURE,
-    run: Run = Run(),
-    seen: Callable[[Samples], None] | None = None,
-) -> Samples:
-    """Samples of a drive at its torques, until as many again would hardly change a verdict.
-
-    Arguments: prior of the drive; held_arcsec, limit less self error at each torque, None without one; the others as
-    those of check and draw_samples. Raises UntrustedError as check does.
-    """
-    drive = prior.drive
-    return draw_samples(
-        prior, drive.operation.M_g, evidence=evidence_of(drive),
-        enough=partial(limits_settled, held_arcsec, sure=sure), effort=SamplingEffort.of(draws),
-        run=run, seen=seen,
-    )  # fmt: skip
 
 
 def _middle(drive: Drive, samples: Samples, torque: int) -> Drive:
     """The drive of the sample in the middle at a torque, by its place."""
     return drive.with_values(samples.values(np.array([samples.middle_sample(torque)]))[0])
-
-
-def _cross_checks(
-    drives: Sequence[Drive], errors: Sequence[KinematicError], teeth: ToothDeviations | None, run: Run
-) -> list[CrossCheck]:
-    return [cross_check_of(drive, error, teeth, run=run) for drive, error in zip(drives, errors, strict=True)]

@@ -177,6 +177,14 @@ def cross_check_of(
     return CrossCheck(checks[0].solver, len(error.states), worst)
 
 
+Solved = tuple[Drive, ToothDeviations | None, KinematicError]  # a drive, its measured teeth, and its error
+
+
+def cross_checks_of(solved: Sequence[Solved], run: Run) -> list[CrossCheck]:
+    """Cross-check of each of some errors, as cross_check_of makes it."""
+    return [cross_check_of(drive, error, teeth, run) for drive, teeth, error in solved]
+
+
 def state_place(states: States, M_g: float, k: int) -> str:
     """Words for where state k of some states is, at a torque [N*m]."""
     phi_h, phi_g, phi_b = (float(np.degrees(x[k])) for x in (states.phi_h, states.phi_g, states.phi_b))

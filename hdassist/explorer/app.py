@@ -470,7 +470,7 @@ class Explorer(Exporting):
         drive, letters = self.session.drive, defaultdict(str, {0.0: "N"})
         advice = self.known.advice
         if advice and not is_any_hole(drive):
-            ranked = advice.choice.ranked
+            ranked = advice.ranked
             letters[ranked[0].rotation_deg] += "B"
             letters[ranked[-1].rotation_deg] += "W"
         if advice and advice.next:

@@ -140,7 +140,7 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
             setup = TrialSetup(TRIALS.torque_of(drive.operation.M_g))
             advice = advise_after(drive, (), setup, draws=effort.draws, run=run)
         else:
-            advice = advise(drive, drive.operation.M_g, rotations, draws=effort.draws, run=run)
+            advice = advise(drive, rotations, draws=effort.draws, run=run)
     if advice.decision.is_sampled or not advice.unknown:
         tell("curve", _mount_curve(advice))
     tell("report", mount_report(advice, SEED))

@@ -335,7 +335,7 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
     if whole and pinned and pinned.whole:
         both = zip(map(middle_of, found.points), map(middle_of, pinned.whole.points), strict=True)
         columns["change, ″"] = [f"[{INK[0]}]{now - before:+.2f}[/]" for now, before in both]
-    best_deg = known.advice.choice.chosen.rotation_deg if known.advice else 0.0
+    best_deg = known.advice.chosen.rotation_deg if known.advice else 0.0
     alike = known.curve and known.curve.surety(best_deg) == surety  # a number as given is not put beside medians
     if best_deg and known.curve and alike and not is_any_hole(session.drive):
         holes, best = session.drive.mounting.holes, known.curve.place(best_deg)

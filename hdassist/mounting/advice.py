@@ -8,16 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from hdassist.belief.evidence import evidence_of, measured_errors
+from hdassist.belief.evidence import measured_errors
 from hdassist.belief.influence import Influence, influences_on
-from hdassist.belief.prior import prior_of
-from hdassist.belief.samples import (
-    EFFECTIVE_SAMPLES,
-    Samples,
-    SamplingEffort,
-    draw_samples,
-    limits_settled,
-)
+from hdassist.belief.prior import beside_measured_teeth, prior_of
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, drive_samples
 from hdassist.error.cycle import limits_left
 from hdassist.error.error_map import searchable
 from hdassist.error.extremes import DRAWN_STATES, FINE_STATES
@@ -37,7 +31,6 @@ from hdassist.mounting.decision import (
     value_of_measurement,
 )
 from hdassist.mounting.positions import (
-    Choice,
     MountingCurve,
     Position,
     begun_curve,
@@ -159,12 +152,24 @@ class Advice:
         return Position(rotation, phase, hole_of(rotation, drive.mounting.holes), found.quantile(0.5, place))
 
     @cached_property
-    def choice(self) -> Choice:
-        """The chosen position beside the others."""
-        found = self.decision
-        ranked = tuple(map(self.position, found.ranked))
-        chosen = self.position(found.best)
-        return Choice(self.drive, self.torques, self.position(found.stay), chosen, bool(chosen.rotation_deg), ranked)
+    def current(self) -> Position:
+        """Where the wheel stands (where it stood before the first trial, if there were trials)."""
+        return self.position(self.decision.stay)
+
+    @cached_property
+    def chosen(self) -> Position:
+        """Where the wheel is to be."""
+        return self.position(self.decision.best)
+
+    @property
+    def turn(self) -> bool:
+        """Whether the wheel is to be turned."""
+        return self.chosen.rotation_deg != 0
+
+    @cached_property
+    def ranked(self) -> tuple[Position, ...]:
+        """The usable positions, best first."""
+        return tuple(map(self.position, self.decision.ranked))
 
     @property
     def correction(self) -> str:
@@ -263,7 +268,6 @@ def advice_states(
 
 def advise(
     drive: Drive,
-    torques: Sequence[float],
     rotations_deg: Sequence[float],
     *,
     measured: MeasuredTeeth | None = None,
@@ -276,50 +280,42 @@ def advise(
 ) -> Advice:
     """Find the hole in which to mount the fixed wheel of a drive, by its preset alone.
 
-    Arguments: torques [N*m]; rotations_deg, positions of the curve [deg], 0 first, where the wheel stands; measured,
-    wheels in place of first harmonics, for which no deviation is drawn; setup, how holes would be measured; draws,
-    effective samples of uncertain inputs at least, 0 for none; sure, probability that makes an order of the choice;
-    cost, share of F'_ior that a turn has to earn; worth, gain below which measuring stops. Raises UsageError for
-    invalid positions, UntrustedError where an answer cannot be trusted.
+    Arguments: rotations_deg, positions of the curve [deg], 0 first, where the wheel stands; measured, wheels in place
+    of first harmonics, for which no deviation is drawn; setup, how holes would be measured; draws, effective samples of
+    uncertain inputs at least, 0 for none; sure, probability that makes an order of the choice; cost, share of F'_ior
+    that a turn has to earn; worth, gain below which measuring stops. Raises UsageError for invalid positions,
+    UntrustedError where an answer cannot be trusted.
     """
-    known = measured.without_harmonics(drive) if measured else drive
-    prior, setup = prior_of(known), setup or TrialSetup(min(torques, key=abs))
+    known, prior = beside_measured_teeth(drive, measured)
+    torques, of_drive = drive.operation.M_g, measured_errors(drive)
+    setup = setup or TrialSetup(min(torques, key=abs))
     drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
     curve, checks = begun_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)
-    # of a measured wheel all is known
-    open_ = tuple(each.path for each in prior.fields if known.value(each.path) == drive.value(each.path))
-    left, alike = limits_left(drive, torques), bool(_no_hole_better(drive, measured)) or _any_direction(known)
-    as_given = replace(Decision.as_given(curve, left), cost=cost, all_alike=alike)
+    left = limits_left(drive, torques)
+    found, samples, fault = Decision.as_given(curve, left), None, ""
+    if drawn:
+        positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
+        try:
+            samples = drive_samples(
+                prior, left, rotations_deg=sorted({0.0, *positions}), draws=draws, sure=sure, run=run
+            )
+            found = Decision.of(samples.of_ranges, positions, left)
+        except UntrustedError as refusal:  # an action never is refused
+            if of_drive:
+                return advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
+            fault = refusal.message
+    alike = bool(_no_hole_better(drive, measured)) or _any_direction(known)
+    found = replace(found, cost=cost, all_alike=alike)
     advice = Advice(
-        drive, as_given, setup, curve, measured=measured, unknown=unknowns(known), open_=open_, sure=sure,
-        worth=worth,
+        drive, found, setup, checked_curve(curve, checks), samples, measured=measured, unknown=unknowns(known),
+        open_=tuple(each.path for each in prior.fields), sure=sure, worth=worth, fault=fault,
     )  # fmt: skip
-
-    def checked(advice: Advice) -> Advice:
-        return replace(advice, curve=checked_curve(curve, checks))
-
-    if not drawn:
-        return checked(advice)
-    positions = tuple(usable_positions(drive.mounting.holes, drive.mounting.allowed))
-    try:
-        samples = draw_samples(
-            prior, torques, rotations_deg=sorted({0.0, *positions}), evidence=evidence_of(drive),
-            enough=lambda found: limits_settled(left, found, sure), effort=SamplingEffort.of(draws), run=run,
-        )  # fmt: skip
-    except UntrustedError as fault:  # an action never is refused
-        if any(each.M_g == setup.M_g for each in measured_errors(drive)):
-            return advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
-        return checked(replace(advice, fault=fault.message))
-    of_ranges = samples.of_ranges
-    found = replace(Decision.of(of_ranges, positions, left), cost=cost, all_alike=alike)
-    advice = replace(advice, decision=found, samples=samples)
-    if advice.no_hole_better:
-        return checked(advice)
-    count = len(measured_errors(drive))
-    shown = found if count else as_measured(found, seed=run.seed)
+    if not samples or advice.no_hole_better:
+        return advice
+    shown = found if of_drive else as_measured(found, seed=run.seed)
     torque = min(range(len(torques)), key=lambda k: (torques[k] != setup.M_g, abs(torques[k])))
-    value = _value(shown, {setup.M_g: shown.F_ior_arcsec[torque]}, None, setup, count, run.seed)
-    return checked(replace(advice, value=value))
+    value = _value(shown, {setup.M_g: shown.F_ior_arcsec[torque]}, None, setup, len(of_drive), run.seed)
+    return replace(advice, value=value)
 
 
 def advise_after(

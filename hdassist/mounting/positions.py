@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from hdassist.error.cycle import KinematicError, cross_check_of, kinematic_error
+from hdassist.error.cycle import KinematicError, cross_checks_of, kinematic_error
 from hdassist.error.error_map import Batch, error_maps, searchable
 from hdassist.error.extremes import many_extremes
 from hdassist.errors import UsageError
@@ -45,28 +45,6 @@ class Position:
     def short_way_deg(self) -> float:
         """The same turn by the shorter way, in -180..180: negative is clockwise."""
         return self.rotation_deg - 360 if self.rotation_deg > 180 else self.rotation_deg
-
-
-@dataclass(frozen=True)
-class Choice:
-    """The position that the fixed wheel is to have, among those that it may have.
-
-    torques [N*m], those of every position's F_ior_arcsec; current, where the wheel stands (where it stood before the
-    first trial, if there were trials); chosen, the best one; turn, whether to go there from the current one; ranked,
-    the usable positions, best first.
-    """
-
-    drive: Drive
-    torques: tuple[float, ...]
-    current: Position
-    chosen: Position
-    turn: bool
-    ranked: tuple[Position, ...]
-
-    @property
-    def target(self) -> Position:
-        """Where the wheel is to be."""
-        return self.chosen if self.turn else self.current
 
 
 @dataclass(frozen=True)
@@ -279,7 +257,7 @@ def _solved(
         proof += error.certificate
         run.solved(error.certificate.states)
     solved = [(*drive, error) for drive, error in zip(drives, errors, strict=True)]
-    checks = [run.beside(_again, solved, run.of_task)] if run.cross_check else []
+    checks = [run.beside(cross_checks_of, solved, run.of_task)] if run.cross_check else []
     return replace(curve, F_ior_arcsec=values, every_state=curve.every_state | places, certificate=proof), checks
 
 
@@ -293,7 +271,3 @@ def _error(drive: Drive, teeth: ToothDeviations | None, M_g: float, run: Run) ->
     """F'_ior [arcsec], and the error at the states that another solver is to solve again, with the proof of all."""
     error = kinematic_error(drive, M_g, teeth=teeth, run=replace(run, progress=None, cross_check=None))
     return error.F_ior_arcsec, error.sampled(SAMPLED_STATES, run.seed)
-
-
-def _again(solved: Sequence[tuple[Drive, ToothDeviations | None, KinematicError]], run: Run) -> list[CrossCheck]:
-    return [cross_check_of(drive, error, teeth, run=run) for drive, teeth, error in solved]

@@ -6,7 +6,7 @@ from datetime import date
 
 from hdassist.model.deviations import standing_offset
 from hdassist.mounting.advice import Advice
-from hdassist.mounting.positions import Choice, Position, hole_of
+from hdassist.mounting.positions import Position, hole_of
 from hdassist.preset.fields import Drive, origin_counts
 from hdassist.preset.text import shown
 from hdassist.report import Block, Facts, Hole, Lines, Paragraph, Seat, SeatMark, Table
@@ -43,22 +43,15 @@ def place_at(rotation_deg: float, hole: int | None, say: Texts = ENGLISH) -> str
     return say.angle(rotation_deg) if hole is None else say("place.hole", hole=hole)
 
 
-def instruction(choice: Choice, say: Texts = ENGLISH, *, gains: bool = True) -> str:
-    """One sentence: what to do with the wheel; gains: and what it brings at each torque."""
-    fixed = wheel(choice.drive, say)
-    if not choice.turn:
-        return say("instruction.leave", wheel=fixed)
-    values = zip(choice.torques, choice.current.F_ior_arcsec, choice.chosen.F_ior_arcsec, strict=True)
+def instruction(advice: Advice, say: Texts = ENGLISH, *, gains: bool = True) -> str:
+    """What to do with the wheel, which lies in the last trial if there were trials; gains: what it brings by torque."""
+    fixed = wheel(advice.drive, say)
+    if not advice.turn:
+        return say("instruction.first" if advice.trials else "instruction.leave", wheel=fixed)
+    values = zip(advice.torques, advice.current.F_ior_arcsec, advice.chosen.F_ior_arcsec, strict=True)
     gain = ", ".join(f"F'_ior {now:.2f} → {new:.2f}″ at {M_g:g} N·m" for M_g, now, new in values)
-    order = say("instruction.turn", wheel=fixed, turn=turn(choice.chosen, say))
-    return f"{order}: {gain}." if gains else f"{order}."
-
-
-def after_trials(choice: Choice, say: Texts = ENGLISH, *, gains: bool = True) -> str:
-    """The order after trials: the wheel lies in the last of them, and the first position is one to go to."""
-    if not choice.turn:
-        return say("instruction.first", wheel=wheel(choice.drive, say))
-    return f"{instruction(choice, say, gains=gains)} {say('instruction.from_first')}"
+    order = say("instruction.turn", wheel=fixed, turn=turn(advice.chosen, say)) + f": {gain}" * gains
+    return f"{order}. {say('instruction.from_first')}" if advice.trials else f"{order}."
 
 
 def seat_holes(drive: Drive) -> tuple[Hole, ...]:
@@ -68,21 +61,21 @@ def seat_holes(drive: Drive) -> tuple[Hole, ...]:
     return tuple(Hole(k, at.first_hole + t, at.allowed == "all" or k in at.allowed) for k, t in enumerate(turns))
 
 
-def seat_of(choice: Choice, say: Texts, goal: Position | None, pointers: Sequence[SeatMark] = ()) -> Seat:
+def seat_of(advice: Advice, say: Texts, goal: Position | None, pointers: Sequence[SeatMark] = ()) -> Seat:
     """The seat of a drive with the position now, the worst one, and the one to go to.
 
-    Arguments: choice; say, the texts of the reader's language; goal, where the wheel goes, None where it stays;
+    Arguments: say, the texts of the reader's language; goal, where the wheel goes, None where it stays;
     pointers, directions of the mark and the cam.
     """
-    mounting = choice.drive.mounting
+    mounting = advice.drive.mounting
     first, barred = mounting.first_hole, say("seat.letter_barred")
-    named = {"now": choice.current, "best": goal, "worst": choice.ranked[-1]}
+    named = {"now": advice.current, "best": goal, "worst": advice.ranked[-1]}
     places = [
         SeatMark(kind, first + p.rotation_deg, say(f"seat.letter_{kind}"), say(f"seat.{kind}"))
         for kind, p in named.items()
         if p
     ]
-    holes = seat_holes(choice.drive)
+    holes = seat_holes(advice.drive)
     words = ", ".join(f"{p.letter} {p.words}" for p in places)
     legend = say("seat.legend" if holes else "seat.legend_free", places=words)
     if not all(hole.usable for hole in holes):
@@ -133,18 +126,17 @@ def card_of(advice: Advice, say: Texts, warnings: Sequence[str] = (), *, serial:
     """
     if advice.trials:
         say = say.variant("trials")
-    choice, order = advice.choice, after_trials if advice.trials else instruction
-    seat = seat_of(choice, say, choice.chosen if choice.turn else None, tuple(_pointers(advice, say)))
+    seat = seat_of(advice, say, advice.chosen if advice.turn else None, tuple(_pointers(advice, say)))
     return Card(
         language=say.language,
         title=say("card.title"),
         subject=_subject(advice, say, serial),
-        instruction=Paragraph(order(choice, say, gains=False)),
+        instruction=Paragraph(instruction(advice, say, gains=False)),
         seat=seat,
         directions=Lines(
             "", tuple(f"{p.letter}: {p.words}, {say.angle(round(p.angle_deg, 1))}" for p in seat.pointers)
         ),
-        torques=_torques(choice, say),
+        torques=_torques(advice, say),
         chance=Lines(f"{say('chance.title')}: {say(f'word.{advice.word}')}", tuple(_chances(advice, say))),
         checks=Lines(say("checks.title"), tuple(_checks(advice, say)), "[ ]"),
         warnings=Lines(say("warnings.title"), tuple(_warnings(warnings, say)), "!"),
@@ -176,7 +168,7 @@ def _subject(advice: Advice, say: Texts, serial: str) -> Facts:
 
 def _pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
     """Directions of the mark now and afterwards (one where they are the same), and of the cam offset if it has one."""
-    drive, turned = advice.drive, advice.choice.target.rotation_deg
+    drive, turned = advice.drive, advice.chosen.rotation_deg
     rigid = drive.mounting.fixed == "rigid"
     measured = advice.measured and advice.measured.fixed(drive)
     mark = measured.mark_deg if measured else drive.value("phases.xi_b" if rigid else "phases.xi_g")
@@ -193,47 +185,46 @@ def _pointers(advice: Advice, say: Texts) -> Iterator[SeatMark]:
         yield SeatMark("cam", cam_deg % 360, "c", say("pointer.cam", symbol="e_hb" if rigid else "e_hg"))
 
 
-def _torques(choice: Choice, say: Texts) -> Table:
+def _torques(advice: Advice, say: Texts) -> Table:
     """A row a torque: F'_ior now and, where the wheel is turned, afterwards; the last column is left to write in."""
-    names = ("torque", "now", *(("after", "change") if choice.turn else ()), "measured")
+    names = ("torque", "now", *(("after", "change") if advice.turn else ()), "measured")
     rows = []
-    for M_g, now, new in zip(choice.torques, choice.current.F_ior_arcsec, choice.chosen.F_ior_arcsec, strict=True):
-        after = (say.number(new, ".2f"), say.percent(new / now - 1, "+")) if choice.turn else ()
+    for M_g, now, new in zip(advice.torques, advice.current.F_ior_arcsec, advice.chosen.F_ior_arcsec, strict=True):
+        after = (say.number(new, ".2f"), say.percent(new / now - 1, "+")) if advice.turn else ()
         rows.append((say.number(M_g), say.number(now, ".2f"), *after, ""))
     return Table(say("torques.title"), tuple(say(f"torques.{name}") for name in names), tuple(rows))
 
 
 def _chances(advice: Advice, say: Texts) -> Iterator[str]:
     """How sure the choice is, what to do if it comes out wrong, and what it rests on."""
-    choice, found = advice.choice, advice.decision
+    found = advice.decision
     if advice.word == "ANY_HOLE":
         yield say("chance.any")
     elif not found.is_sampled:
         yield say("chance.given")
     else:
-        name = "chance.turn" if choice.turn else "chance.leave"
+        name = "chance.turn" if advice.turn else "chance.leave"
         odds = {"cost": say.percent(found.cost), "sure": say.percent(found.probability.value)}
         yield say(name, count=len(advice.open_), **odds)
     to_try = [advice.next] if advice.trials else advice.to_try
-    holes = ", ".join(hole_place(p, say) for p in [p for p in to_try if p] or [choice.current])
+    holes = ", ".join(hole_place(p, say) for p in [p for p in to_try if p] or [advice.current])
     if found.is_sampled:
-        k = min(range(len(choice.torques)), key=lambda k: abs(choice.torques[k]))
-        high, torque = say.number(found.quantile(0.95, found.best)[k], ".1f"), say.torque(choice.torques[k])
+        k = min(range(len(advice.torques)), key=lambda k: abs(advice.torques[k]))
+        high, torque = say.number(found.quantile(0.95, found.best)[k], ".1f"), say.torque(advice.torques[k])
         yield say("chance.wrong", high=high, torque=torque, holes=holes)
     else:
         yield say("chance.worse", holes=holes)
-    kinds = origin_counts(choice.drive)
+    kinds = origin_counts(advice.drive)
     yield say("chance.values", **{kind: str(kinds[kind]) for kind in ("given", "identified", "assumed")})
 
 
 def _checks(advice: Advice, say: Texts) -> list[str]:
-    chosen, place = advice.choice.chosen, ["place_first"] if advice.trials else []
-    if advice.choice.turn:
+    chosen, place = advice.chosen, ["place_first"] if advice.trials else []
+    if advice.turn:
         place = ["place_angle" if chosen.hole is None else "place_hole"]
     names = ("clean", "pilot", *place, "free", "screws", "mesh")
     found = [say(f"checks.{name}", turn=turn(chosen, say), hole=chosen.hole) for name in names]
-    target = advice.choice.target
-    where = place_at(target.rotation_deg, target.hole, say)
+    where = hole_place(chosen, say)
     return found + [say("checks.correction", where=where)] * bool(advice.correction)
 
 

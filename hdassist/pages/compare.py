@@ -325,7 +325,7 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
             odds = changes.probability_better[k] if changes else None
             change = _change(result, sheet, changes, k) if changes else NO_VALUE
             better = NO_VALUE if odds is None else f"{100 * odds:.0f} %"
-            best, point = sheet.advice.choice.target, sheet.check.points[k]
+            best, point = sheet.advice.chosen, sheet.check.points[k]
             mounted = f"{best.F_ior_arcsec[k]:.1f}, {hole_place(best)}"
             yield letter, f"{point.M_g:g} N·m", F_ior_words(point, ".1f"), mounted, change, better
 
@@ -437,13 +437,13 @@ def _drives_values(result: DrivesComparison, seed: int) -> Json:
 
 def _drive_object(sheet: DriveSheet, seed: int) -> Json:
     """The JSON of `check` and `mount` on a drive, as far as it is compared."""
-    check, best = report_object(check_report(sheet.check, seed)), sheet.advice.choice.target
+    check, best = report_object(check_report(sheet.check, seed)), sheet.advice.chosen
     ordered = {"hole": best.hole, "rotation_deg": best.rotation_deg, "F_ior_arcsec": list(best.F_ior_arcsec)}
     return {
         **check["preset"],
         "file": sheet.drive.origin.file,
         **{key: check[key] for key in ("operating_points", "unknown", "influence")},
         "word": sheet.advice.word,
-        "order": "turn" if sheet.advice.choice.turn else "leave",
+        "order": "turn" if sheet.advice.turn else "leave",
         "best": ordered,
     }

@@ -18,7 +18,6 @@ from hdassist.pages.card import (
     ENGLISH,
     TRADE,
     WHEELS,
-    after_trials,
     hole_place,
     instruction,
     place_at,
@@ -56,7 +55,7 @@ def mount_report(
     """
     drive, figures = advice.drive, list[Figure](position_curves(advice))
     say = ENGLISH.variant("trials") if advice.trials else ENGLISH
-    figures.append(seat_of(advice.choice, say, advice.choice.target))
+    figures.append(seat_of(advice, say, advice.chosen))
     count, checked = len(advice.trials), advice.verification
     where = f"{TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
     if count:
@@ -66,7 +65,7 @@ def mount_report(
     rows = dict.fromkeys((*found.ranked[:ROWS], *(() if found.stay is None else (found.stay,)), found.ranked[-1]))
     back = checked and checked.back_to
     word = ("GO BACK" if back else "KEEP") if checked else WORDS[advice.word]
-    to_deg = (checked.back_to or checked.trial).rotation_deg if checked else advice.choice.target.rotation_deg
+    to_deg = (checked.back_to or checked.trial).rotation_deg if checked else advice.chosen.rotation_deg
     return Report(
         command="mount",
         drive=drive,
@@ -155,9 +154,9 @@ def instruction_of(advice: Advice) -> str:
             return f"Go back to {_where(advice, back.rotation_deg)}, where {back.F_ior_arcsec:g} was measured: {told}."
         odd = "" if checked.as_predicted else " That is not as predicted: check seat and measurement."
         return f"Keep it: {told}.{odd}"
-    order = after_trials(advice.choice) if advice.trials else instruction(advice.choice)
+    order = instruction(advice)
     if advice.correction:
-        order = instruction(advice.choice, gains=False)
+        order = instruction(advice, gains=False)
         order += f" The correction ({advice.correction}) is made there, and for no other hole."
     if advice.compensated and not advice.correction:
         order = f"With {advice.compensated[0]} no hole is better than another by what is left. By F'_ior: {order}"
@@ -230,7 +229,7 @@ def next_value_words(advice: Advice) -> str:
 
 def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
     """The choice of each torque alone, limits, and the next command, a label and a text each."""
-    found, drive, at = advice.decision, advice.drive, advice.choice.target.rotation_deg
+    found, drive, at = advice.decision, advice.drive, advice.chosen.rotation_deg
     alone = [p.rotation_deg for p in advice.by_torque]
     if advice.word != "ANY_HOLE" and any(each != alone[0] for each in alone):
         words = (f"{M_g:g} N·m {hole_place(p)}" for M_g, p in zip(advice.torques, advice.by_torque, strict=True))
@@ -328,7 +327,7 @@ def position_curves(advice: Advice) -> Iterator[Curve]:
         return
     ends = [np.array([found.quantile(level, place) for place in range(len(turns))]) for level in LEVELS.values()]
     now, next_words = _standing(advice), "next"
-    marked = {now: advice.choice.current, "best": advice.choice.chosen}
+    marked = {now: advice.current, "best": advice.chosen}
     if advice.next and advice.word != "ANY_HOLE" and advice.next.rotation_deg == marked["best"].rotation_deg:
         del marked["best"]
         next_words = "best and next"
@@ -362,7 +361,7 @@ def position_curves(advice: Advice) -> Iterator[Curve]:
 
 def _values(advice: Advice, seed: int) -> Json:
     """One shape, whatever was given."""
-    found, choice, curve, after = advice.decision, advice.choice, advice.curve, advice.after
+    found, curve, after = advice.decision, advice.curve, advice.after
     positions = [_action(advice, place) for place in range(len(found.rotations_deg))]
     value, checked, setup = advice.value, advice.verification, advice.setup
     probability = found.probability if found.is_sampled else None
@@ -373,9 +372,9 @@ def _values(advice: Advice, seed: int) -> Json:
     misread = zip(advice.trials, after.misread if after else (), strict=True)
     answer = {
         **attributes(advice, "word", M_g_Nm="torques", probability_needed="sure"),
-        **attributes(choice, "current", hole="target.hole", rotation_deg="target.rotation_deg"),
-        **attributes(choice, recommended="target", best_bet="chosen"),
-        "worst": choice.ranked[-1],
+        **attributes(advice, "current", hole="chosen.hole", rotation_deg="chosen.rotation_deg"),
+        **attributes(advice, recommended="chosen", best_bet="chosen"),
+        "worst": advice.ranked[-1],
         "probability": probability,
         "instruction": instruction_of(advice),
         "positions": positions,
@@ -387,7 +386,7 @@ def _values(advice: Advice, seed: int) -> Json:
         "next": None,
         "worth": [{"values": count, "F_ior_arcsec": F_ior} for count, F_ior in advice.worths],
         "suspected": advice.suspected and _trial(advice, advice.suspected),
-        "order": "turn" if choice.turn else "leave",
+        "order": "turn" if advice.turn else "leave",
         "gain": dict(zip(LEVELS, advice.gain_range, strict=True)),
         "to_try": advice.to_try if advice.next and not advice.trials else [],
         "influence": influence_objects(advice.influences),
@@ -447,7 +446,7 @@ def _compensated(advice: Advice) -> Json | None:
     form, found = advice.compensated
     places = range(len(found.rotations_deg))
     left = {name: [found.quantile(level, each) for each in places] for name, level in LEVELS.items()}
-    order = "none" if not advice.correction else "turn" if advice.choice.turn else "leave"
+    order = "none" if not advice.correction else "turn" if advice.turn else "leave"
     return {"form": form, "order": order, "rotation_deg": found.rotations_deg, "left_arcsec": left}
 
 

@@ -113,8 +113,8 @@ def _tiles(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[tuple[str, 
         below = f"{found.p5:.1f} to {found.p95:.1f}″ in 90 % of cases" if found else "over the full cycle"
         yield f"F'_ior at {point.M_g:g} N·m", f"{point.F_ior_or_error:.1f}″", below
     advice = sheet.advice
-    gain = f"{-100 * advice.gain_range[1]:+.0f} % error" if advice.choice.turn else "leave it as it is"
-    yield "position of the wheel", hole_place(advice.choice.target), f"{WORDS[advice.word]}: {gain}"
+    gain = f"{-100 * advice.gain_range[1]:+.0f} % error" if advice.turn else "leave it as it is"
+    yield "position of the wheel", hole_place(advice.chosen), f"{WORDS[advice.word]}: {gain}"
     yield "values assumed", str(values["assumed"]), f"{values['given']} given, {values['identified']} identified"
 
 

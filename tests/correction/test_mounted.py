@@ -24,7 +24,7 @@ TABLE = CorrectionForm("output", 20)
 
 def advice_of(form: CorrectionForm, *overrides: str, draws: int = 0):
     drive = load_preset(TINY, ["mounting.holes=6", *overrides])
-    advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=draws, run=UNCHECKED)
+    advice = advise(drive, seat_positions(drive), draws=draws, run=UNCHECKED)
     return advice_corrected(advice, form, draws, UNCHECKED)
 
 

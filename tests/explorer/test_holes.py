@@ -52,7 +52,7 @@ def test_holes_that_are_not_allowed_are_marked_and_never_the_best() -> None:
 def test_the_best_and_the_worst_hole_are_those_of_mount() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert app.known.advice is not None
-        ranked = [position.hole for position in app.known.advice.choice.ranked]
+        ranked = [position.hole for position in app.known.advice.ranked]
         signs = {k: str(app.holes.get_row(key)[0]) for k, key in enumerate(app.holes.rows)}
         assert [k for k, text in signs.items() if "B" in text] == ranked[:1]
         assert [k for k, text in signs.items() if "W" in text] == ranked[-1:]

@@ -157,10 +157,10 @@ def test_a_free_angle_keeps_to_its_steps():
 def test_beside_measured_teeth_nothing_is_drawn_and_an_order_is_on_the_users_word():
     drive = load_preset(SMALL, ["mounting.holes=2", "uncertainty.phases.xi_b=10"])
     measured = harmonic(drive, "rigid", 0.0)
-    advice = advise(drive, [4.0], [0, 180], measured=measured, run=UNCHECKED)
+    advice = advise(drive, [0, 180], measured=measured, run=UNCHECKED)
     assert (advice.word in ("TURN", "LEAVE"), advice.samples, advice.decision.is_sampled) == (True, None, False)
-    advice = advise(drive, [4.0], [0, 180], measured=measured, draws=0, run=UNCHECKED)
-    assert advice.open_ and advice.choice.target
+    advice = advise(drive, [0, 180], measured=measured, draws=0, run=UNCHECKED)
+    assert advice.open_ and advice.chosen
 
 
 def test_half_a_pitch_goes_the_same_way_in_every_state():

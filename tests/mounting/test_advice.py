@@ -38,7 +38,7 @@ def test_only_allowed_holes_are_recommended():
     assert [p.hole for p in some.ranked] == [2, 1, 4]
     # the present hole is not among them: it has to be left, even for a worse one
     forced = curve_of([5.0, 9.0, 8.0, 7.0, 30.0, 6.0], holes=6, allowed=(1, 2))
-    assert advice_of(forced).choice.turn
+    assert advice_of(forced).turn
     assert mount_report(advice_of(forced), 0).line == "2"
     drive = load_preset(SMALL, ["mounting.allowed=[2,5]"])
     assert seat_positions(drive) == [0, 60, 150]
@@ -54,7 +54,7 @@ def test_no_gain_means_stay():
     words = [advice_of(curve_of([10.0, best, 12.0], holes=3)).word for best in (11.0, 9.95, 9.8)]
     assert words == ["LEAVE", "LEAVE", "TURN"]  # less than a hundredth is nothing
     assert mount_report(advice_of(curve_of([10.0, 9.95, 12.0], holes=3)), 0).line == "0"
-    assert instruction(advice_of(curve_of([10.0, 11.0, 12.0], holes=3)).choice) == "Leave the rigid wheel as it is."
+    assert instruction(advice_of(curve_of([10.0, 11.0, 12.0], holes=3))) == "Leave the rigid wheel as it is."
 
 
 def test_the_instruction_takes_the_shorter_way():
@@ -62,7 +62,7 @@ def test_the_instruction_takes_the_shorter_way():
     assert turn(curve.at(1)) == "1 hole (90°) counter-clockwise"
     assert turn(curve.at(2)) == "2 holes (180°) counter-clockwise"
     assert turn(curve.at(3)) == "1 hole (90°) clockwise"
-    said = instruction(advice_of(curve).choice)
+    said = instruction(advice_of(curve))
     assert said.startswith("Turn the rigid wheel by 1 hole (90°) clockwise, seen from the cam side: ")
     assert "20.00 → 8.00″ at 1 N" in said
     free = curve_of([20.0, 9.0, 30.0, 8.0], holes=0)
@@ -81,7 +81,7 @@ def test_the_seat_shows_where_holes_lie():
                 "mounting": drive.mounting.model_copy(update={"first_hole": first_hole, "holes": 4}),
             }
         )
-        choice = replace(advice_of(curve), drive=there).choice
+        choice = replace(advice_of(curve), drive=there)
         rows = seat_in_characters(seat_of(choice, texts(), choice.chosen)).split("\n")
         ((row, column),) = [(r, line.index(letter)) for r, line in enumerate(rows) if letter in line]
         return column - 20, 7 - row

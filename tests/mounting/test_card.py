@@ -53,7 +53,7 @@ def test_the_facts():
     assert dict(made.subject.rows)["drive"] == "small"
     assert dict(made.subject.rows)["serial number"] == "17-042"
     assert dict(made.subject.rows)["teeth"] == "flexspline 60, rigid wheel (circular spline) 62; module 0.5 mm"
-    assert made.instruction.text == instruction(CARDS["plain"].choice, gains=False)
+    assert made.instruction.text == instruction(CARDS["plain"], gains=False)
     assert made.torques.rows == (("1", "28.09", "14.94", "-47 %", ""), ("10", "8.09", "4.52", "-44 %", ""))
     assert "the wheel stands at hole 8: 4 holes (120°) clockwise" in made.checks.lines
     assert made.chance.title == "How sure this is: TURN"
@@ -270,7 +270,7 @@ def test_no_text_of_the_catalogue_is_unused(monkeypatch):
     monkeypatch.setattr(Texts, "__call__", recorded)
     for advice in [*CARDS.values(), crowded(CARDS["many"])]:
         card(advice, "ru")
-        seat_of(advice.choice, texts("ru"), advice.choice.chosen)
+        seat_of(advice, texts("ru"), advice.chosen)
     card(CARDS["plain"], "ru", trials=TRIALS)
     card(CARDS["leave"], "ru", trials=TRIALS)
     card(crowded(CARDS["many"]), "en")

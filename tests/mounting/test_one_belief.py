@@ -27,6 +27,9 @@ OPEN = (
 )
 
 
+AT_4 = "operation.M_g=4"
+
+
 def drive_of(*overrides: str):
     return load_preset(TINY, [*OPEN, *overrides])
 
@@ -37,14 +40,14 @@ def drive_of(*overrides: str):
 def test_F_ior_as_mounted_is_the_same_number_on_check_mount_and_a_sheet(more):
     drive = drive_of(more)
     points = check(drive, draws=8, run=Run(seed=3)).points
-    advice = advise(drive, drive.operation.M_g, seat_positions(drive), draws=8, run=Run(seed=3))
+    advice = advise(drive, seat_positions(drive), draws=8, run=Run(seed=3))
     sheet = sheet_of(drive, draws=8, run=Run(seed=3))
     for k, point in enumerate(points):
         belief = point.belief
         told = pytest.approx((belief.p5, belief.p50, belief.p95), abs=PROVEN)
         assert advice.decision.range_of(advice.decision.now_arcsec[k]) == told
         assert advice.decision.range_of(advice.decision.at(0)[k]) == told  # hole 0 is where the wheel stands
-        assert advice.choice.current.F_ior_arcsec[k] == pytest.approx(belief.p50, abs=PROVEN)
+        assert advice.current.F_ior_arcsec[k] == pytest.approx(belief.p50, abs=PROVEN)
         on_sheet = sheet.check.points[k].belief
         assert (on_sheet.p5, on_sheet.p50, on_sheet.p95) == told
         assert sheet.check.points[k].verdict == point.verdict
@@ -113,7 +116,7 @@ def test_all_pages_say_the_same_numbers_and_the_same_probability():
 def test_mount_draws_as_many_samples_as_check_with_the_same_sureness():
     drive, positions = drive_of("acceptance.F_ior=28", "operation.M_g=4"), [0.0, 60.0]
     many, few = (check(drive, draws=8, sure=sure, run=Run(seed=3)).samples.draws for sure in (0.95, 0.7))
-    advices = [advise(drive, (4.0,), positions, draws=8, sure=sure, run=Run(seed=3)) for sure in (0.95, 0.7)]
+    advices = [advise(drive, positions, draws=8, sure=sure, run=Run(seed=3)) for sure in (0.95, 0.7)]
     assert [each.samples.draws for each in advices] == [many, few]
     assert few < many
 
@@ -146,7 +149,7 @@ def test_what_is_assumed_widens_the_gain_and_can_take_an_order_back():
     """All deviations are known; how stiff the cam stands decides what turning brings."""
     holes = [60.0 * k for k in range(6)]
     stiff = "source.supports.C_3={kind: assumed, range: [200, 100000], ref: judged}"
-    known, loose = (advise(drive_of(each), (4.0,), holes, draws=16) for each in ("supports.C_3=2000", stiff))
+    known, loose = (advise(drive_of(each, AT_4), holes, draws=16) for each in ("supports.C_3=2000", stiff))
     low, _, high = (one - other for one, other in zip(loose.gain_range, known.gain_range, strict=True))
     assert (low, -high) < (0, 0)
     assert {each.group for each in loose.influences} <= {each.group for each in prior_of(drive_of(stiff)).fields}
@@ -155,7 +158,7 @@ def test_what_is_assumed_widens_the_gain_and_can_take_an_order_back():
 def test_a_catalogue_is_heard_by_mount():
     drive = drive_of()
     K_2 = stiffness_figures(drive)[0]["K_2"]
-    weights = advise(drive_of(f"catalogue.K_2={K_2}"), (4.0,), [0.0, 60.0], draws=4).samples.weights
+    weights = advise(drive_of(f"catalogue.K_2={K_2}", AT_4), [0.0, 60.0], draws=4).samples.weights
     assert np.ptp(weights) > 0
 
 
@@ -183,7 +186,7 @@ def test_F_ior_measured_in_holes_tells_holes_apart():
     open_ = (*unknown, "tolerances.e_hb=unknown", "mounting.holes=6", "operation.M_g=4")
     readings = "measured.F_ior={h0@4: 110 ± 4, h2@4: 75 ± 4, h4@4: 150 ± 4}"
     blind, told = (load_preset(TINY, [*open_, *more]) for more in ((), (readings,)))
-    advices = [advise(each, (4.0,), seat_positions(each), draws=8) for each in (blind, told)]
+    advices = [advise(each, seat_positions(each), draws=8) for each in (blind, told)]
     assert [each.word == "ANY_HOLE" for each in advices] == [True, False]
     assert [each.values for each in advices] == [0, 3]
     assert advices[1].decision.best in (1, 2, 3)
@@ -192,6 +195,6 @@ def test_F_ior_measured_in_holes_tells_holes_apart():
 
 def test_where_too_few_samples_agree_the_values_as_given_name_the_hole():
     drive = drive_of("catalogue.K_2=1e9", "operation.M_g=4")
-    advice = advise(drive, (4.0,), seat_positions(drive), draws=4)
+    advice = advise(drive, seat_positions(drive), draws=4)
     assert "contradicts" in advice.fault
     assert advice.word in ("TURN", "LEAVE") and not advice.decision.is_sampled

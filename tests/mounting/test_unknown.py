@@ -20,7 +20,7 @@ OVAL = ("harmonics.a_b2=1", "harmonics.xi_b2=unknown", "mounting.holes=6", "oper
 
 def advice_on(*overrides: str, **options):
     drive = load_preset(SMALL, list(overrides))
-    return advise(drive, drive.operation.M_g, seat_positions(drive), run=UNCHECKED, **options)
+    return advise(drive, seat_positions(drive), run=UNCHECKED, **options)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_every_number_of_a_hole_is_the_median_over_the_samples(oval):
     now = told["now"][0]
     assert now["p5"] < now["p50"] < now["p95"]
     assert told["gain"]["p5"] <= told["gain"]["p50"] <= told["gain"]["p95"]
-    assert oval.choice.chosen.F_ior_arcsec == tuple(told["best_bet"]["F_ior_arcsec"])
+    assert oval.chosen.F_ior_arcsec == tuple(told["best_bet"]["F_ior_arcsec"])
 
 
 def test_what_is_known_is_ordered_as_ever():
