@@ -265,7 +265,7 @@ def _name(advice: Advice, rotation_deg: float) -> str:
 
 def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
     """Gain, influences, samples, noise and offset by the values, a label and a text each."""
-    if advice.choice.turn and advice.decision.is_sampled and not advice.correction:
+    if advice.turn and advice.decision.is_sampled and not advice.correction:
         low, middle, high = (-100 * each for each in advice.gain_range)
         yield "gain", f"{middle:+z.0f} % ({low:+z.0f} to {high:+z.0f}) F'_ior against where it stands"
     if advice.samples:
