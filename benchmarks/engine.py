@@ -42,7 +42,7 @@ class Warm:
         self._A = np.ascontiguousarray(formulation.A[:, formulation.system.place])
         self._model: Any = None
 
-    def sums(self, gaps: StateGaps, *, pull: bool = False) -> StateSums:
+    def sums(self, gaps: StateGaps) -> StateSums:
         """Solve states as LoadCase.sums says."""
         delta_p = self._formulation.system.delta_p_of(gaps)
         forces, free = np.empty(delta_p.shape), np.empty((len(gaps), len(self._A)))
@@ -55,7 +55,7 @@ class Warm:
                 self._model.setup(self._formulation.P, q, self._A, self._upper, self._lower, self._sense)
             x, _, _, info = self._model.solve()
             forces[k], free[k] = self._formulation.answer(x, info["lam"][len(x) :])
-        return StateSums.of(self._formulation.system, delta_p, self._torque, forces, free, pull=pull)
+        return StateSums.of(self._formulation.system, delta_p, self._torque, forces, free)
 
 
 def measure(quick: bool) -> list[dict[str, Any]]:

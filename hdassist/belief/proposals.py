@@ -121,7 +121,7 @@ class TableEffort:
     """
 
     deviations: int = 32
-    mesh: Mesh = field(default_factory=partial(Mesh, (13, 5, 9, 9), 16))
+    mesh: Mesh = field(default_factory=partial(Mesh, (9, 5, 7, 7), 16))
     compared: int = 1
 
 
@@ -212,7 +212,7 @@ class DeviationProposal:
     prior: DrivePrior
     errors: tuple[Evidence, ...]
     seed: int
-    effort: TableEffort = field(default_factory=partial(TableEffort, 64, Mesh((9, 5, 7, 7), 12), 0))
+    effort: TableEffort = field(default_factory=partial(TableEffort, 64, Mesh((9, 5, 5, 5), 12), 0))
     draws: int = 4
 
     def drawn(self, maps: Sequence[ErrorMap], number: int) -> tuple[list[tuple[dict[str, float], float]], Certificate]:

@@ -56,19 +56,21 @@ DRAWN_GAIN, FINE_GAIN = 0.002, 0.0002  # arcsec that a state has to promise beyo
 class Hills:
     """Points that may be an extreme: row of the drive, sign of the extreme, point, shape (hills, 2), height [arcsec].
 
-    Height is that of the error upside down where the sign is negative.
+    Height is that of the error upside down where the sign is negative. slope [arcsec/mm] of the rotation, shape (hills,
+    scalars), where a state was solved there.
     """
 
     row: Indices
     sign: Indices
     point: Indices
     height: Array
+    slope: Array
 
     def __len__(self) -> int:
         return len(self.row)
 
-    def __getitem__(self, chosen: NDArray[np.bool_]) -> Hills:
-        return Hills(self.row[chosen], self.sign[chosen], self.point[chosen], self.height[chosen])
+    def __getitem__(self, chosen: NDArray[np.bool_] | Indices) -> Hills:
+        return Hills(*(each[chosen] for each in vars(self).values()))
 
     def and_these(self, others: Hills) -> Hills:
         """These and others."""
@@ -110,7 +112,7 @@ def hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> H
         place[:, axis] += shift
         height -= bend * shift**2 / 2
     upside_down, row = np.divmod(side, drives)
-    return Hills(row, 1 - 2 * upside_down, to_points(place), height)
+    return Hills(row, 1 - 2 * upside_down, to_points(place), height, np.empty((len(row), 0)))
 
 
 def many_extremes(error_map: ErrorMap, batch: Batch, grids: tuple[int, ...] = FINE_GRIDS) -> Extremes:
@@ -158,9 +160,9 @@ class _Search:
         hills = self._first_states(hills, np.max([known for _, known in proposed], axis=0))
         groups = hills.row * 2 + (hills.sign < 0)  # of a drive first the hills, then those upside down
         order = np.lexsort((-hills.height, groups))
-        hills = Hills(*(each[order] for each in vars(hills).values()))
-        _, first = np.unique(groups[order], return_index=True)
-        starts = Starts(first, hills.row[first], hills.sign[first], hills.point)
+        hills, (_, first) = hills[order], np.unique(groups[order], return_index=True)
+        rotation, slope = hills.sign * hills.height / ARCSEC, hills.slope / ARCSEC
+        starts = Starts(first, hills.row[first], hills.sign[first], hills.point, rotation, slope)
         radius = round(RADIUS * float(self._size.mean()) / min(grids))
         tops = self._case.climb(
             self._torus,
@@ -222,17 +224,29 @@ class _Search:
                     place = np.stack(at[1:], axis=1).astype(float)
                     place[:, axis - 1] += np.where(first, np.maximum(t - BACK, 0), np.minimum(t + BACK, 1))
                     point = self._map.to_lattice(place * self._size / n)
-                    found.append(Hills(at[0], np.full(len(t), sign), point, np.maximum(sign * near, sign * far)))
+                    found.append(
+                        Hills(
+                            at[0],
+                            np.full(len(t), sign),
+                            point,
+                            np.maximum(sign * near, sign * far),
+                            np.empty((len(t), 0)),
+                        )
+                    )
         return reduce(Hills.and_these, found)
 
     def _first_states(self, hills: Hills, known: Array) -> Hills:
         """Hills that are to be climbed: one state solved on each that may be the highest, and half a turn on."""
         F_ior = np.maximum(known.sum(axis=1), LEAST_F_IOR)
         hills = hills[known[hills.row, (hills.sign < 0).astype(int)] - hills.height <= TRIED * F_ior[hills.row]]
-        hills = replace(hills, height=hills.sign * self._at(hills.row, hills.point)[0]).near_top(CLIMBED)
-        twins = replace(hills, point=self._map.to_lattice(hills.point + self._size / 2))
-        twins = replace(twins, height=hills.sign * self._at(twins.row, twins.point)[0])
+        hills = self._solved(hills).near_top(CLIMBED)
+        twins = self._solved(replace(hills, point=self._map.to_lattice(hills.point + self._size / 2)))
         return hills.and_these(twins).near_top(CLIMBED)
+
+    def _solved(self, hills: Hills) -> Hills:
+        """Hills with the states there."""
+        rotation, slope, _ = self._at(hills.row, hills.point)
+        return replace(hills, height=hills.sign * rotation, slope=slope)
 
 
 def between_states(value: Array, by_b: Array, by_g: Array) -> tuple[Array, Array]:

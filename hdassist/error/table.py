@@ -1,15 +1,16 @@
 """The error as a table over the deviations: F'_ior of very many drives that differ in their deviations alone.
 
 At one torque the error of a state depends on the scalars of its deviations (deviations.py). A table of it over the
-four that matter most, the vector of the teeth and that of the cam, interpolated, gives F'_ior in some 0.05 ms: enough
-for thousands of drives. The share of others, harmonics or a run-out, is tabled as a slope over the same four. F'_ior
-read off it is somewhat too small, because peaks are cut off, by nearly the same share for all drives.
+four that matter most, the vector of the teeth and that of the cam, with its slopes by all of them, gives F'_ior in some
+0.05 ms: enough for thousands of drives. Others, harmonics or a run-out, count by their slopes. F'_ior read off it is
+somewhat too small, because peaks are cut off, by nearly the same share for all drives.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -27,11 +28,9 @@ from hdassist.model.deviations import (
 )
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import DEVIATIONS, Drive
-from hdassist.solve.answers import ARCSEC, EMPTY, N_MM, Certificate
+from hdassist.solve.answers import Certificate
+from hdassist.solve.walk import read_table
 
-TABLE_TORQUE_STEP = (
-    0.02  # of the torque, to both sides, where slopes are taken and errors averaged: contacts that change are smoothed
-)
 READ_AT_ONCE = 16  # drives, so that arrays stay in the processor's cache
 WIDER_SPAN = 1.001  # so that rounding leaves the outermost drive inside
 LEAST_REACH = 1e-3  # mm: a table needs some width
@@ -86,10 +85,11 @@ class Reach:
 
 @dataclass(frozen=True)
 class ErrorTable:
-    """Error of drives that share a contact system, at a torque, over their deviations, interpolated linearly.
+    """Error of drives that share a contact system, at a torque, over their deviations, interpolated.
 
-    drive, all that they have in common; error [arcsec], shape of the mesh, NaN outside of the reach; slopes of it by
-    the other scalars [arcsec/mm], shape (others, *shape); turns, positions of each wheel that stand for the cycle.
+    drive, all that they have in common; error [arcsec], shape of the mesh, NaN outside of the reach; slopes of it
+    [arcsec/mm] by the scalars of the axes, then by the others, shape (4 + others, *shape); turns, positions of each
+    wheel that stand for the cycle.
     """
 
     drive: Drive
@@ -99,24 +99,29 @@ class ErrorTable:
     turns: int
     certificate: Certificate
 
+    @cached_property
+    def _rows(self) -> Array:
+        """Value and slopes that rotation weighs, shape (*mesh, 5 + others).
+
+        Between two points of the mesh lies the mean of the line through both and of their tangents, which is exact for
+        a parabola: (x - x_i) g_i/2 at each point i beside its error.
+        """
+        axes = (np.linspace(-size, size, n) for size, n in zip(self.reach.sizes, self.error.shape, strict=True))
+        points, halves = np.array(np.meshgrid(*axes, indexing="ij")), self.slopes[:4] / 2
+        return np.stack([self.error - (points * halves).sum(axis=0), *halves, *self.slopes[4:]], axis=-1)
+
     def rotation(self, scalars: Array) -> Array:
         """Rotation [arcsec], shape (...), from the scalars of states [mm], shape (..., scalars).
 
         Raises UntrustedError for deviations that the table does not span.
         """
-        from scipy.ndimage import map_coordinates  # imported in as much time as a check takes
-
-        reach, columns = self.reach, np.zeros((DEVIATION_SCALARS, *scalars.shape[:-1]))
-        columns[: scalars.shape[-1]] = np.moveaxis(scalars, -1, 0)
-        axes = zip(reach.axes, reach.sizes, self.error.shape, strict=True)
-        places = np.stack([(columns[k] / size + 1) * (n - 1) / 2 for k, size, n in axes])
-        values = map_coordinates(self.error, places, order=1, cval=np.nan)
-        for column, slope in zip(reach.others, self.slopes, strict=True):
-            if columns[column].any():
-                values += map_coordinates(slope, places, order=1, cval=np.nan) * columns[column]
-        if not np.all(np.isfinite(values)) or np.delete(columns, reach.axes + reach.others, axis=0).any():
+        reach, columns = self.reach, np.zeros((int(np.prod(scalars.shape[:-1])), DEVIATION_SCALARS))
+        columns[:, : scalars.shape[-1]] = scalars.reshape(len(columns), -1)
+        places = (columns[:, reach.axes] / reach.sizes + 1) * (np.array(self.error.shape) - 1) / 2
+        values = read_table(self._rows, places, columns[:, reach.axes + reach.others])
+        if not np.all(np.isfinite(values)) or np.delete(columns, reach.axes + reach.others, axis=1).any():
             raise UntrustedError("deviations beyond those that the table of the error spans", "this is a bug")
-        return np.asarray(values)
+        return values.reshape(scalars.shape[:-1])
 
     def F_ior(self, values: Mapping[str, Array]) -> Array:
         """F'_ior [arcsec] of drives, shape (drives,).
@@ -152,18 +157,13 @@ def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:
         (a, b), (e_x, e_y) = points[k, list(reach.axes)].reshape(2, 2) * 1e3
         return f"tooth vector ({a:.0f}, {b:.0f}) um, cam vector ({e_x:.0f}, {e_y:.0f}) um, M_g = {M_g:g} N*m"
 
-    solved = []
-    for way in (1 - TABLE_TORQUE_STEP, 1 + TABLE_TORQUE_STEP) if reach.others else (1.0,):
-        case.load(way * M_g)
-        solved.append(case.solve(StateGaps(points), where, pull=bool(reach.others)))
-    values = np.full((1 + len(reach.others), count), np.nan)
-    values[0, order] = np.mean([each.rotation_arcsec for each in solved], axis=0)
-    if reach.others:
-        less, more = (each.pull_N[:, reach.others] for each in solved if each.pull_N is not None)
-        values[1:, order] = (more - less).T / (2 * TABLE_TORQUE_STEP * M_g * N_MM) * ARCSEC
+    solved, columns = case.solve(StateGaps(points), where, slope=True), reach.axes + reach.others
+    assert solved.slope_arcsec_per_mm is not None
+    values = np.full((1 + len(columns), count), np.nan)
+    values[0, order] = solved.rotation_arcsec
+    values[1:, order] = solved.slope_arcsec_per_mm[:, columns].T
     if symmetric:
-        signs = np.array([1, *(-1 if column in ODD_COLUMNS else 1 for column in reach.others)])
+        signs = np.array([1, *(-1 if column in ODD_COLUMNS else 1 for column in columns)])
         values[:, count - 1 - order] = values[:, order] * signs[:, None]
     error, *slopes = values.reshape(-1, *mesh.shape)
-    proof = sum((each.certificate for each in solved), EMPTY)
-    return ErrorTable(drive, error, np.reshape(slopes, (-1, *mesh.shape)), reach, mesh.turns, proof)
+    return ErrorTable(drive, error, np.array(slopes), reach, mesh.turns, solved.certificate)

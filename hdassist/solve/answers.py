@@ -83,15 +83,14 @@ class StateSums:
     """Sums of states, shape (states,) where no other is given; NaN in a state that was given up.
 
     rotation [rad] of the flexspline; moment [N*mm] of each mesh zone, shape (states, 2); tooth_force [N], greatest on a
-    flank; residuals; pull [N], forces along the scalars of the deviations, shape (states, scalars), where asked for;
-    given_up, how many states the first way gave up.
+    flank; residuals; slope of the rotation [rad/mm] by the scalars of the deviations while contacts stay as they are,
+    shape (states, scalars), where asked for; given_up, how many states the first way gave up.
     """
 
     rotation: Array
     moment: Array
     tooth_force: Array
     residuals: Residuals
-    pull: Array | None
     slope: Array | None
     given_up: int
 
@@ -105,21 +104,18 @@ class StateSums:
         free: Array,
         given_up: int = 0,
         *,
-        pull: bool = False,
         slope: Array | None = None,
     ) -> StateSums:
         """Sums of states from their forces [N], shape (states, M), and free displacements [mm, rad].
 
         Arguments: delta_p, gaps without force [mm], shape (states, M); torque [N*mm].
         """
-        at_places = system.at_places(forces)
-        flank = at_places[:, : system.pairs]
+        flank = system.at_places(forces)[:, : system.pairs]
         return cls(
             rotation=free[:, system.free_rotation],
             moment=flank @ system.lever,
             tooth_force=flank.max(axis=1),
             residuals=residuals(system, delta_p, torque, forces, free),
-            pull=at_places @ system.deviation_map[system.first] if pull else None,
             slope=slope,
             given_up=given_up,
         )
@@ -192,16 +188,13 @@ class Answers:
     """Results of solved states, shape (states,) where no other is given.
 
     rotation_arcsec: of the flexspline against the rigid wheel; zone_share: share of the torque that each mesh zone
-    takes, shape (states, 2); tooth_force_N: greatest force on a flank; pull_N: forces along the scalars of the
-    deviations, and slope_arcsec_per_mm: change of the rotation by them while contacts stay as they are, shape (states,
-    scalars), None where not asked for. As the energy has one second derivative, the pull grows with the torque as the
-    rotation grows with the scalars.
+    takes, shape (states, 2); tooth_force_N: greatest force on a flank; slope_arcsec_per_mm: change of the rotation by
+    the scalars of the deviations while contacts stay as they are, shape (states, scalars), None where not asked for.
     """
 
     rotation_arcsec: Array
     zone_share: Array
     tooth_force_N: Array
-    pull_N: Array | None
     slope_arcsec_per_mm: Array | None
     certificate: Certificate
 
@@ -230,13 +223,11 @@ def proven_answers(
         parts.append(sums)
         if progress:
             progress(len(sums.rotation))
-    pulls = [part.pull for part in parts if part.pull is not None]
     slopes = [part.slope for part in parts if part.slope is not None]
     return Answers(
         rotation_arcsec=_joined(part.rotation for part in parts) * ARCSEC,
         zone_share=_joined(part.moment for part in parts).reshape(-1, 2) / np.reshape(torque, (-1, 1)),
         tooth_force_N=_joined(part.tooth_force for part in parts),
-        pull_N=_joined(pulls) if pulls else None,
         slope_arcsec_per_mm=_joined(slopes) * ARCSEC if slopes else None,
         certificate=certificate,
     )

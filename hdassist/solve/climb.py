@@ -18,7 +18,7 @@ from hdassist.model.geometry import Array
 Points = NDArray[np.int64]
 StateAt = Callable[[Array], tuple[float, Array]]  # rotation [rad] and slopes [rad/mm] of a state by its scalars [mm]
 
-WAYS = np.array([(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)])  # of a ring
+WAYS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])  # of a ring, side by side
 LOOKS = 3  # around the highest state of a climb, by each ring
 WIDEST_LOOK = 24  # steps along each wheel that a climb looks around, at most
 MOST_STATES = 256  # of one climb; two dozen are usual
@@ -51,15 +51,18 @@ class Torus:
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """Where climbs begin: groups of a drive and sign, by the place of their first hill, and points, shape (hills, 2).
+    """Where climbs begin: groups of a drive and sign, by the place of their first hill, and a state on each hill.
 
-    row, sign: of each group; sign -1 climbs the rotation upside down.
+    row, sign: of each group; sign -1 climbs the rotation upside down. Of the states: point, shape (hills, 2), rotation
+    [rad], shape (hills,), and its slope [rad/mm], shape (hills, scalars).
     """
 
     first: Points
     row: Points
     sign: Points
     point: Points
+    rotation: Array
+    slope: Array
 
 
 @dataclass(frozen=True)
@@ -76,15 +79,15 @@ def climbed(torus: Torus, hills: Starts, rules: Rules, state_at: StateAt) -> Poi
     radius, *rings = rules.radius
     tops, ends = [], np.append(hills.first[1:], len(hills.point))
     for first, end, row, sign in zip(hills.first, ends, hills.row, hills.sign, strict=True):
-        best, highest = _Climb(torus, rules, state_at, int(row), int(sign)), -np.inf
-        for point in hills.point[first:end]:
+        highest = -np.inf
+        for hill in range(first, end):
             climb = _Climb(torus, rules, state_at, int(row), int(sign))
-            climb.visit(point)
+            climb.add(hills.point[hill], hills.rotation[hill], hills.slope[hill])
             climb.go_up(radius, highest)
             if climb.height > highest:
                 best, highest = climb, climb.height
         for ring in rings:
-            for _ in range(LOOKS if best.points else 0):
+            for _ in range(LOOKS):
                 known = np.array(best.points)
                 for point in best.top + ring * WAYS:
                     if (2 * np.abs(known - point) > ring).any(axis=1).all():
@@ -94,7 +97,7 @@ def climbed(torus: Torus, hills: Starts, rules: Rules, state_at: StateAt) -> Poi
                 if not best.height > highest + rules.gain:
                     break
                 highest = best.height
-        tops.append(best.top if best.points else hills.point[first])
+        tops.append(best.top)
     return np.array(tops)
 
 
@@ -110,7 +113,7 @@ class _Climb:
     @property
     def height(self) -> float:
         """Height of the highest state [rad]."""
-        return max(self._heights, default=-np.inf)
+        return max(self._heights)
 
     @property
     def top(self) -> Points:
@@ -121,10 +124,14 @@ class _Climb:
         """Solve the state at a point; whether it has an answer, and there was room."""
         if len(self.points) == MOST_STATES:
             return False
+        rotation, slope = self._state_at(self._torus.scalars(np.array([self._row]), point[None])[0])
+        if np.isfinite(rotation):
+            self.add(point, rotation, slope)
+        return bool(np.isfinite(rotation))
+
+    def add(self, point: Points, rotation: float, slope: Array) -> None:
+        """Add the state at a point by its rotation [rad] and slope [rad/mm]."""
         scalars = self._torus.scalars(np.array([self._row]), point[None])[0]
-        rotation, slope = self._state_at(scalars)
-        if not np.isfinite(rotation):
-            return False
         height, slope, gain = self._sign * rotation, self._sign * slope, self._rules.gain
         tangent, is_bound = height - slope @ scalars, True
         for i, other in enumerate(self._scalars):
@@ -136,12 +143,11 @@ class _Climb:
         self._scalars.append(scalars)
         self._tangents.append(tangent)
         self._is_bound.append(is_bound)
-        return True
 
     def go_up(self, radius: float, highest: float) -> None:
         """Go on to the state that all bounds let be the highest, so many steps around the top, until they let none."""
         torus = self._torus
-        for _ in range(self._rules.steps if self.points else 0):
+        for _ in range(self._rules.steps):
             reach, top, before = min(int(radius + 0.5), WIDEST_LOOK), self.top, self.height
             bounds = np.flatnonzero(self._is_bound | (np.arange(len(self.points)) == np.argmax(self._heights)))
             steps, slopes = np.arange(-reach, reach + 1), np.array(self._slopes)[bounds]

@@ -174,18 +174,16 @@ class LoadCase:
         place: Callable[[int], str],
         progress: Progress | None = None,
         *,
-        pull: bool = False,
         slope: bool = False,
     ) -> Answers:
         """Solve states and prove each answer.
 
         Arguments: gaps of the states; place, words for where state k is, for errors; progress, called with how many
-        states were solved since the last call; pull, whether forces along the deviation scalars are asked for; slope,
-        whether the rotation by those given is. Raises UntrustedError where a state is not solved, or its answer is
-        outside the limits of the linear model.
+        states were solved since the last call; slope, whether that of the rotation by the scalars is asked for. Raises
+        UntrustedError where a state is not solved, or its answer is outside the limits of the linear model.
         """
         firsts = range(0, len(gaps), STATES_AT_A_TIME)
-        chunks = (self.sums(gaps[first : first + STATES_AT_A_TIME], pull=pull, slope=slope) for first in firsts)
+        chunks = (self.sums(gaps[first : first + STATES_AT_A_TIME], slope=slope) for first in firsts)
         return proven_answers(self.system, self._torque, chunks, place, progress)
 
     def over(self, torques: Array, place: Callable[[int], str], progress: Progress | None = None) -> Answers:
@@ -200,8 +198,8 @@ class LoadCase:
 
         return proven_answers(self.system, torques * N_MM, map(at, torques.tolist()), place, progress)
 
-    def sums(self, gaps: StateGaps, *, pull: bool = False, slope: bool = False) -> StateSums:
-        """Sums of states without their proof; forces along the deviation scalars, and slopes by them, where asked for.
+    def sums(self, gaps: StateGaps, *, slope: bool = False) -> StateSums:
+        """Sums of states without their proof, with slopes by the deviation scalars where asked for.
 
         A state that no solver solves has sums without proof, or NaN; states behind it are not tried, and NaN. Raises
         UntrustedError where a solver that was asked for has no answer.
@@ -209,11 +207,11 @@ class LoadCase:
         if self._walk is None and len(gaps) >= self._pays and (reference := self._reference()):
             self._walk = (Walk if self._compiled else Pivoting)(reference)
         if self._walk is None:
-            return self._alone(gaps, pull, slope)
-        sums = self._walk.solve(gaps, self._torque, pull=pull, slope=slope)
+            return self._alone(gaps, slope)
+        sums = self._walk.solve(gaps, self._torque, slope=slope)
         given_up = np.flatnonzero(~(sums.residuals.worst <= POOR_PROOF))  # or NaN
         if len(given_up):
-            sums.put(given_up, self._alone(gaps[given_up], pull, slope))
+            sums.put(given_up, self._alone(gaps[given_up], slope))
         return replace(sums, given_up=len(given_up))
 
     def climb(self, torus: Torus, hills: Starts, rules: Rules) -> Points:
@@ -248,8 +246,8 @@ class LoadCase:
                 known[self._torque] = Reference(self.formulation, forces[0] > CARRIES * forces[0].max())
         return known[self._torque]
 
-    def _alone(self, gaps: StateGaps, pull: bool = False, slope: bool = False) -> StateSums:
+    def _alone(self, gaps: StateGaps, slope: bool = False) -> StateSums:
         delta_p = self.system.delta_p_of(gaps)
         forces, free, given_up = self.forces(delta_p)
         slopes = rotation_slopes(self.formulation, forces, gaps.scalars.shape[1]) if slope else None
-        return StateSums.of(self.system, delta_p, self._torque, forces, free, given_up, pull=pull, slope=slopes)
+        return StateSums.of(self.system, delta_p, self._torque, forces, free, given_up, slope=slopes)

@@ -37,15 +37,14 @@ class Pivoting:
         self._reference = reference
         self._swing = np.zeros(0, dtype=int)
 
-    def solve(self, gaps: StateGaps, torque: float, *, pull: bool = False, slope: bool = False) -> StateSums:
+    def solve(self, gaps: StateGaps, torque: float, *, slope: bool = False) -> StateSums:
         """Sums and residuals of states; NaN where one was given up.
 
-        Arguments: gaps; torque [N*mm]; pull, whether forces along the deviation scalars are asked for;
-        slope, whether the rotation by those given is.
+        Arguments: gaps; torque [N*mm]; slope, whether the slope of the rotation by the scalars is asked for.
         """
         system, (forces, free) = self._reference.system, self.forces(gaps, torque)
         slopes = rotation_slopes(self._reference.formulation, forces, gaps.scalars.shape[1]) if slope else None
-        return StateSums.of(system, system.delta_p_of(gaps), torque, forces, free, pull=pull, slope=slopes)
+        return StateSums.of(system, system.delta_p_of(gaps), torque, forces, free, slope=slopes)
 
     def forces(self, gaps: StateGaps, torque: float) -> tuple[Array, Array]:
         """Forces [N], shape (states, M), and free displacements [mm, rad] of states; NaN where one was given up."""

@@ -92,7 +92,6 @@ typedef struct {
     double *moment;      /* (states, 2) N*mm of each mesh zone */
     double *tooth_force; /* (states) N, greatest on a flank */
     double *residual;    /* (states, 4) negative force, negative gap, complementarity, equilibrium */
-    double *pull;        /* (states, columns) forces along the scalars, or NULL */
     double *slope;       /* (states, p) rad/mm, rotation by each scalar in use, or NULL */
 } answers;
 
@@ -557,9 +556,6 @@ static void sum_up(const walk *w, const double *F, size_t j, answers *out) {
     for (int zone = 0; zone < 2; zone++)
         out->moment[2 * j + zone] = product(s->flanks, F, s->lever + (size_t)zone * s->flanks, NULL);
     out->tooth_force[j] = greatest;
-    if (out->pull)
-        for (int c = 0; c < s->columns; c++)
-            out->pull[j * s->columns + c] = product(s->m, F, s->map + (size_t)c * s->m, NULL);
 }
 
 /* Slope of the rotation by each scalar in use while contacts stay as they are: one adjoint product with the tableau. */
@@ -581,12 +577,10 @@ static void differentiate(const walk *w, int p, double *slope) {
     }
 }
 
-static void give_up(const contact_system *s, size_t j, int p, answers *out) {
+static void give_up(size_t j, int p, answers *out) {
     out->rotation[j] = out->tooth_force[j] = NAN;
     out->moment[2 * j] = out->moment[2 * j + 1] = NAN;
     for (int k = 0; k < 4; k++) out->residual[4 * j + k] = NAN;
-    if (out->pull)
-        for (int c = 0; c < s->columns; c++) out->pull[j * s->columns + c] = NAN;
     if (out->slope)
         for (int c = 0; c < p; c++) out->slope[j * p + c] = NAN;
 }
@@ -743,8 +737,8 @@ static double rotation_of(const walk *w) {
  * (states, R) what they add to the coordinates at the reference, both NULL without measured teeth. */
 long walk_solve(walk *w, long states, double torque, int p, const double *scalars, const double *tooth_gaps,
                 const double *tooth_values, double *rotation, double *moment, double *tooth_force, double *residual,
-                double *pull, double *slope) {
-    answers made = {rotation, moment, tooth_force, residual, pull, slope}, *out = &made;
+                double *slope) {
+    answers made = {rotation, moment, tooth_force, residual, slope}, *out = &made;
     const contact_system *s = w->system;
     const int M = s->M, m = s->m, R = m + s->free;
     long given_up = 0;
@@ -771,7 +765,7 @@ long walk_solve(walk *w, long states, double torque, int p, const double *scalar
         if (!find_state(w)) {
             given_up++;
             memset(free, 0, sizeof(double) * s->free);
-            give_up(s, j, p, out);
+            give_up(j, p, out);
         } else {
             for (const int *i = w->touching; *i >= 0; i++) {
                 const double value = value_at(w, w->all, *i);
@@ -791,7 +785,7 @@ long walk_solve(walk *w, long states, double torque, int p, const double *scalar
             certify(w, held, shares);
             for (int k = 0; k < held; k++) {
                 memcpy(out->residual + 4 * (size_t)places[k], shares + 4 * k, sizeof(double) * 4);
-                if (isnan(out->rotation[places[k]])) give_up(s, places[k], p, out);
+                if (isnan(out->rotation[places[k]])) give_up(places[k], p, out);
             }
             held = 0;
         }
@@ -823,27 +817,38 @@ static const double *by_place(const torus *t, int wheel, int row, int at) {
     return t->by_wheel[wheel] + ((size_t)row * t->z[wheel] + (at % t->z[wheel] + t->z[wheel]) % t->z[wheel]) * t->p;
 }
 
-/* Solve the state at a point, and add it to a climb; 0 where it is given up or there is no room. */
-static int visit(walk *w, const torus *t, int row, int sign, int k, int l, climb *c) {
-    const int p = t->p, n = c->count;
-    if (n == POINTS) return 0;
-    double *scalars = c->scalars + (size_t)n * p, *slope = c->slope + (size_t)n * p;
+/* Scalars of the state at a point. */
+static void scalars_at(const torus *t, int row, int k, int l, double *scalars) {
     const double *b = by_place(t, 0, row, k), *g = by_place(t, 1, row, l);
-    for (int i = 0; i < p; i++) scalars[i] = b[i] + g[i];
-    begin_state(w, p, scalars);
-    if (!find_state(w)) return 0;
-    const double height = sign * rotation_of(w);
-    differentiate(w, p, slope);
+    for (int i = 0; i < t->p; i++) scalars[i] = b[i] + g[i];
+}
+
+/* Add a state to a climb that has room for it, with its slope there already. */
+static void add_state(const torus *t, int row, int sign, int k, int l, double rotation, climb *c) {
+    const int p = t->p, n = c->count++;
+    double *scalars = c->scalars + (size_t)n * p, *slope = c->slope + (size_t)n * p;
+    scalars_at(t, row, k, l, scalars);
     for (int i = 0; i < p; i++) slope[i] *= sign;
+    const double height = c->height[n] = sign * rotation;
     const double tangent = c->tangent[n] = height - product(p, slope, scalars, NULL);
-    c->height[n] = height, c->is_bound[n] = 1;
+    c->is_bound[n] = 1;
     c->point[n][0] = k, c->point[n][1] = l;
     for (int i = 0; i < n; i++) {
         if (c->tangent[i] + product(p, c->slope + (size_t)i * p, scalars, NULL) < height - t->gain) c->is_bound[i] = 0;
         if (tangent + product(p, slope, c->scalars + (size_t)i * p, NULL) < c->height[i] - t->gain) c->is_bound[n] = 0;
     }
-    c->count++;
     if (height > c->height[c->best]) c->best = n;
+}
+
+/* Solve the state at a point, and add it to a climb; 0 where it is given up or there is no room. */
+static int visit(walk *w, const torus *t, int row, int sign, int k, int l, climb *c) {
+    if (c->count == POINTS) return 0;
+    double *scalars = c->scalars + (size_t)c->count * t->p;
+    scalars_at(t, row, k, l, scalars);
+    begin_state(w, t->p, scalars);
+    if (!find_state(w)) return 0;
+    differentiate(w, t->p, c->slope + (size_t)c->count * t->p);
+    add_state(t, row, sign, k, l, rotation_of(w), c);
     return 1;
 }
 
@@ -893,13 +898,14 @@ static int climb_room(climb *c, int p) {
 
 /* The highest states of drives (upside down where sign is -1) around hills; how many states were solved, -1 where memory is
  * short. None is certified: those found are to be solved once more.
- * Hills of one drive and sign are a group and follow each other: first (groups + 1); row, sign (groups); point (hills, 2).
+ * Hills of one drive and sign are a group and follow each other: first (groups + 1); row, sign (groups); point (hills, 2),
+ * rotation [rad] (hills) and slope [rad/mm] (hills, p) of the states there, which are solved already.
  * Around the highest that climbs within radius steps find, rings of eight states look for another slope up. sizes: z_b, z_g,
  * finest, steps of a climb, rings; radius (1 + rings); gain: rad. top (groups, 2): the points found. */
 long walk_climb(walk *w, double torque, int p, const int32_t *sizes, const double *by_b, const double *by_g, double gain,
                 const int32_t *radius, long groups, const int32_t *first, const int32_t *row, const int32_t *sign,
-                const int32_t *point, int32_t *top) {
-    static const int ways[8][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, 1}, {1, -1}, {-1, -1}};
+                const int32_t *point, const double *rotation, const double *slope, int32_t *top) {
+    static const int ways[8][2] = {{1, 0}, {1, 1}, {0, 1}, {-1, 1}, {-1, 0}, {-1, -1}, {0, -1}, {1, -1}}; /* each beside the last */
     const torus t = {p, {sizes[0], sizes[1]}, sizes[2], {by_b, by_g}, sizes[3], gain};
     climb both[2] = {{0}}, *c = both, *best = both + 1;
     const long before = w->states;
@@ -909,17 +915,17 @@ long walk_climb(walk *w, double torque, int p, const int32_t *sizes, const doubl
     for (long group = 0; enough && group < groups; group++) {
         const int r = row[group], up = sign[group];
         double highest = -INFINITY;
-        best->count = 0;
         for (long hill = first[group]; hill < first[group + 1]; hill++) {
             c->count = c->best = 0;
-            if (!visit(w, &t, r, up, point[2 * hill], point[2 * hill + 1], c)) continue;
+            memcpy(c->slope, slope + (size_t)hill * p, sizeof(double) * p);
+            add_state(&t, r, up, point[2 * hill], point[2 * hill + 1], rotation[hill], c);
             go_up(w, &t, r, up, radius[0], highest, c);
             if (c->height[c->best] > highest) {
                 climb *const lower = best;
                 highest = c->height[c->best], best = c, c = lower;
             }
         }
-        for (int ring = 1; best->count && ring <= sizes[4]; ring++)
+        for (int ring = 1; ring <= sizes[4]; ring++)
             for (int look = 0; look < LOOKS; look++) {
                 const int k = best->point[best->best][0], l = best->point[best->best][1];
                 for (int way = 0; way < 8; way++) {
@@ -933,8 +939,7 @@ long walk_climb(walk *w, double torque, int p, const int32_t *sizes, const doubl
                 if (!(best->height[best->best] > highest + gain)) break;
                 highest = best->height[best->best];
             }
-        for (int wheel = 0; wheel < 2; wheel++)
-            top[2 * group + wheel] = best->count ? best->point[best->best][wheel] : point[2 * first[group] + wheel];
+        for (int wheel = 0; wheel < 2; wheel++) top[2 * group + wheel] = best->point[best->best][wheel];
     }
     for (int k = 0; k < 2; k++) free_aligned(both[k].point), free_aligned(both[k].height), free_aligned(both[k].is_bound);
     return enough ? w->states - before : -1;
@@ -1071,6 +1076,37 @@ done:
     free_aligned(memory);
     free_aligned(inside);
     return taken;
+}
+
+/* Values of a table over four axes at points between its own, straight from one to the next, NaN beyond its ends.
+ * table (shape, width): at each point a value and its slopes by width - 1 factors; places (points, 4) along the axes;
+ * factors (points, width - 1). */
+void walk_read(long points, int width, const int32_t *shape, const double *table, const double *places,
+               const double *factors, double *values) {
+    size_t step[4] = {0, 0, 0, width};
+    for (int k = 3; k > 0; k--) step[k - 1] = step[k] * shape[k];
+    for (long i = 0; i < points; i++) {
+        const double *cell = table, *by = factors + (size_t)i * (width - 1);
+        double share[4], sum = 0;
+        for (int k = 0; k < 4; k++) {
+            const double place = places[4 * i + k];
+            if (!(place >= 0 && place <= shape[k] - 1)) sum = NAN;
+            const int below = place >= 0 && place < shape[k] - 1 ? (int)place : shape[k] - 2;
+            share[k] = place - below;
+            cell += below * step[k];
+        }
+        for (int corner = 0; corner < 16 && !isnan(sum); corner++) {
+            const double *at = cell;
+            double weight = 1;
+            for (int k = 0; k < 4; k++) {
+                const int ahead = corner >> k & 1;
+                weight *= ahead ? share[k] : 1 - share[k];
+                at += ahead ? step[k] : 0;
+            }
+            if (weight != 0) sum += weight * (at[0] + product(width - 1, at + 1, by, NULL));
+        }
+        values[i] = sum;
+    }
 }
 
 #if defined(__x86_64__)

@@ -64,13 +64,14 @@ def _load(path: Path) -> Any:
     pointer, integer = ctypes.c_void_p, ctypes.c_int
     loaded.walk_new.argtypes, loaded.walk_new.restype = [pointer] * 2, pointer
     loaded.walk_free.argtypes, loaded.walk_free.restype = [pointer], None
-    loaded.walk_solve.argtypes = [pointer, ctypes.c_long, ctypes.c_double, integer] + [pointer] * 9
+    loaded.walk_solve.argtypes = [pointer, ctypes.c_long, ctypes.c_double, integer] + [pointer] * 8
     loaded.walk_solve.restype = ctypes.c_long
     loaded.walk_climb.argtypes = [pointer, ctypes.c_double, integer] + [pointer] * 3 + [ctypes.c_double, pointer]
-    loaded.walk_climb.argtypes += [ctypes.c_long] + [pointer] * 5
+    loaded.walk_climb.argtypes += [ctypes.c_long] + [pointer] * 7
     loaded.walk_climb.restype = ctypes.c_long
     loaded.walk_near.argtypes = [integer] * 3 + [pointer] * 6 + [ctypes.c_double, integer] + [pointer] * 3
     loaded.walk_near.restype = integer
+    loaded.walk_read.argtypes, loaded.walk_read.restype = [ctypes.c_long, integer] + [pointer] * 5, None
     return loaded
 
 
@@ -92,22 +93,20 @@ class Walk:
         if getattr(self, "_walk", None):
             self._library.walk_free(self._walk)
 
-    def solve(self, gaps: StateGaps, torque: float, *, pull: bool = False, slope: bool = False) -> StateSums:
+    def solve(self, gaps: StateGaps, torque: float, *, slope: bool = False) -> StateSums:
         """Sums and residuals of states; NaN where one was given up.
 
-        Arguments: gaps; torque [N*mm]; pull, whether forces along the deviation scalars are asked for;
-        slope, whether the rotation by those given is.
+        Arguments: gaps; torque [N*mm]; slope, whether the slope of the rotation by the scalars is asked for.
         """
         scalars = np.ascontiguousarray(gaps.scalars, dtype=float)
         count, p = scalars.shape
         rotation, tooth_force = np.empty((2, count))
         moment, residual = np.empty((count, 2)), np.empty((count, 4))
-        pulls = np.empty((count, len(self._reference.held["map"]))) if pull else None
         slopes = np.empty((count, p)) if slope else None
-        sums = rotation, moment, tooth_force, residual, pulls, slopes
+        sums = rotation, moment, tooth_force, residual, slopes
         arrays = (scalars, *self._reference.of_teeth(gaps), *sums)  # held until the call has ended
         given_up = self._library.walk_solve(self._walk, count, torque, p, *map(_address, arrays))
-        return StateSums(rotation, moment, tooth_force, Residuals(residual), pulls, slopes, given_up)
+        return StateSums(rotation, moment, tooth_force, Residuals(residual), slopes, given_up)
 
     def climb(self, torus: Torus, torque: float, hills: Starts, rules: Rules) -> Points:
         """`climbed` of climb.py, compiled; a state that is given up counts as none."""
@@ -116,9 +115,10 @@ class Walk:
         first, top = np.append(hills.first, len(hills.point)), np.empty((groups, 2), dtype=np.int32)
         of_hills = first, hills.row, hills.sign, hills.point
         whole = [np.ascontiguousarray(each, np.int32) for each in (sizes, radius, *of_hills)]
-        parts = [np.ascontiguousarray(part) for part in (torus.by_b, torus.by_g)]
-        begun = torque, p, _address(whole[0]), *map(_address, parts), rules.gain, _address(whole[1])
-        solved = self._library.walk_climb(self._walk, *begun, groups, *map(_address, whole[2:]), _address(top))
+        parts = [np.ascontiguousarray(part) for part in (torus.by_b, torus.by_g, hills.rotation, hills.slope)]
+        begun = torque, p, _address(whole[0]), *map(_address, parts[:2]), rules.gain, _address(whole[1])
+        states = map(_address, (*whole[2:], *parts[2:], top))
+        solved = self._library.walk_climb(self._walk, *begun, groups, *states)
         if solved < 0:
             raise MemoryError
         Walk.climbed += solved
@@ -137,6 +137,23 @@ def walk_near_state(
     made = map(_address, (held, forces, duals))
     found = walk_library()[0].walk_near(*sizes, *map(_address, data), SOFT, NEAR_STEPS, *made)
     return (forces, duals) if found else None
+
+
+def read_table(table: Array, places: Array, factors: Array) -> Array:
+    """Values of a table between its points, shape (points,), interpolated linearly over its axes; NaN beyond its ends.
+
+    Arguments: table, at each point a value and its slopes by factors, shape (*axes, 1 + factors), of four axes;
+    places along these, shape (points, 4); factors, shape (points, factors).
+    """
+    table, places, factors = map(np.ascontiguousarray, (table, places, factors))
+    if library := walk_library()[0]:
+        shape, values = np.array(table.shape[:-1], dtype=np.int32), np.empty(len(places))
+        library.walk_read(len(places), table.shape[-1], *map(_address, (shape, table, places, factors, values)))
+        return values
+    from scipy.ndimage import map_coordinates  # imported in as much time as a check takes
+
+    rows = [map_coordinates(part, places.T, order=1, cval=np.nan) for part in np.moveaxis(table, -1, 0)]
+    return np.asarray(rows[0] + np.einsum("kp,pk->p", rows[1:], factors) if len(rows) > 1 else rows[0])
 
 
 def _address(array: Any) -> int | None:

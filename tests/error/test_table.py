@@ -9,9 +9,11 @@ from hdassist.error.table import ErrorTable, Mesh, Reach, error_table
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import contact_system
 from hdassist.preset.fields import DEVIATION_FIELDS, Drive
+from hdassist.solve import walk
 from hdassist.solve.answers import EMPTY
+from hdassist.solve.walk import read_table
 from tests.process import SMALL
-from tests.support import rotation
+from tests.support import HAS_COMPILER, rotation
 
 
 @pytest.fixture(scope="module")
@@ -112,12 +114,33 @@ def test_between_its_points_it_is_straight_and_others_count_by_their_slopes() ->
     sizes, weights = np.array([0.04, 0.04, 0.06, 0.06]), np.array([100.0, -200.0, 300.0, 400.0])
     grid = np.stack(np.meshgrid(*(np.linspace(-size, size, 3) for size in sizes), indexing="ij"), axis=-1)
     reach = Reach((0, 1, 2, 3), sizes, (4, 5))
-    slopes = np.stack([np.full((3, 3, 3, 3), slope) for slope in (50.0, -70.0)])
+    slopes = np.stack([np.full((3, 3, 3, 3), slope) for slope in (*weights, 50.0, -70.0)])
     made = ErrorTable(load_preset(SMALL), grid @ weights, slopes, reach, 5, EMPTY)
     at = np.array([[0.01, -0.03, 0.02, 0.05], [0.0, 0.04, 0.0, -0.06]])
     off = np.array([[0.0, 0.002], [0.003, 0.001]])
     assert made.rotation(at) == pytest.approx(at @ weights)
     assert made.rotation(np.hstack([at, off])) == pytest.approx(at @ weights + off @ [50.0, -70.0])
+
+
+def test_between_its_points_a_parabola_is_exact() -> None:
+    sizes, bend = np.array([0.04, 0.04, 0.06, 0.06]), np.array([3e4, -2e4, 1e4, 5e3])
+    grid = np.stack(np.meshgrid(*(np.linspace(-size, size, 3) for size in sizes), indexing="ij"), axis=-1)
+    slopes = np.moveaxis(2 * bend * grid, -1, 0)
+    made = ErrorTable(load_preset(SMALL), grid**2 @ bend, slopes, Reach((0, 1, 2, 3), sizes, ()), 5, EMPTY)
+    at = np.array([[0.01, -0.03, 0.02, 0.05], [0.0, 0.04, 0.0, -0.06], [0.033, 0.0, 0.0, 0.011]])
+    assert made.rotation(at) == pytest.approx(at**2 @ bend)
+
+
+@pytest.mark.skipif(not HAS_COMPILER, reason="no C compiler: numpy reads")
+def test_tables_are_read_alike_with_and_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng, shape = np.random.default_rng(1), (5, 3, 4, 2)
+    table, factors = rng.normal(size=(*shape, 3)), rng.normal(size=(40, 2))
+    places = rng.uniform(0, 1, (40, 4)) * (np.array(shape) - 1)
+    places[0], places[1], places[2, 3] = 0, np.array(shape) - 1, 1.01
+    compiled = read_table(table, places, factors)
+    monkeypatch.setattr(walk, "walk_library", lambda: (None, ""))
+    assert read_table(table, places, factors) == pytest.approx(compiled, nan_ok=True)
+    assert np.flatnonzero(np.isnan(compiled)).tolist() == [2]
 
 
 def test_outside_its_reach_it_knows_nothing(small: Drive, table: ErrorTable) -> None:

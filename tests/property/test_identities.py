@@ -62,20 +62,17 @@ ODD = {
 def test_a_table_has_the_rotation_of_each_state_where_half_a_turn_is_not_the_same(reference, made):
     drive = changed(made(reference), harmonics__a_b3=1.0, harmonics__xi_b3=0.0)
     table = error_table(ErrorMap(drive, 800.0), Reach.of(drive), Mesh((3, 3, 3, 3)))
-    system, step = contact_system(drive), 0.02
+    system, step = contact_system(drive), 1e-5
     differences = []
     for place in ((1, 1, 1, 1), (1, 1, 2, 0), (2, 0, 1, 1), (2, 1, 2, 1), (2, 2, 2, 2)):  # of the second half
         scalars = (np.array(place) - 1) * table.reach.sizes
-        # with slopes it is the mean of those a little below and above the torque
-        direct = [
-            np.mean([rotation(system, way * 800e3, s) for way in (1 - step, 1 + step)]) for s in (scalars, -scalars)
-        ]
+        direct = [rotation(system, 800e3, s) for s in (scalars, -scalars)]
         assert table.error[place] == pytest.approx(direct[0], abs=1e-7), place
         differences.append(abs(direct[0] - direct[1]))
         gaps_ = system.delta_p + system.deviation_map[:, :4] @ scalars
         forces = [solve_state(system, way * 800e3, gaps_)[0] for way in (1 - step, 1 + step)]
         pull = (forces[1] - forces[0]) @ system.deviation_map[:, table.reach.others] / (2 * step * 800e3) * ARCSEC
-        assert table.slopes[:, *place] == pytest.approx(pull, rel=1e-5, abs=1e-3), place
+        assert table.slopes[4:, *place] == pytest.approx(pull, rel=1e-5, abs=1e-3), place
     assert is_half_turn_symmetric(reference) and not is_half_turn_symmetric(drive)
     assert max(differences) > 0.01
 

@@ -59,14 +59,13 @@ def test_what_is_kept_of_a_state_is_that_of_its_forces(system, formulation):
     torque, n = -300e3, system.n_flanks
     gaps = StateGaps(np.array([[0.0] * 4, [0.03, 0.01, 0.05, -0.02]]))
     forces, free, _ = load_case(formulation, torque).forces(system.delta_p_of(gaps))
-    kept = LoadCase(formulation, torque / 1e3).solve(gaps, str, pull=True)
+    kept = LoadCase(formulation, torque / 1e3).solve(gaps, str)
     assert kept.rotation_arcsec == pytest.approx(free[:, 0] * 180 / np.pi * 3600, abs=1e-8)
     moments = -forces[:, :n] * system.G[:n, ROTATION]  # that the flanks take off the flexspline
     for zone in (0, 1):
         assert kept.zone_share[:, zone] == pytest.approx(moments[:, system.flanks.zone == zone].sum(axis=1) / torque)
     assert kept.zone_share.sum(axis=1) == pytest.approx([1, 1])
     assert kept.tooth_force_N == pytest.approx(forces[:, :n].max(axis=1))
-    assert kept.pull_N == pytest.approx(forces @ system.deviation_map)
 
 
 def test_certificates_add_up_to_the_worst_of_both():

@@ -53,11 +53,10 @@ def walked(engine, gaps):
 
 def same(formulation, torque, gaps, sums):
     """Whether sums found are those of the states solved one by one, with their proof."""
-    alone = load_case(formulation, torque)._alone(gaps, pull=True)
+    alone = load_case(formulation, torque)._alone(gaps)
     assert sums.residuals.worst.max() <= TOLERANCE
     assert sums.rotation * ARCSEC == pytest.approx(alone.rotation * ARCSEC, abs=EXACT)
-    for name in ("tooth_force", "pull"):
-        assert getattr(sums, name) == pytest.approx(getattr(alone, name), abs=1e-6 * alone.tooth_force.max())
+    assert sums.tooth_force == pytest.approx(alone.tooth_force, abs=1e-6 * alone.tooth_force.max())
     return True
 
 
@@ -81,7 +80,7 @@ def test_the_cycle_of_the_reference_drive(reference, torque):
     gaps = state_gaps(reference, system, pitch_locked_states(Kinematics.of(reference), some))
     formulation = formulate(system)
     engine = plain(formulation, torque)
-    found = engine.sums(gaps, pull=True)
+    found = engine.sums(gaps)
     assert found.given_up == 0
     assert same(formulation, torque, gaps, found)
     # without force is without force, to the last digit
@@ -132,7 +131,7 @@ def test_symmetric_states_in_which_contacts_just_touch(small, torque):
     scalars = np.zeros((2 * MANY_STATES, 4))
     scalars[::3] = [0, 0, 1e-13, 1e-12]  # and next to them states that break the symmetry by next to nothing
     gaps = StateGaps(scalars)
-    assert same(formulation, torque, gaps, plain(formulation, torque).sums(gaps, pull=True))
+    assert same(formulation, torque, gaps, plain(formulation, torque).sums(gaps))
 
 
 def test_answers_hang_neither_on_the_order_nor_on_the_batches(formulation, gaps):
@@ -178,14 +177,14 @@ def test_another_torque_later(formulation, gaps):
     engine.sums(gaps)
     for torque in (40e3, -1e3, 1e-3):
         engine.load(torque / 1e3)
-        assert same(formulation, torque, gaps, engine.sums(gaps, pull=True))
+        assert same(formulation, torque, gaps, engine.sums(gaps))
 
 
 @pytest.mark.parametrize(("name", "value"), [("LIMIT", 0), ("SMALLEST", 0.9)])
 def test_states_given_up_are_counted_and_solved_one_by_one(formulation, gaps, monkeypatch, name, value):
     # too many pivots, a pivot that would spoil the tableau
     monkeypatch.setattr(pivoting, name, value)
-    found = plain(formulation, 4e3).sums(gaps, pull=True)
+    found = plain(formulation, 4e3).sums(gaps)
     assert 0 < found.given_up <= len(gaps)
     assert same(formulation, 4e3, gaps, found)
 
@@ -193,7 +192,7 @@ def test_states_given_up_are_counted_and_solved_one_by_one(formulation, gaps, mo
 def test_a_walk_that_rounding_spoiled_is_given_up(formulation, gaps, monkeypatch):
     pivoted = pivoting.Pivoting._pivoted
     monkeypatch.setattr(pivoting.Pivoting, "_pivoted", lambda self, start: pivoted(self, start) * (1 + 1e-3))
-    found = plain(formulation, 4e3).sums(gaps, pull=True)
+    found = plain(formulation, 4e3).sums(gaps)
     assert found.given_up > 0
     assert same(formulation, 4e3, gaps, found)
 
@@ -219,7 +218,7 @@ def test_a_contact_set_that_holds_nothing_is_no_reference(formulation, gaps, mon
         raise ValueError
 
     monkeypatch.setattr(loadcase, "Reference", refuse)
-    found = plain(formulation, 4e3).sums(gaps, pull=True)
+    found = plain(formulation, 4e3).sums(gaps)
     assert found.given_up == 0
     assert same(formulation, 4e3, gaps, found)
 

@@ -60,15 +60,13 @@ def assert_same(drive, M_g, count=200, teeth=None):
     formulation = formulate(system)
     compiled = load_case(formulation, M_g * N_MM, many=True)
     plain = load_case(formulation, M_g * N_MM, compiled, many=True, compiled=False)
-    found, expected = (engine.sums(gaps, pull=True, slope=True) for engine in (compiled, plain))
+    found, expected = (engine.sums(gaps, slope=True) for engine in (compiled, plain))
     assert np.abs(found.rotation - expected.rotation).max() * ARCSEC < SAME
     assert found.residuals.worst.max() < PROVEN
     assert expected.residuals.worst.max() < PROVEN
     scale = abs(M_g) * N_MM
     assert found.moment == pytest.approx(expected.moment, abs=1e-10 * scale)
-    for name in ("tooth_force", "pull"):
-        there = getattr(expected, name)
-        assert getattr(found, name) == pytest.approx(there, abs=1e-9 * (1 + expected.tooth_force.max()))
+    assert found.tooth_force == pytest.approx(expected.tooth_force, abs=1e-9 * (1 + expected.tooth_force.max()))
     same = [np.abs(one.slope).max() for one in (found, expected)]
     assert np.abs(found.slope - expected.slope).max() < 1e-8 * max(same)
     assert found.given_up == expected.given_up == 0
@@ -141,12 +139,12 @@ def test_a_state_that_is_not_a_number_has_no_answer_and_spoils_no_other():
     expected = load_case(formulation, 4e3, many=True).sums(gaps)
     scalars = gaps.scalars.copy()
     scalars[7, 1], scalars[100, 0] = np.nan, np.inf
-    found = walk_of(load_case(formulation, 4e3, many=True)).solve(StateGaps(scalars), 4e3, pull=True)
+    found = walk_of(load_case(formulation, 4e3, many=True)).solve(StateGaps(scalars), 4e3, slope=True)
     bad = np.isin(np.arange(len(scalars)), [7, 100])
     assert found.given_up == 2
     assert np.isnan(found.rotation[bad]).all()
     assert np.isinf(found.residuals.worst[bad]).all()
-    assert np.isnan(found.pull[bad]).all()
+    assert np.isnan(found.slope[bad]).all()
     assert found.rotation[~bad] == pytest.approx(expected.rotation[~bad], abs=SAME / ARCSEC)
 
 
