@@ -158,7 +158,9 @@ def _values(prior, rng: np.random.Generator, within: dict[str, tuple[float, floa
     Argument: within, shares of the probability that some fields lie between, by path.
     """
     found = {}
-    for each in (each for each in prior.fields if each.distribution != "meshing"):
+    for each in prior.fields:
+        if each.distribution == "meshing" or each.group.startswith("tolerances.f_p"):  # _teeth has them
+            continue
         low, high = within.get(each.path, (0.0, 1.0))
         share = low + (high - low) * rng.beta(0.8, 0.8)
         if each.path.startswith(("tolerances.", "harmonics.a_")):

@@ -31,7 +31,7 @@ from hdassist.readers.trace import MeasuredTrace
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-VECTORS = tuple(d for d in DEVIATIONS if d.order != 3 and d.kind not in ("centre", "seat"))
+VECTORS = tuple(d for d in DEVIATIONS if d.order != 3 and d.kind not in ("pitch", "centre", "seat"))
 VECTOR_ORDERS = np.array([vector.order for vector in VECTORS])
 # um, in which each is counted, so that all weigh about alike: first harmonics nearly cancel on two opposite zones
 VECTOR_UNITS = np.where(VECTOR_ORDERS > 1, 0.1, 1.0)

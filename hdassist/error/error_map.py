@@ -71,7 +71,7 @@ class Batch:
     @cached_property
     def _waves(self) -> Waves:
         columns, number = self.columns, self.drive.number
-        waves = waves_of(lambda path: columns.get(path, number(path)), self.drive.mounting.mark_kind)
+        waves = waves_of(lambda path: columns.get(path, number(path)), self.drive)
         return {key: np.broadcast_to(wave, len(self)) for key, wave in waves.items()}
 
 

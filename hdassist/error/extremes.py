@@ -29,6 +29,7 @@ from hdassist.error.error_map import (
     there_and_back,
 )
 from hdassist.model.contacts import StateGaps
+from hdassist.model.deviations import SMOOTH_SCALARS
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC, EMPTY
@@ -37,6 +38,7 @@ from hdassist.solve.climb import Rules, Starts, Torus
 # positions of each wheel in a grid: of draws odd, so that half a turn on, where the error is much alike, lies between
 # them; islands of the error that one grid overlooks another one shows
 DRAWN_GRIDS, FINE_GRIDS = (9,), (9, 14, 19)
+ROUGH_GRIDS = (17,)  # of draws whose teeth deviate in orders beyond the fourth, which nine positions do not show
 SHORT_CYCLE = 4000  # states of a cycle below which all are solved of one drive
 LEAST_F_IOR = 4.0  # arcsec: F'_ior of which shares are taken, at least
 SPLINE_POINTS = 4  # times as many at which a spline is read
@@ -155,6 +157,9 @@ class _Search:
 
     def extremes(self, grids: tuple[int, ...]) -> Extremes:
         """Extremes of all drives, proposed by grids of so many positions of each wheel."""
+        gain = (DRAWN_GAIN if grids == DRAWN_GRIDS else FINE_GAIN) / ARCSEC
+        if grids == DRAWN_GRIDS and self._torus.by_b.shape[2] > SMOOTH_SCALARS:
+            grids = ROUGH_GRIDS
         proposed = [self._proposed(n) for n in grids]
         hills = reduce(Hills.and_these, (found for found, _ in proposed))
         hills = self._first_states(hills, np.max([known for _, known in proposed], axis=0))
@@ -164,11 +169,7 @@ class _Search:
         rotation, slope = hills.sign * hills.height / ARCSEC, hills.slope / ARCSEC
         starts = Starts(first, hills.row[first], hills.sign[first], hills.point, rotation, slope)
         radius = round(RADIUS * float(self._size.mean()) / min(grids))
-        tops = self._case.climb(
-            self._torus,
-            starts,
-            Rules(STEPS, (DRAWN_GAIN if grids == DRAWN_GRIDS else FINE_GAIN) / ARCSEC, (radius, *RINGS)),
-        )
+        tops = self._case.climb(self._torus, starts, Rules(STEPS, gain, (radius, *RINGS)))
         rotation, *_ = self._at(np.repeat(np.arange(self._drives), 2), tops)
         return self._found(tops, rotation.reshape(-1, 2))
 

@@ -75,7 +75,7 @@ class Reach:
         teeth = SHIFT if mark_kind == "runout" else TEETH
         sizes = dict.fromkeys((teeth, CAM_COLUMNS), 0.0)
         for each in DEVIATIONS:
-            if size := abs(factor_of(each, mark_kind)) * drive.number(each.size) * 1e-3:
+            if size := abs(factor_of(each, drive)) * drive.number(each.size) * 1e-3:
                 column = column_of(each, mark_kind)
                 sizes[column] = sizes.get(column, 0.0) + size
         spans = [WIDER_SPAN * max(sizes.pop(column), LEAST_REACH) for column in (teeth, CAM_COLUMNS)]

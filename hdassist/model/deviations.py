@@ -1,9 +1,9 @@
-"""Deviations of the parts as seen in the cam frame: up to twelve scalars, or one value per tooth.
+"""Deviations of the parts as seen in the cam frame: up to 24 scalars, or one value per tooth.
 
 Angles count counter-clockwise, seen from the cam side; deviations of teeth act along +theta at the contact.
-Teeth: dev_g - dev_b = a sin(theta_x1) + b cos(theta_x1), and the same of order 2, 3 and 4. Cam centre: (e_x, e_y)
-along x1, y1. The tooth ring of the rigid wheel off its centre, less that of the flexspline: (s_x, s_y), which moves
-teeth along the radius as well. In the order a, b, e_x, e_y, s_x, s_y, a_2, b_2, a_3, b_3, a_4, b_4.
+Teeth: dev_g - dev_b = a sin(theta_x1) + b cos(theta_x1), and the same of order 2, 3, 4, 6 and on to 16. Cam centre:
+(e_x, e_y) along x1, y1. The tooth ring of the rigid wheel off its centre, less that of the flexspline: (s_x, s_y),
+which moves teeth along the radius as well. In the order a, b, e_x, e_y, s_x, s_y, a_2, b_2, a_3, b_3 and so on.
 
 In pitch-locked states the teeth stand at fixed places before the cam, so a measured wheel can only stand there by whole
 teeth. A mark between two of these places means that the states come at cam angles between those that are counted. The
@@ -20,6 +20,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from hdassist.errors import UsageError
 from hdassist.model.contacts import TOOTH_ORDERS, ContactSystem, StateGaps
@@ -42,6 +43,7 @@ def tooth_phases(drive: Drive) -> tuple[float, float]:
 
 
 TEETH, CAM_COLUMNS, SHIFT = 0, 2, 4  # first columns; those of the orders follow
+SMOOTH_SCALARS = 12  # of teeth that deviate up to their fourth order
 ODD_COLUMNS = {0, 1, 2, 3, 4, 5, 8, 9}  # columns of deviations of odd order: they change sign over half a turn
 _COLUMN = {order: 6 + 2 * place for place, order in enumerate(TOOTH_ORDERS)}
 
@@ -55,13 +57,25 @@ def column_of(deviation: Deviation, mark_kind: str) -> int:
     return TEETH if deviation.kind == "composite" and mark_kind != "runout" else SHIFT
 
 
-def factor_of(deviation: Deviation, mark_kind: str) -> float:
+def factor_of(deviation: Deviation, drive: Drive) -> float:
     """Share of the size of a deviation in its scalars, with the sign in which they count it."""
     if deviation.kind in ("cam", "centre"):
         return 1.0
     sign = -1.0 if deviation.part == "b" else 1.0
-    half = -0.5 if mark_kind == "runout" else 0.5  # of F'_i, from peak to peak; a run-out points the other way
+    if deviation.kind == "pitch":
+        return sign * _amplitude_of_pitch(drive.gears.z_b if deviation.part == "b" else drive.gears.z_g)
+    half = -0.5 if drive.mounting.mark_kind == "runout" else 0.5  # of F'_i, peak to peak; a run-out points other way
     return sign * half if deviation.kind == "composite" else sign
+
+
+def _amplitude_of_pitch(z: int) -> float:
+    """Amplitude of each order of the places of z teeth over their greatest single pitch deviation.
+
+    Each tooth stands off its place by itself, by s: a pitch between two of them by sqrt(2) s, the greatest of z by a
+    quantile of the normal law more, and each order of the places has a root mean square of 2 s/sqrt(z).
+    """
+    greatest = ndtri((1 + 0.5 ** (1 / z)) / 2)
+    return float(2 / np.sqrt(2 * z) / greatest)
 
 
 def standing_offset(drive: Drive) -> tuple[str, str]:
@@ -94,18 +108,19 @@ def deviation_scalars(drive: Drive, alpha_g: Array, alpha_b: Array) -> Array:
     Arguments: alpha_g = phi_g - phi_h and alpha_b = phi_b - phi_h [rad], how each wheel stands in the
     cam frame, shape (states,).
     """
-    return scalars_of(waves_of(drive.number, drive.mounting.mark_kind), alpha_g, alpha_b)
+    return scalars_of(waves_of(drive.number, drive), alpha_g, alpha_b)
 
 
-def waves_of(value: Callable[[str], Array | float], mark_kind: str) -> Waves:
+def waves_of(value: Callable[[str], Array | float], drive: Drive) -> Waves:
     """Amplitudes [mm] of deviations where the wheels have not turned, by column, part and order, as complex numbers.
 
-    Arguments: value, sizes [um] and directions [deg] by the path of their field; mark_kind: that of xi_g and xi_b.
+    Arguments: value, sizes [um] and directions [deg] by the path of their field; drive, for all
+    that is no deviation.
     """
-    waves: Waves = {}
+    waves, mark_kind = Waves(), drive.mounting.mark_kind
     mark = 0.0 if mark_kind == "runout" else MARK_TO_PHASE[mark_kind]
     for each in DEVIATIONS:
-        column, size = column_of(each, mark_kind), np.asarray(value(each.size)) * factor_of(each, mark_kind) * 1e-3
+        column, size = column_of(each, mark_kind), np.asarray(value(each.size)) * factor_of(each, drive) * 1e-3
         if size.any() or column in (TEETH, CAM_COLUMNS):
             direction = value(each.direction) + (mark if each.kind == "composite" else 0.0)
             key = column, each.part, each.order
@@ -114,7 +129,7 @@ def waves_of(value: Callable[[str], Array | float], mark_kind: str) -> Waves:
 
 
 def scalars_of(waves: Waves, alpha_g: Array, alpha_b: Array) -> Array:
-    """Scalars [mm], shape (..., scalars), of many drives at once: the first 4, or the first 6, or all 12 of them.
+    """Scalars [mm], shape (..., scalars), of many drives at once: the first 4, 6 or 12, or all of them.
 
     Arguments: waves as those of waves_of; alpha_g, alpha_b [rad], how each wheel stands in the cam frame; all shapes
     broadcast.
@@ -124,7 +139,7 @@ def scalars_of(waves: Waves, alpha_g: Array, alpha_b: Array) -> Array:
     for (column, part, order), wave in waves.items():
         sums[column] = sums.get(column, 0) + wave * once[part] ** order
     last = max(sums)
-    columns = range(0, (4 if last <= CAM_COLUMNS else 6 if last == SHIFT else 6 + 2 * len(TOOTH_ORDERS)), 2)
+    columns = range(0, next(count for count in (4, 6, SMOOTH_SCALARS, 6 + 2 * len(TOOTH_ORDERS)) if count > last), 2)
     pairs = np.zeros((*np.broadcast_shapes(*(each.shape for each in sums.values())), 2 * len(columns)))
     for column, wave in sums.items():
         # a deviation sin(order (theta - direction)) counts by its sine and cosine, an offset by x and y

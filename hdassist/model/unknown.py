@@ -21,6 +21,7 @@ from hdassist.preset.knowledge import (
     STANDING_OFFSET,
     TURNING_OFFSET,
     F_p,
+    f_p,
 )
 
 
@@ -59,17 +60,14 @@ class Unknown:
 
 def unknowns(drive: Drive) -> tuple[Unknown, ...]:
     """Deviations of a drive that are not known, and matter: a direction without a size does not."""
-    found = []
+    found = dict[str, Unknown]()  # by path: all orders of a wheel's pitch share their size
     for each in DEVIATIONS:
-        size, direction = drive.value(each.size), drive.value(each.direction)
-        if size is None:
-            high, reason = _largest(drive, each)
-            if not high:
-                continue
-            found.append(Unknown(each.size, 0.0, high, reason))
-        if (size is None or size > 0) and direction is None:
-            found.append(Unknown(each.direction, 0.0, 360.0 / each.order, "any direction"))
-    return tuple(found)
+        high, reason = _largest(drive, each)
+        if high and drive.value(each.size) is None:
+            found[each.size] = Unknown(each.size, 0.0, high, reason)
+        if high and drive.value(each.direction) is None:
+            found[each.direction] = Unknown(each.direction, 0.0, 360.0 / each.order, "any direction")
+    return tuple(found.values())
 
 
 def unknown_turn(drive: Drive) -> tuple[str, ...]:
@@ -104,8 +102,7 @@ def _sides(drive: Drive) -> tuple[list[Deviation], list[Deviation]]:
     floats = not drive.number("supports.C_3")
     sides: tuple[list[Deviation], list[Deviation]] = ([], [])
     for each in DEVIATIONS:
-        deviates = drive.value(each.size) is None or drive.number(each.size) > 0
-        if each.part == fixed_part(drive) and deviates and not (floats and each.kind == "cam"):
+        if each.part == fixed_part(drive) and _largest(drive, each)[0] and not (floats and each.kind == "cam"):
             sides[not each.stays_with_seat].append(each)
     return sides
 
@@ -123,7 +120,9 @@ def unknown_names(fields: Sequence[Unknown], most: int = 4) -> str:
 
 
 def _largest(drive: Drive, deviation: Deviation) -> tuple[float, str]:
-    """Greatest size [um] that a deviation is taken to have, and why."""
+    """Greatest size [um] that a deviation has, or is taken to have, and why."""
+    if (given := drive.value(deviation.size)) is not None:
+        return given, "given"
     if deviation.kind == "composite":
         grade = F_p(drive.gears.pitch_diameter, drive.gears.m, COARSEST_CLASS)
         return grade, f"F_p of class {COARSEST_CLASS}, ISO 1328-1:2013"
@@ -132,7 +131,8 @@ def _largest(drive: Drive, deviation: Deviation) -> tuple[float, str]:
         share = CENTRE_OFFSET if deviation.kind == "centre" else share
         return share * drive.gears.pitch_diameter, f"assumed: {share:g} um for each mm of the pitch diameter"
     composite, share = COMPOSITES[deviation.part], SECOND_ORDER if deviation.order == 2 else HIGHER_ORDERS
-    size = drive.value(composite.size)
-    if size is None:
-        size, _ = _largest(drive, composite)
+    size, _ = _largest(drive, composite)
+    if deviation.kind == "pitch":
+        wheel = drive.gears.pitch_diameter, drive.gears.m, COARSEST_CLASS
+        return size * f_p(*wheel) / F_p(*wheel), f"f_p of the class of ISO 1328-1:2013 that {composite.name} has as F_p"
     return share * size / 2, f"assumed: {share:.0%} of half of {composite.name}"

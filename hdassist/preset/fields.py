@@ -329,13 +329,14 @@ class Deviation:
     """A deviation of a part, by the paths of its size [um] and its direction [deg].
 
     kind: composite, the first harmonic of a wheel's teeth from peak to peak (F'_i); harmonic of the teeth, an
-    amplitude; seat, a harmonic that the seat of the rigid wheel presses on it; cam, an offset of the cam; centre, an
-    offset of a wheel's teeth. part: that it turns with, flexspline g, rigid wheel b or cam h; order: waves around it.
+    amplitude; pitch, an order of what each tooth is off by itself, whose size is the greatest single pitch deviation;
+    seat, a harmonic that the seat of the rigid wheel presses on it; cam, an offset of the cam; centre, an offset of a
+    wheel's teeth. part: that it turns with, flexspline g, rigid wheel b or cam h; order: waves around it.
     """
 
     size: str
     direction: str
-    kind: Literal["composite", "harmonic", "seat", "cam", "centre"]
+    kind: Literal["composite", "harmonic", "pitch", "seat", "cam", "centre"]
     part: Part
     order: int = 1
 
@@ -356,7 +357,9 @@ CAM_OFFSETS = {each.part: each for each in DEVIATIONS if each.kind == "cam"}
 DEVIATION_FIELDS = frozenset(path for each in DEVIATIONS for path in (each.size, each.direction))
 # sizes, by wheel, that measured pitch deviations replace
 IN_TEETH: dict[str, tuple[str, ...]] = {
-    wheel: tuple(d.size for d in DEVIATIONS if d.part == wheel and d.kind in ("composite", "harmonic"))
+    wheel: tuple(
+        dict.fromkeys(d.size for d in DEVIATIONS if d.part == wheel and d.kind in ("composite", "harmonic", "pitch"))
+    )
     for wheel in COMPOSITES
 }
 

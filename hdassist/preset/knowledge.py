@@ -49,6 +49,11 @@ def F_p(d: float, m: float, accuracy: int) -> float:
     return float((0.002 * d + 0.55 * d**0.5 + 0.7 * m + 12) * 2 ** ((accuracy - 5) / 2))
 
 
+def f_p(d: float, m: float, accuracy: int) -> float:
+    """Single pitch deviation [um] by ISO 1328-1:2013, of a pitch diameter and module [mm] and a class."""
+    return float((0.001 * d + 0.4 * m + 5) * 2 ** ((accuracy - 5) / 2))
+
+
 def growth(by: str, d: float, m: float) -> float:
     """Factor on a field by its law where the pitch diameter is d times, and the module m times as large."""
     return {"same": 1.0, "d": d, "1/d": 1 / d, "m": m}[by]

@@ -123,7 +123,9 @@ def production_law(
     own: list[FieldPrior] = []
     for deviation in DEVIATIONS:
         high = drive.number(deviation.size)
-        if deviation.size in priors and not (deviation.size in assumed and high):
+        if any(field.path == deviation.size for field in own):
+            pass  # another order of the same wheel's pitch
+        elif deviation.size in priors and not (deviation.size in assumed and high):
             own.append(priors[deviation.size])
         elif high > 0:
             own.append(
