@@ -38,7 +38,7 @@ LISTED_LINES = 12  # the largest
 NEVER = Probability(0.0, 0.0, 0.0)  # of a test that sees all: no chance is in it
 SEEN_SHARE = 0.95  # of F'_ior, that a test sees which is enough where there is no limit
 ROUGH_NOISE = 0.03  # of a composite deviation F'_i: greatest rms of single teeth; evenly from none, a guess
-ROUGH_ORDERS, ROUGH_SIZE = range(5, 13), 0.1  # around a wheel, beyond the belief's; scale of Rayleigh's law over order
+ROUGH_ORDERS, ROUGH_SIZE = range(5, 13), 0.1  # around a wheel; scale of Rayleigh's law over order
 ROUGH_WHEELS, ROUGH_UM = 8, 50.0  # drawn of each kind; F'_i at which they are solved
 
 
@@ -382,18 +382,22 @@ def choose_plan(
 def rough_curves(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]], points: int, seed: int = 0) -> Array:
     """Error [arcsec] by rough teeth over the full cycle of drives, shape (drives, points).
 
-    Harmonics beyond the belief's and noise of single teeth, in proportion to the composite deviation of their wheel,
-    are solved in the drive without other deviations, where the error is that of one wheel plus that of the other; of
-    some wheels, in a random position in each drive. Arguments: M_g [N*m]; changes of the drive by path; points of the
-    cycle; seed.
+    Of wheels whose single pitch deviation counts as 0: harmonics and noise of single teeth, in proportion to their
+    composite deviation, are solved in the drive without other deviations, where the error is that of one wheel plus
+    that of the other; of some wheels, in a random position in each drive. Arguments: M_g [N*m]; changes of the drive by
+    path; points of the cycle; seed.
     """
     rng, kinematics = np.random.default_rng([seed, 2]), Kinematics.of(drive)
     smooth = drive.with_values({each.size: 0.0 for each in DEVIATIONS})
     state, part = np.divmod(np.arange(points) * kinematics.cycle_states / points, 1)
     index, curves = state.astype(np.int64), np.zeros((len(changes), points))
-    for wheel, z, path in (("g", drive.gears.z_g, "tolerances.F_i1"), ("b", drive.gears.z_b, "tolerances.F_i2")):
-        sizes = [change.get(path, drive.number(path)) / ROUGH_UM for change in changes]
-        if not any(sizes):
+    for wheel, z, k in (("g", drive.gears.z_g, 1), ("b", drive.gears.z_b, 2)):
+        composite, pitch = (
+            np.array([change.get(path, drive.number(path)) for change in changes])
+            for path in (f"tolerances.F_i{k}", f"tolerances.f_p{k}")
+        )
+        sizes = np.where(pitch, 0.0, composite / ROUGH_UM)
+        if not sizes.any():
             continue
         errors, turn = [], 2 * np.pi * np.arange(z) / z
         for _ in range(ROUGH_WHEELS):

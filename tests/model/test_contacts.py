@@ -117,7 +117,7 @@ def test_teeth_and_balls_stand_at_their_phases(reference):
         system = systems.at(tau, beta)
         assert system.flanks.theta == pytest.approx(2 * np.pi * (system.flanks.tooth + tau) / 200)
         assert system.ball_theta == pytest.approx(2 * np.pi * (np.arange(24) + beta) / 24)
-        assert system.deviation_map.shape == (len(system.delta_p), 12)
+        assert system.deviation_map.shape == (len(system.delta_p), 24)
         alone = contact_system(reference, tau, beta)
         for part in ("compliance", "local", "G", "delta_p", "deviation_map"):
             assert np.array_equal(getattr(system, part), getattr(alone, part))  # the same functions of the same phases

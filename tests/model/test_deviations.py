@@ -19,6 +19,9 @@ from tests.support import changed, delta_p_of, first_harmonic
 QUIET = {"tolerances__F_i1": 0.0, "tolerances__F_i2": 0.0, "tolerances__e_hb": 0.0, "tolerances__e_hh": 0.0}
 
 
+PITCH_ORDERS = range(6, 17, 2)
+
+
 def scalars(drive, phi_h: float, phi_g: float = 0.0):
     """Deviation scalars at angles of cam and flexspline [deg], rigid wheel fixed."""
     return deviation_scalars(drive, np.radians([phi_g - phi_h]), np.radians([-phi_h]))[0]
@@ -184,6 +187,34 @@ def test_what_moves_wheel_and_cam_alike_makes_no_error(reference):
         assert 0.5 < ranges[1] < ranges[3]
 
 
+def test_teeth_that_are_off_one_by_one_have_the_orders_of_their_single_pitch_deviation(reference):
+    rng, squares = np.random.default_rng(0), []
+    teeth = reference.gears.z_b
+    for _ in range(400):
+        places = rng.standard_normal(teeth)
+        places *= 10 / np.abs(places - np.roll(places, 1)).max()  # a single pitch deviation of 10 um
+        squares.append(np.abs(np.fft.rfft(places)[list(PITCH_ORDERS)] * 2 / teeth) ** 2)
+    drive = changed(reference, **QUIET, tolerances__f_p2=10.0)
+    found = np.hypot(*scalars(drive, 0).reshape(-1, 2).T) * 1e3
+    assert found[:6] == pytest.approx(0, abs=1e-12)
+    assert found[6:] == pytest.approx(np.sqrt(np.mean(squares)), rel=0.03)
+
+
+@pytest.mark.parametrize(("wheel", "part", "sign"), [("1", "g", 1.0), ("2", "b", -1.0)])
+def test_a_single_pitch_deviation_is_as_teeth_with_its_orders(reference, wheel, part, sign):
+    phases = {f"harmonics__xi_{part}{order}": 7.0 * order for order in PITCH_ORDERS}
+    drive = changed(reference, **{**QUIET, f"tolerances__f_p{wheel}": 30.0, **phases})
+    z = reference.gears.z_g if part == "g" else reference.gears.z_b
+    a, b = sign * scalars(drive, 0).reshape(-1, 2)[6:].T[:, :, None] * 1e3  # um, of sine and cosine
+    angle = np.array(PITCH_ORDERS)[:, None] * (2 * np.pi * np.arange(z) / z + np.pi / 2)
+    teeth = ToothDeviations(**{part: (a * np.sin(angle) + b * np.cos(angle)).sum(axis=0)})
+    states = pitch_locked_states(Kinematics.of(drive), np.arange(0, 20200, 201))
+    by_field = kinematic_error(drive, 80, states=states, run=UNCHECKED).error_arcsec
+    by_tooth = kinematic_error(drive, 80, states=states, teeth=teeth, run=UNCHECKED).error_arcsec
+    assert np.ptp(by_field) > 5
+    assert np.ptp(by_field - by_tooth) < 0.01 * np.ptp(by_field)  # spaces stand beside the teeth by half a pitch at most
+
+
 def test_second_harmonics_weigh_as_much_as_first_ones_twenty_times_their_size(reference):
     oval = changed(reference, **QUIET, harmonics__a_b2=1.0)
     first = changed(reference, **{**QUIET, "tolerances__F_i2": 2.0})
@@ -194,12 +225,11 @@ def test_second_harmonics_weigh_as_much_as_first_ones_twenty_times_their_size(re
 
 
 def test_what_turns_with_the_fixed_wheel_and_what_stands_with_its_seat(reference):
-    assert carried(reference) == (
-        "phases.xi_b", "phases.phi_eb", "harmonics.xi_b2", "harmonics.xi_b3", "harmonics.xi_b4",
-    )  # fmt: skip
+    orders = (2, 3, 4, *PITCH_ORDERS)
+    assert carried(reference) == ("phases.xi_b", "phases.phi_eb", *(f"harmonics.xi_b{order}" for order in orders))
     assert standing_offset(reference) == ("tolerances.e_hb", "phases.phi_hb")
     other = changed(reference, mounting__fixed="flexspline")
-    assert carried(other) == ("phases.xi_g", "harmonics.xi_g2", "harmonics.xi_g3", "harmonics.xi_g4")
+    assert carried(other) == ("phases.xi_g", *(f"harmonics.xi_g{order}" for order in orders))
     assert standing_offset(other) == ("tolerances.e_hg", "phases.phi_hg")
 
 

@@ -26,8 +26,8 @@ def test_a_drive_that_gives_everything_leaves_nothing_open():
 
 def test_each_deviation_that_is_not_given_is_open_with_its_direction():
     paths = {path for path, field in field_table().items() if field.unknown}
-    sizes = {each.size: each.direction for each in DEVIATIONS}
-    assert paths == {*sizes, *sizes.values()}
+    assert paths == {path for each in DEVIATIONS for path in (each.size, each.direction)}
+    sizes = {each.size: each.direction for each in DEVIATIONS if each.kind != "pitch"}
     for size, direction in sizes.items():
         assert open_fields(f"{size}=unknown", f"{direction}=unknown") == {size, direction}
         assert open_fields(f"{size}=unknown", f"{size}=0", f"{direction}=unknown") == set()  # nothing has no direction
@@ -104,6 +104,19 @@ def test_harmonics_go_as_far_as_their_wheel_whatever_is_known_of_it():
     none = ("tolerances.F_i1=0", "harmonics.a_g2=unknown", "harmonics.xi_g2=unknown")
     assert open_fields(*none) == set()
     assert open_fields(*none, "harmonics.a_b3=unknown") == {"harmonics.a_b3", "harmonics.xi_b3"}
+
+
+def test_a_single_pitch_deviation_is_that_of_the_class_of_its_wheel():
+    """f_p and F_p of ISO 1328-1:2013, class 5: 0.001 d + 0.4 m + 5 and 0.002 d + 0.55 sqrt d + 0.7 m + 12 um."""
+    share = (0.16 + 0.32 + 5) / (0.32 + 0.55 * 160**0.5 + 0.56 + 12)
+    found = {u.path: u.high for u in unknowns(load_preset("vzp160", ["tolerances.f_p1=unknown", "tolerances.f_p2=2"]))}
+    phases = {f"harmonics.xi_{wheel}{order}" for wheel in "gb" for order in range(6, 17, 2)}
+    assert set(found) == {"tolerances.f_p1", *phases}
+    assert found["tolerances.f_p1"] == pytest.approx(75 * share)
+    assert {found[f"harmonics.xi_g{order}"] for order in (6, 16)} == {60, 22.5}
+    assert open_fields("tolerances.F_i1=0", "tolerances.f_p1=unknown") == set()
+    loose = {u.path: u.high for u in unknowns(load_preset("vzp160", ["tolerances={F_i2: 75, f_p2: 0, e_b: 0}"]))}
+    assert loose["tolerances.f_p1"] == pytest.approx(loose["tolerances.F_i1"] * share)  # what is not written is open
 
 
 def test_both_sides_may_be_open_that_of_the_wheel_first():

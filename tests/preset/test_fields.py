@@ -18,7 +18,7 @@ from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Geometry
 from hdassist.model.kinematics import Kinematics, ball_phase, pitch_locked_states
 from hdassist.mounting.positions import MountingCurve, seat_positions
-from hdassist.preset.fields import Acceptance, Drive, field_table
+from hdassist.preset.fields import DEVIATIONS, Acceptance, Drive, field_table
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import EMPTY
 from hdassist.verdict import Verdict
@@ -106,6 +106,7 @@ MOVES = [
     ("numerics.n_max", 20, heavy, -0.5, "fewer modes, less compliance"),
     ("numerics.n_2", 50, light, +0.25, "a seat on fewer nodes yields between them"),
 ]
+PITCH = [each for each in DEVIATIONS if each.kind == "pitch"]
 LIMITS = [
     path
     for path, field in field_table().items()
@@ -122,7 +123,8 @@ def marked() -> set[str]:
 
 
 def test_no_field_is_left_out():
-    assert {path for path, *_ in MOVES} | {*LIMITS} | marked() == set(field_table())
+    of_pitch = {path for each in PITCH for path in (each.size, each.direction)}
+    assert {path for path, *_ in MOVES} | {*LIMITS} | marked() | of_pitch == set(field_table())
 
 
 @pytest.mark.parametrize(
@@ -267,6 +269,14 @@ def test_an_even_harmonic_moves_the_error_and_an_odd_one_nearly_cancels(referenc
     found = [error(changed(reference, **{size: um, phase: at})) - error(reference) for at in (0.0, 180 / order)]
     assert least < max(map(abs, found)) < most
     assert abs(found[1] - found[0]) > 0.01
+
+
+@pytest.mark.parametrize("moved", PITCH, ids=lambda each: each.direction)
+def test_a_single_pitch_deviation_moves_the_error_in_each_of_its_orders(reference, moved):
+    rough = reference.with_values({moved.size: 20.0})
+    turned = rough.with_values({moved.direction: 180.0 / moved.order})
+    assert 0.5 < error(rough) - error(reference) < 20
+    assert abs(error(turned) - error(rough)) > 0.01
 
 
 @pytest.mark.moves("numerics.n_phase")
