@@ -14,7 +14,7 @@ NUMBERS = re.findall(r"\\tag\{(\w+)\}", THEORY)
 
 
 def test_each_number_stands_once_and_in_order():
-    assert " ".join(NUMBERS) == "1 2 2a 3 4 5 6 6a 6b 6c 7 8 8a 8b 9 9a 10 11 12 13 14 15 16"
+    assert " ".join(NUMBERS) == "1 2 2a 3 4 5 6 6a 6b 6c 7 8 8a 8b 8c 9 9a 10 11 12 13 14 15 16"
 
 
 @pytest.mark.parametrize("room", ["model", "solve", "error", "calibration"])

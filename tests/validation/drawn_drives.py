@@ -13,7 +13,7 @@ from hdassist.error.extremes import many_extremes
 from hdassist.model.geometry import Array
 
 DEVIATIONS = ("tolerances.", "phases.", "harmonics.")
-AMPLITUDE, WHEEL = "harmonics.a_", "tolerances.F_i"
+AMPLITUDE, WHEEL, PITCH = "harmonics.a_", "tolerances.F_i", "tolerances.f_p"
 
 
 @cache
@@ -23,7 +23,7 @@ def drawn_drives(size: int, count: int, harmonics: float = 1.0, wheels: float = 
     Arguments: factors on the amplitudes of orders 2 to 4 and on F'_i, which are some on their bounds.
     """
     prior = prior_of(load_preset(f"size-{size}-100"))
-    shares, factors = prior.shares(count), {AMPLITUDE: harmonics, WHEEL: wheels}
+    shares, factors = prior.shares(count), {AMPLITUDE: harmonics, WHEEL: wheels, PITCH: wheels}
     columns = {
         each.path: each.value(shares[:, k]) * next((x for of, x in factors.items() if each.path.startswith(of)), 1.0)
         for k, each in enumerate(prior.fields)
