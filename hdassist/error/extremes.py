@@ -1,11 +1,12 @@
 """Extremes of drives that share a contact system, from few states with slopes.
 
 A state gives, beside the rotation, its slopes by the scalars of the deviations. Three things propose hills: cubic
-splines through a coarse grid of states with their slopes, what the tangents of those reach beyond, and crests where a
-mesh zone lets go and the error jumps over its clearance, which the share of the zone shows from afar. From there
-solve/climb.py goes up. The states that it finds are solved and proven once more, and are states of the cycle, so F'_ior
-can only be too small: by how much of drives that were proposed by several grids, `python -m benchmarks.proposals` has,
-and of draws, of which there are very many, by one, `python -m benchmarks.draws`.
+splines through a coarse grid of states with their slopes, on which what single teeth add lies by mean slopes, as they
+turn the output nearly alike everywhere, what the tangents of those reach beyond, and crests where a mesh zone lets go
+and the error jumps over its clearance, which the share of the zone shows from afar. From there solve/climb.py goes up.
+The states that it finds are solved and proven once more, and are states of the cycle, so F'_ior can only be too small:
+by how much of drives that were proposed by several grids, `python -m benchmarks.proposals` has, and of draws, of which
+there are very many, by one, `python -m benchmarks.draws`.
 """
 
 from __future__ import annotations
@@ -38,10 +39,9 @@ from hdassist.solve.climb import Rules, Starts, Torus
 # positions of each wheel in a grid: of draws odd, so that half a turn on, where the error is much alike, lies between
 # them; islands of the error that one grid overlooks another one shows
 DRAWN_GRIDS, FINE_GRIDS = (9,), (9, 14, 19)
-ROUGH_GRIDS = (17,)  # of draws whose teeth deviate in orders beyond the fourth, which nine positions do not show
 SHORT_CYCLE = 4000  # states of a cycle below which all are solved of one drive
 LEAST_F_IOR = 4.0  # arcsec: F'_ior of which shares are taken, at least
-SPLINE_POINTS = 4  # times as many at which a spline is read
+SPLINE_POINTS, ROUGH_POINTS = 4, 8  # times as many at which a spline is read; where orders beyond the fourth are added
 STEEPEST = 1.5  # slope of a spline over that to the next state, at most: a crease would make it swing
 BEYOND = 0.25  # of what tangents reach beyond the spline, that a hill may have
 TRIED = 0.06  # of F'_ior: a hill is tried that may be no further below the highest state of the grid
@@ -158,8 +158,6 @@ class _Search:
     def extremes(self, grids: tuple[int, ...]) -> Extremes:
         """Extremes of all drives, proposed by grids of so many positions of each wheel."""
         gain = (DRAWN_GAIN if grids == DRAWN_GRIDS else FINE_GAIN) / ARCSEC
-        if grids == DRAWN_GRIDS and self._torus.by_b.shape[2] > SMOOTH_SCALARS:
-            grids = ROUGH_GRIDS
         proposed = [self._proposed(n) for n in grids]
         hills = reduce(Hills.and_these, (found for found, _ in proposed))
         hills = self._first_states(hills, np.max([known for _, known in proposed], axis=0))
@@ -194,18 +192,29 @@ class _Search:
         exact, row = index * (self._size / n), np.tile(np.arange(drives), n * n)
         points = np.repeat(self._map.to_lattice(exact), drives, axis=0)
         rotation, slopes, share = self._at(row, points)
-        by_b, by_g = ((slopes * each).sum(axis=1) for each in self._torus.changes(row, points))  # arcsec a step
+        steps, smooth = self._torus.changes(row, points), slice(SMOOTH_SCALARS)
+        by_b, by_g = ((slopes[:, smooth] * each[:, smooth]).sum(axis=1) for each in steps)  # arcsec a step
+        teeth = slopes[:, SMOOTH_SCALARS:].reshape(n * n, drives, -1).mean(axis=0)
+        added = self._added(teeth, row, points)
+        rotation -= added
         off = np.repeat(exact, drives, axis=0) - points
-        flat = np.empty((4, drives, n, n))
+        flat = np.empty((5, drives, n, n))
         places = (row, *np.repeat(index, drives, axis=0).T)
         flat[0][places] = rotation + by_b * off[:, 0] + by_g * off[:, 1]
         flat[1][places], flat[2][places] = by_b * self._size[0] / n, by_g * self._size[1] / n
-        flat[3][places] = share
-        crests = self._crests(*flat)
-        up, down = between_states(*flat[:3])
-        known = np.stack([flat[0].max(axis=(1, 2)), -flat[0].min(axis=(1, 2))], axis=1)
-        step = self._size / up.shape[1:]
+        flat[3][places], flat[4][places] = share, added
+        whole, crests = flat[0] + flat[4], self._crests(*flat[:4])
+        known = np.stack([whole.max(axis=(1, 2)), -whole.min(axis=(1, 2))], axis=1)
+        crests = replace(crests, height=crests.height + crests.sign * self._added(teeth, crests.row, crests.point))
+        fine = n * (ROUGH_POINTS if teeth.size else SPLINE_POINTS)
+        step, parts = self._size / fine, (self._torus.by_b, self._torus.by_g)
+        b, g = (part[:, np.arange(fine) * part.shape[1] // fine, SMOOTH_SCALARS:] @ teeth[:, :, None] for part in parts)
+        up, down = (each + b + g[:, None, :, 0] for each in between_states(flat[0], flat[1], flat[2], fine // n))
         return hills_of(up, down, lambda place: self._map.to_lattice(place * step)).and_these(crests), known
+
+    def _added(self, slopes: Array, row: Indices, point: Indices) -> Array:
+        """What orders beyond the fourth add at points [arcsec], by slopes of drives, shape (drives, their scalars)."""
+        return np.asarray((self._torus.scalars(row, point)[:, SMOOTH_SCALARS:] * slopes[row]).sum(axis=1))
 
     def _crests(self, value: Array, by_b: Array, by_g: Array, share: Array) -> Hills:
         """Places between states of the grid where a mesh zone lets go, and the height of the upper tangent.
@@ -250,8 +259,8 @@ class _Search:
         return replace(hills, height=hills.sign * rotation, slope=slope)
 
 
-def between_states(value: Array, by_b: Array, by_g: Array) -> tuple[Array, Array]:
-    """Bounds of the error between states of a grid, upper and lower, shape (drives, k, l), k = SPLINE_POINTS n.
+def between_states(value: Array, by_b: Array, by_g: Array, times: int = SPLINE_POINTS) -> tuple[Array, Array]:
+    """Bounds of the error between states of a grid, upper and lower, shape (drives, k, l), k = n times.
 
     Cubic splines; where the tangents of all four states around a place reach beyond them, those, and a share of what
     any of them reaches. Arguments: value of the states and its slopes by a step of the grid along either wheel, shape
@@ -265,9 +274,9 @@ def between_states(value: Array, by_b: Array, by_g: Array) -> tuple[Array, Array
         slopes.append(np.clip(slope, -most, most))
     b, g = slopes
     twist = (np.roll(b, -1, 2) - np.roll(b, 1, 2) + np.roll(g, -1, 1) - np.roll(g, 1, 1)) / 4
-    A, B = _spline(n)
+    A, B = _spline(n, times)
     spline = (A @ value + B @ b) @ A.T + (A @ g + B @ twist) @ B.T
-    t = np.arange(SPLINE_POINTS) / SPLINE_POINTS
+    t = np.arange(times) / times
     tangents = []
     for i in (0, 1):
         for j in (0, 1):
@@ -280,11 +289,11 @@ def between_states(value: Array, by_b: Array, by_g: Array) -> tuple[Array, Array
 
 
 @lru_cache(maxsize=4)
-def _spline(n: int) -> tuple[Array, Array]:
-    """Weights of values and of slopes in a periodic cubic spline through n of them, shape (n SPLINE_POINTS, n)."""
-    cell, part = np.divmod(np.arange(n * SPLINE_POINTS), SPLINE_POINTS)
-    t, rows = part / SPLINE_POINTS, np.arange(n * SPLINE_POINTS)
-    of_values, of_slopes = np.zeros((2, n * SPLINE_POINTS, n))
+def _spline(n: int, times: int) -> tuple[Array, Array]:
+    """Weights of values and of slopes in a periodic cubic spline through n of them, shape (n times, n)."""
+    cell, part = np.divmod(np.arange(n * times), times)
+    t, rows = part / times, np.arange(n * times)
+    of_values, of_slopes = np.zeros((2, n * times, n))
     ahead = (cell + 1) % n
     of_values[rows, ahead] = (3 - 2 * t) * t**2
     of_values[rows, cell] = 1 - of_values[rows, ahead]

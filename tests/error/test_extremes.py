@@ -9,10 +9,11 @@ from benchmarks.draws import FINEST_GRID, HOLES, drawn_drives
 from benchmarks.rows import DRAWS_RMS, DRAWS_WORST
 from hdassist import load_preset
 from hdassist.error import extremes
-from hdassist.error.error_map import Batch, ErrorMap, error_maps
+from hdassist.error.error_map import Batch, ErrorMap, error_maps, every_state
 from hdassist.error.extremes import DRAWN_GRIDS, between_states, many_extremes
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.mounting.positions import rotated
+from hdassist.preset.fields import DEVIATIONS
 from hdassist.solve.answers import N_MM
 from hdassist.solve.climb import Torus
 from hdassist.solve.formulation import formulate
@@ -48,6 +49,20 @@ def test_few_states_find_what_every_state_shows(kind, seed):
     assert np.ptp(exact) > 0.5
     assert found.certificate.states < len(TURNS) * 150
     assert 0 < found.certificate.max_residual < 1e-8
+
+
+def test_rough_teeth_are_found_between_the_positions_of_a_grid():
+    """Nine positions of a wheel do not show orders 6 to 16: without their slopes up to 16 % of F'_ior were missed."""
+    pitch = [each for each in DEVIATIONS if each.kind == "pitch"]
+    drive, rng, drives = load_preset("size-25-100", ["operation.M_g=6.7"]), np.random.default_rng(3), 12
+    columns = {each.size: np.full(drives, 10.0) for each in pitch}
+    columns |= {"tolerances.e_hb": np.full(drives, 20.0), "phases.xi_b": rng.uniform(0, 360, drives)}
+    columns |= {each.direction: rng.uniform(0, 60, drives) for each in pitch}
+    some = Batch(drive, columns).take(np.array([6, 10, 11]))
+    found = many_extremes(ErrorMap(drive, 6.7), some, DRAWN_GRIDS).F_ior_arcsec
+    one_by_one = [{path: float(of[k]) for path, of in some.columns.items()} for k in range(3)]
+    exact = [every_state(drive.with_values(values), 6.7).first for values in one_by_one]
+    assert found == pytest.approx(exact, rel=0.005)
 
 
 def test_its_states_are_the_extremes():

@@ -212,7 +212,9 @@ def test_a_single_pitch_deviation_is_as_teeth_with_its_orders(reference, wheel, 
     by_field = kinematic_error(drive, 80, states=states, run=UNCHECKED).error_arcsec
     by_tooth = kinematic_error(drive, 80, states=states, teeth=teeth, run=UNCHECKED).error_arcsec
     assert np.ptp(by_field) > 5
-    assert np.ptp(by_field - by_tooth) < 0.01 * np.ptp(by_field)  # spaces stand beside the teeth by half a pitch at most
+    assert np.ptp(by_field - by_tooth) < 0.01 * np.ptp(
+        by_field
+    )  # spaces stand beside the teeth by half a pitch at most
 
 
 def test_second_harmonics_weigh_as_much_as_first_ones_twenty_times_their_size(reference):
