@@ -157,7 +157,6 @@ class _Search:
 
     def extremes(self, grids: tuple[int, ...]) -> Extremes:
         """Extremes of all drives, proposed by grids of so many positions of each wheel."""
-        gain = (DRAWN_GAIN if grids == DRAWN_GRIDS else FINE_GAIN) / ARCSEC
         proposed = [self._proposed(n) for n in grids]
         hills = reduce(Hills.and_these, (found for found, _ in proposed))
         hills = self._first_states(hills, np.max([known for _, known in proposed], axis=0))
@@ -167,7 +166,11 @@ class _Search:
         rotation, slope = hills.sign * hills.height / ARCSEC, hills.slope / ARCSEC
         starts = Starts(first, hills.row[first], hills.sign[first], hills.point, rotation, slope)
         radius = round(RADIUS * float(self._size.mean()) / min(grids))
-        tops = self._case.climb(self._torus, starts, Rules(STEPS, gain, (radius, *RINGS)))
+        tops = self._case.climb(
+            self._torus,
+            starts,
+            Rules(STEPS, (DRAWN_GAIN if grids == DRAWN_GRIDS else FINE_GAIN) / ARCSEC, (radius, *RINGS)),
+        )
         rotation, *_ = self._at(np.repeat(np.arange(self._drives), 2), tops)
         return self._found(tops, rotation.reshape(-1, 2))
 
