@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
 from hdassist.json_parts import Json
@@ -39,7 +42,7 @@ class Quantity(Generic[T]):
 
     key: dotted place in JSON and column of CSV, with the unit at its end; label and unit: words in tables (None: those
     of the key); digits: format of the number there (None: as its unit has it), or the function that writes it; value:
-    dotted name of its attribute (empty: the key), or a function.
+    dotted name of its attribute (empty: the key; a number is a place in a list), or a function.
     """
 
     key: str
@@ -54,7 +57,8 @@ class Quantity(Generic[T]):
             return self.value(thing)
         found: Any = thing
         for name in (self.value or self.key).split("."):
-            found = None if found is None else getattr(found, name)
+            if found is not None:
+                found = found[int(name)] if name.isdecimal() else getattr(found, name)
         return found
 
     def text(self, thing: T) -> str:
@@ -87,6 +91,23 @@ def four_digits(value: float) -> str:
 
 
 Quantities: TypeAlias = tuple[Quantity[T], ...]
+
+
+@cache
+def declared_quantities() -> dict[str, dict[str, dict[str, dict[str, str]]]]:
+    """The tables of quantities.toml: by page and name, of each key what is declared."""
+    return tomllib.loads(files("hdassist").joinpath("quantities.toml").read_text("utf-8"))
+
+
+def quantities(table: str, **functions: Callable[[Any], Any]) -> Quantities[Any]:
+    """The quantities of a table of quantities.toml; functions: values and formats that have such names there."""
+    page, name = table.split(".")
+    found = []
+    for key, declared in declared_quantities()[page][name].items():
+        value, digits = declared.get("value", key), declared.get("digits")
+        shown = declared.get("label"), declared.get("unit"), functions.get(digits or "", digits)
+        found.append(Quantity[Any](key, *shown, functions.get(value, value)))
+    return tuple(found)
 
 
 def csv_table(preset: str, quantities: Iterable[Quantity[T]], things: Iterable[T]) -> tuple[list[str], list[list[Any]]]:

@@ -16,7 +16,7 @@ from hdassist.explorer.panes import MARKS
 from hdassist.pages import check as check_page
 from hdassist.pages import curves as curves_page
 from hdassist.preset.fields import field_table, sections
-from hdassist.report import Quantity
+from hdassist.report import declared_quantities, quantities
 from hdassist.terminal.output import with_code
 from hdassist.terminal.plot import MARK_SIGNS
 from hdassist.terminal.words import Texts, texts
@@ -92,10 +92,6 @@ def labels(source: str) -> Iterator[str]:
             name, place = ast.unparse(node.func), {"Quantity": 1, "CurveMark": 2, "Table": 1}
             if name in place and len(node.args) > place[name]:
                 yield from constants(node.args[place[name]])
-            elif name == "Quantity" and any(
-                isinstance(k.value, ast.Constant) for k in node.keywords if k.arg == "digits"
-            ):
-                yield from (Quantity(key).words for key in constants(node.args[0]))  # described by its name
             pairs = list(node.args) if name in ("Facts", "Facts.of") else []
             yield from (text for k in node.keywords if k.arg == "names" for text in constants(k.value))
         elif isinstance(node, ast.FunctionDef) and "facts" in node.name:
@@ -119,7 +115,15 @@ more sure; less spread; self error; as built; PASS; FAIL; INCONCLUSIVE; NO LIMIT
 
 def test_all_words_of_pages_are_known() -> None:
     pages = [path.read_text("utf-8") for path in (ROOT / "hdassist/pages").glob("*.py")]
-    said = {label.split(",")[0].strip() for page in pages for label in labels(page)} - {""}
+    tables = declared_quantities().items()
+    declared = {
+        each.words
+        for page, named in tables
+        for name, of in named.items()
+        for each in quantities(f"{page}.{name}")
+        if {"label", "digits"} & of[each.key].keys()
+    }
+    said = {label.split(",")[0].strip() for label in (*declared, *(w for page in pages for w in labels(page)))} - {""}
     assert len(said) > 140
     said |= {word.strip() for word in NAMED.split(";")} | {str(verdict) for verdict in Verdict} | set(MARKS)
     unknown = []

@@ -4,24 +4,14 @@ import shlex
 from collections.abc import Iterator
 from math import isfinite
 
-from hdassist.calibration import Calibration, Fit, FoundValue, Targets
+from hdassist.calibration import Calibration, Fit, Targets
 from hdassist.json_parts import Json, attributes
 from hdassist.model.unknown import unknown_notes
-from hdassist.report import Facts, Quantities, Quantity, Report, Table
+from hdassist.report import Facts, Report, Table, quantities
 from hdassist.verdict import Verdict
 
 UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
 NOTE = "fitted targets are no evidence for the model: targets that were not fitted are"
-FOUND_VALUES: Quantities[FoundValue] = (
-    Quantity("path", "field"),
-    Quantity("unit"),
-    Quantity("start", digits="g"),
-    Quantity("found", digits="g"),
-    Quantity("half_width", "±", digits=".2g"),
-    Quantity("low", "least", digits="g"),
-    Quantity("high", "most", digits="g"),
-    Quantity("determined", digits=".0%"),
-)
 
 
 def calibrate_report(result: Calibration, written: str | None = None) -> Report:
@@ -48,7 +38,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
         verdict=f"{met.count(False) or len(met)} of {len(met)} targets {'met' if all(met) else 'MISSED'}",
         why=(result.shortfall or f"sets of values that meet all targets: {len(result.fits)}",),
         blocks=(
-            Table.by_row("values, half width of their interval, bounds", FOUND_VALUES, result.values),
+            Table.by_row("values, half width of their interval, bounds", quantities("calibrate.values"), result.values),
             Table("targets", ("target", "unit", "wanted", "found", "off, tolerances", ""), tuple(rows)),
             Facts((("note", NOTE), ("next", next_))),
         ),

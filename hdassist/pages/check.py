@@ -27,7 +27,7 @@ from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import wheel
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.knowledge import SIZE_20, SMALL_ACCURACY, USUAL_ACCURACY
-from hdassist.report import Curve, Fact, Facts, Quantities, Quantity, Report, Table, as_objects, csv_table
+from hdassist.report import Curve, Fact, Facts, Quantity, Report, Table, as_objects, csv_table, quantities
 from hdassist.terminal.words import (
     again,
     field_unit,
@@ -40,6 +40,7 @@ from hdassist.terminal.words import (
 )
 from hdassist.verdict import Verdict
 
+ANGLES = ("phi_h", "phi_g", "phi_b")
 UNKNOWN_AT_ZERO = "F_ior_shown_arcsec, at_max and at_min take what is not known as 0"
 
 
@@ -52,10 +53,6 @@ def _angle_deg(end: str, angle: str, point: OperatingPoint) -> float | None:
     )
 
 
-def _turns(angle_deg: float) -> str:
-    return f"{angle_deg / 360:.2f}"
-
-
 def _percentile_error(percent: int, point: OperatingPoint) -> float | None:
     """Monte Carlo standard error of a percentile of F'_ior [arcsec]."""
     if not (belief := point.belief):
@@ -63,59 +60,19 @@ def _percentile_error(percent: int, point: OperatingPoint) -> float | None:
     return belief.samples.of_ranges.percentile_error(percent / 100, belief.torque)
 
 
-BELIEF_PERCENTILES = {5: "5th percentile", 50: "median", 95: "95th percentile"}
-POINT_QUANTITIES: Quantities[OperatingPoint] = (
-    Quantity("M_g_Nm", "torque M_g", value="M_g"),
-    Quantity("F_ior_arcsec"),
-    Quantity("self_error_arcsec", value="self_error.range_arcsec"),
-    Quantity("F_ior_upper_arcsec", "F'_ior + self error"),
-    Quantity("limit_arcsec", digits="g"),
-    Quantity("verdict"),
-    Quantity("F_ior_shown_arcsec", "F'_ior of the drive shown", value="error.F_ior_arcsec"),
-    *(
-        Quantity(f"{end}.{angle}_deg", words, unit, digits, partial(_angle_deg, end, angle))
-        for end, label in (("at_max", "greatest at phi_h"), ("at_min", "least at phi_h"))
-        for angle, words, unit, digits in (
-            ("phi_h", label, "turns", _turns),
-            ("phi_g", "  phi_g there", "°", ".2f"),
-            ("phi_b", "  phi_b there", "°", ".2f"),
-        )
-    ),
-    Quantity("one_wave_share", "one-wave meshing, share", digits=".3f", value="error.one_wave_share"),
-    Quantity("max_tooth_force_N", "greatest tooth force", value="error.max_tooth_force_N"),
-    Quantity("wind_up_arcsec", "mean wind-up", digits=".1f", value="error.wind_up_arcsec"),
-    Quantity("tooth_phase_arcsec", "self error of tooth phase", value="self_error.tooth_phase_arcsec"),
-    Quantity("ball_phase_arcsec", "self error of ball phase", value="self_error.ball_phase_arcsec"),
+POINT_QUANTITIES = quantities(
+    "check.points",
+    turns=lambda angle_deg: f"{angle_deg / 360:.2f}",
+    **{f"{end}.{angle}": partial(_angle_deg, end, angle) for end in ("at_max", "at_min") for angle in ANGLES},
 )
-BELIEF: Quantities[OperatingPoint] = (
-    *(
-        Quantity(f"belief.p{percent}_arcsec", f"F'_ior, {words}", value=f"belief.p{percent}")
-        for percent, words in BELIEF_PERCENTILES.items()
-    ),
-    Quantity("belief.probability", "probability of keeping it", digits=".2f", value="probability.value"),
-)
-MONTE_CARLO: Quantities[OperatingPoint] = (
-    *(
-        Quantity(
-            f"belief.p{percent}_error_arcsec", f"standard error of the {words}",
-            value=partial(_percentile_error, percent),
-        )
-        for percent, words in BELIEF_PERCENTILES.items()
-    ),
-    *(
-        Quantity(f"belief.probability_{end}", f"probability of keeping it, {end}", "", ".3f", f"probability.{end}")
-        for end in ("low", "high")
-    ),
-)  # fmt: skip
+BELIEF = quantities("check.belief")
+MONTE_CARLO = quantities("check.monte_carlo", **{f"error_{p}": partial(_percentile_error, p) for p in (5, 50, 95)})
 OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of the unknown inputs too
 
-_ON_PAGE: Quantities[OperatingPoint] = (
-    Quantity("M_g_Nm", "torque", value="M_g"),
-    Quantity("F_ior_arcsec", unit="", value="F_ior_or_error"),
-    Quantity("belief", "5 to 95 %", digits=lambda belief: f"{belief.p5:.1f} to {belief.p95:.1f}"),
-    Quantity("self_error_arcsec", unit="", value="self_error.range_arcsec"),
-    Quantity("limit_arcsec", unit="", digits="g"),
-    Quantity("verdict", value=lambda p: p.verdict if p.limit_arcsec is not None else None),
+_ON_PAGE = quantities(
+    "check.page",
+    range=lambda belief: f"{belief.p5:.1f} to {belief.p95:.1f}",
+    verdict_of_limit=lambda point: point.verdict if point.limit_arcsec is not None else None,
 )
 
 

@@ -9,7 +9,7 @@ from string import ascii_uppercase
 import numpy as np
 
 from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison, Explanation, VectorChange, equally_good
-from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmplitude, OrderPair
+from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmplitude
 from hdassist.design.check import OperatingPoint
 from hdassist.files import STDIN
 from hdassist.json_parts import Json
@@ -21,7 +21,7 @@ from hdassist.pages.curves import stiffness_warnings
 from hdassist.pages.mount import mount_warnings
 from hdassist.preset.fields import UNKNOWN as NOT_KNOWN
 from hdassist.preset.fields import ResolvedField, value_text
-from hdassist.report import NO_VALUE, Curve, Facts, Quantities, Quantity, Report, Table, as_object, csv_columns
+from hdassist.report import NO_VALUE, Curve, Facts, Quantity, Report, Table, as_object, csv_columns, quantities
 from hdassist.terminal.output import report_object
 from hdassist.terminal.words import again, named, not_known, on_what
 from hdassist.variants import DriveChanges, DrivesComparison, DriveSheet, ErrorChange
@@ -38,22 +38,13 @@ _VERDICT_WORDS = {
     "unexplained": "unexplained",
 }
 
-COMPARED_NUMBERS: Quantities[Comparison] = (
-    Quantity("measured.range_arcsec", "measured range", value="measurement.F_ior_arcsec"),
-    Quantity(
-        "measured.standard_uncertainty_arcsec", "  uncertainty u", value="measurement.greatest.uncertainty_arcsec"
-    ),
-    Quantity("predicted.range_arcsec", "predicted range", value=lambda r: float(np.ptp(r.predicted_curve))),
-    Quantity("difference.rms_arcsec", "difference, rms", value="difference_rms_arcsec"),
-    Quantity("difference.largest_arcsec", "  largest", digits="z.2f", value=lambda r: r.largest[0]),
-    Quantity("difference.largest_at_cam_deg", "  at cam angle", value=lambda r: 360 * r.largest[1]),
-    Quantity("residual.rms_arcsec", "beyond orders, rms", value=lambda r: float(np.std(r.residual_arcsec))),
-    Quantity("residual.range_arcsec", "  range", value=lambda r: float(np.ptp(r.residual_arcsec))),
-    Quantity("predicted.F_ior_arcsec", "F'_ior, predicted", value="unchanged.F_ior_arcsec"),
-    Quantity("cam_revolutions", "record", value="sweep.bins.span"),
-    Quantity("measured.is_full_cycle", "  is the full cycle", value=lambda r: not r.sweep.is_bound),
-    Quantity("chi_square", "chi-square", digits=".1f", value="unchanged.chi_square"),
-    Quantity("degrees_of_freedom", "  degrees of freedom", value="unchanged.degrees_of_freedom"),
+COMPARED_NUMBERS = quantities(
+    "compare.numbers",
+    predicted_range=lambda result: float(np.ptp(result.predicted_curve)),
+    largest_deg=lambda result: 360 * result.largest[1],
+    residual_rms=lambda result: float(np.std(result.residual_arcsec)),
+    residual_range=lambda result: float(np.ptp(result.residual_arcsec)),
+    is_full_cycle=lambda result: not result.sweep.is_bound,
 )
 
 
@@ -67,15 +58,7 @@ def _amplitude(found: OrderAmplitude) -> str:
     return _plus_minus(found.amplitude_arcsec, found.uncertainty_arcsec, 2)
 
 
-COMPARED_ORDERS: Quantities[OrderPair] = (
-    Quantity("per_cam_rev", "order", digits=".2f"),
-    Quantity("measured", digits=_amplitude),
-    Quantity("measured.phase_deg", "phase", "", ".0f"),
-    Quantity("predicted", digits=_amplitude),
-    Quantity("predicted.phase_deg", "phase", "", ".0f"),
-    Quantity("difference", digits=_amplitude),
-    Quantity("cause"),
-)
+COMPARED_ORDERS = quantities("compare.orders", amplitude=_amplitude)
 FILE: Quantity[Comparison] = Quantity("file", value="measurement.trace.file")
 
 

@@ -9,15 +9,13 @@ import numpy as np
 from hdassist.design.sweep import Axis, Sweep, SweepRow, Swept
 from hdassist.error.stiffness import (
     LOST_MOTION_SHARE,
-    Segment,
-    SegmentBeside,
     Stiffness,
     ends_elsewhere,
     off,
     segments_beside,
     stiffness_object,
 )
-from hdassist.error.trace import ErrorAlong, Order, Trace, order_legend
+from hdassist.error.trace import ErrorAlong, Trace, order_legend
 from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.preset.fields import Drive, Measured, is_overridden
@@ -26,14 +24,13 @@ from hdassist.report import (
     Fact,
     Facts,
     Paragraph,
-    Quantities,
-    Quantity,
     Report,
     Series,
     Table,
     as_object,
     as_objects,
     csv_columns,
+    quantities,
 )
 from hdassist.terminal.words import again, heading, not_known, on_what
 from hdassist.verdict import worst_exit_code
@@ -41,13 +38,7 @@ from hdassist.verdict import worst_exit_code
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
 MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
-ORDER_QUANTITIES: Quantities[Order] = (
-    Quantity("per_cam_rev", "order", digits=".2f"),
-    Quantity("amplitude_arcsec", digits=".3f"),
-    Quantity("phase_deg"),
-    Quantity("cause"),
-)
-_ON_PAGE: Quantity[Order] = Quantity("amplitude_arcsec", "″", "")
+ORDER_QUANTITIES = quantities("trace.orders")
 
 
 def slope_words(slope: float, uncertainty: float, speed: float | None) -> str:
@@ -71,7 +62,6 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
     moving = "phi_g0" if error.kinematics.fixed == "rigid" else "phi_b0"
     start = f"{turns} from {moving} = {trace.start_deg:g}°"
     title = "orders: amplitude·cos(order·phi_h + phase)"
-    order, _, _, cause = ORDER_QUANTITIES
     orders = sorted(trace.orders, key=lambda o: -o.amplitude_arcsec)
     listed = sorted(orders[:_LISTED_ORDERS], key=lambda o: o.per_cam_rev)
     words = f"error F_kpp, ″, at {error.M_g:g} N·m"
@@ -87,7 +77,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
             * is_part,
         ),
         blocks=(
-            Table.by_row("", [order, _ON_PAGE, cause], orders[:_NAMED_ORDERS]),
+            Table.by_row("", quantities("trace.page"), orders[:_NAMED_ORDERS]),
             Facts.of(
                 [
                     ("gravity", _along_words(trace.along)),
@@ -154,23 +144,14 @@ def percent_off(percent: float) -> str:
     return f"{percent:+z.0f} %"
 
 
-WHOLE_QUANTITIES: Quantities[Stiffness] = (
-    Quantity("rated_Nm", "rated torque", value="rated"),
-    Quantity("lost_motion_arcsec", f"lost motion, +-{LOST_MOTION_SHARE:.0%} of rated"),
-    Quantity("play_arcsec"),
-)
-SEGMENT_QUANTITIES: Quantities[Segment] = (
-    Quantity("from_Nm", value="start"),
-    Quantity("to_Nm", value="end"),
-    Quantity("stiffness_Nm_per_rad", value="stiffness"),
-)
-_SEGMENT_COLUMNS: Quantities[SegmentBeside] = (
-    Quantity("name", "", "", lambda name: name.replace("_", "")),
-    Quantity("segment", "torque, N·m", "", lambda segment: f"{segment.start:.4g} to {segment.end:.4g}"),
-    Quantity("K", "K, 1e4 N·m/rad", "", _scaled, "segment.stiffness"),
-    Quantity("catalogue", digits=_scaled),
-    Quantity("off_percent", "off by", digits=percent_off),
-    Quantity("by_arcmin", "K, N·m/arcmin", "", ".4g", lambda each: each.segment.stiffness * ARCMIN),
+WHOLE_QUANTITIES, SEGMENT_QUANTITIES = quantities("stiffness.whole"), quantities("stiffness.segments")
+_SEGMENT_COLUMNS = quantities(
+    "stiffness.page",
+    symbol=lambda name: name.replace("_", ""),
+    span=lambda segment: f"{segment.start:.4g} to {segment.end:.4g}",
+    scaled=_scaled,
+    percent_off=percent_off,
+    by_arcmin=lambda beside: beside.segment.stiffness * ARCMIN,
 )
 
 

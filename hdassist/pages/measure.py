@@ -26,7 +26,7 @@ from hdassist.measuring.bench import (
 )
 from hdassist.measuring.fit import COVERAGE_FACTOR, SLOWEST_ORDER
 from hdassist.measuring.measure import Measurement, RecordedTorque, Reversal, SweepResult
-from hdassist.measuring.orders import FULL_SHARE, Gearing, MeasuredOrder
+from hdassist.measuring.orders import FULL_SHARE
 from hdassist.measuring.range import GAP_PERIODS, STATED, UncertaintySource
 from hdassist.pages.curves import curve_of_turns, slope_words
 from hdassist.preset.fields import Drive
@@ -36,13 +36,12 @@ from hdassist.report import (
     Curve,
     Facts,
     Lines,
-    Quantities,
-    Quantity,
     Report,
     ReportSection,
     Table,
     as_object,
     as_objects,
+    quantities,
 )
 from hdassist.terminal.words import again
 
@@ -50,64 +49,25 @@ _NAMED_SLOW = 0.1  # of F'_ior: least slow terms in a line
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 3  # in the table, and in a line: the greatest
 DIRECTION_NAMES = {1: "growing", -1: "falling"}
 
-ORDER_COLUMNS: Quantities[MeasuredOrder] = (
-    Quantity("per_cam_rev", "order", "1/turn", ".2f"),
-    Quantity("amplitude_arcsec", digits=".3f"),
-    Quantity("amplitude_uncertainty_arcsec", "u", digits=".3f", value="uncertainty_arcsec"),
-    Quantity("phase_deg"),
-    Quantity("cause", value=lambda o: o.cause or None),
-    Quantity("is_of_record", "of the record alone", digits=lambda yes: "yes" if yes else ""),
-)
-_CYCLE: Quantities[Gearing] = (
-    Quantity("ratio", digits="g"),
-    Quantity("cam_revolutions", "full cycle", digits="", value="cycle"),
-    Quantity("output_revolutions", "full cycle", "output turns", "", "cycle_output"),
-    Quantity("travel_deg", "travel of the output", "deg", "g"),
-)
-
 
 def ends_text(interval: Sequence[float]) -> str:
     """The ends of an interval as tables show them."""
     return "{:.2f} to {:.2f}".format(*interval)
 
 
-SWEEP_QUANTITIES: Quantities[SweepResult] = (
-    Quantity("direction", "cam angle", digits=DIRECTION_NAMES.__getitem__),
-    Quantity("F_ior_arcsec", value="range.value"),
-    Quantity("standard_uncertainty_arcsec", "  standard uncertainty u", value="uncertainty_arcsec"),
-    Quantity("interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", digits=ends_text),
-    Quantity("F_ior_is_lower_bound", "  is a lower bound", digits=lambda yes: "yes" if yes else "no", value="is_bound"),
-    Quantity("rise_in_another_cycle_arcsec", "  more in another cycle, at most", value="range.rise"),
-    Quantity("band_limited_range_arcsec", "  with what noise adds", value="range.fitted"),
-    Quantity("raw_range_arcsec", "  range of the readings"),
-    Quantity("revolution_range_arcsec", "range in a cam turn, at most", value="revolution.value"),
-    Quantity(
-        "revolution_range_standard_uncertainty_arcsec", "  standard uncertainty u", value="revolution.uncertainty"
-    ),
-    Quantity("cam_range_arcsec", "orders of the cam alone", value="cam.value"),
-    Quantity("cam_interval_arcsec", f"  interval, k = {COVERAGE_FACTOR:g}", digits=ends_text, value="cam.interval"),
-    Quantity("slow_range_arcsec", "  slow terms of the output", value="slow_arcsec"),
-    Quantity("coverage.share", "share of the cycle visited", "%", lambda share: f"{100 * share:.1f}"),
-    Quantity("coverage.visited_cam_revolutions", "  visited", digits=".4g", value="coverage.cam_turns"),
-    Quantity("rows", value=lambda s: int(s.bins.rows.sum())),
-    Quantity("sweeps", value="bins.sweeps"),
-    Quantity("cam_revolutions", "record", value="bins.span"),
-    Quantity("drift_arcsec", "drift taken off", value=lambda s: 0.0 if s.is_part else float(s.fit.drift.sum())),
-    Quantity("residuals.rms_arcsec", "beyond the orders, rms", value=lambda s: float(np.std(s.fit.residual))),
-    Quantity("residuals.unmodelled_arcsec", "  not noise", value="fit.unmodelled"),
+_FORMATS: dict[str, Any] = {"direction_name": DIRECTION_NAMES.__getitem__, "ends": ends_text}  # of quantities
+ORDER_COLUMNS = quantities("measure.orders", cause_or_none=lambda order: order.cause or None)
+_CYCLE, _BUDGET = quantities("measure.cycle"), quantities("measure.budget")
+SWEEP_QUANTITIES = quantities(
+    "measure.sweep",
+    yes_or_no={True: "yes", False: "no"}.__getitem__,
+    percent=lambda share: f"{100 * share:.1f}",
+    rows=lambda sweep: int(sweep.bins.rows.sum()),
+    drift=lambda sweep: 0.0 if sweep.is_part else float(sweep.fit.drift.sum()),
+    residual_rms=lambda sweep: float(np.std(sweep.fit.residual)),
+    **_FORMATS,
 )
-_BUDGET: Quantities[UncertaintySource] = (
-    Quantity("source", value="name"),
-    Quantity("standard_uncertainty_arcsec", "u", digits=".3f", value="arcsec"),
-    Quantity("origin", "from"),
-)
-_ON_PAGE: Quantities[SweepResult] = (
-    *SWEEP_QUANTITIES[:2],
-    Quantity("interval", "95 %", digits=ends_text, value="interval_arcsec"),
-    Quantity("u", digits=".2f", value="uncertainty_arcsec"),
-    Quantity("in_a_turn", digits=".2f", value="revolution.value"),
-    Quantity("visited", digits=lambda c: f"{100 * c.share:.1f} %", value="coverage"),
-)
+_ON_PAGE = quantities("measure.page", percent_sign=lambda share: f"{100 * share:.1f} %", **_FORMATS)
 
 
 def measure_report(
@@ -369,20 +329,16 @@ def _interval(found: StatedQuantity) -> list[float] | None:
     return None if found.uncertainty_arcsec is None else [max(0.0, found.arcsec - reach), found.arcsec + reach]
 
 
-_QUANTITIES: Quantities[StatedQuantity] = (
-    Quantity("name", "quantity"),
-    Quantity("value_arcsec", value="arcsec"),
-    Quantity("standard_uncertainty_arcsec", "u", value="uncertainty_arcsec"),
-    Quantity("interval_arcsec", "95 %", digits=ends_text, value=_interval),
-    Quantity("of"),
+_QUANTITIES = quantities("bench.stated", interval=_interval, **_FORMATS)
+_STATED_COLUMNS = quantities(
+    "bench.page", words=lambda found: _CHECKS[found.name].words, interval=_interval, **_FORMATS
 )
-_STATED_COLUMNS = (Quantity("", value=lambda q: _CHECKS[q.name].words), *_QUANTITIES[1:2], *_QUANTITIES[3:])
-_PLACES: Quantities[PlaceLoop] = (
-    Quantity("place", digits="g"),
-    Quantity("hysteresis_loss_arcsec", value=lambda p: p.hysteresis[0]),
-    Quantity("hysteresis_loss_uncertainty_arcsec", "u", value=lambda p: p.hysteresis[1]),
-    Quantity("lost_motion_arcsec", value=lambda p: p.lost_motion[0]),
-    Quantity("lost_motion_uncertainty_arcsec", "u", value=lambda p: p.lost_motion[1]),
+_PLACES = quantities("bench.places")
+_SEEN_RANGE = quantities(
+    "bench.seen",
+    median=lambda found: found.estimates_arcsec[1] if found.seen else None,
+    at_most=lambda found: found.estimates_arcsec[2] if found.seen else None,
+    seen=lambda found: list(found.seen),
 )
 
 
@@ -442,16 +398,6 @@ def bench_report(record: PositionRecord | LoopRecord, drive: Drive | None, seed:
     )  # fmt: skip
 
 
-_SEEN_RANGE: Quantities[SeenRange] = (
-    Quantity("at_least_arcsec", value="arcsec"),
-    Quantity("standard_uncertainty_arcsec", value="uncertainty_arcsec"),
-    Quantity("M_g_Nm", value="M_g"),
-    Quantity("median_arcsec", value=lambda of: of.estimates_arcsec[1] if of.seen else None),
-    Quantity("at_most_arcsec", value=lambda of: of.estimates_arcsec[2] if of.seen else None),
-    Quantity("seen", value=lambda of: list(of.seen)),
-)
-
-
 def _seen_words(found: SeenRange) -> str:
     least = f"at least {found.arcsec:.2f}″ by these positions"
     if not found.seen:
@@ -465,19 +411,11 @@ def _expanded(found: StatedQuantity) -> float:
     return COVERAGE_FACTOR * (found.uncertainty_arcsec or 0.0)
 
 
-ENTRY_COLUMNS: Quantities[ArchiveEntry] = (
-    Quantity("date"),
-    Quantity("hole"),
-    Quantity("M_g_Nm", "torque", ""),
-    Quantity("direction", "cam angle", digits=DIRECTION_NAMES.__getitem__),
-    Quantity(
-        "F_ior_arcsec",
-        unit="",
-        digits="",
-        value=lambda e: f"≥ {e.low_arcsec:.2f}" if e.F_ior_is_lower_bound else f"{e.F_ior_arcsec:.2f}",
-    ),
-    Quantity("interval", "95 %", value=lambda e: f"{e.low_arcsec:.2f} to {e.high_arcsec:.2f}"),
-    Quantity("temperature_C", "at °C", digits="g"),
+ENTRY_COLUMNS = quantities(
+    "archive.entries",
+    F_ior=lambda entry: f"≥ {entry.low_arcsec:.2f}" if entry.F_ior_is_lower_bound else f"{entry.F_ior_arcsec:.2f}",
+    interval=lambda entry: ends_text((entry.low_arcsec, entry.high_arcsec)),
+    **_FORMATS,
 )
 
 

@@ -9,20 +9,8 @@ from hdassist.belief.samples import ErrorBelief
 from hdassist.json_parts import samples_object
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
-from hdassist.planning import SEEN_SHARE, LineSeen, PlanChoice, PlanJudgement, PlannedTest
-from hdassist.report import (
-    Curve,
-    CurveMark,
-    Facts,
-    Lines,
-    Quantities,
-    Quantity,
-    Report,
-    Table,
-    as_object,
-    as_objects,
-    csv_table,
-)
+from hdassist.planning import SEEN_SHARE, PlanChoice, PlannedTest
+from hdassist.report import Curve, CurveMark, Facts, Lines, Report, Table, as_object, as_objects, csv_table, quantities
 from hdassist.terminal.words import more_draws, preset_argument
 from hdassist.verdict import Verdict
 
@@ -35,34 +23,14 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f}" if share >= 0.1 else f"{100 * share:.1f}"
 
 
-PLAN_QUANTITIES: Quantities[PlanJudgement] = (
-    Quantity("test", "test sees, %", value="plan.name"),
-    Quantity("seen.p5", "5 %", digits=_percent, value=lambda judged: judged.seen[0]),
-    Quantity("seen.p50", "50 %", digits=_percent, value=lambda judged: judged.seen[1]),
-    Quantity("seen.p95", "95 %", digits=_percent, value=lambda judged: judged.seen[2]),
-    Quantity("enough", value=lambda judged: _ENOUGH_WORDS[judged.verdict]),
-    Quantity("false_pass.value", "false PASS", digits=_percent),
-    Quantity("false_fail.value", "false FAIL", digits=_percent),
-    *map(Quantity, ("false_pass.low", "false_pass.high", "false_fail.low", "false_fail.high")),
-    Quantity("readings", value="plan.readings"),
-    Quantity("step_output_deg", value=lambda judged: 360 * judged.plan.step_turns),
+PLAN_QUANTITIES = quantities(
+    "plan.tests",
+    percent_seen=_percent,
+    enough=lambda judged: _ENOUGH_WORDS[judged.verdict],
+    step_deg=lambda judged: 360 * judged.plan.step_turns,
 )
-LINE_QUANTITIES: Quantities[LineSeen] = (
-    Quantity("per_output_turn", "times an output turn", digits="g"),
-    Quantity("per_cam_turn", "a cam turn", digits=".2f"),
-    Quantity("variance_share", "share, %", digits=_percent),
-    Quantity("seen_as", "looks like (0: blind)", digits="g"),
-)
-TEST_QUANTITIES: Quantities[PlannedTest] = (
-    Quantity("test", value="judged.plan.name"),
-    Quantity("repeats", value="run.repeats"),
-    Quantity("readings", value=lambda test: len(_approaches(test)[0])),
-    Quantity("minutes"),
-    Quantity("standard_uncertainty_arcsec", value="uncertainty_arcsec"),
-    Quantity("passes_up_to_arcsec", value="passes_up_to"),
-    Quantity("fails_beyond_arcsec", value="fails_beyond"),
-    *(Quantity(f"{name}.{part}") for name in ("passing", "failing") for part in ("value", "low", "high")),
-)
+LINE_QUANTITIES = quantities("plan.lines", percent_seen=_percent)
+TEST_QUANTITIES = quantities("plan.run", readings=lambda test: len(_approaches(test)[0]))
 LISTED_READINGS = 96  # on a sheet: of more the file has the list
 
 

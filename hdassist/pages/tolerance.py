@@ -11,7 +11,7 @@ from hdassist.belief.influence import MeasurementGain
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
 from hdassist.json_parts import Json, attributes, influence_objects, measure_objects, objects, samples_object
-from hdassist.report import Curve, Facts, Quantities, Quantity, Report, Table, as_object, csv_table
+from hdassist.report import Curve, Facts, Quantity, Report, Table, as_object, csv_table, quantities
 from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words, named, probability_words
 from hdassist.tolerance.production import TIGHTER_STEP, Production, ProductionLaw, RandomDrive, TolerancedSize
 from hdassist.tolerance.tightening import Allocation, Allocator, Sensitivities, Tightened, to_measure
@@ -59,17 +59,11 @@ def _percentile(share: float, drives: MountedDrives) -> float:
 
 
 PERCENTILES = (("p5", "5 %", 0.05), ("p50", "median", 0.5), ("p95", "95 %", 0.95))
-MOUNTING_COLUMNS: Quantities[MountedDrives] = (
-    Quantity("M_g_Nm", "torque", value="point.M_g"),
-    Quantity("wheel", value=lambda d: f"best of {d.summary.positions}" if d.best else "as built"),
+MOUNTING_COLUMNS = quantities(
+    "tolerance.page", wheel=lambda drives: f"best of {drives.summary.positions}" if drives.best else "as built"
 )
-F_IOR_COLUMNS: Quantities[MountedDrives] = (
-    *(Quantity(f"{name}_arcsec", words, "", ".2f", partial(_percentile, share)) for name, words, share in PERCENTILES),
-)
-YIELD_COLUMNS: Quantities[MountedDrives] = (
-    Quantity("limit", digits="g", value="point.limit"),
-    Quantity("yield", digits=yield_words, value="yield_belief"),
-)
+F_IOR_COLUMNS = quantities("tolerance.F_ior", **{name: partial(_percentile, share) for name, _, share in PERCENTILES})
+YIELD_COLUMNS = quantities("tolerance.yield", **{"yield": yield_words})
 
 
 def tolerance_report(
@@ -276,16 +270,11 @@ class FieldEffect:
     tightened: Tightened | None
 
 
-EFFECT_CSV: Quantities[FieldEffect] = (
-    Quantity("M_g_Nm", value="M_g"),
-    Quantity("field", value="path"),
-    Quantity("share", "spread, %", "", lambda share: f"{100 * share:.0f}"),
-    Quantity("now_arcsec", "95th percentile", "", ".2f", "tightened.now"),
-    Quantity("tighter_arcsec", STEP_WORDS, "", ".2f", "tightened.then"),
-)
-EFFECT_COLUMNS: Quantities[FieldEffect] = (
-    *EFFECT_CSV[1:3],
-    Quantity("gain", "takes off, ″", "", lambda way: f"{'≤ ' * (not way.proven)}{way.gain:.2f}", "tightened"),
+EFFECT_CSV = quantities("sensitivity.csv")
+EFFECT_COLUMNS = quantities(
+    "sensitivity.page",
+    whole_percent=lambda share: f"{100 * share:.0f}",
+    gain=lambda way: f"{'≤ ' * (not way.proven)}{way.gain:.2f}",
 )
 
 
