@@ -58,6 +58,15 @@ def test_a_drive_at_another_torque_is_compared_with_none() -> None:
     explored(act, size=(120, 30))
 
 
+def test_in_sixty_columns_the_verdict_stays_at_the_top_and_its_columns_stand_apart() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        top = screen(app).partition("1 holes")[0]
+        assert "verdict" in top and "F'_ior, ″" in top and " 5 to 95 %, ″" in top
+        assert "margin" not in top
+
+    explored(act, tiny("acceptance.F_ior=500", "source.bearing.g_b={kind: assumed, range: [0, 3]}"), size=(60, 18))
+
+
 def test_one_pane_at_a_time_where_there_is_little_room() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert "LEVERS" not in screen(app) and all(len(row) == 80 for row in screen(app).split("\n"))
