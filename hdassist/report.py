@@ -99,7 +99,7 @@ def declared_quantities() -> dict[str, dict[str, dict[str, dict[str, str]]]]:
     return tomllib.loads(files("hdassist").joinpath("quantities.toml").read_text("utf-8"))
 
 
-def quantities(table: str, **functions: Callable[[Any], Any]) -> Quantities[Any]:
+def quantity_table(table: str, **functions: Callable[[Any], Any]) -> Quantities[Any]:
     """The quantities of a table of quantities.toml; functions: values and formats that have such names there."""
     page, name = table.split(".")
     found = []

@@ -16,7 +16,7 @@ from hdassist.explorer.panes import MARKS
 from hdassist.pages import check as check_page
 from hdassist.pages import curves as curves_page
 from hdassist.preset.fields import field_table, sections
-from hdassist.report import declared_quantities, quantities
+from hdassist.report import declared_quantities, quantity_table
 from hdassist.terminal.output import with_code
 from hdassist.terminal.plot import MARK_SIGNS
 from hdassist.terminal.words import Texts, texts
@@ -120,7 +120,7 @@ def test_all_words_of_pages_are_known() -> None:
         each.words
         for page, named in tables
         for name, of in named.items()
-        for each in quantities(f"{page}.{name}")
+        for each in quantity_table(f"{page}.{name}")
         if {"label", "digits"} & of[each.key].keys()
     }
     said = {label.split(",")[0].strip() for label in (*declared, *(w for page in pages for w in labels(page)))} - {""}

@@ -342,7 +342,7 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
         name = f"best: {'hole ' * bool(holes)}{bare(best_deg, holes)}{'°' * (not holes)}, ″"
         columns[name] = [f"[{INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, best]]
     widths = {name: 2 + max(Text.from_markup(cell).cell_len for cell in (name, *columns[name])) for name in columns}
-    for name in sorted(reversed(widths), key=lambda name: name == "verdict"):  # which goes last
+    for name in sorted(widths, key=lambda name: name != "verdict")[::-1]:  # which goes last
         if sum(widths[name] for name in columns) > width:
             del columns[name]
     table = RichTable(box=None, padding=(0, 2, 0, 0), header_style="dim")

@@ -7,7 +7,7 @@ from math import isfinite
 from hdassist.calibration import Calibration, Fit, Targets
 from hdassist.json_parts import Json, attributes
 from hdassist.model.unknown import unknown_notes
-from hdassist.report import Facts, Report, Table, quantities
+from hdassist.report import Facts, Report, Table, quantity_table
 from hdassist.verdict import Verdict
 
 UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
@@ -38,7 +38,9 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
         verdict=f"{met.count(False) or len(met)} of {len(met)} targets {'met' if all(met) else 'MISSED'}",
         why=(result.shortfall or f"sets of values that meet all targets: {len(result.fits)}",),
         blocks=(
-            Table.by_row("values, half width of their interval, bounds", quantities("calibrate.values"), result.values),
+            Table.by_row(
+                "values, half width of their interval, bounds", quantity_table("calibrate.values"), result.values
+            ),
             Table("targets", ("target", "unit", "wanted", "found", "off, tolerances", ""), tuple(rows)),
             Facts((("note", NOTE), ("next", next_))),
         ),

@@ -27,7 +27,7 @@ from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import wheel
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.knowledge import SIZE_20, SMALL_ACCURACY, USUAL_ACCURACY
-from hdassist.report import Curve, Fact, Facts, Quantity, Report, Table, as_objects, csv_table, quantities
+from hdassist.report import Curve, Fact, Facts, Quantity, Report, Table, as_objects, csv_table, quantity_table
 from hdassist.terminal.words import (
     again,
     field_unit,
@@ -40,7 +40,7 @@ from hdassist.terminal.words import (
 )
 from hdassist.verdict import Verdict
 
-ANGLES = ("phi_h", "phi_g", "phi_b")
+_ANGLES = ("phi_h", "phi_g", "phi_b")
 UNKNOWN_AT_ZERO = "F_ior_shown_arcsec, at_max and at_min take what is not known as 0"
 
 
@@ -60,16 +60,16 @@ def _percentile_error(percent: int, point: OperatingPoint) -> float | None:
     return belief.samples.of_ranges.percentile_error(percent / 100, belief.torque)
 
 
-POINT_QUANTITIES = quantities(
+POINT_QUANTITIES = quantity_table(
     "check.points",
     turns=lambda angle_deg: f"{angle_deg / 360:.2f}",
-    **{f"{end}.{angle}": partial(_angle_deg, end, angle) for end in ("at_max", "at_min") for angle in ANGLES},
+    **{f"{end}.{angle}": partial(_angle_deg, end, angle) for end in ("at_max", "at_min") for angle in _ANGLES},
 )
-BELIEF = quantities("check.belief")
-MONTE_CARLO = quantities("check.monte_carlo", **{f"error_{p}": partial(_percentile_error, p) for p in (5, 50, 95)})
+BELIEF = quantity_table("check.belief")
+MONTE_CARLO = quantity_table("check.monte_carlo", **{f"error_{p}": partial(_percentile_error, p) for p in (5, 50, 95)})
 OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of the unknown inputs too
 
-_ON_PAGE = quantities(
+_ON_PAGE = quantity_table(
     "check.page",
     range=lambda belief: f"{belief.p5:.1f} to {belief.p95:.1f}",
     verdict_of_limit=lambda point: point.verdict if point.limit_arcsec is not None else None,

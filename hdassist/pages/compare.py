@@ -21,7 +21,7 @@ from hdassist.pages.curves import stiffness_warnings
 from hdassist.pages.mount import mount_warnings
 from hdassist.preset.fields import UNKNOWN as NOT_KNOWN
 from hdassist.preset.fields import ResolvedField, value_text
-from hdassist.report import NO_VALUE, Curve, Facts, Quantity, Report, Table, as_object, csv_columns, quantities
+from hdassist.report import NO_VALUE, Curve, Facts, Quantity, Report, Table, as_object, csv_columns, quantity_table
 from hdassist.terminal.output import report_object
 from hdassist.terminal.words import again, named, not_known, on_what
 from hdassist.variants import DriveChanges, DrivesComparison, DriveSheet, ErrorChange
@@ -38,7 +38,7 @@ _VERDICT_WORDS = {
     "unexplained": "unexplained",
 }
 
-COMPARED_NUMBERS = quantities(
+COMPARED_NUMBERS = quantity_table(
     "compare.numbers",
     predicted_range=lambda result: float(np.ptp(result.predicted_curve)),
     largest_deg=lambda result: 360 * result.largest[1],
@@ -58,7 +58,7 @@ def _amplitude(found: OrderAmplitude) -> str:
     return _plus_minus(found.amplitude_arcsec, found.uncertainty_arcsec, 2)
 
 
-COMPARED_ORDERS = quantities("compare.orders", amplitude=_amplitude)
+COMPARED_ORDERS = quantity_table("compare.orders", amplitude=_amplitude)
 FILE: Quantity[Comparison] = Quantity("file", value="measurement.trace.file")
 
 

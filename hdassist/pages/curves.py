@@ -30,7 +30,7 @@ from hdassist.report import (
     as_object,
     as_objects,
     csv_columns,
-    quantities,
+    quantity_table,
 )
 from hdassist.terminal.words import again, heading, not_known, on_what
 from hdassist.verdict import worst_exit_code
@@ -38,7 +38,7 @@ from hdassist.verdict import worst_exit_code
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
 MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
-ORDER_QUANTITIES = quantities("trace.orders")
+ORDER_QUANTITIES = quantity_table("trace.orders")
 
 
 def slope_words(slope: float, uncertainty: float, speed: float | None) -> str:
@@ -77,7 +77,7 @@ def trace_report(drive: Drive, trace: Trace, seed: int, speed: float | None = No
             * is_part,
         ),
         blocks=(
-            Table.by_row("", quantities("trace.page"), orders[:_NAMED_ORDERS]),
+            Table.by_row("", quantity_table("trace.page"), orders[:_NAMED_ORDERS]),
             Facts.of(
                 [
                     ("gravity", _along_words(trace.along)),
@@ -144,8 +144,8 @@ def percent_off(percent: float) -> str:
     return f"{percent:+z.0f} %"
 
 
-WHOLE_QUANTITIES, SEGMENT_QUANTITIES = quantities("stiffness.whole"), quantities("stiffness.segments")
-_SEGMENT_COLUMNS = quantities(
+WHOLE_QUANTITIES, SEGMENT_QUANTITIES = quantity_table("stiffness.whole"), quantity_table("stiffness.segments")
+_SEGMENT_COLUMNS = quantity_table(
     "stiffness.page",
     symbol=lambda name: name.replace("_", ""),
     span=lambda segment: f"{segment.start:.4g} to {segment.end:.4g}",

@@ -41,7 +41,7 @@ from hdassist.report import (
     Table,
     as_object,
     as_objects,
-    quantities,
+    quantity_table,
 )
 from hdassist.terminal.words import again
 
@@ -56,9 +56,9 @@ def ends_text(interval: Sequence[float]) -> str:
 
 
 _FORMATS: dict[str, Any] = {"direction_name": DIRECTION_NAMES.__getitem__, "ends": ends_text}  # of quantities
-ORDER_COLUMNS = quantities("measure.orders", cause_or_none=lambda order: order.cause or None)
-_CYCLE, _BUDGET = quantities("measure.cycle"), quantities("measure.budget")
-SWEEP_QUANTITIES = quantities(
+ORDER_COLUMNS = quantity_table("measure.orders", cause_or_none=lambda order: order.cause or None)
+_CYCLE, _BUDGET = quantity_table("measure.cycle"), quantity_table("measure.budget")
+SWEEP_QUANTITIES = quantity_table(
     "measure.sweep",
     yes_or_no={True: "yes", False: "no"}.__getitem__,
     percent=lambda share: f"{100 * share:.1f}",
@@ -67,7 +67,7 @@ SWEEP_QUANTITIES = quantities(
     residual_rms=lambda sweep: float(np.std(sweep.fit.residual)),
     **_FORMATS,
 )
-_ON_PAGE = quantities("measure.page", percent_sign=lambda share: f"{100 * share:.1f} %", **_FORMATS)
+_ON_PAGE = quantity_table("measure.page", percent_sign=lambda share: f"{100 * share:.1f} %", **_FORMATS)
 
 
 def measure_report(
@@ -329,12 +329,12 @@ def _interval(found: StatedQuantity) -> list[float] | None:
     return None if found.uncertainty_arcsec is None else [max(0.0, found.arcsec - reach), found.arcsec + reach]
 
 
-_QUANTITIES = quantities("bench.stated", interval=_interval, **_FORMATS)
-_STATED_COLUMNS = quantities(
+_QUANTITIES = quantity_table("bench.stated", interval=_interval, **_FORMATS)
+_STATED_COLUMNS = quantity_table(
     "bench.page", words=lambda found: _CHECKS[found.name].words, interval=_interval, **_FORMATS
 )
-_PLACES = quantities("bench.places")
-_SEEN_RANGE = quantities(
+_PLACES = quantity_table("bench.places")
+_SEEN_RANGE = quantity_table(
     "bench.seen",
     median=lambda found: found.estimates_arcsec[1] if found.seen else None,
     at_most=lambda found: found.estimates_arcsec[2] if found.seen else None,
@@ -411,7 +411,7 @@ def _expanded(found: StatedQuantity) -> float:
     return COVERAGE_FACTOR * (found.uncertainty_arcsec or 0.0)
 
 
-ENTRY_COLUMNS = quantities(
+ENTRY_COLUMNS = quantity_table(
     "archive.entries",
     F_ior=lambda entry: f"≥ {entry.low_arcsec:.2f}" if entry.F_ior_is_lower_bound else f"{entry.F_ior_arcsec:.2f}",
     interval=lambda entry: ends_text((entry.low_arcsec, entry.high_arcsec)),

@@ -10,7 +10,18 @@ from hdassist.json_parts import samples_object
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
 from hdassist.planning import SEEN_SHARE, PlanChoice, PlannedTest
-from hdassist.report import Curve, CurveMark, Facts, Lines, Report, Table, as_object, as_objects, csv_table, quantities
+from hdassist.report import (
+    Curve,
+    CurveMark,
+    Facts,
+    Lines,
+    Report,
+    Table,
+    as_object,
+    as_objects,
+    csv_table,
+    quantity_table,
+)
 from hdassist.terminal.words import more_draws, preset_argument
 from hdassist.verdict import Verdict
 
@@ -23,14 +34,14 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f}" if share >= 0.1 else f"{100 * share:.1f}"
 
 
-PLAN_QUANTITIES = quantities(
+PLAN_QUANTITIES = quantity_table(
     "plan.tests",
     percent_seen=_percent,
     enough=lambda judged: _ENOUGH_WORDS[judged.verdict],
     step_deg=lambda judged: 360 * judged.plan.step_turns,
 )
-LINE_QUANTITIES = quantities("plan.lines", percent_seen=_percent)
-TEST_QUANTITIES = quantities("plan.run", readings=lambda test: len(_approaches(test)[0]))
+LINE_QUANTITIES = quantity_table("plan.lines", percent_seen=_percent)
+TEST_QUANTITIES = quantity_table("plan.run", readings=lambda test: len(_approaches(test)[0]))
 LISTED_READINGS = 96  # on a sheet: of more the file has the list
 
 

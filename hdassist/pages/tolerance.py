@@ -11,7 +11,7 @@ from hdassist.belief.influence import MeasurementGain
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
 from hdassist.json_parts import Json, attributes, influence_objects, measure_objects, objects, samples_object
-from hdassist.report import Curve, Facts, Quantity, Report, Table, as_object, csv_table, quantities
+from hdassist.report import Curve, Facts, Quantity, Report, Table, as_object, csv_table, quantity_table
 from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words, named, probability_words
 from hdassist.tolerance.production import TIGHTER_STEP, Production, ProductionLaw, RandomDrive, TolerancedSize
 from hdassist.tolerance.tightening import Allocation, Allocator, Sensitivities, Tightened, to_measure
@@ -59,11 +59,13 @@ def _percentile(share: float, drives: MountedDrives) -> float:
 
 
 PERCENTILES = (("p5", "5 %", 0.05), ("p50", "median", 0.5), ("p95", "95 %", 0.95))
-MOUNTING_COLUMNS = quantities(
+MOUNTING_COLUMNS = quantity_table(
     "tolerance.page", wheel=lambda drives: f"best of {drives.summary.positions}" if drives.best else "as built"
 )
-F_IOR_COLUMNS = quantities("tolerance.F_ior", **{name: partial(_percentile, share) for name, _, share in PERCENTILES})
-YIELD_COLUMNS = quantities("tolerance.yield", **{"yield": yield_words})
+F_IOR_COLUMNS = quantity_table(
+    "tolerance.F_ior", **{name: partial(_percentile, share) for name, _, share in PERCENTILES}
+)
+YIELD_COLUMNS = quantity_table("tolerance.yield", **{"yield": yield_words})
 
 
 def tolerance_report(
@@ -270,8 +272,8 @@ class FieldEffect:
     tightened: Tightened | None
 
 
-EFFECT_CSV = quantities("sensitivity.csv")
-EFFECT_COLUMNS = quantities(
+EFFECT_CSV = quantity_table("sensitivity.csv")
+EFFECT_COLUMNS = quantity_table(
     "sensitivity.page",
     whole_percent=lambda share: f"{100 * share:.0f}",
     gain=lambda way: f"{'≤ ' * (not way.proven)}{way.gain:.2f}",
