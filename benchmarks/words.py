@@ -138,7 +138,7 @@ share in brackets is the greatest of those that miss more than 0.01″.
 SEARCHED = """\
 ## Searches of draws
 
-Draws of `vzp160`, each with its wheel in twelve holes, searched from a grid of 9 x 9 states with slopes, as draws are,
+Draws of `vzp160`, each with its wheel in twelve holes, searched from a grid of 7 x 7 states with slopes, as draws are,
 against one of 60 x 60 (`python -m benchmarks.draws`): F'_ior is of states of the cycle by both, so a negative miss is
 one of the coarse grid.
 """

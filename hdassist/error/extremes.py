@@ -38,7 +38,7 @@ from hdassist.solve.climb import Rules, Starts, Torus
 
 # positions of each wheel in a grid: of draws odd, so that half a turn on, where the error is much alike, lies between
 # them; islands of the error that one grid overlooks another one shows
-DRAWN_GRIDS, FINE_GRIDS = (9,), (9, 14, 19)
+DRAWN_GRIDS, FINE_GRIDS = (7,), (9, 14, 19)
 SHORT_CYCLE = 4000  # states of a cycle below which all are solved of one drive
 LEAST_F_IOR = 4.0  # arcsec: F'_ior of which shares are taken, at least
 SPLINE_POINTS, ROUGH_POINTS = 4, 8  # times as many at which a spline is read; where orders beyond the fourth are added
@@ -47,10 +47,10 @@ BEYOND = 0.25  # of what tangents reach beyond the spline, that a hill may have
 TRIED = 0.06  # of F'_ior: a hill is tried that may be no further below the highest state of the grid
 CLIMBED = 0.08  # of F'_ior: it is climbed where its first state is no further below the highest
 RADIUS = 0.5  # of a step of the grid: how far a climb looks around
-RINGS = 8, 4  # steps from the highest state found, where others look for another slope up
+DRAWN_RINGS, FINE_RINGS = (8,), (8, 4)  # steps from the highest state found, where others look for another slope up
 BACK = 0.15  # of a step of the grid: so far before a crest a climb begins
 STEPS = 10  # of a climb at most
-DRAWN_STATES, FINE_STATES = 110, 700  # that a drive takes at a torque, about, beside those of climbs
+DRAWN_STATES, FINE_STATES = 70, 700  # that a drive takes at a torque, about, beside those of climbs
 DRAWN_GAIN, FINE_GAIN = 0.002, 0.0002  # arcsec that a state has to promise beyond the highest
 
 
@@ -166,11 +166,8 @@ class _Search:
         rotation, slope = hills.sign * hills.height / ARCSEC, hills.slope / ARCSEC
         starts = Starts(first, hills.row[first], hills.sign[first], hills.point, rotation, slope)
         radius = round(RADIUS * float(self._size.mean()) / min(grids))
-        tops = self._case.climb(
-            self._torus,
-            starts,
-            Rules(STEPS, (DRAWN_GAIN if grids == DRAWN_GRIDS else FINE_GAIN) / ARCSEC, (radius, *RINGS)),
-        )
+        gain, rings = (DRAWN_GAIN, DRAWN_RINGS) if grids == DRAWN_GRIDS else (FINE_GAIN, FINE_RINGS)
+        tops = self._case.climb(self._torus, starts, Rules(STEPS, gain / ARCSEC, (radius, *rings)))
         rotation, *_ = self._at(np.repeat(np.arange(self._drives), 2), tops)
         return self._found(tops, rotation.reshape(-1, 2))
 

@@ -43,7 +43,7 @@
 #define CHANGES 2        /* mark of a candidate that is to change sides */
 #define PATIENCE 10      /* steps in which no fewer candidates change sides, after which one at a time does (Murty) */
 #define FEW 64           /* candidates that the tableau has room for at first */
-#define TOGETHER 2       /* pivots that are carried out together */
+#define TOGETHER 4       /* pivots that are carried out together */
 #define BATCH 64         /* states that are certified together */
 #define TOUR 1024        /* states that are put in order together, a multiple of BATCH */
 
@@ -268,14 +268,14 @@ static void carry_out(walk *w) {
     for (int i = 0; i < n; i++) {
         double *target = w->tableau + i * padded;
         for (int q = 0; q < found; q++) target[w->at[q]] = 0;
-        if (found == TOGETHER) {
-            const double a = w->columns[0][i], b = w->columns[1][i];
-            const double *restrict A = w->rows[0], *restrict B = w->rows[1];
+        int q = 0;
+        for (; q + 4 <= found; q += 4) {
+            const double a = w->columns[q][i], b = w->columns[q + 1][i], c = w->columns[q + 2][i], d = w->columns[q + 3][i];
+            const double *A = w->rows[q], *B = w->rows[q + 1], *C = w->rows[q + 2], *D = w->rows[q + 3];
             SIMD(omp simd)
-            for (int j = 0; j < wide; j++) target[j] += a * A[j] + b * B[j];
-        } else {
-            add_multiple(wide, w->columns[0][i], w->rows[0], target);
+            for (int j = 0; j < wide; j++) target[j] += (a * A[j] + b * B[j]) + (c * C[j] + d * D[j]);
         }
+        for (; q < found; q++) add_multiple(wide, w->columns[q][i], w->rows[q], target);
     }
     for (int q = 0; q < found; q++) {
         for (int later = q + 1; later < found; later++)
