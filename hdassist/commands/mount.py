@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import UsageError
 from hdassist.report import Report
@@ -16,9 +16,7 @@ from hdassist.verdict import SURE
 
 if TYPE_CHECKING:
     from hdassist.mounting.advice import Advice
-    from hdassist.mounting.posterior import Trial
     from hdassist.preset.fields import Drive
-    from hdassist.readers.pitch import WheelFiles
     from hdassist.terminal.words import Texts
 
 
@@ -111,62 +109,41 @@ class MountCommand(
         files = self.wheels_of_one([self.preset])
         drive, reading = self.load(self.preset), self.reading()
         # before the imports below, which take longer than all of this
-        from hdassist.mounting.posterior import read_trial_or_record
+        from hdassist.mounting.posterior import TrialSetup, read_trial_or_record
 
         trials = [read_trial_or_record(text, drive, reading, self.seed) for text in self.trials or ()]
         outcome = None
         if self.verify is not None:
             outcome = read_trial_or_record(self.verify, drive, reading, self.seed, drive.mounting.allowed)
-        return self._after(out, drive, trials, outcome) if trials or outcome else self._before(out, drive, files)
+        has_values = bool(trials or outcome)
+        for option in ("step", "compensated", "pitch_b", "pitch_g"):
+            if has_values and getattr(self, option) is not None:
+                raise UsageError(f"{o.option_name(option)} does not take measured values", "leave one of them out")
+        if self.compensated and files.files:
+            raise UsageError("--compensated does not take measured teeth", "leave out --pitch-b and --pitch-g")
 
-    @property
-    def cost(self) -> float:
-        """Share of F'_ior that a turn has to earn."""
+        from hdassist.correction.mounted import advice_corrected, corrected_states, form_of_text
+        from hdassist.mounting.advice import advice_states, advise, advise_after
         from hdassist.mounting.decision import LEAST_GAIN
 
-        return LEAST_GAIN if self.bolted is None else self.bolted / 100
-
-    def _before(self, out: Output, drive: Drive, files: WheelFiles) -> Advice:
-        """The advice by the preset alone."""
-        from hdassist.correction.mounted import advice_corrected, corrected_states, form_of_text
-        from hdassist.mounting.advice import advice_states, advise
-        from hdassist.mounting.posterior import TrialSetup
-
         form = form_of_text(self.compensated) if self.compensated else None
-        if form and files.files:
-            raise UsageError("--compensated does not take measured teeth", "leave out --pitch-b and --pitch-g")
-        measured = self.teeth(files, drive)
-        torques, rotations = drive.operation.M_g, _rotations(drive, self.step)
-        states = advice_states(drive, len(rotations), draws=self.draws, measured=measured)
-        if form:
-            states += corrected_states(drive, len(rotations), self.draws)
-        setup = TrialSetup(self.torque_of(torques), self.noise)
-        with out.run(drive.name, states, self) as run:
-            advice = advise(
-                drive, rotations, measured=measured, setup=setup, draws=self.draws, sure=self.sure or SURE,
-                cost=self.cost, worth=self.worth / 100, run=run,
-            )  # fmt: skip
-            return advice_corrected(advice, form, self.draws, run) if form else advice
-
-    def _after(self, out: Output, drive: Drive, trials: list[Trial], outcome: Trial | None) -> Advice:
-        """The advice after measured values."""
-        from hdassist.mounting.advice import advice_states, advise_after
-        from hdassist.mounting.posterior import TrialSetup
-
-        for option in ("step", "compensated", "pitch_b", "pitch_g"):
-            if getattr(self, option) is not None:
-                raise UsageError(f"{o.option_name(option)} does not take measured values", "leave one of them out")
-        torques = others = drive.operation.M_g
-        if self.torque and self.preset != "-":
-            others = replace(self, torque=[], limit=[]).load(self.preset).operation.M_g
+        measured, torques = self.teeth(files, drive), drive.operation.M_g
+        rotations = [] if has_values else _rotations(drive, self.step)
         heaviest = () if self.trial_torque else (max(torques, key=abs),)
         setup = TrialSetup(self.torque_of(torques), self.noise, heaviest)
-        states = advice_states(drive, 0, draws=self.draws, trials=True)
+        states = advice_states(drive, len(rotations), draws=self.draws, measured=measured, trials=has_values)
+        if form:
+            states += corrected_states(drive, len(rotations), self.draws)
+        others = torques  # at which values without a torque may have been measured
+        if has_values and self.torque and self.preset != "-":
+            others = replace(self, torque=[], limit=[]).load(self.preset).operation.M_g
+        cost = LEAST_GAIN if self.bolted is None else self.bolted / 100
+        wanted: Any = {"draws": self.draws, "sure": self.sure or SURE, "cost": cost, "worth": self.worth / 100}
         with out.run(drive.name, states, self) as run:
-            return advise_after(
-                drive, trials, setup, outcome=outcome, draws=self.draws, sure=self.sure or SURE, cost=self.cost,
-                worth=self.worth / 100, other_torques=others, run=run,
-            )  # fmt: skip
+            if has_values:
+                return advise_after(drive, trials, setup, outcome=outcome, other_torques=others, run=run, **wanted)
+            advice = advise(drive, rotations, measured=measured, setup=setup, run=run, **wanted)
+            return advice_corrected(advice, form, self.draws, run) if form else advice
 
 
 def _rotations(drive: Drive, step: float | None) -> list[float]:

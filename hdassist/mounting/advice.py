@@ -356,7 +356,7 @@ def advise_after(
     noise, likelier = after.noise * setup.noise_arcsec, None
     if after.by_values > UNSHOWN_VALUES or after.misread.sum() > DOUBTED:
         likelier = likelier_torque(whole, every)
-        others = sorted({*torques, *other_torques} - {*whole.F_ior_by_torque})
+        others = sorted({*other_torques} - {*whole.F_ior_by_torque})
         if not likelier and others and after.by_values > UNSHOWN_VALUES:
             likelier = likelier_torque(hole_samples(drive, others, setup, effort=effort, run=run), every)
     measurable = {M_g: after.F_ior_by_torque[M_g][:, :-1] for M_g in (setup.M_g, *setup.others, *tried)}

@@ -47,7 +47,7 @@ from hdassist.belief.proposals import (
     tabled_errors,
     turned_errors,
 )
-from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
+from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.error.error_map import error_maps, searchable
 from hdassist.error.extremes import DRAWN_STATES
 from hdassist.error.table import Mesh
@@ -241,17 +241,13 @@ class HoleSamples:
         """Flat places among samples and directions that weigh anything."""
         return np.flatnonzero(self.weight)
 
-    def at(self, rotations_deg: Sequence[float], places: Places | None = None, M_g: float | None = None) -> Array:
-        """F'_ior [arcsec] with the wheel turned, shape (places, rotations): that of directions less by as much.
+    def at(self, points: Sequence[Point], places: Places) -> Array:
+        """F'_ior [arcsec] with the wheel turned at torques, shape (places, points): that of directions less by as much.
 
-        Arguments: flat places among samples and directions, all of them without it; M_g [N*m], another torque.
+        Argument: flat places among samples and directions.
         """
-        every = np.arange(self.weight.size) if places is None else places
-        return turned_errors(self.F_ior_by_torque[self.setup.M_g if M_g is None else M_g], rotations_deg, every)
-
-    def at_points(self, points: Sequence[Point], places: Places) -> Array:
-        """F'_ior [arcsec] in positions at torques, shape (places, points)."""
-        return np.hstack([np.empty((len(places), 0)), *(self.at([turn], places, M_g) for turn, M_g in points)])
+        shown = (turned_errors(self.F_ior_by_torque[M_g], [turn], places) for turn, M_g in points)
+        return np.hstack([np.empty((len(places), 0)), *shown])
 
     def correlation(self, points: Sequence[Point]) -> Array:
         """Covariance of the misfit between points over its variance at the torque of the setup, shape (points, points).
@@ -283,7 +279,7 @@ class HoleSamples:
         weight = every.weight.ravel()[possible]
         log, chance = np.log(weight), weight / weight.sum()
         for trial in trials:
-            f = every.at_points([self.setup.point(trial)], possible)[:, 0]
+            f = every.at([self.setup.point(trial)], possible)[:, 0]
             off = (trial.F_ior_arcsec - f) / np.hypot(2 * every.noise([trial]), (SCALE + MISFITS[-1]) * f)
             log = log - (FREEDOM + 1) / 2 * np.log1p(off**2 / FREEDOM)
             chance = chance + softmax(log)
@@ -382,7 +378,7 @@ def posterior_of(
     y, stated, possible = np.array([t.F_ior_arcsec for t in trials]), samples.noise(trials), samples.possible
     kinds = kinds or error_kinds(len(trials), LOG_NOISES)
     log = log_likelihoods(
-        kinds, samples.at_points(tried, possible), y, stated, samples.correlation(tried), samples.mean(possible),
+        kinds, samples.at(tried, possible), y, stated, samples.correlation(tried), samples.mean(possible),
         samples.read_error,
     )  # fmt: skip
     weight = softmax(np.log(samples.weight.ravel()[possible]) + log)  # shape (kinds, places)
@@ -397,9 +393,7 @@ def posterior_of(
     normals = {M_g: (other_rng if k else rng).standard_normal(size) for k, M_g in enumerate(torques)}
     smooth = np.hstack([samples.levels[M_g] * smooth_misfits([turn], normals[M_g]) for turn, M_g in points])
     normal = rng.standard_normal(len(places)), smooth, rng.standard_normal(spread.shape)
-    F_ior, scale = errors_of_drive(
-        samples.at_points(points, places), y, variance, spread, samples.correlation(points), normal
-    )
+    F_ior, scale = errors_of_drive(samples.at(points, places), y, variance, spread, samples.correlation(points), normal)
     by_torque = dict(zip(torques, np.split(F_ior, len(torques), axis=1), strict=True))
     effective = float(1 / np.square(weight.sum(axis=0)).sum())
     of_kind, doubted = weight.sum(axis=1), np.array([each.misread for each in kinds])
@@ -414,7 +408,10 @@ def likelier_torque(samples: HoleSamples, trials: Sequence[Trial]) -> float | No
     weight, (stated, *others) = samples.weight.ravel()[possible], {samples.setup.point(t)[1] for t in trials}
     log_probability = {
         M_g: logsumexp(
-            log_likelihood_of_errors(samples.at(tried, possible, M_g), *measured, samples.read_error), b=weight
+            log_likelihood_of_errors(
+                samples.at([(turn, M_g) for turn in tried], possible), *measured, samples.read_error
+            ),
+            b=weight,
         )
         for M_g in samples.F_ior_by_torque
     }
@@ -453,12 +450,31 @@ def hole_samples(
         systems, (), evidence=tuple(each for each in evidence_of(drive) if not each.M_g),
         effort=SamplingEffort(count, count, effort.most_draws, min(16, count)), run=run,
     )  # fmt: skip
-    tables: list[TabledErrors | None] = []
+    weights, tables = list[float](), list[TabledErrors]()
     solve = partial(_tabled, prior, every, effort.table, run.seed)
-    for found in run.map(solve, range(len(samples.weights)), samples.values()):
-        tables.append(found)
-        run.solved(found.certificate.states if found else 0)
-    return _collected(prior, setup, every, samples, tables)
+    found = run.map(solve, range(len(samples.weights)), samples.values())
+    for weight, table in zip(samples.weights.tolist(), found, strict=True):
+        if table:
+            weights.append(weight)
+            tables.append(table)
+            run.solved(table.certificate.states)
+    if not tables:
+        raise UntrustedError("no draw has an answer at the torque of the trials", "hdassist check says why")
+    log_missed = np.concatenate([each.log_missed for each in tables], axis=1)  # (torques, compared)
+    F_ior = np.concatenate([each.F_ior_arcsec for each in tables], axis=1)  # (torques, samples, directions)
+    weight = np.repeat(weights, len(tables[0].shares))[:, None] * np.ones(F_ior.shape[1:])
+    for each in evidence_of(drive):
+        if each.figure == ACCURACY:  # without load, where F'_ior is greatest: that of the trials keeps it too
+            weight *= np.exp(each.log_likelihood(F_ior[0]))
+    if not any_direction(prior):
+        weight[:, 1:] = 0
+    F_ior *= np.exp(log_missed.mean(axis=1))[:, None, None]  # tables are corrected for their mean error
+    values = {path: np.concatenate([each.values[path] for each in tables]) for path in standing_offset(drive)}
+    proof = sum((each.certificate for each in tables), samples.certificate)
+    return HoleSamples(
+        drive, setup, dict(zip(every, F_ior, strict=True)), weight / weight.sum(), values,
+        float(log_missed.std(axis=1).max()), samples.seed, proof,
+    )  # fmt: skip
 
 
 def _tabled(
@@ -474,35 +490,6 @@ def _tabled(
         return tabled_errors(error_maps(prior.drive.with_values(values), torques), prior, effort, [seed, number])
     except HdassistError:
         return None
-
-
-def _collected(
-    belief: DrivePrior,
-    setup: TrialSetup,
-    torques: tuple[float, ...],
-    systems: Samples,
-    tables: Sequence[TabledErrors | None],
-) -> HoleSamples:
-    """Samples of all systems that are drives, F'_ior by tables corrected for their mean error."""
-    drive, kept = belief.drive, [each for each in tables if each]
-    if not kept:
-        raise UntrustedError("no draw has an answer at the torque of the trials", "hdassist check says why")
-    weights = [weight for weight, each in zip(systems.weights, tables, strict=True) if each]
-    log_missed = np.concatenate([each.log_missed for each in kept], axis=1)
-    F_ior = np.concatenate([each.F_ior_arcsec for each in kept], axis=1)
-    weight = np.repeat(weights, len(kept[0].shares))[:, None] * np.ones(F_ior.shape[1:])
-    for each in evidence_of(drive):
-        if each.figure == ACCURACY:  # without load, where F'_ior is greatest: that of the trials keeps it too
-            weight *= np.exp(each.log_likelihood(F_ior[0]))
-    if not any_direction(belief):
-        weight[:, 1:] = 0
-    F_ior *= np.exp(log_missed.mean(axis=1))[:, None, None]
-    values = {path: np.concatenate([each.values[path] for each in kept]) for path in standing_offset(drive)}
-    proof = sum((each.certificate for each in kept), systems.certificate)
-    return HoleSamples(
-        drive, setup, dict(zip(torques, F_ior, strict=True)), weight / weight.sum(), values,
-        float(log_missed.std(axis=1).max()), systems.seed, proof,
-    )  # fmt: skip
 
 
 def open_prior(drive: Drive) -> DrivePrior:

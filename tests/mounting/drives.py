@@ -52,6 +52,12 @@ def synthetic(F_ior: np.ndarray, weight: np.ndarray | None = None, setup: TrialS
     return HoleSamples(told(), setup, {setup.M_g: F_ior}, weight / weight.sum(), values, 0.0)
 
 
+def shown(samples: HoleSamples, rotations, places=None, torque: float = M_G) -> np.ndarray:
+    """F'_ior of samples [arcsec] in positions, shape (places, rotations); without places of all of them."""
+    every = np.arange(samples.weight.size) if places is None else places
+    return samples.at([(turn, torque) for turn in rotations], every)
+
+
 def learnt(samples: HoleSamples, tried, rotations, torques=(M_G,)) -> tuple[HolePosterior, Decision]:
     """Draws after values, and the decision among these positions."""
     after = posterior_of(samples, tried, [*rotations, 0.0])

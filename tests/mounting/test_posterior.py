@@ -24,6 +24,7 @@ from tests.mounting.drives import (
     direction_of,
     learnt,
     measured,
+    shown,
     synthetic,
     told,
     trials,
@@ -74,7 +75,7 @@ def test_draws_and_weights_are_those_of_the_normal_distribution() -> None:
     pair, tried = synthetic(F_ior, weight, TrialSetup(M_G, 1.3)), [0.0, 30.0, 90.0, 90.0]
     y = np.array([17.0, 18.0, 19.0, 21.0])
     found = posterior_of(pair, [Trial(r, v) for r, v in zip(tried, y, strict=True)], POSITIONS, [ErrorKind(0.08)])
-    f, likely, means, spreads = pair.at([*POSITIONS, *tried]), [], [], []
+    f, likely, means, spreads = shown(pair, [*POSITIONS, *tried]), [], [], []
     for k in (0, HOLES):
         everywhere = [*POSITIONS, *tried]
         both = (0.08 * F_ior[k // HOLES].mean()) ** 2 * kernel(everywhere, everywhere) + SCALE**2 * np.outer(f[k], f[k])
@@ -101,7 +102,7 @@ def test_intervals_hold_what_they_promise() -> None:
     assumed, inside, surer = synthetic(base, setup=TrialSetup(M_G)), [], []
     for _ in range(60):
         place = int(rng.integers(base.size))
-        f, misfit = assumed.at(POSITIONS, np.array([place]))[0], rng.choice(MISFITS)
+        f, misfit = shown(assumed, POSITIONS, np.array([place]))[0], rng.choice(MISFITS)
         off = misfit * f.mean() * spread @ rng.standard_normal(HOLES)
         truth = f * (1 + SCALE * rng.standard_normal()) + off
         noise = np.exp(0.35 * rng.standard_normal())
@@ -238,7 +239,7 @@ def test_another_torque_shares_the_scale_but_not_the_misfit(cloud: HoleSamples) 
     tried = trials(measured(50.0, 20.0), POSITIONS[::2])
     draws, both = learnt(cloud, tried, POSITIONS, torques=(1.0, M_G))
     assert both.F_ior_arcsec[1] == pytest.approx(draws.F_ior_arcsec[:, :-1])
-    f = cloud.at(POSITIONS, draws.places, 1.0)
+    f = shown(cloud, POSITIONS, draws.places, 1.0)
     left = both.F_ior_arcsec[0] - f * draws.scale[:, None]
     spread = np.hypot(draws.misfit, cloud.read_error) * cloud.mean(draws.places) * cloud.levels[1.0]
     assert (left / spread[:, None]).std() == pytest.approx(1, abs=0.1)

@@ -13,7 +13,7 @@ from hdassist.errors import UntrustedError, UsageError
 from hdassist.mounting.positions import rotated, usable_positions
 from hdassist.mounting.posterior import HoleSamples, TableSampling, Trial, hole_samples, open_prior, posterior_of
 from hdassist.preset.fields import Drive
-from tests.mounting.drives import COARSE, COARSE_MESH, FEW, M_G, POSITIONS, SETUP, direction_of, learnt, told
+from tests.mounting.drives import COARSE, COARSE_MESH, FEW, M_G, POSITIONS, SETUP, direction_of, learnt, shown, told
 from tests.process import ASSUMED, SMALL
 from tests.support import changed
 
@@ -25,7 +25,7 @@ def require_turned(prior: HoleSamples, drive: Drive, sample: int, direction: int
     assert direction_of(prior)[place][0] == pytest.approx(values["phases.phi_hb"])
     turned = rotated(drive.with_values(values), rotation)
     exact = ErrorMap(turned, M_G).extremes(turned).first
-    assert prior.at([rotation], place)[0, 0] == pytest.approx(exact, rel=max(5 * prior.read_error, 0.05))
+    assert shown(prior, [rotation], place)[0, 0] == pytest.approx(exact, rel=max(5 * prior.read_error, 0.05))
 
 
 def test_turning_the_wheel_is_turning_all_that_stands_back() -> None:
@@ -35,7 +35,7 @@ def test_turning_the_wheel_is_turning_all_that_stands_back() -> None:
     for sample, direction, rotation in ((3, 0, 30.0), (40, 7, 120.0), (77, 11, 330.0)):
         require_turned(prior, drive, sample, direction, rotation)
     some = np.arange(0, prior.weight.size, 97)
-    assert prior.at([15.0], some) == pytest.approx(prior.at([0.0, 30.0], some).mean(axis=1, keepdims=True))
+    assert shown(prior, [15.0], some) == pytest.approx(shown(prior, [0.0, 30.0], some).mean(axis=1, keepdims=True))
 
 
 def test_stiffnesses_and_clearances_are_drawn_as_check_draws_them_and_by_its_evidence() -> None:
