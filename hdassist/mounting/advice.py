@@ -51,7 +51,6 @@ from hdassist.mounting.posterior import (
     hole_samples,
     likelier_torque,
     posterior_of,
-    table_states,
 )
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
@@ -128,7 +127,8 @@ class Advice:
     @property
     def no_hole_better(self) -> str:
         """Why any hole is as good as any other, as model.unknown has it; empty where one may be better."""
-        return "" if self.trials else _no_hole_better(self.drive, self.measured)
+        found = "" if self.trials else no_hole_better(self.drive)
+        return "" if found == "turning" and self.measured and self.measured.fixed(self.drive) else found
 
     @property
     def certificate(self) -> Certificate:
@@ -258,7 +258,8 @@ def advice_states(
     """Number of states that an advice at so many positions solves, about, for a progress bar."""
     cycle, torques = Kinematics.of(drive).cycle_states, len(drive.operation.M_g)
     if trials:
-        return table_states(drive, torques, TableSampling.of(draws))
+        effort = TableSampling.of(draws)
+        return effort.systems * torques * (effort.table.mesh.states(drive) + DRAWN_STATES)
     drawn = bool(draws and prior_of(drive).fields) and not measured and searchable(drive)
     if not is_searched(drive, positions, drawn=drawn, measured=measured):
         return torques * positions * cycle
@@ -304,12 +305,13 @@ def advise(
             if of_drive:
                 return advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
             fault = refusal.message
-    alike = bool(_no_hole_better(drive, measured)) or _any_direction(known)
-    found = replace(found, cost=cost, all_alike=alike)
     advice = Advice(
         drive, found, setup, checked_curve(curve, checks), samples, measured=measured, unknown=unknowns(known),
         open_=tuple(each.path for each in prior.fields), sure=sure, worth=worth, fault=fault,
     )  # fmt: skip
+    any_direction = advice.unknown and unknown_turn(known) and not of_drive
+    found = replace(found, cost=cost, all_alike=bool(advice.no_hole_better or any_direction))
+    advice = replace(advice, decision=found)
     if not samples or advice.no_hole_better:
         return advice
     shown = found if of_drive else as_measured(found, seed=run.seed)
@@ -426,13 +428,3 @@ def _thirds(rotations_deg: Sequence[float]) -> tuple[float, ...]:
     """Of some rotations [deg] three that lie apart as far as they can."""
     near = [min(rotations_deg, key=lambda p: abs((p - at + 180) % 360 - 180)) for at in (0.0, 120.0, 240.0)]
     return tuple(dict.fromkeys(near))
-
-
-def _no_hole_better(drive: Drive, measured: MeasuredTeeth | None) -> str:
-    found = no_hole_better(drive)
-    return "" if found == "turning" and measured and measured.fixed(drive) else found
-
-
-def _any_direction(drive: Drive) -> bool:
-    """Whether the direction that decides is unknown, and F'_ior not measured: any hole may be the best one."""
-    return bool(unknowns(drive) and unknown_turn(drive)) and not measured_errors(drive)

@@ -49,7 +49,6 @@ from hdassist.belief.proposals import (
 )
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.error.error_map import error_maps, searchable
-from hdassist.error.extremes import DRAWN_STATES
 from hdassist.error.table import Mesh
 from hdassist.errors import HdassistError, UntrustedError, UsageError
 from hdassist.measuring.measure import Reading
@@ -418,11 +417,6 @@ def likelier_torque(samples: HoleSamples, trials: Sequence[Trial]) -> float | No
     likeliest = max(log_probability, key=log_probability.__getitem__)
     is_far = log_probability[likeliest] > log_probability[stated] + np.log(FAR_LIKELIER)
     return likeliest if is_far and not others else None
-
-
-def table_states(drive: Drive, torques: int, effort: TableSampling) -> int:
-    """Number of states that the samples solve, about, for a progress bar."""
-    return effort.systems * torques * (effort.table.mesh.states(drive) + DRAWN_STATES)
 
 
 def hole_samples(

@@ -12,7 +12,7 @@ from hdassist.json_parts import Json, attributes, influence_objects, pitch_objec
 from hdassist.model.unknown import unknown_names
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
 from hdassist.mounting.decision import FEWEST_VALUES
-from hdassist.mounting.positions import bare, hole_of, hole_words
+from hdassist.mounting.positions import MountingCurve, bare, hole_of, hole_words
 from hdassist.mounting.posterior import Trial, TrialSetup
 from hdassist.pages.card import (
     ENGLISH,
@@ -365,12 +365,15 @@ def _values(advice: Advice, seed: int) -> Json:
     positions = [_action(advice, place) for place in range(len(found.rotations_deg))]
     value, checked, setup = advice.value, advice.verification, advice.setup
     probability = found.probability if found.is_sampled else None
-    now = [dict(zip(LEVELS, found.range_of(each), strict=True)) for each in found.now_arcsec]
+    now = [
+        {"M_g_Nm": M_g, **dict(zip(LEVELS, found.range_of(F_ior), strict=True))}
+        for M_g, F_ior in zip(advice.torques, found.now_arcsec, strict=True)
+    ]
     spans = [found.range_of(each.max(axis=1) / each.min(axis=1))[::2] for each in found.F_ior_arcsec]
     size = after.offset[0] if after else np.zeros(0)
     facing, facing_sd = after.facing if after else (None, None)
     misread = zip(advice.trials, after.misread if after else (), strict=True)
-    answer = {
+    return {
         **attributes(advice, "word", M_g_Nm="torques", probability_needed="sure"),
         **attributes(advice, "current", hole="chosen.hole", rotation_deg="chosen.rotation_deg"),
         **attributes(advice, recommended="chosen", best_bet="chosen"),
@@ -383,7 +386,9 @@ def _values(advice: Advice, seed: int) -> Json:
             {"torque_Nm": M_g, **attributes(each, "hole", "rotation_deg")}
             for M_g, each in zip(advice.torques, advice.by_torque, strict=True)
         ],
-        "next": None,
+        "next": value
+        and advice.next
+        and attributes(advice.next, "hole", "rotation_deg") | attributes(value, "gain_arcsec", M_g_Nm="M_g"),
         "worth": [{"values": count, "F_ior_arcsec": F_ior} for count, F_ior in advice.worths],
         "suspected": advice.suspected and _trial(advice, advice.suspected),
         "order": "turn" if advice.turn else "leave",
@@ -392,8 +397,8 @@ def _values(advice: Advice, seed: int) -> Json:
         "influence": influence_objects(advice.influences),
         "samples": samples_object(advice.samples),
         "effective_samples": after.effective if after else found.effective,
-        "curves": [],
-        "now": None,
+        "curves": [] if curve is None else [_curve(curve, k) for k in range(len(curve.torques))],
+        "now": now if found.is_sampled else None,
         "compensated": _compensated(advice),
         "trials": {
             **attributes(setup, "noise_arcsec", M_g_Nm="M_g"),
@@ -407,31 +412,24 @@ def _values(advice: Advice, seed: int) -> Json:
             "direction_deg": facing,
             "direction_sd_deg": facing_sd,
         },
-        "verification": None,
-        "pitch": pitch_object(advice.measured),
-        "unknown": unknown_objects(advice.unknown),
-        "seed": seed,
-    }
-    if advice.next and value:
-        answer["next"] = attributes(advice.next, "hole", "rotation_deg") | attributes(
-            value, "gain_arcsec", M_g_Nm="M_g"
-        )
-    if curve:
-        angles = attributes(curve, "rotation_deg", "phase_deg")
-        answer["curves"] = [
-            {"M_g_Nm": M_g, **angles, "F_ior_arcsec": values, "every_state": every}
-            for M_g, values, every in zip(curve.torques, curve.F_ior_arcsec, curve.every_state, strict=True)
-        ]
-    if found.is_sampled:
-        answer["now"] = [{"M_g_Nm": M_g, **each} for M_g, each in zip(advice.torques, now, strict=True)]
-    if checked:
-        answer["verification"] = {
+        "verification": checked
+        and {
             **_trial(advice, checked.trial),
             **attributes(checked, "mean_arcsec", "low_arcsec", "high_arcsec", "as_predicted"),
             "verdict": "GO_BACK" if checked.back_to else "KEEP",
             "position": _trial(advice, checked.back_to or checked.trial),
-        }
-    return answer
+        },
+        "pitch": pitch_object(advice.measured),
+        "unknown": unknown_objects(advice.unknown),
+        "seed": seed,
+    }
+
+
+def _curve(curve: MountingCurve, torque: int) -> Json:
+    """F'_ior over the positions of the wheel at one of the torques, by its place."""
+    F_ior, every_state = curve.F_ior_arcsec[torque], curve.every_state[torque]
+    angles = attributes(curve, "rotation_deg", "phase_deg")
+    return {"M_g_Nm": curve.torques[torque], **angles, "F_ior_arcsec": F_ior, "every_state": every_state}
 
 
 def _action(advice: Advice, place: int) -> Json:
