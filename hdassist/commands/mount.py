@@ -122,17 +122,19 @@ class MountCommand(
         if self.compensated and files.files:
             raise UsageError("--compensated does not take measured teeth", "leave out --pitch-b and --pitch-g")
 
-        from hdassist.correction.mounted import advice_corrected, corrected_states, form_of_text
         from hdassist.mounting.advice import advice_states, advise, advise_after
         from hdassist.mounting.decision import LEAST_GAIN
 
-        form = form_of_text(self.compensated) if self.compensated else None
         measured, torques = self.teeth(files, drive), drive.operation.M_g
         rotations = [] if has_values else _rotations(drive, self.step)
         heaviest = () if self.trial_torque else (max(torques, key=abs),)
         setup = TrialSetup(self.torque_of(torques), self.noise, heaviest)
         states = advice_states(drive, len(rotations), draws=self.draws, measured=measured, trials=has_values)
-        if form:
+        if self.compensated:
+            from hdassist.correction.correct import advice_corrected, corrected_states
+            from hdassist.correction.forms import form_of_text
+
+            form = form_of_text(self.compensated)
             states += corrected_states(drive, len(rotations), self.draws)
         others = torques  # at which values without a torque may have been measured
         if has_values and self.torque and self.preset != "-":
@@ -143,7 +145,7 @@ class MountCommand(
             if has_values:
                 return advise_after(drive, trials, setup, outcome=outcome, other_torques=others, run=run, **wanted)
             advice = advise(drive, rotations, measured=measured, setup=setup, run=run, **wanted)
-            return advice_corrected(advice, form, self.draws, run) if form else advice
+            return advice_corrected(advice, form, self.draws, run) if self.compensated else advice
 
 
 def _rotations(drive: Drive, step: float | None) -> list[float]:

@@ -32,11 +32,14 @@ from hdassist.correction.records import (
     solved_error,
     with_more_lines,
 )
-from hdassist.error.waves import POINTS_A_TURN, ErrorLines, error_lines
+from hdassist.error.waves import POINTS_A_TURN, WAVE_POINTS, ErrorLines, error_lines
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.measuring.measure import Measurement
+from hdassist.model.deviations import carried
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
+from hdassist.mounting.advice import Advice
+from hdassist.mounting.decision import Decision
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
@@ -490,3 +493,43 @@ def likely_cause(before: Array, taken: Array, record: RecordedError, lines: Erro
     found += [f"its zero is off by {abs(off_deg):.0f}° of the cam"] * (abs(off_deg) > IN_ZERO_DEG)
     found += [f"{abs(turns)} turns of the cam are lost"] * bool(turns)
     return ", ".join(found)
+
+
+# What a correction leaves in each position of the fixed wheel
+
+
+def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run) -> Advice:
+    """An advice by what a correction leaves that is made in each position and for each torque.
+
+    Where that tells no hole from another, the advice as it was. Arguments: draws, drives of the same weight, from the
+    samples of the advice. The error of each drive is that of its own lines there, as if it were recorded in that
+    position, with all that these lines do not have.
+    """
+    drive, found, drives = advice.drive, advice.decision, [dict[str, float]()]
+    if found.all_alike:
+        return advice
+    if found.is_sampled and advice.samples:
+        drives = advice.samples.of_ranges.equal_drives(draws)
+    every, proof, left = sorted({0.0, *found.rotations_deg}), EMPTY, []
+    for rotation_deg in every:
+        changes = [
+            values | {path: values.get(path, drive.number(path)) + rotation_deg for path in carried(drive)}
+            for values in drives
+        ]
+        for M_g in advice.torques:
+            error, of_states = loaded_error(drive, M_g, changes, run, alike=len(drives) == 1)
+            proof += of_states
+            left.append(ranges_left(form.fitted(error.lines, M_g), error)[0])
+    arcsec = np.reshape(left, (len(every), -1, len(drives))).transpose(1, 2, 0)  # (torques, drives, positions)
+    columns = [every.index(each) for each in found.rotations_deg]
+    ones, now = np.ones(len(drives)), arcsec[..., every.index(0.0)]
+    decision = Decision(found.rotations_deg, arcsec[..., columns], now, ones, (), found.cost)
+    curve = advice.curve and replace(advice.curve, certificate=advice.curve.certificate + proof)
+    advice = replace(advice, curve=curve, compensated=(form.name, decision))
+    return advice if decision.word(advice.sure) == "ANY_HOLE" else replace(advice, decision=decision, value=None)
+
+
+def corrected_states(drive: Drive, positions: int, draws: int) -> int:
+    """Number of states that this solves, about, for a progress bar."""
+    cycle = Kinematics.of(drive).cycle_states
+    return len(drive.operation.M_g) * positions * (cycle + max(1, draws) * WAVE_POINTS**2)

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from hdassist.error.waves import Complex, ErrorLines
+from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 
 RepeatTurn = Literal["output", "cam", "half-cam"]
@@ -173,6 +174,18 @@ USUAL_TABLES = (
     CorrectionForm("cam", CAM_POINTS),
     CorrectionForm("half-cam", CAM_POINTS),
 )
+
+
+def form_of_text(text: str) -> CorrectionForm:
+    """A form like phasors, phasors:80, output:720, cam or half-cam. Raises UsageError for any other text."""
+    name, _, points = text.partition(":")
+    usual = {"phasors": TRIED_POINTS[None][-1], "output": USUAL_POINTS, "cam": CAM_POINTS, "half-cam": CAM_POINTS}
+    number = int(points) if points.isdecimal() else usual.get(name, 0) if not points else 0
+    if name not in usual or not 2 <= number <= 100000:
+        expected = "expected a form and its points, such as output:720"
+        raise UsageError(f"invalid --compensated {text}: {expected}", f"forms: {', '.join(usual)}")
+    turn = None if name == "phasors" else name
+    return CorrectionForm(turn, number)  # type: ignore[arg-type]  # one of the names above, which a text cannot show
 
 
 def table_values(lines: ErrorLines, turn: RepeatTurn, points: int) -> Array:

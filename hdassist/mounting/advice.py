@@ -38,7 +38,6 @@ from hdassist.mounting.positions import (
     hole_of,
     is_searched,
     phase_deg,
-    rotated,
     usable_positions,
 )
 from hdassist.mounting.posterior import (
@@ -148,7 +147,7 @@ class Advice:
         drive = self.drive
         if self.after and self.after.facing[0] is not None:
             drive = drive.with_values({standing_offset(drive)[1]: self.after.facing[0]})
-        phase = phase_deg(rotated(drive, rotation), self.measured and self.measured.rotated(drive, rotation))
+        phase = phase_deg(drive, self.measured, rotation)
         return Position(rotation, phase, hole_of(rotation, drive.mounting.holes), found.quantile(0.5, place))
 
     @cached_property

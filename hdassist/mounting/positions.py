@@ -141,17 +141,17 @@ def rotated(drive: Drive, rotation_deg: float) -> Drive:
     return drive.with_values({path: drive.number(path) + rotation_deg for path in carried(drive)})
 
 
-def phase_deg(drive: Drive, measured: MeasuredTeeth | None = None) -> float:
+def phase_deg(drive: Drive, measured: MeasuredTeeth | None = None, rotation_deg: float = 0.0) -> float:
     """Direction of the fixed wheel's deviation from the cam offset that stands with it [deg], in 0..360.
 
-    Where the fixed wheel is measured, it is the direction of its mark that counts.
+    Where the fixed wheel is measured, it is the direction of its mark that counts. Turning the wheel turns it as much.
     """
     xi_g, xi_b = np.degrees(tooth_phases(drive))
     rigid = drive.mounting.fixed == "rigid"
     if measured and (wheel := measured.fixed(drive)):
         xi_g = xi_b = wheel.mark_deg
     phase = xi_b - drive.number("phases.phi_hb") if rigid else xi_g - drive.number("phases.phi_hg")
-    return float(np.mod(round(float(phase), 9), 360.0))
+    return float(np.mod(round(float(phase) + rotation_deg, 9), 360.0))
 
 
 SAMPLED_STATES = 1  # random states solved again at each position, besides those of the extremes
@@ -215,8 +215,9 @@ def begun_curve(
     wheels = [measured and measured.rotated(each, r) for each, r in zip(there, rotations_deg, strict=True)]
     every = np.ones((len(torques), len(rotations_deg)), dtype=bool)
     allowed = None if drive.mounting.allowed == "all" else drive.mounting.allowed
+    phases = np.array([phase_deg(drive, measured, rotation) for rotation in rotations_deg])
     curve = MountingCurve(
-        tuple(torques), np.array(rotations_deg, dtype=float), np.array(list(map(phase_deg, there, wheels))),
+        tuple(torques), np.array(rotations_deg, dtype=float), phases,
         np.empty(every.shape), EMPTY, (), every, drive.mounting.holes, allowed,
     )  # fmt: skip
     if not is_searched(drive, len(rotations_deg), drawn=drawn, measured=measured):

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from hdassist import kinematic_error, load_preset
-from hdassist.correction.forms import CorrectionForm
-from hdassist.correction.mounted import advice_corrected, form_of_text
+from hdassist.correction.correct import advice_corrected
+from hdassist.correction.forms import CorrectionForm, form_of_text
 from hdassist.errors import UsageError
 from hdassist.mounting.advice import advise
 from hdassist.mounting.decision import Decision
