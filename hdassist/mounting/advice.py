@@ -326,7 +326,6 @@ def advise_after(
     *,
     outcome: Trial | None = None,
     draws: int = EFFECTIVE_SAMPLES,
-    effort: TableSampling | None = None,
     samples: HoleSamples | None = None,
     sure: float = SURE,
     cost: float = LEAST_GAIN,
@@ -336,10 +335,9 @@ def advise_after(
 ) -> Advice:
     """Find the hole in which to mount the fixed wheel after F'_ior was measured in some holes.
 
-    Arguments: trials, measured on the setup, beside those that the preset has; outcome, a last one, of an
-    advice by the others; effort in place of that for the draws; samples, already drawn; other_torques [N*m], at which
-    values that the drive does not show may have been measured; the others as those of advise. Raises what hole_samples
-    does, and UsageError without any value.
+    Arguments: trials, measured on the setup, beside those that the preset has; outcome, a last one, of an advice by the
+    others; samples, already drawn; other_torques [N*m], at which values that the drive does not show may have been
+    measured; the others as those of advise. Raises what hole_samples does, and UsageError without any value.
     """
     torques, trials = drive.operation.M_g, (*_of_preset(drive, setup, (*trials, outcome)), *trials)
     if not trials:
@@ -348,7 +346,7 @@ def advise_after(
     positions = usable_positions(drive.mounting.holes, drive.mounting.allowed)
     if not drive.mounting.holes:
         positions = sorted({*positions, *(trial.rotation_deg for trial in every)})
-    effort = effort or TableSampling.of(draws)
+    effort = TableSampling.of(draws)
     tried = [setup.point(each)[1] for each in every]
     whole = samples or hole_samples(drive, (*torques, *tried), setup, effort=effort, run=run)
     near = whole.near(every)
