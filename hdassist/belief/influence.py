@@ -20,8 +20,11 @@ from hdassist.belief.evidence import evidence_of
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import effective_number, log_error
 from hdassist.model.geometry import Array
+from hdassist.preset.fields import DEVIATIONS
 
 CHANCE_OF_INFLUENCE = 0.05  # of any group at all to enter where none has an influence
+# what single teeth do depends on all of these together, not on one: columns of them would be chance
+ONE_OF_MANY = frozenset(each.direction for each in DEVIATIONS if each.kind == "pitch")
 INDEPENDENT = 1e-8  # of a column's length, below which the part of it that is new is rounding
 
 
@@ -56,7 +59,7 @@ def columns_of(samples: Samples, shares: Array, group: str) -> Array:
     """Columns of a regression that a group of fields makes of its shares, shape (samples, columns).
 
     A number and its square; sine and cosine of a direction that is unknown, times the size where that is not
-    known either.
+    known either. None of single teeth whose size is known.
     """
     columns, size = [], np.ones(len(shares))
     for k, each in enumerate(samples.prior.fields):
@@ -65,10 +68,10 @@ def columns_of(samples: Samples, shares: Array, group: str) -> Array:
             columns += [x, x**2]
             size = shares[:, k] if each.path == group else size
     for k, each in enumerate(samples.prior.fields):
-        if each.group == group and each.is_any_direction:
+        if each.group == group and each.is_any_direction and each.path not in ONE_OF_MANY:
             turn = 2 * np.pi * shares[:, k]
             columns += [size * np.cos(turn), size * np.sin(turn)]
-    return np.stack(columns, axis=1)
+    return np.array(columns).reshape(-1, len(shares)).T
 
 
 def shares_of_variance(groups: Mapping[str, Array], y: Array, weights: Array) -> tuple[Influence, ...]:

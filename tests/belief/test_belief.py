@@ -10,7 +10,7 @@ from scipy.stats import beta, norm, qmc
 from hdassist import load_preset
 from hdassist.belief.draws import KEPT_LIKELIHOOD
 from hdassist.belief.evidence import Evidence, evidence_of, log_likelihood, stiffness_figures
-from hdassist.belief.influence import influences, measurements, shares_of_variance
+from hdassist.belief.influence import columns_of, influences, measurements, shares_of_variance
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
 from hdassist.belief.statistics import (
@@ -308,6 +308,14 @@ def test_the_field_that_decides_has_the_influence_and_is_the_one_to_measure(by_C
     found = {each.measured: each.gain for each in measurements(by_C_3, 0)}
     assert set(found) == {"supports.C_3"}
     assert 0.6 < found["supports.C_3"] < 1  # all but a little of the spread
+
+
+@pytest.mark.parametrize(("f_p", "columns"), [("unknown", 2), ("5", 0)])
+def test_of_single_teeth_the_size_has_an_influence_and_no_phase_alone(f_p, columns):
+    samples = draw_samples(prior_of(tiny(C_3, f"tolerances.f_p1={f_p}")), (4.0,), effort=FEW)
+    assert columns_of(samples, samples.shares, "tolerances.f_p1").shape == (len(samples.shares), columns)
+    assert {each.group for each in influences(samples, 0)} <= {"supports.C_3", "tolerances.f_p1"}
+    assert {each.measured for each in measurements(samples, 0)} <= {"supports.C_3", "tolerances.f_p1"}
 
 
 def test_a_drive_without_error_is_weighed_like_any_other(by_C_3):
