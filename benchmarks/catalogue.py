@@ -35,6 +35,10 @@ RATED = (
     "CSF, ratio 100, 2000 rpm; from memory, not re-read; as 1/1.3 of the CSG series, second-hand, "
     "whose catalogue says 30 % more than CSF"
 )
+COUPLING = (
+    "the standard version floats on it, one without is an option: Harmonic Drive AG, HFUS-2A data 1019658 (11/2014), "
+    "p. 40; the CSF/CSG catalogue lists its backlash; with a solid hub: --set cam.coupling=solid"
+)
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,7 @@ def presets() -> Iterator[tuple[str, str]]:
             "gears.z_g": SimilarValue(200, "given", "ratio 100, two waves"),
             PITCH_DIAMETER: SimilarValue(d, "assumed", f"2.54 mm x size {each.size}: derived, no catalogue prints it"),
             "operation.rated": SimilarValue(each.rated, "given", RATED),
+            "cam.coupling": SimilarValue("oldham", "assumed", COUPLING),
         }
         if each.holes:
             required["mounting.holes"] = SimilarValue(*each.holes)
