@@ -49,6 +49,7 @@ def corrected(number: int, draws: int, seed: int, span: float, allowed: bool = F
     from hdassist.error.cycle import kinematic_error
     from hdassist.errors import HdassistError
     from hdassist.measuring.measure import measure
+    from hdassist.model.kinematics import Kinematics
     from hdassist.model.rules import first_conflict
     from hdassist.readers.trace import MeasuredTrace, sweeps
     from hdassist.run.run import UNCHECKED, Run
@@ -69,7 +70,7 @@ def corrected(number: int, draws: int, seed: int, span: float, allowed: bool = F
         readings = -actual[rows % len(turns)] + NOISE_ARCSEC * rng.standard_normal(len(rows))
         trace = MeasuredTrace("run.csv", "", cam_deg, readings, rows + 1, 0.0, tuple(sweeps(cam_deg)), ())
         alone = preset.model_copy(update={"operation": preset.operation.model_copy(update={"M_g": (M_g,)})})
-        records = {M_g: recorded_error(measure(trace, drive=alone, together=True), alone, Alignment())}
+        records = {M_g: recorded_error(measure(trace, drive=alone, together=True), Kinematics.of(alone), Alignment())}
         found: dict[str, CorrectedDrive] = {}
         if span < 1:
             result = correct(alone, records=records, draws=draws, run=Run(seed=number))

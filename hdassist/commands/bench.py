@@ -250,13 +250,14 @@ class CompensateCommand(
     ) -> RecordedError:
         """Error of a record of the drive, at a torque M_g [N*m] where it is its own; may_be_noise as of `measure`."""
         from hdassist.correction.records import recorded_error, require_sense
+        from hdassist.model.kinematics import Kinematics
 
         travel = self.travel or drive.acceptance.travel
         how = {"seed": self.seed, "together": True, "may_be_noise": may_be_noise, "travel_deg": travel}
         found = self.reading().measured(file, drive, **how)
         if M_g is not None:
             require_sense(found, drive, M_g, self.alignment())
-        return recorded_error(found, drive, self.alignment())
+        return recorded_error(found, Kinematics.of(drive), self.alignment())
 
     def records(self, drive: Drive) -> dict[float, RecordedError]:
         """Errors of the records by torque [N*m]. Raises UsageError for more records than torques."""

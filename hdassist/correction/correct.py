@@ -27,7 +27,7 @@ from hdassist.correction.records import (
     RecordedError,
     agreeing_drives,
     alike_lines,
-    record_of,
+    recorded_error,
     recorded_lines,
     solved_error,
     with_more_lines,
@@ -418,8 +418,7 @@ def correction_alone(
     if way == "with":
         kinematics = Kinematics(moving - 2, moving, "flexspline")
     none_known = ErrorLines(kinematics, np.zeros(0, dtype=np.int64), np.zeros((1, 0), dtype=complex), EMPTY)
-    alignment = asked.of_file(trace, kinematics)
-    record = record_of(found, alignment, kinematics)
+    record = recorded_error(found, kinematics, asked)
     error = recorded_belief(none_known, record, Run(seed=found.seed))
     return fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)
 

@@ -161,18 +161,12 @@ def require_sense(measurement: Measurement, drive: Drive, M_g: float, asked: Ali
         raise UntrustedError(f"{words}, {mirror.rms_arcsec:.2f}″ rms off", mirror.options)
 
 
-def recorded_error(measurement: Measurement, drive: Drive, asked: Alignment) -> RecordedError:
-    """Error of a record of a drive without level and drift, from both of its directions measured as one.
+def recorded_error(measurement: Measurement, kinematics: Kinematics, asked: Alignment) -> RecordedError:
+    """Error of a record without level and drift, both directions as one; of a travel that was visited, over the cycle.
 
     Argument: asked, how the file counts.
     """
-    alignment = asked.of_file(measurement.trace, Kinematics.of(drive))
-    return record_of(measurement, alignment, Kinematics.of(drive))
-
-
-def record_of(measurement: Measurement, alignment: Alignment, kinematics: Kinematics) -> RecordedError:
-    """Error of both directions as one, without level and drift; of a travel that was visited, over the full cycle."""
-    sweep = measurement.directions[0]
+    sweep, alignment = measurement.directions[0], asked.of_file(measurement.trace, kinematics)
     found = RecordedError(alignment.sense * sweep.bins.turns, alignment.sign * sweep.fit.error, sweep.is_bound)
     if measurement.is_of_travel and not sweep.is_bound:
         found = found.filled(kinematics, alignment.sign * (sweep.fit.error - sweep.fit.residual))

@@ -23,7 +23,7 @@ from hdassist.model.geometry import Array
 from hdassist.plaintext import number_of
 from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import WHOLE_TURN_DEG, AngleError, sweeps
-from hdassist.readers.words import TURN_ARCSEC, role_in
+from hdassist.readers.words import TURN_ARCSEC
 
 LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the lost motion
 AROUND = 5  # readings, at least, through which a parabola is laid
@@ -107,8 +107,7 @@ class PlaceLoop:
 
 def bench_record(table: NumberTable) -> PositionRecord | LoopRecord | None:
     """Positions or loops of a table by the names of its columns; None for any other, such as a trace."""
-    roles = [role_in(name) for name in table.names]
-    columns = {role: roles.index(role) for role in roles}
+    columns = {role: table.roles.index(role) for role in table.roles}
     angle = next((role for role in ("twist", "actual", "angle", "output") if role in columns), "")
 
     def read(role: str, default: str) -> Array:

@@ -116,21 +116,14 @@ def speed_changes(bins: Bins) -> bool:
     return float(high - low) / 2 > LEAST_SPEED_CHANGE * float(np.abs(bins.speed).mean())
 
 
-@dataclass(frozen=True)
-class SweepSpeeds:
-    """Parts of the levels of sweeps: lost at the reversal [arcsec], over the speed [arcsec s/turn].
-
-    Each with its standard uncertainty.
-    """
-
-    lost: tuple[float, float]
-    over_speed: tuple[float, float]
+ValueAndSpread = tuple[float, float]
 
 
-def lost_by_sweeps(fits: Sequence[TraceFit]) -> SweepSpeeds | None:
-    """The part of the sweeps' levels that goes with the direction and the part that goes with the speed.
+def lost_by_sweeps(fits: Sequence[TraceFit]) -> tuple[ValueAndSpread, ValueAndSpread] | None:
+    """Parts of the levels of sweeps: lost at the reversal [arcsec], and over the speed [arcsec s/turn].
 
-    None where the sweeps of both directions do not tell them apart, or slopes over the speed are fitted within them.
+    Each with its standard uncertainty. None where the sweeps of both directions do not tell them apart, or slopes over
+    the speed are fitted within them.
     """
     if any("speed" in fit.slopes or fit.bins.levels != fit.bins.sweeps for fit in fits):
         return None
@@ -145,18 +138,18 @@ def lost_by_sweeps(fits: Sequence[TraceFit]) -> SweepSpeeds | None:
     found = covariance @ columns.T @ precision @ level
     left, freedom = level - columns @ found, len(level) - 3
     spread = np.sqrt(np.diag(covariance) * max(1.0, float(left @ precision @ left) / max(freedom, 1)))
-    return SweepSpeeds((abs(float(found[1])), float(spread[1])), (float(found[2]), float(spread[2])))
+    return (abs(float(found[1])), float(spread[1])), (float(found[2]), float(spread[2]))
 
 
 def encoder_lag(
-    fits: Sequence[TraceFit], ratio: float, sense: int, by_sweeps: SweepSpeeds | None = None
+    fits: Sequence[TraceFit], ratio: float, sense: int, over_speed: ValueAndSpread | None = None
 ) -> EncoderLag | None:
     """Lag by the fits of both directions, or by the speeds of their sweeps; None where the speed does not change.
 
     Arguments: ratio, cam turns per output turn; sense, in which the two encoders count, 0 for a column of errors.
     """
     slopes = [fit.slopes["speed"] for fit in fits if "speed" in fit.slopes]
-    slopes += [by_sweeps.over_speed] if by_sweeps else []
+    slopes += [over_speed] if over_speed else []
     if not slopes:
         return None
     values, spreads = np.array(slopes).T * (1e3 * ratio * (sense or 1) / TURN_ARCSEC)  # ms
@@ -467,12 +460,13 @@ def measure(
         hint = "F'_ior is looked for over whole turns; check that the angle is that of the cam, and its unit"
         raise DataError(f"{trace.file}: less than one cam turn in one direction", hint)
     fits = [each.fit for each in directions]
-    by_sweeps = lost_by_sweeps(fits) if len(directions) == 2 and trace.time_s is not None else None
+    parts = lost_by_sweeps(fits) if len(directions) == 2 and trace.time_s is not None else None
+    lost, over_speed = parts or (None, None)
     per_ms = None
     if gearing and trace.time_s is not None:
         per_ms = 2e-3 * float(np.mean([np.median(np.abs(f.bins.speed)) for f in fits])) * TURN_ARCSEC / gearing.ratio
-    reversal = _reversal(directions[0], directions[1], by_sweeps, per_ms) if len(directions) == 2 else None
-    lag = encoder_lag(fits, gearing.ratio, trace.sense, by_sweeps) if gearing else None
+    reversal = _reversal(directions[0], directions[1], lost, per_ms) if len(directions) == 2 else None
+    lag = encoder_lag(fits, gearing.ratio, trace.sense, over_speed) if gearing else None
     directions.sort(key=lambda each: -each.range.value)
     notes, warnings = list(dict.fromkeys(notes)), list(dict.fromkeys(warnings))
     alone: tuple[SweepResult, ...] = ()
@@ -615,12 +609,10 @@ def _sweep_result(
     )  # fmt: skip
 
 
-def _reversal(
-    up: SweepResult, down: SweepResult, by_sweeps: SweepSpeeds | None, per_ms: float | None
-) -> Reversal | None:
+def _reversal(up: SweepResult, down: SweepResult, lost: ValueAndSpread | None, per_ms: float | None) -> Reversal | None:
     """Difference of the two directions at the angles that both have visited; None if there are none.
 
-    by_sweeps: parts of the levels by direction and speed, where they are known; per_ms: change by a ms of lag of the
+    lost: part of the levels by the direction alone, where it is known; per_ms: change by a ms of lag of the
     difference [arcsec], None where that is not known.
     """
     shared = np.intersect1d(np.rint(up.grid_turns * 1e6), np.rint(down.grid_turns * 1e6)) / 1e6
@@ -629,8 +621,8 @@ def _reversal(
     above, below = (each.fit.curve(shared) + each.fit.level.mean() for each in (up, down))
     apart = above - below
     mean, departure = float(apart.mean()), float(np.abs(apart - apart.mean()).max())
-    if by_sweeps:
-        return Reversal(mean, departure, *by_sweeps.lost, 0.0, "speeds of sweeps")
+    if lost:
+        return Reversal(mean, departure, *lost, 0.0, "speeds of sweeps")
     drifts = [source.arcsec for each in (up, down) for source in each.sources if source.name == "drift"]
     levels = [sqrt(float(each.fit.level_covariance.mean())) for each in (up, down)]
     unsure = hypot(*levels, *filter(None, drifts))

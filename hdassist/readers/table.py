@@ -32,6 +32,7 @@ from hdassist.readers.words import (
     fault_of,
     has_numbers,
     names_in,
+    role_in,
     row_text,
     separator_of,
     unit_in,
@@ -68,6 +69,11 @@ class NumberTable:
     sha256: str = ""
     is_latin: bool = False
     left_out: list[int] = field(default_factory=list)
+
+    @property
+    def roles(self) -> list[str]:
+        """Contents of the columns by their names, as role_in has them; empty without names."""
+        return list(map(role_in, self.names))
 
     def name(self, column: int) -> str:
         """Name of a column (from 0), for messages."""

@@ -21,7 +21,7 @@ from hdassist.files import Readable
 from hdassist.model.geometry import Array
 from hdassist.preset.text import UnitError
 from hdassist.readers.table import NumberTable, read_numbers, shortened
-from hdassist.readers.words import ANGLES, COUNTS, angle_size, plain_unit, role_in, unit_in
+from hdassist.readers.words import ANGLES, COUNTS, angle_size, plain_unit, unit_in
 
 WHOLE_TURN_DEG = 360.0
 COUNTER_BITS = (16, 24, 32)  # of counters that begin again where they are full
@@ -324,7 +324,7 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     per_turn = abs(ratio or 1)
     angle, readings = (table.values[:, column.index].copy() for column in (first, other))
     time_s, torque = _beside(table, "time", "s"), _beside(table, "torque", "N·m")
-    used = {first.index, other.index, *(k for k, name in enumerate(table.names) if role_in(name) in ("time", "torque"))}
+    used = {first.index, other.index, *(k for k, role in enumerate(table.roles) if role in ("time", "torque"))}
     unused = [
         f'"{name}" ({table.values[:, k].min():.4g} to {table.values[:, k].max():.4g})'
         for k, name in enumerate(table.names)
@@ -402,10 +402,9 @@ def _angle(
 
 def _beside(table: NumberTable, role: str, default: str) -> Array | None:
     """The one column of a role, in the unit whose size is 1; None without one, and for times that do not rise."""
-    columns = [index for index, name in enumerate(table.names) if role_in(name) == role]
-    if len(columns) != 1:
+    if table.roles.count(role) != 1:
         return None
-    values = table.in_unit(columns[0], role, default)
+    values = table.in_unit(table.roles.index(role), role, default)
     if role == "time" and not (np.diff(values) > 0).all():
         table.notes[-1] += ", does not rise in every row: no time stamps"
         return None
@@ -481,7 +480,7 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[TraceColumn, TraceCol
 
     Raises UsageError: one column for both; PresetError: columns without a clear role.
     """
-    kinds = [role_in(name) for name in table.names] or [""] * table.values.shape[1]
+    kinds = table.roles or [""] * table.values.shape[1]
     if len(kinds) == 2 and not any(kinds):
         kinds = ["cam", "error"]
         table.notes.append("columns by their order: cam angle, error")

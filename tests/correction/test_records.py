@@ -17,6 +17,7 @@ from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import POINTS_A_TURN, error_lines
 from hdassist.errors import UntrustedError
 from hdassist.measuring.measure import measure
+from hdassist.model.kinematics import Kinematics
 from hdassist.run.run import UNCHECKED
 from tests.process import TINY, run
 from tests.rigs import recorded
@@ -41,7 +42,7 @@ def record(M_g: float, error_is: str = "cam-output", sign: float = 1.0, **how):
     drive, (turns, error) = load_preset(TINY), recording(M_g, **how)
     trace = recorded(turns, sign * error)
     measurement = measure(trace, drive=drive, together=True)
-    return recorded_error(measurement, drive, Alignment(sign=-1.0 if error_is == "output-cam" else 1.0))
+    return recorded_error(measurement, Kinematics.of(drive), Alignment(sign=-1.0 if error_is == "output-cam" else 1.0))
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +70,7 @@ def test_phasors_of_a_record_have_lines_of_the_drive_that_the_model_has_not():
     noise = NOISE * np.random.default_rng(1).standard_normal(len(rows))
     trace = recorded(rows / POINTS_A_TURN, (curve + odd)[rows % len(curve)] + noise)
     alone = load_preset(TINY, ["operation.M_g=[1]"])
-    read = recorded_error(measure(trace, drive=alone, together=True), alone, Alignment())
+    read = recorded_error(measure(trace, drive=alone, together=True), Kinematics.of(alone), Alignment())
     found = correct(alone, records={1.0: read}, draws=0)
     left = np.ptp(-(curve + odd) - found.correction.error_at(turns))
     (promised,) = (each for each in found.chosen.residuals if each.case == IN_PLACE)
