@@ -6,7 +6,7 @@ first torque is recorded with noise; lines are before the record as large as in 
 its data sheet says. The correction made of that is held against its solved cycle: whether what was promised (95 %)
 holds, whether the drive is worse with it than without, and what the mean over the cam's turns of the same record, a
 table of a cam turn, leaves. --allowed: the hidden drive is one that the preset allows, which a record of part of the
-cycle (--span 0.4) can be fitted by; --least: the least misfit that its promise counts with.
+cycle (--span 0.4) can be fitted by.
 """
 
 from __future__ import annotations
@@ -108,12 +108,7 @@ def main() -> None:
     parser.add_argument("--span", type=float, default=1.02, help="of the cycle, that a record has")
     parser.add_argument("--seed", type=int, default=2)
     parser.add_argument("--allowed", action="store_true", help="hidden drives that the preset allows")
-    parser.add_argument("--least", type=float, help="misfit over the error, at least, of records of part of the cycle")
     args = parser.parse_args()
-    if args.least is not None:
-        from hdassist.correction import records
-
-        records.LEAST_MISFIT = args.least
     found: dict[str, list[CorrectedDrive]] = {}
     for number in range(args.first, args.first + args.n):
         for name, each in corrected(number, args.draws, args.seed, args.span, args.allowed).items():

@@ -3,13 +3,17 @@
 Each hidden drive of benchmarks/honesty.py is solved over its full cycle and tested at positions, at the states nearest
 to them, from a random angle, against a limit around its true F'_ior. Of some of them the plan is asked beforehand, with
 no more known than their preset, whether the share that twelve positions then see lies within its 5 to 95 %.
+
+`--accepted 40`: the file of a plan is filled in for so many drives of one preset, whose teeth no belief has, and given
+to the decision of `accept`; verdicts at limits around the true F'_ior that are wrong are counted.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,12 +21,14 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.honesty import hidden_drive
+from benchmarks.honesty import _teeth, _values, hidden_drive
 
 POSITIONS = (12, 24, 36, 72, 127, 211, 360)
 RECORDS = (1, 10, 0)  # cam turns; 0: an output turn
 NEAR = 0.2  # standard deviation of the logarithm of a limit around the true F'_ior
 STARTS = 16  # of each test of a drive
+PLANNED = 36  # positions of a plan that is carried out, both ways, twice
+SCATTER, GRADUATION = 0.3, 1.0  # arcsec, of its readings: rms, and amplitude of the encoder's waves
 
 
 @dataclass(frozen=True)
@@ -81,6 +87,71 @@ def rows(drives: list[Tested]) -> Iterator[str]:
         yield f"| {name} | {100 * low:.0f} | {100 * middle:.0f} | {100 * high:.0f} | {100 * passed:.0f} |"
 
 
+def reading(error: np.ndarray, turn: float, start: int, phase: float, rng: np.random.Generator, target: float) -> float:
+    """What an encoder reads at a target [deg], actual less target [arcsec], of a drive that began at a state."""
+    off = -error[round(start + target / 360 * turn) % len(error)] + SCATTER * rng.standard_normal()
+    return float(off + GRADUATION * np.cos(np.radians(3 * target) + phase))
+
+
+def filled_in(file: str, off: Callable[[float], float]) -> str:
+    """The file of a plan with the angle that was read behind each last comma."""
+    rows = []
+    for line in file.split("\n"):
+        if line.endswith(",") and not line.startswith("#"):
+            target = float(line.split(",")[1])
+            line += f"{target + off(target) / 3600:.7f}"
+        rows.append(line)
+    return "\n".join(rows)
+
+
+def accepted(number: int, draws: int, seed: int) -> Counter[str]:
+    """Verdicts, by `accept` and the truth, of drives of one preset by the file of a plan that was carried out."""
+    from hdassist.acceptance.decision import AcceptedValue, decide
+    from hdassist.acceptance.limits import Limit
+    from hdassist.belief.prior import prior_of
+    from hdassist.error.cycle import kinematic_error
+    from hdassist.loading.load import load_preset, load_text
+    from hdassist.loading.write import similar_preset
+    from hdassist.measuring.bench import PositionRecord, bench_record, position_quantities, seen_range
+    from hdassist.model.kinematics import Kinematics
+    from hdassist.model.rules import first_conflict
+    from hdassist.pages.plan import approach_csv
+    from hdassist.planning import ApproachRun, EncoderData, PlanDemands, ReadingPlan, choose_plan
+    from hdassist.preset.knowledge import read_requirements
+    from hdassist.readers.table import read_numbers
+    from hdassist.run.run import UNCHECKED, Run
+
+    like = load_preset("vzp160")
+    requirements = read_requirements(like, ratio=30.0, pitch_diameter="42 mm", torque="20")
+    preset = load_text(similar_preset("own", like, requirements), "own.yaml")
+    unsure = EncoderData(0.5, GRADUATION).uncertainty_arcsec(30)
+    asked, how = ReadingPlan.positions(PLANNED, both=True), ApproachRun(repeats=2)
+    choice = choose_plan(
+        preset, asked, demands=PlanDemands(noise_arcsec=unsure), test=how, draws=draws, run=Run(seed=seed)
+    )
+    file, M_g, kinematics = approach_csv(choice), choice.M_g, Kinematics.of(preset)
+    print(f"{preset.name} at {M_g:g} N m sees {choice.test.judged.seen}", flush=True)
+    verdicts: Counter[str] = Counter()
+    for k in range(number):
+        rng = np.random.default_rng([seed, k, 7])
+        there = preset.with_values(_values(prior_of(preset), rng, {}))
+        while first_conflict(there) is not None:
+            there = preset.with_values(_values(prior_of(preset), rng, {}))
+        found = kinematic_error(there, M_g, teeth=_teeth(there, rng), run=UNCHECKED)
+        error, turn = found.error_arcsec, kinematics.teeth_fixed * abs(kinematics.u)  # states in an output turn
+        off = partial(reading, error, turn, int(rng.integers(len(error))), rng.uniform(0, 2 * np.pi), rng)
+        record = bench_record(read_numbers(filled_in(file, off).encode()))
+        assert isinstance(record, PositionRecord)
+        value = AcceptedValue.at_positions(seen_range(record, position_quantities(record)), ())
+        limit = float(found.F_ior_arcsec * np.exp(NEAR * rng.standard_normal()))
+        decided = decide(Limit(code="F_IOR", limit=limit, M_g_Nm=M_g), value, "guard", 0.95)
+        is_good = "within" if found.F_ior_arcsec <= limit else "beyond"
+        verdicts[f"{decided.verdict.value} {is_good}"] += 1
+        print(f"{k}: {found.F_ior_arcsec:.1f}, limit {limit:.1f}, {value.value:.1f} to {value.at_most:.1f}, "
+              f"{decided.verdict.value}", flush=True)  # fmt: skip
+    return verdicts
+
+
 def main() -> None:
     """Test drives, and print what each test sees and passes."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -89,7 +160,11 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=32, help="effective samples of a plan")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument("--accepted", type=int, default=0, help="drives that are accepted by the file of a plan")
     args = parser.parse_args()
+    if args.accepted:
+        print(dict(accepted(args.accepted, args.draws, args.seed)))
+        return
     one = partial(tested, seed=args.seed, asked=args.planned, draws=args.draws)
     with ProcessPoolExecutor(args.jobs) as pool:
         drives = list(pool.map(one, range(args.n)))

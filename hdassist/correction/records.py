@@ -44,10 +44,8 @@ ALL_HIDDEN = 0.5  # share of drives of whose error noise hides less than it may,
 MEDIAN_DEVIATION = 0.6745  # of a normal number
 SIZE_STEP, SIZE_ROUNDS = 4.0, 50  # of mean squares of lines
 LEAST_POWER = 1e-12  # arcsec^2
-# of 12 hidden drives that the preset allows (records of 2 to 6 of 10 turns, two torques) ten keep both promises by any
-# least from 0.003 up, two break both, by 1.6 to 3.6 times; of four more, in a test, two need 0.025: promises are
-# 2.7 times the rest then, 2.3 by 0.01
-LEAST_MISFIT, FIRST_MISFIT, MOST_MISFIT = 0.025, 0.1, 0.15  # of the error, root mean square
+FIRST_MISFIT, MOST_MISFIT = 0.1, 0.15  # of the error, root mean square
+MISFIT_CHANCE = 0.05  # that a misfit is more than its bound
 # drives with open fields alone drawn, as many with all; the likeliest, from which fits begin until one shows the record
 SEARCHED, STARTS = 128, 10
 SHOWN = 0.05  # of the error, root mean square: lines that leave less of a record show it
@@ -284,7 +282,7 @@ def fitted_prior(drive: Drive) -> DrivePrior:
 def agreeing_drives(
     drive: Drive, records: Mapping[float, RecordedError], draws: int, run: Run
 ) -> tuple[list[dict[str, float]], float]:
-    """Values by path of drives that agree with records by torque [N*m], and the misfit as a share of the error.
+    """Values by path of drives that agree with records by torque [N*m], and the most misfit, as a share of the error.
 
     The first of the drives agrees best; others that agree better than normal numbers around it would come more often.
     Fits begin at the likeliest of drawn drives: one from the preset's own values may end in a hollow beside the best.
@@ -350,10 +348,15 @@ def agreeing_drives(
         beyond = beyond_lines(values_of(best[None])[0])
         left = off(best[None])[0] - beyond
         noise = float(np.var(np.diff(left))) / 2  # of a reading: a misfit goes on from one to the next
-        misfit = float(np.sqrt(max((np.var(left) - noise) / np.var(read), LEAST_MISFIT**2)))
-    if misfit > MOST_MISFIT:
+        excess, independent = max(float(np.var(left)) - noise, 0.0), MISFITS_A_TURN * cam_turns
+        # its bound by chi square of independent numbers, and by what noise and a fit to it may hide of it
+        bound = excess * independent / chdtri(max(independent - len(best), 2.0), 1 - MISFIT_CHANCE)
+        bound += noise * (float(ndtri(1 - MISFIT_CHANCE)) / len(read) ** 0.5 + len(best) / len(read))
+        misfit = float(np.sqrt(bound / np.var(read)))
+    if excess > MOST_MISFIT**2 * np.var(read):
+        share = 100 * np.sqrt(excess / np.var(read))
         raise UntrustedError(
-            f"no drive that {drive.name} allows shows the record: {100 * misfit:.0f} % of the error are off",
+            f"no drive that {drive.name} allows shows the record: {share:.0f} % of the error are off",
             "record the full cycle, or see what explains the difference: hdassist compare",
         )
     *_, sizes, directions = np.linalg.svd(fit.jac, full_matrices=False)
