@@ -21,7 +21,18 @@ from hdassist.pages.curves import stiffness_warnings
 from hdassist.pages.mount import mount_warnings
 from hdassist.preset.fields import UNKNOWN as NOT_KNOWN
 from hdassist.preset.fields import ResolvedField, value_text
-from hdassist.report import NO_VALUE, Curve, Facts, Quantity, Report, Table, as_object, csv_columns, quantity_table
+from hdassist.report import (
+    NO_VALUE,
+    Curve,
+    Fact,
+    Facts,
+    Quantity,
+    Report,
+    Table,
+    as_object,
+    csv_columns,
+    quantity_table,
+)
 from hdassist.terminal.output import report_object
 from hdassist.terminal.words import again, named, not_known, on_what
 from hdassist.variants import DriveChanges, DrivesComparison, DriveSheet, ErrorChange
@@ -140,7 +151,7 @@ def _why(result: Comparison) -> str:
     return f"{fitted}: {share}; no more than noise is left"
 
 
-def _facts(result: Comparison) -> Iterator[tuple[str, str]]:
+def _facts(result: Comparison) -> Iterator[Fact]:
     """Where the record begins, other explanations, the residual and the next command, a label and a text each."""
     best, joint = result.conclusion.best, result.joint
     yield from (row for row in _starts(result) if not row[1].endswith("given"))
@@ -161,7 +172,7 @@ def _facts(result: Comparison) -> Iterator[tuple[str, str]]:
     yield "next", again(command, result.drive, *files, *_options(result))
 
 
-def _starts(result: Comparison) -> Iterator[tuple[str, str]]:
+def _starts(result: Comparison) -> Iterator[Fact]:
     """Angles where the record begins, a name and a text each."""
     for name, angle, u in _angles(result):
         sure = "given" if u is None else f"fitted, u = {u:.1f}"
@@ -374,7 +385,7 @@ def _change_cells(change: ErrorChange) -> Iterator[str]:
         yield f"{median:+.2f}" + (f" ({low:+.2f} to {high:+.2f})" if low < high else "")
 
 
-def _drives_facts(result: DrivesComparison) -> Iterator[tuple[str, str]]:
+def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
     """Unknown inputs, influences, differences and the next command, a label and a text each."""
     for letter, sheet in _lettered(result).items():
         yield f"{letter} unknown", unknown_names(sheet.check.unknown)

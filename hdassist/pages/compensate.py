@@ -21,7 +21,7 @@ from hdassist.error.waves import POINTS_A_TURN
 from hdassist.json_parts import samples_object
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes, unknowns
-from hdassist.report import Curve, Facts, Report, Table, csv_columns
+from hdassist.report import Curve, Fact, Facts, Report, Table, csv_columns
 from hdassist.terminal.words import again
 from hdassist.verdict import Verdict
 
@@ -139,7 +139,7 @@ def _why(result: Correction) -> Iterator[str]:
     yield UNPROVEN
 
 
-def _facts(result: Correction, is_written: bool) -> Iterator[tuple[str, str]]:
+def _facts(result: Correction, is_written: bool) -> Iterator[Fact]:
     yield "parts", "; ".join(f"{each.name} {_range(each)}" for each in result.parts)
     refused = ", ".join(each.form.name for each in result.forms if each.is_refused)
     yield "points", _enough(result) + (f"; refused, as they may make it worse: {refused}" if refused else "")
@@ -154,7 +154,7 @@ def _facts(result: Correction, is_written: bool) -> Iterator[tuple[str, str]]:
         yield "next", again("compensate", result.drive, "--csv", "correction.csv")
 
 
-def _record_facts(result: Correction) -> Iterator[tuple[str, str]]:
+def _record_facts(result: Correction) -> Iterator[Fact]:
     recorded = ", ".join(f"{M_g:g}" for M_g in result.records)
     turns = [float(np.ptp(each.cam_turns)) for each in result.records.values()]
     cycle = result.errors[result.M_g].lines.kinematics.cycle_cam_revolutions

@@ -34,6 +34,7 @@ from hdassist.report import (
     NO_VALUE,
     CsvTable,
     Curve,
+    Fact,
     Facts,
     Lines,
     Report,
@@ -135,9 +136,7 @@ def _lower_bound(result: Measurement, found: SweepResult) -> Iterator[str]:
             yield f"rows are missing: gaps of more than {gap:.3g}° between readings are not visited"
 
 
-def _facts(
-    result: Measurement, drive: Drive | None, options: Sequence[str], speed: float | None
-) -> Iterator[tuple[str, str]]:
+def _facts(result: Measurement, drive: Drive | None, options: Sequence[str], speed: float | None) -> Iterator[Fact]:
     """Largest orders, missing positions, how the file was read and the next command, a label and a text each."""
     found, file = result.directions[0], result.trace.file
     greatest = sorted(found.orders_of_cam, key=lambda o: -o.amplitude_arcsec)[:_NAMED_ORDERS]
@@ -451,7 +450,7 @@ def _sentence(found: DriveHistory) -> str:
     return f"{where}: {min(values):.2f} to {max(values):.2f}″; {spread}"
 
 
-def _history_facts(entries: Sequence[ArchiveEntry]) -> Iterator[tuple[str, str]]:
+def _history_facts(entries: Sequence[ArchiveEntry]) -> Iterator[Fact]:
     """The parts left out of the comparison and of the uncertainty, a label and a text each."""
     parts = sum(each.F_ior_is_lower_bound for each in entries)
     yield "left out", f"{parts} of a part of the cycle: lower bounds" if parts else ""

@@ -26,7 +26,7 @@ from hdassist.pages.card import (
 )
 from hdassist.preset.text import shown
 from hdassist.readers.pitch import ASSUMED
-from hdassist.report import CsvTable, Curve, CurveMark, Facts, Figure, Report, Table, csv_columns
+from hdassist.report import CsvTable, Curve, CurveMark, Fact, Facts, Figure, Report, Table, csv_columns
 from hdassist.terminal.words import Texts, again, heading, influence_words, probability_words, samples_words
 from hdassist.verdict import Verdict
 
@@ -227,7 +227,7 @@ def next_value_words(advice: Advice) -> str:
     return f"Measure {hole_place(advice.next)}{at}{again_} next: {gain}."
 
 
-def _facts(advice: Advice, *, carded: bool) -> Iterator[tuple[str, str]]:
+def _facts(advice: Advice, *, carded: bool) -> Iterator[Fact]:
     """The choice of each torque alone, limits, and the next command, a label and a text each."""
     found, drive, at = advice.decision, advice.drive, advice.chosen.rotation_deg
     alone = [p.rotation_deg for p in advice.by_torque]
@@ -263,7 +263,7 @@ def _name(advice: Advice, rotation_deg: float) -> str:
     return f"{rotation_deg:g}" if hole is None else f"h{hole}"
 
 
-def _more_facts(advice: Advice) -> Iterator[tuple[str, str]]:
+def _more_facts(advice: Advice) -> Iterator[Fact]:
     """Gain, influences, samples, noise and offset by the values, a label and a text each."""
     if advice.turn and advice.decision.is_sampled and not advice.correction:
         low, middle, high = (-100 * each for each in advice.gain_range)
