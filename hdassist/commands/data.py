@@ -62,7 +62,7 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         """The values, found and written where that is asked for."""
         from hdassist.calibration import calibrate, estimate_drives, read_targets
         from hdassist.loading.write import with_found_values
-        from hdassist.pages.calibrate import calibrate_report
+        from hdassist.pages.data import calibrate_report
         from hdassist.preset.fields import IDENTIFIED_WITH
         from hdassist.preset.library import READ_AT_MOST, read_preset
 
@@ -442,7 +442,7 @@ class ExplainCommand(o.PageOptions):
     def report(self, _out: Output, _preset: str) -> Report:
         """The names, explained."""
         from hdassist.explaining import explained
-        from hdassist.pages.explain import explain_report
+        from hdassist.pages.data import explain_report
 
         options = {field: words["help"] for table in o.DECLARED.values() for field, words in table.items()}
         found = list(dict.fromkeys(entry for name in self.names for entry in explained(name, options)))

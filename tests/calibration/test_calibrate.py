@@ -8,7 +8,7 @@ from hdassist.calibration import F_ior_at_phases, calibrate, phase_scan, predict
 from hdassist.error.error_map import ErrorMap
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
-from hdassist.pages.calibrate import calibrate_report
+from hdassist.pages.data import calibrate_report
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.terminal.output import report_object
 from tests.process import SMALL

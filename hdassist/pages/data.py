@@ -1,14 +1,20 @@
-"""A calibration as a report."""
+"""Data about a drive and about the tool as reports: a calibration, and the names that can be explained."""
+
+from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import isfinite
+from typing import TYPE_CHECKING
 
-from hdassist.calibration import Calibration, Fit, Targets
+from hdassist.acceptance.limits import CODES
+from hdassist.explaining import Entry, entries
 from hdassist.json_parts import Json, attributes
-from hdassist.model.unknown import unknown_notes
-from hdassist.report import Facts, Report, Table, quantity_table
+from hdassist.report import Facts, Paragraph, Report, ReportSection, Table, quantity_table
 from hdassist.verdict import Verdict
+
+if TYPE_CHECKING:
+    from hdassist.calibration import Calibration, Fit, Targets
 
 UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
 NOTE = "fitted targets are no evidence for the model: targets that were not fitted are"
@@ -65,6 +71,8 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
 
 
 def _warnings(result: Calibration) -> Iterator[str]:
+    from hdassist.model.unknown import unknown_notes  # with scipy, which explaining does without
+
     yield from result.drive.origin.warnings
     if any(target.quantity.startswith("F_ior") for target in result.targets.targets):  # deviations move it
         yield from unknown_notes(result.drive)
@@ -85,3 +93,41 @@ def _set_object(targets: Targets, fit: Fit) -> Json:
         "targets_met": met,
         "met": all(met),
     }
+
+
+KIND_TITLES = {
+    "error": "errors",
+    "quantity or word": "quantities and words",
+    "symbol": "symbols",
+    "section": "fields of a preset, by section or name",
+}
+
+
+def explain_report(found: Sequence[Entry]) -> Report:
+    """What each name stands for; all names, by kind, where none is asked for."""
+    first, *others = found or [Entry("section", ("hdassist explain NAME",), "any of these, English or Russian")]
+    listed = [ReportSection(f"{each.names[0]}: {each.words}", (_entry_facts(each),)) for each in others]
+    return Report(
+        command="explain",
+        drive=None,
+        head=f"{first.names[0]}: {first.words}",
+        blocks=(_entry_facts(first), *listed) if found else tuple(_all_names()),
+        values={
+            "names": [
+                {"name": each.names[0], **attributes(each, "kind", "words"), "facts": dict(each.facts)}
+                for each in found or entries()
+            ]
+        },
+    )
+
+
+def _entry_facts(entry: Entry) -> Facts:
+    return Facts.of((("is a", entry.kind), *entry.facts))
+
+
+def _all_names() -> Iterator[ReportSection]:
+    """The names of all there is, by kind."""
+    yield ReportSection("checks and remarks", (Facts.of((item.code, item.words) for item in CODES.values()),))
+    for kind, title in KIND_TITLES.items():
+        names = ", ".join(entry.names[0] for entry in entries() if entry.kind == kind)
+        yield ReportSection(title, (Paragraph(names),))
