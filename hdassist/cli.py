@@ -22,7 +22,7 @@ from typer.core import TyperCommand, TyperGroup
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
 from hdassist.files import begin_run
 from hdassist.terminal.options import PageOptions
-from hdassist.terminal.output import complain, note, with_code
+from hdassist.terminal.output import complain, with_code
 from hdassist.terminal.streams import say, silence
 from hdassist.version import __version__
 
@@ -89,7 +89,7 @@ class Command(Sectioned, TyperCommand):
         try:
             code = command.run()
         except KeyboardInterrupt:  # before there was anything to answer with
-            note("interrupted")
+            say("interrupted")
             code = 130
         except HdassistError as error:
             if isinstance(command, PageOptions) and not isinstance(error, UsageError):

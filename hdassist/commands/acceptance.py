@@ -14,8 +14,8 @@ from hdassist.files import note_input
 from hdassist.report import Report
 from hdassist.run.stops import at_stop
 from hdassist.terminal import options as o
-from hdassist.terminal.output import Output, complain, failure, give, note, run_each
-from hdassist.terminal.streams import begins_with, take_output, write_text
+from hdassist.terminal.output import Output, complain, failure, give, run_each
+from hdassist.terminal.streams import begins_with, say, take_output, write_text
 
 if TYPE_CHECKING:
     from hdassist.acceptance.answer import AcceptAnswer
@@ -314,7 +314,7 @@ def accept_lot(path: str, base: Request, options: AcceptOptions, out: Output) ->
             if options.resume:
                 kept.rewrite(done)  # in the order of the rows, each once
         if options.jsonl:
-            note(f"wrote {options.jsonl}")
+            say(f"wrote {options.jsonl}")
         return lot_report(lot, done)
 
     reports = run_each("accept", [path], one, out, failed=lambda name, error: failure("accept", error, file=name))
@@ -358,7 +358,7 @@ def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[A
         words = f"{options.jsonl}: not one of its answers is of these drives, files, options and version"
         raise UsageError(words, "--force begins anew")
     if kept.done:
-        note(f"{options.jsonl}: {sum(map(bool, found))} of {len(lot.rows)} rows are known")
+        say(f"{options.jsonl}: {sum(map(bool, found))} of {len(lot.rows)} rows are known")
     return found
 
 

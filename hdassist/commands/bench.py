@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Literal
 from hdassist.errors import UsageError
 from hdassist.report import Report
 from hdassist.terminal import options as o
-from hdassist.terminal.output import Output, failure, give, note, run_each, warn
-from hdassist.terminal.streams import take_output, write_text
+from hdassist.terminal.output import Output, failure, give, run_each, warn
+from hdassist.terminal.streams import say, take_output, write_text
 
 if TYPE_CHECKING:
     from hdassist.correction.correct import Correction
@@ -46,7 +46,7 @@ class ArchiveOptions(o.OptionGroup):
                 is_new = add_to_archive(self.archive, conditions, found)
                 day = f" of {conditions['date']}" if "date" in conditions else ""
                 words = f"added as {self.serial}{day}" if is_new else f"known of {self.serial}, not added again"
-                note(f"{self.archive}: {found.trace.file} {words}")
+                say(f"{self.archive}: {found.trace.file} {words}")
 
         return take
 
@@ -189,7 +189,7 @@ class ControllerOptions(o.OptionGroup):
             sense = -1 if self.clockwise else 1
             axis = ControllerAxis(self.axis, sense, self.zero, self.rows_from, self.steps_per_degree)
             text, about = correction_file(result, target[0], axis)
-            note(about.rstrip())
+            say(about.rstrip())
             write_text(target[1], text, force)
 
 

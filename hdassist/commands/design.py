@@ -13,8 +13,8 @@ from hdassist.files import claim_output
 from hdassist.report import Report
 from hdassist.run.stops import at_stop
 from hdassist.terminal import options as o
-from hdassist.terminal.output import Output, csv_text, failure, give, note, run_each, warn
-from hdassist.terminal.streams import write_parquet, write_text
+from hdassist.terminal.output import Output, csv_text, failure, give, run_each, warn
+from hdassist.terminal.streams import say, write_parquet, write_text
 
 if TYPE_CHECKING:
     from hdassist.design.sweep import Sweep, SweepRow
@@ -205,10 +205,10 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
                 write_parquet(self.parquet, kinds, map(cells, results.records()), asdict(owner), self.force)
             if file is not None:
                 results.require_there()
-                note(f"wrote {file}")
+                say(f"wrote {file}")
             report = sweep_report(swept, results.records() if self.json else ())
             if report.exit_code:
-                note(f"error: no row has an answer: {swept.reason}")
+                say(f"error: no row has an answer: {swept.reason}")
             return replace(report, head="") if streamed else report
 
     def _takes_stdout(self) -> bool:

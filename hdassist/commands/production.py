@@ -13,8 +13,8 @@ from hdassist.files import claim_output
 from hdassist.report import Report
 from hdassist.run.stops import at_stop, until_interrupted
 from hdassist.terminal import options as o
-from hdassist.terminal.output import Output, ProgressBar, note
-from hdassist.terminal.streams import write_parquet
+from hdassist.terminal.output import Output, ProgressBar
+from hdassist.terminal.streams import say, write_parquet
 
 if TYPE_CHECKING:
     from hdassist.belief.samples import Samples
@@ -167,7 +167,7 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
                 raise KeyboardInterrupt
             raise UntrustedError(f"no random drive has an answer: {summary.reason}", "narrow what scatters")
         if interrupted:
-            note(f"interrupted: {progress_words()}")
+            say(f"interrupted: {progress_words()}")
         return tolerance_report(law, self.seed, summary, samples, interrupted=interrupted)
 
 

@@ -25,7 +25,6 @@ from hdassist.model.kinematics import Kinematics
 from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import no_hole_better, unknown_turn, unknowns
 from hdassist.mounting.advice import Advice, advice_states, advise, advise_after
-from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import rotated, seat_positions
 from hdassist.mounting.posterior import TrialSetup
 from hdassist.pages.check import check_report
@@ -38,9 +37,9 @@ from hdassist.variants import differing_fields
 TOLD_EVERY, MOST_TOLD = 0.3, 0.99  # s between two shares of the work done, which is estimated; at most
 FEWEST_SEEN = 8  # effective samples: the range of fewer is none
 SEED = 0  # of samples and of states solved again, as the commands have it
-LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN = 0.05, 0.5, 0.95  # percentiles
+SHARES_SHOWN = (0.05, 0.5, 0.95)  # percentiles
 SURE_REFINED, SURE_PROVEN, SURE_RANGE = "REFINED", "PROVEN", "90 % RANGE"  # searched; every state; percentiles
-STEP = 0.34  # of the probability of a field that is not known exactly: a step to either side, about one deviation
+STEP = 0.34  # of the probability of a field that is not known exactly: from its median, about one standard deviation
 
 
 @dataclass(frozen=True)
@@ -219,7 +218,7 @@ def _steps(drive: Drive, here: Drive, others: Mapping[str, Any]) -> Iterator[tup
         if others.get(path) is not None:
             yield path, (others[path] - value,)
         elif path in priors:
-            low, high = priors[path].value(np.array([MIDDLE_SHARE - STEP, MIDDLE_SHARE + STEP]))
+            low, high = priors[path].value(np.array([0.5 - STEP, 0.5 + STEP]))
             step = float(f"{(high - low) / 2:.2g}")
             yield path, (step, -step)
         elif path == TEETH_FIELDS[0]:
@@ -245,17 +244,12 @@ def _searched(rotations_deg: tuple[float, ...], drive: Drive) -> Array:
     return errors_by_turn(error_maps(drive, torques), drive, torques, rotations_deg)[1]
 
 
-def _statistics_curve(found: Decision) -> SeatCurve:
-    rotations = tuple(sorted({0.0, *found.rotations_deg}))
-    values = [
-        [found.quantile(share, found.place(at)) for at in rotations]
-        for share in (LOW_SHARE_SHOWN, MIDDLE_SHARE, HIGH_SHARE_SHOWN)
-    ]
-    return SeatCurve(rotations, np.swapaxes(values, 1, 2), (SURE_RANGE,) * len(rotations))
-
-
 def _mount_curve(advice: Advice) -> SeatCurve:
-    if not (curve := advice.curve) or advice.decision.is_sampled:
-        return _statistics_curve(advice.decision)
+    curve, found = advice.curve, advice.decision
+    if not curve or found.is_sampled:
+        turns = tuple(sorted({0.0, *found.rotations_deg}))
+        places = [found.place(turn) for turn in turns]
+        ranges = [[found.quantile(share, place) for place in places] for share in SHARES_SHOWN]
+        return SeatCurve(turns, np.swapaxes(ranges, 1, 2), (SURE_RANGE,) * len(turns))
     sure = tuple(SURE_PROVEN if each else SURE_REFINED for each in np.atleast_1d(curve.every_state.all(axis=0)))
     return SeatCurve(tuple(curve.rotation_deg.tolist()), np.stack([curve.F_ior_arcsec] * 3), sure)

@@ -17,7 +17,6 @@ from textual.widgets import DataTable, Static
 
 from hdassist.belief.evidence import measured_errors
 from hdassist.belief.prior import prior_of
-from hdassist.design.check import OperatingPoint
 from hdassist.explorer.asking import Known
 from hdassist.explorer.compute import (
     SURE_PROVEN,
@@ -198,8 +197,8 @@ def seat_pane(session: Session, letters: Mapping[float, str], width: int) -> tup
         beside = [*legend, *[""] * len(lines)]
         lines = [f"{line:{SEAT_WIDTH + 4}}{words}".rstrip() for line, words in zip(lines, beside, strict=False)]
     text = Text("\n".join(lines))
-    for letter in "BW?":
-        text.highlight_words([f" {letter} "], LETTER_STYLES[letter])
+    for letter, style in LETTER_STYLES.items():
+        text.highlight_words([letter], style)
     return text, "  ".join(legend)
 
 
@@ -333,8 +332,9 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
         columns["margin, ″"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in held]
         columns["kept"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in held]
     if whole and pinned and pinned.whole:
-        both = zip(map(middle_of, found.points), map(middle_of, pinned.whole.points), strict=True)
-        columns["change, ″"] = [f"[{INK[0]}]{now - before:+.2f}[/]" for now, before in both]
+        points = zip(found.points, pinned.whole.points, strict=True)
+        changes = (now.F_ior_or_error - before.F_ior_or_error for now, before in points)
+        columns["change, ″"] = [f"[{INK[0]}]{change:+.2f}[/]" for change in changes]
     best_deg = known.advice.chosen.rotation_deg if known.advice else 0.0
     alike = known.curve and known.curve.surety(best_deg) == surety  # a number as given is not put beside medians
     if best_deg and known.curve and alike and not is_any_hole(session.drive):
@@ -351,11 +351,6 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
     for cells in zip(*columns.values(), strict=True):
         table.add_row(*cells)
     return table
-
-
-def middle_of(point: OperatingPoint) -> float:
-    """The median of F'_ior [arcsec], or its value where all is known."""
-    return point.F_ior_or_error
 
 
 def order_words(known: Known) -> str:

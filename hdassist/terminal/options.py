@@ -23,8 +23,8 @@ from hdassist.errors import HdassistError, UsageError
 from hdassist.files import is_written
 from hdassist.plaintext import number_of
 from hdassist.report import Report
-from hdassist.terminal.output import Output, failure, give, json_text, note, run_each
-from hdassist.terminal.streams import PIPE_WIDTH, Style, require_parquet, take_output, write_text
+from hdassist.terminal.output import Output, failure, give, json_text, run_each
+from hdassist.terminal.streams import PIPE_WIDTH, Style, require_parquet, say, take_output, write_text
 
 if TYPE_CHECKING:
     from hdassist.acceptance.limits import LimitText
@@ -406,7 +406,7 @@ def note_teeth(measured: MeasuredTeeth | None) -> None:
 
     for name, wheel in measured.by_name.items() if measured else ():
         for text in wheel.pitch.notes:
-            note(f"note: {WHEEL_WORDS[name]}, {wheel.pitch.file}: {text}")
+            say(f"note: {WHEEL_WORDS[name]}, {wheel.pitch.file}: {text}")
 
 
 def stdin_once(*names: str | None) -> None:

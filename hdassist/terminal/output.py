@@ -202,7 +202,7 @@ def _bar(style: Style) -> Progress:
 def complain(error: HdassistError, about: str = "") -> None:
     """Write an error on stderr, with its remedy."""
     where = f"{about}: " if about else ""
-    note(f"error: {where}{error.message}\n  hint: {with_code(error.hint, error.fault)}")
+    say(f"error: {where}{error.message}\n  hint: {with_code(error.hint, error.fault)}")
 
 
 def with_code(hint: str, fault: Fault) -> str:
@@ -212,24 +212,22 @@ def with_code(hint: str, fault: Fault) -> str:
 
 def warn(text: str) -> None:
     """Write a warning on stderr."""
-    note(f"warning: {text}")
-
-
-def note(text: str) -> None:
-    """Write a line beside the answer on stderr."""
-    say(text)
+    say(f"warning: {text}")
 
 
 FORMULA = tuple("=+-@\t\n＝＋－＠")  # by which a spreadsheet knows one
 _NUMBER = re.compile(NUMBER)
 
 
+def _head(command: str) -> Json:
+    return {"schema": schema_of(command), "version": __version__}
+
+
 def envelope(command: str, drive: Drive | None, exit_code: int = 0, warnings: Sequence[str] = ()) -> Json:
     """Keys common to all answers of a command; drive, the subject of the answer, None without one."""
     origin = drive.origin if drive else None
     return {
-        "schema": schema_of(command),
-        "version": __version__,
+        **_head(command),
         "preset": {
             "name": drive.name if drive else None,
             "sha256": origin.sha256 if origin else None,
@@ -254,8 +252,7 @@ def failure(command: str, error: HdassistError, *, preset: str | None = None, fi
     Arguments: command; error; preset and file, the names asked for.
     """
     return {
-        "schema": schema_of(command),
-        "version": __version__,
+        **_head(command),
         "preset": {"name": preset, "sha256": None},
         **({} if file is None else {"file": {"name": file, "sha256": None}}),
         "exit_code": error.exit_code,
@@ -272,8 +269,7 @@ def combine(command: str, results: Sequence[Json]) -> Json:
 def together(command: str, results: Sequence[Json]) -> Json:
     """One object with a list of answers, be it one or many; its exit code is the worst of theirs."""
     return {
-        "schema": schema_of(command),
-        "version": __version__,
+        **_head(command),
         "exit_code": worst_exit_code(result["exit_code"] for result in results),
         "warnings": [],
         "results": list(results),
@@ -351,7 +347,7 @@ def _note_time(report: Report, begun: float, name: str) -> None:
         residuals = list(vars(certificate).items())[1:]
         words += "".join(f", {name.replace('_', ' ')} {value:.1g}" for name, value in residuals)
     seconds = f"{time.monotonic() - begun:.1f} s"
-    note(f"{report.subject or name}: {seconds}" + (f", {words}; engine: {walk_library()[1]}" if words else ""))
+    say(f"{report.subject or name}: {seconds}" + (f", {words}; engine: {walk_library()[1]}" if words else ""))
 
 
 def give(

@@ -7,7 +7,6 @@ from textual.widgets import Input
 
 from hdassist.explorer.app import Explorer, Form
 from hdassist.explorer.asking import REST
-from hdassist.explorer.panes import middle_of
 from tests.explorer.rig import explored, said, screen, settled, tiny, to_lever, typed
 
 
@@ -24,7 +23,7 @@ def test_a_field_is_edited_marked_compared_and_taken_back() -> None:
         assert app.session.changes == (("gears.j_n", "8"),) and app.session.drive.gears.j_n == 8
         told = screen(app)
         assert app.known.check is not None and app.known is not before
-        change = middle_of(app.known.check.points[0]) - middle_of(before.check.points[0])
+        change = app.known.check.points[0].F_ior_or_error - before.check.points[0].F_ior_or_error
         assert "j_n *" in told and "1 changed" in told and "┄" in told and f"{change:+.2f}" in told
         assert "--set gears.j_n=8" in app.command_line()
         await pilot.press("p")
