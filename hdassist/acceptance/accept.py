@@ -25,10 +25,10 @@ from hdassist.acceptance.decision import AcceptedValue, DecidedCheck, Prediction
 from hdassist.acceptance.limits import Limit, limits_of
 from hdassist.acceptance.request import Inputs, LotRow, Request
 from hdassist.errors import DataError, HdassistError, UsageError
-from hdassist.json_parts import attributes
 from hdassist.measuring.bench import position_quantities, seen_range
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.model.unknown import unknown_names
+from hdassist.report import attributes
 from hdassist.verdict import GUARD, SEVERITY, worst
 from hdassist.version import __version__
 

@@ -17,7 +17,11 @@ from hdassist.belief.statistics import CONFIDENCE, probability_by_share
 from hdassist.belief.steps import Step
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError
 from hdassist.files import PART, STDIN, opened, read_bytes
-from hdassist.json_parts import (
+from hdassist.model.deviations import MeasuredTeeth
+from hdassist.preset.fields import OneLine
+from hdassist.preset.library import read_preset
+from hdassist.readers.trace import MAX_TRACE_BYTES
+from hdassist.report import (
     Json,
     as_json,
     certificate_object,
@@ -27,10 +31,6 @@ from hdassist.json_parts import (
     schema_of,
     unknown_objects,
 )
-from hdassist.model.deviations import MeasuredTeeth
-from hdassist.preset.fields import OneLine
-from hdassist.preset.library import read_preset
-from hdassist.readers.trace import MAX_TRACE_BYTES
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, RecordKind, own_schema, read_kept, why_invalid
 from hdassist.verdict import Verdict
 from hdassist.version import __version__

@@ -20,9 +20,9 @@ from hdassist.terminal.streams import begins_with, say, take_output, write_text
 if TYPE_CHECKING:
     from hdassist.acceptance.answer import AcceptAnswer
     from hdassist.acceptance.request import Lot, LotRow, Request
-    from hdassist.json_parts import Json
     from hdassist.planning import ReadingPlan
     from hdassist.preset.fields import Drive
+    from hdassist.report import Json
     from hdassist.run.kept import Kept
 
 

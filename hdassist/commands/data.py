@@ -20,7 +20,7 @@ from hdassist.terminal.streams import Style, give_stdout, take_output, write_tex
 from hdassist.version import __version__
 
 if TYPE_CHECKING:
-    from hdassist.json_parts import Json
+    from hdassist.report import Json
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,12 +14,12 @@ from pydantic import TypeAdapter
 
 from hdassist.error.extremes import extremes_of
 from hdassist.errors import DataError, HdassistError, UntrustedError, UsageError
-from hdassist.json_parts import attributes
 from hdassist.loading.load import OVERRIDE_PLACE, load_text
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
 from hdassist.preset.fields import Drive, PresetField, field_table, is_overridden, path_of
 from hdassist.preset.text import InvalidValueError, near_miss, read_count, read_number, scalar_value, shown
+from hdassist.report import attributes
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.solve.answers import Residual
 

@@ -19,9 +19,9 @@ from scipy.special import chdtrc
 
 from hdassist.errors import DataError, UsageError
 from hdassist.files import read_bytes
-from hdassist.json_parts import Json
 from hdassist.measuring.measure import Measurement
 from hdassist.preset.fields import OneLine
+from hdassist.report import Json
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept, own_schema, read_kept, why_invalid
 from hdassist.version import __version__
 

@@ -13,21 +13,29 @@ from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
 from hdassist.belief.steps import Outcome, Step
 from hdassist.design.check import DesignCheck, OperatingPoint, accuracy_words
-from hdassist.json_parts import (
-    Json,
-    as_json,
-    attributes,
-    influence_objects,
-    pitch_object,
-    samples_object,
-    unknown_objects,
-)
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names
 from hdassist.pages.card import wheel
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.knowledge import SIZE_20, SMALL_ACCURACY, USUAL_ACCURACY
-from hdassist.report import Curve, Fact, Facts, Quantity, Report, Table, as_objects, csv_table, quantity_table
+from hdassist.report import (
+    Curve,
+    Fact,
+    Facts,
+    Json,
+    Quantity,
+    Report,
+    Table,
+    as_json,
+    as_objects,
+    attributes,
+    csv_table,
+    influence_objects,
+    pitch_object,
+    quantity_table,
+    samples_object,
+    unknown_objects,
+)
 from hdassist.terminal.words import (
     again,
     field_unit,

@@ -12,7 +12,6 @@ from hdassist.comparing.compare import UNIDENTIFIABLE_ANGLE, Comparison, Explana
 from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmplitude
 from hdassist.design.check import OperatingPoint
 from hdassist.files import STDIN
-from hdassist.json_parts import Json
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names, unknown_notes
 from hdassist.pages.card import hole_place
@@ -26,6 +25,7 @@ from hdassist.report import (
     Curve,
     Fact,
     Facts,
+    Json,
     Quantity,
     Report,
     Table,

@@ -18,10 +18,9 @@ from hdassist.correction.correct import (
 )
 from hdassist.correction.forms import ExpectedResidual, correction_columns, line_orders
 from hdassist.error.waves import POINTS_A_TURN
-from hdassist.json_parts import samples_object
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes, unknowns
-from hdassist.report import Curve, Fact, Facts, Report, Table, csv_columns
+from hdassist.report import Curve, Fact, Facts, Report, Table, csv_columns, samples_object
 from hdassist.terminal.words import again
 from hdassist.verdict import Verdict
 

@@ -16,7 +16,6 @@ from hdassist.error.stiffness import (
     stiffness_object,
 )
 from hdassist.error.trace import ErrorAlong, Trace, order_legend
-from hdassist.json_parts import attributes, pitch_object, unknown_objects
 from hdassist.model.unknown import unknown_notes, unknowns
 from hdassist.preset.fields import Drive, Measured, is_overridden
 from hdassist.report import (
@@ -29,8 +28,11 @@ from hdassist.report import (
     Table,
     as_object,
     as_objects,
+    attributes,
     csv_columns,
+    pitch_object,
     quantity_table,
+    unknown_objects,
 )
 from hdassist.terminal.words import again, heading, not_known, on_what
 from hdassist.verdict import worst_exit_code

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from hdassist.acceptance.limits import CODES
 from hdassist.explaining import Entry, entries
-from hdassist.json_parts import Json, attributes
-from hdassist.report import Facts, Paragraph, Report, ReportSection, Table, quantity_table
+from hdassist.report import Facts, Json, Paragraph, Report, ReportSection, Table, attributes, quantity_table
 from hdassist.verdict import Verdict
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ import numpy as np
 
 from hdassist.acceptance.limits import CHECKS
 from hdassist.files import STDIN
-from hdassist.json_parts import Json, as_json
 from hdassist.measuring.archive import ArchiveEntry, DriveHistory, histories
 from hdassist.measuring.bench import (
     LoopRecord,
@@ -36,10 +35,12 @@ from hdassist.report import (
     Curve,
     Fact,
     Facts,
+    Json,
     Lines,
     Report,
     ReportSection,
     Table,
+    as_json,
     as_object,
     as_objects,
     quantity_table,

@@ -8,7 +8,6 @@ from dataclasses import asdict
 import numpy as np
 
 from hdassist.error.cycle import limits_left
-from hdassist.json_parts import Json, attributes, influence_objects, pitch_object, samples_object, unknown_objects
 from hdassist.model.unknown import unknown_names
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
 from hdassist.mounting.decision import FEWEST_VALUES
@@ -26,7 +25,23 @@ from hdassist.pages.card import (
 )
 from hdassist.preset.text import shown
 from hdassist.readers.pitch import ASSUMED
-from hdassist.report import CsvTable, Curve, CurveMark, Fact, Facts, Figure, Report, Table, csv_columns
+from hdassist.report import (
+    CsvTable,
+    Curve,
+    CurveMark,
+    Fact,
+    Facts,
+    Figure,
+    Json,
+    Report,
+    Table,
+    attributes,
+    csv_columns,
+    influence_objects,
+    pitch_object,
+    samples_object,
+    unknown_objects,
+)
 from hdassist.terminal.words import Texts, again, heading, influence_words, probability_words, samples_words
 from hdassist.verdict import Verdict
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from hdassist.belief.samples import ErrorBelief
-from hdassist.json_parts import samples_object
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
 from hdassist.planning import SEEN_SHARE, PlanChoice, PlannedTest
@@ -21,6 +20,7 @@ from hdassist.report import (
     as_objects,
     csv_table,
     quantity_table,
+    samples_object,
 )
 from hdassist.terminal.words import more_draws, preset_argument
 from hdassist.verdict import Verdict

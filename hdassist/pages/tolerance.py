@@ -10,8 +10,22 @@ import numpy as np
 from hdassist.belief.influence import MeasurementGain
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
-from hdassist.json_parts import Json, attributes, influence_objects, measure_objects, objects, samples_object
-from hdassist.report import Curve, Facts, Quantity, Report, Table, as_object, csv_table, quantity_table
+from hdassist.report import (
+    Curve,
+    Facts,
+    Json,
+    Quantity,
+    Report,
+    Table,
+    as_object,
+    attributes,
+    csv_table,
+    influence_objects,
+    measure_objects,
+    objects,
+    quantity_table,
+    samples_object,
+)
 from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words, named, probability_words
 from hdassist.tolerance.production import TIGHTER_STEP, Production, ProductionLaw, RandomDrive, TolerancedSize
 from hdassist.tolerance.tightening import Allocation, Allocator, Sensitivities, Tightened, to_measure

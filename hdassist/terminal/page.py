@@ -12,7 +12,6 @@ from rich.measure import Measurement
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from hdassist.json_parts import certificate_object
 from hdassist.report import (
     BLANK,
     Block,
@@ -27,6 +26,7 @@ from hdassist.report import (
     Seat,
     Table,
     Tiles,
+    certificate_object,
     tone_of,
 )
 from hdassist.solve.answers import TOLERANCE, Certificate

@@ -13,9 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdassist.json_parts import as_json
 from hdassist.plaintext import visible
-from hdassist.report import Quantity
+from hdassist.report import Quantity, as_json
 from hdassist.terminal.output import FORMULA, csv_text, json_text
 from hdassist.verdict import Verdict
 from tests.test_plaintext import EVERY_HIDDEN, hidden
