@@ -45,7 +45,7 @@ def drawn_drives(preset: str, count: int) -> list[Drive]:
     drive = load_preset(preset)
     prior, effort = prior_of(drive), SamplingEffort(count, count, 32 * count, 16)
     samples = draw_samples(prior, drive.operation.M_g, evidence=evidence_of(drive), effort=effort)
-    return [drive.with_values(values) for values in prior.values(samples.shares)[:count]]
+    return [drive.with_values(values) for values in samples.values()[:count]]
 
 
 def searched(drive: Drive) -> list[Searched]:

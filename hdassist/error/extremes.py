@@ -41,7 +41,7 @@ from hdassist.solve.climb import Rules, Starts, Torus
 DRAWN_GRIDS, FINE_GRIDS = (7,), (9, 14, 19)
 SHORT_CYCLE = 4000  # states of a cycle below which all are solved of one drive
 LEAST_F_IOR = 4.0  # arcsec: F'_ior of which shares are taken, at least
-SPLINE_POINTS, ROUGH_POINTS = 4, 8  # times as many at which a spline is read; where orders beyond the fourth are added
+SPLINE_POINTS, ROUGH_POINTS = 4, 6  # times as many at which a spline is read; where orders beyond the fourth are added
 STEEPEST = 1.5  # slope of a spline over that to the next state, at most: a crease would make it swing
 BEYOND = 0.25  # of what tangents reach beyond the spline, that a hill may have
 TRIED = 0.06  # of F'_ior: a hill is tried that may be no further below the highest state of the grid

@@ -39,6 +39,7 @@
 #define LOST 8           /* states given up, after which no more are tried */
 #define REFRESH 1000     /* pivots, after which the tableau is made anew, against rounding */
 #define KEEP 6           /* states without a change of sides, after which a candidate leaves the tableau: at 30 searches take a tenth longer */
+#define KEEP_FAR 2       /* the same where states lie far apart, as those that slopes are asked for do: a tenth faster than at 6 */
 #define SWEEP 4          /* states between two looks for such candidates */
 #define CHANGES 2        /* mark of a candidate that is to change sides */
 #define PATIENCE 10      /* steps in which no fewer candidates change sides, after which one at a time does (Murty) */
@@ -127,6 +128,7 @@ typedef struct {
     double *left;        /* (columns + 1, TOUR) scratch: scalars of those that are left, and how far off they are */
     long states, since_made;
     int lost;
+    int keep;            /* KEEP or KEEP_FAR */
 } walk;
 
 static inline void add_multiple(int n, double a, const double *restrict x, double *restrict y) {
@@ -708,9 +710,9 @@ static void begin_state(walk *w, int p, const double *scalars) {
     const int R = s->m + s->free;
     w->states++;
     if (w->since_made > REFRESH) make_anew(w);
-    if (w->states % SWEEP == 0)
+    if (w->keep < KEEP || w->states % SWEEP == 0)
         for (int k = w->n - 1; k >= 0; k--)
-            if (!w->changed[k] && w->states - w->last[k] > KEEP) leave_out(w, k);
+            if (!w->changed[k] && w->states - w->last[k] > w->keep) leave_out(w, k);
     memcpy(w->start, s->law, sizeof(double) * R);
     add_multiple(R, w->torque, s->law + R, w->start);
     add_columns(R, p, scalars, s->law + 2 * R, NULL, w->start);
@@ -746,6 +748,7 @@ long walk_solve(walk *w, long states, double torque, int p, const double *scalar
     long places[BATCH];
     int held = 0;
     w->lost = 0;
+    w->keep = slope ? KEEP_FAR : KEEP;
     w->torque = torque;
     for (long turn = 0; turn < states; turn++) {
         const long begun = turn / TOUR * TOUR;
@@ -911,6 +914,7 @@ long walk_climb(walk *w, double torque, int p, const int32_t *sizes, const doubl
     const long before = w->states;
     const int enough = climb_room(c, p) && climb_room(best, p);
     w->lost = 0;
+    w->keep = KEEP_FAR;
     w->torque = torque;
     for (long group = 0; enough && group < groups; group++) {
         const int r = row[group], up = sign[group];
