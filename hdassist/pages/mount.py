@@ -360,7 +360,7 @@ def position_curves(advice: Advice) -> Iterator[Curve]:
                 for name, p in marked.items()
                 if name == now or p.rotation_deg
             ]
-        if advice.next and advice.value and M_g == (advice.value.M_g if advice.value.M_g in advice.torques else M_g):
+        if advice.next:
             next_deg = advice.next.rotation_deg
             marks.append(CurveMark(next_deg / per, float(ends[1][found.place(next_deg), k]), next_words, "target"))
         notes = ["median, 5 to 95 %"] * sampled
