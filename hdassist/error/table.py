@@ -3,14 +3,15 @@
 At one torque the error of a state depends on the scalars of its deviations (deviations.py). A table of it over the
 four that matter most, the vector of the teeth and that of the cam, with its slopes by all of them, gives F'_ior in some
 0.05 ms: enough for thousands of drives. Others, harmonics or a run-out, count by their slopes. F'_ior read off it is
-somewhat too small, because peaks are cut off, by nearly the same share for all drives.
+somewhat too small, because peaks are cut off, by nearly the same share for all drives. Orders beyond the fourth are
+laid on top by their mean slopes, at more positions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from hdassist.model.deviations import (
     CAM_COLUMNS,
     ODD_COLUMNS,
     SHIFT,
+    SMOOTH_SCALARS,
     TEETH,
     column_of,
     factor_of,
@@ -33,8 +35,11 @@ from hdassist.solve.walk import read_table
 
 READ_AT_ONCE = 16  # drives, so that arrays stay in the processor's cache
 WIDER_SPAN = 1.001  # so that rounding leaves the outermost drive inside
+ROUGH_TURNS = 48  # positions of each wheel where orders beyond the fourth are added, by their mean slopes
 LEAST_REACH = 1e-3  # mm: a table needs some width
 DEVIATION_SCALARS = 6 + 2 * len(TOOTH_ORDERS)
+
+UNSPANNED = "deviations beyond those that the table of the error spans", "this is a bug"
 
 TABLE_SECTIONS = ("tolerances.", "phases.", "harmonics.")  # sections of a preset that a table spans
 
@@ -120,7 +125,7 @@ class ErrorTable:
         places = (columns[:, reach.axes] / reach.sizes + 1) * (np.array(self.error.shape) - 1) / 2
         values = read_table(self._rows, places, columns[:, reach.axes + reach.others])
         if not np.all(np.isfinite(values)) or np.delete(columns, reach.axes + reach.others, axis=1).any():
-            raise UntrustedError("deviations beyond those that the table of the error spans", "this is a bug")
+            raise UntrustedError(*UNSPANNED)
         return values.reshape(scalars.shape[:-1])
 
     def F_ior(self, values: Mapping[str, Array]) -> Array:
@@ -130,9 +135,30 @@ class ErrorTable:
         deviations that the table does not span.
         """
         alpha_g, alpha_b = 2 * np.pi / self.turns * np.indices((self.turns, self.turns)).reshape(2, -1)
-        batch = Batch(self.drive, values)
-        rows = np.array_split(np.arange(len(batch))[:, None], -(-len(batch) // READ_AT_ONCE))
-        return np.concatenate([np.ptp(self.rotation(batch.scalars(row, alpha_g, alpha_b)), axis=-1) for row in rows])
+        batch, fine = Batch(self.drive, values), np.linspace(0, 2 * np.pi, ROUGH_TURNS, endpoint=False)
+        teeth = [k + len(self.reach.axes) for k, column in enumerate(self.reach.others) if column >= SMOOTH_SCALARS]
+        slopes, found = np.nanmean(self.slopes[teeth], axis=(1, 2, 3, 4)), list[Array]()
+        for row in np.array_split(np.arange(len(batch)), -(-len(batch) // READ_AT_ONCE)):
+            scalars = batch.scalars(row[:, None], alpha_g, alpha_b)
+            error = self.rotation(scalars[..., :SMOOTH_SCALARS])
+            if scalars.shape[-1] > SMOOTH_SCALARS:
+                if not teeth:
+                    raise UntrustedError(*UNSPANNED)
+                b, g = (part[..., SMOOTH_SCALARS:] @ slopes for part in batch.take(row).by_wheel(fine, fine))
+                finer = _finer(self.turns)
+                error = finer @ error.reshape(-1, self.turns, self.turns) @ finer.T + g[:, :, None] + b[:, None]
+                error = error.reshape(len(row), -1)
+            found.append(np.ptp(error, axis=-1))
+        return np.concatenate(found)
+
+
+@cache
+def _finer(n: int) -> Array:
+    """Values at ROUGH_TURNS positions around a wheel of those at n, by their waves, shape (ROUGH_TURNS, n)."""
+    waves = np.fft.rfft(np.eye(n), axis=0)
+    if n % 2 == 0:
+        waves[-1] /= 2  # the other half of the highest one is its mirror image
+    return np.fft.irfft(waves, ROUGH_TURNS, axis=0) * ROUGH_TURNS / n
 
 
 def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:

@@ -32,7 +32,8 @@ FREEDOMS = (
 )
 RIGID, FLEX, ROTATION, RING, CAM = slice(0, 2), slice(2, 4), 4, slice(5, 7), slice(7, 9)
 # of the teeth's deviations beyond the first, of which only even ones go on: odd ones nearly cancel on two opposite
-# zones. Beyond the last one the mesh averages what is left: from 16 on half of a micrometre's effect, from 26 a fifth
+# zones. The mesh averages what is beyond the last one: of a micrometre's effect two thirds are left of order 16, half
+# of 20, a fifth of 32
 TOOTH_ORDERS = (2, 3, 4, 6, 8, 10, 12, 14, 16)
 TO_X1 = np.pi / 2  # directions of deviations count from x1, the minor axis: theta_x1 = theta + pi/2
 

@@ -34,7 +34,7 @@ COARSEST_CLASS = 9
 # 10 um at 160 mm
 STANDING_OFFSET, TURNING_OFFSET, CENTRE_OFFSET = 0.5, 0.2, 0.06
 # of half of F'_i, amplitudes of order 2 and of orders 3 and 4; assumed: twice as much breaks the accuracy that
-# catalogues promise of size 20, half as much makes the one recorded drive one in a hundred (docs/validation.md)
+# catalogues promise of size 20, half as much leaves the one recorded drive beyond all (docs/validation.md)
 SECOND_ORDER, HIGHER_ORDERS = 0.08, 0.04
 # arcsec: accuracy that catalogues promise, the second below SIZE_20 [mm]
 USUAL_ACCURACY, SMALL_ACCURACY, SIZE_20 = 60.0, 90.0, 50.0

@@ -5,10 +5,10 @@ import pytest
 
 from hdassist import load_preset
 from hdassist.error.error_map import ErrorMap
-from hdassist.error.table import ErrorTable, Mesh, Reach, error_table
+from hdassist.error.table import DEVIATION_SCALARS, ErrorTable, Mesh, Reach, error_table
 from hdassist.errors import UntrustedError
 from hdassist.model.contacts import contact_system
-from hdassist.preset.fields import DEVIATION_FIELDS, Drive
+from hdassist.preset.fields import DEVIATION_FIELDS, DEVIATIONS, Drive
 from hdassist.solve import walk
 from hdassist.solve.answers import EMPTY
 from hdassist.solve.walk import read_table
@@ -93,6 +93,27 @@ def test_harmonics_and_a_run_out_are_slopes(small: Drive, table: ErrorTable) -> 
     plain = columns_of([d.with_values(dict.fromkeys(OVAL, 0.0)) for d in drives])
     without = wide.F_ior(plain) / wide.F_ior(columns_of(drives)) - 1
     assert missed.std() < 0.03 < 0.25 * without.std()
+    with pytest.raises(UntrustedError, match="beyond"):
+        table.F_ior(columns_of(drives))
+
+
+def test_rough_teeth_lie_on_top_of_a_coarse_table(
+    small: Drive, table: ErrorTable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(6)
+    pitch = [each for each in DEVIATIONS if each.kind == "pitch"]
+    drives = [
+        d.with_values({each.size: 10.0 for each in pitch} | {each.direction: rng.uniform(0, 60) for each in pitch})
+        for d in drawn(small, 15, 2)
+    ]
+    coarse = table_of(small.with_values(OUTERMOST | {each.size: 10.0 for each in pitch}), mesh=Mesh((9, 5, 9, 9), 12))
+    missed = missed_of(coarse, drives)
+    assert 0 < missed.mean() < 0.1
+    assert missed.std() < 0.06
+    monkeypatch.setattr("hdassist.error.table.SMOOTH_SCALARS", DEVIATION_SCALARS)
+    at_its_positions = missed_of(coarse, drives)
+    assert missed.mean() < 0.6 * at_its_positions.mean()
+    monkeypatch.undo()
     with pytest.raises(UntrustedError, match="beyond"):
         table.F_ior(columns_of(drives))
 

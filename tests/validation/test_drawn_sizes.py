@@ -74,6 +74,7 @@ def table() -> str:
     return "\n".join(lines)
 
 
+MISSES = {"solid hub, by the accuracy too": "sizes to 58 keep 4; how stiff a solid hub is is a guess"}
 CASES = [
     Case(
         "median of the play, greatest of all sizes", "arcsec", SOURCE, 0, 5,
@@ -83,7 +84,7 @@ CASES = [
     *(Case(
         f"95 over 5 %, greatest of all sizes, {words}", "", "a page that says something", 1, 4,
         why="asked for, not known", kind=Kind.CHECK, digits=".1f",
-        value=lambda way=way: widest(way), slow=True,
+        value=lambda way=way: widest(way), slow=True, miss=MISSES.get(words, ""),
     ) for words, way in WAYS.items()),
 ]  # fmt: skip
 

@@ -34,7 +34,9 @@ ABOUT = (
     "Most are telescope mounts: their size is 14 or 17 where it is told, taken as 17 where it is not, and their load "
     "is not known. Limits, words on a class, and what was recalled and not read again are not compared. Were the "
     "drawn drives like the sold ones, shares would be spread evenly: Kolmogorov and Smirnov's test, of so few that it "
-    "could hardly refute. The standard error of a share is up to 7 %."
+    "could hardly refute. The standard error of a share is up to 7 %. The two least lie at 5 to 12 %, the greatest, "
+    "an owner's word on a drive whose coupling is not known, beyond all; order 6 of the record above lies at 14 %: "
+    "teeth one by one may be better than the class of their wheel."
 )
 
 
