@@ -86,10 +86,15 @@ class Bins:
         return int(self.level.max()) + 1
 
     @cached_property
-    def torque(self) -> tuple[float, float]:
-        """Mean load, and how far the farthest is from it."""
-        mean = float(np.average(self.load, weights=self.rows))
-        return mean, max(float(np.abs(self.load - mean).max()), 1e-300)
+    def torques(self) -> tuple[float, float, float]:
+        """Least, mean and greatest load, without the noise of its readings: 5 and 95 % lie below."""
+        low, high = np.quantile(self.load, (0.05, 0.95)).tolist()
+        return low, float(np.average(self.load, weights=self.rows)), high
+
+    def away(self, load: Array | float) -> Array | float:
+        """How far loads are from the mean, 1 or -1 at the farther of the least and the greatest."""
+        low, mean, high = self.torques
+        return (load - mean) / max(mean - low, high - mean, 1e-300)
 
     @property
     def span(self) -> float:
@@ -214,8 +219,7 @@ class TraceDesign:
         levels = np.eye(bins.levels)[bins.level[rows]]
         slow = self._slow(bins.turns[rows], bins.travel[rows])
         over = [getattr(bins, name)[rows, None] for name in self.slow.over]
-        mean, reach = bins.torque
-        away, waves = (bins.load[rows, None] - mean) / reach, order_columns(bins.turns[rows], self.orders)
+        away, waves = bins.away(bins.load[rows, None]), order_columns(bins.turns[rows], self.orders)
         changes = (waves * share for share in (away, np.abs(away))[: self.slow.order_changes])
         return np.concatenate([waves, levels, slow, *over, *changes], axis=1)
 
@@ -280,8 +284,8 @@ class TraceFit:
 
     def at_torque(self, torque: float) -> TraceFit:
         """The same with the curve at a torque between the least and the greatest [N*m]."""
-        mean, reach = self.bins.torque
-        return self.combined(1.0, (torque - mean) / reach, abs(torque - mean) / reach)
+        away = float(self.bins.away(torque))
+        return self.combined(1.0, away, abs(away))
 
     @cached_property
     def noise(self) -> tuple[Array, Array]:

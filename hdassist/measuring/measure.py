@@ -180,7 +180,8 @@ class RecordedTorque:
 
     def is_change(self, torques: Sequence[Array]) -> bool:
         """Whether it changes within some of its rows [N*m] by enough to matter."""
-        return float(max(map(np.ptp, torques))) > LEAST_CHANGE * max(abs(self.least_Nm), abs(self.greatest_Nm))
+        least = max(LEAST_CHANGE * abs(self.least_Nm), LEAST_CHANGE * abs(self.greatest_Nm))
+        return float(max(map(np.ptp, torques))) > max(least, LOAD_APART * (self.greatest_Nm - self.least_Nm))
 
     def fitted(self, slope: float, uncertainty: float) -> RecordedTorque:
         """The same with the slope over the torque that a fit has taken off, and its uncertainty [arcsec/(N*m)]."""
@@ -223,11 +224,10 @@ def with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None
     it where there is a line to either side; None where the orders do not change, or the record does not tell a bend.
     """
     bins, miss = fit.bins, None
-    torques = float(bins.load.min()), bins.torque[0], float(bins.load.max())
     for changes in (2, 1):
         with suppress(UntrustedError):
             trial = fit_orders(bins, fit.orders, replace(fit.design.slow, order_changes=changes))
-            noise = max(float(np.linalg.norm(trial.at_torque(torque).order_root)) for torque in torques)
+            noise = max(float(np.linalg.norm(trial.at_torque(torque).order_root)) for torque in bins.torques)
             if noise > CHANGE_TOLD * float(np.linalg.norm(fit.order_root)):
                 continue
             last = trial.combined(*[0.0] * changes, 1.0)
@@ -436,7 +436,8 @@ def measure(
             cleaned = replace(changed, sweeps=tuple(sweeps(changed.cam_deg)))
             warnings.append(words)
         drift_left, miss = 0.0, None
-        if torque and torque.is_change([bins.load]):
+        # a torque that changes within sweeps but goes with the output's turn changes the beats
+        if torque and torque.is_change([bins.load]) and ("load" in fit.slopes or not torque.is_change(loads)):
             fit, miss = with_order_changes(fit, seed)
             if "load" in fit.slopes and len(fit.blocks) == 1:
                 warnings.append(CHANGES_LEFT)
@@ -583,7 +584,7 @@ def _sweep_result(
         return ranges_of(own, grid, np.random.default_rng([seed, sign + 1]), parts, whole=is_whole)
 
     extent, revolution, cam, slope = ranges(fit)
-    torques = sorted({float(bins.load.min()), bins.torque[0], float(bins.load.max())}) if len(fit.blocks) > 1 else []
+    torques = bins.torques if len(fit.blocks) > 1 else ()
     at_torques = [(torque, ranges(fit.at_torque(torque))[0]) for torque in torques]
     sources = (
         UncertaintySource("noise", extent.spread, "bootstrap of the residuals"),

@@ -107,7 +107,8 @@ def rig(seed: int, turns: np.ndarray, torque: np.ndarray, slope: float, bend: fl
     phase, fine = rng.uniform(0, 2 * np.pi, 4), np.arange(RATIO * 240) / 240
     error = loaded(turns, torque, slope, bend, phase) + 0.5 * rng.standard_normal(len(turns))
     error += winds * torque / STIFFNESS * 648000 / np.pi
-    words = text([360 * turns, error, torque], "cam_deg;error_arcsec;torque [N·m]", ";")
+    read = torque + 0.1 * rng.standard_normal(len(turns))
+    words = text([360 * turns, error, read], "cam_deg;error_arcsec;torque [N·m]", ";")
     result = measure(read_trace(io.StringIO(words)), ratio=RATIO)
     return result, lambda at: float(np.ptp(loaded(fine, at(fine) if callable(at) else at, slope, bend, phase)))
 
@@ -124,7 +125,7 @@ def test_sweeps_at_several_torques_tell_the_error_at_each_and_what_lines_between
         result, true = rig(seed, turns, torque, 2.0, bend)
         (found,) = result.directions
         assert not result.warnings  # the wind-up is in the levels of the sweeps
-        assert [each.M_g_Nm for each in found.torques] == pytest.approx([10, 20, 30], abs=0.01)
+        assert [each.M_g_Nm for each in found.torques] == pytest.approx([10, 20, 30], abs=0.2)
         assert found.torques[1].F_ior_arcsec == pytest.approx(found.range.value)
         held += [
             abs(each.F_ior_arcsec - true(each.M_g_Nm)) <= 2 * each.standard_uncertainty_arcsec for each in found.torques
