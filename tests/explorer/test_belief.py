@@ -99,7 +99,7 @@ def test_an_old_answer_and_one_that_is_not_whole_are_called_so() -> None:
     verdict = found.verdict
     part, whole = text_of_headline(Known(check=some)), text_of_headline(Known(check=found, page=page))
     assert "samples …" in part and not any(word in part for word in Verdict)  # a few samples decide nothing
-    assert "samples F'_ior" in whole and verdict in whole
+    assert "samples  F'_ior" in whole and verdict in whole
     changed = text_of_headline(Known(old=found, first=FirstErrors([12.5])))
     assert "old …" in changed and verdict in changed and f"{typical_of(found)[1][0]:.2f} → 12.50" in changed
 
