@@ -58,20 +58,20 @@ def _opened(path: Path) -> Any:
     return opened
 
 
+# of each function what it returns and takes: p pointer, i int, l long, d double, - nothing
+FUNCTIONS = {
+    "walk_new": "ppp", "walk_free": "-p", "walk_solve": "lpldipppppppp", "walk_climb": "lpdipppdplppppppp",
+    "walk_near": "iiiippppppdippp", "walk_read": "-lippppp",
+}  # fmt: skip
+
+
 def _load(path: Path) -> Any:
     """A library of this source, with the types of its functions."""
     loaded = _opened(path)
-    pointer, integer = ctypes.c_void_p, ctypes.c_int
-    loaded.walk_new.argtypes, loaded.walk_new.restype = [pointer] * 2, pointer
-    loaded.walk_free.argtypes, loaded.walk_free.restype = [pointer], None
-    loaded.walk_solve.argtypes = [pointer, ctypes.c_long, ctypes.c_double, integer] + [pointer] * 8
-    loaded.walk_solve.restype = ctypes.c_long
-    loaded.walk_climb.argtypes = [pointer, ctypes.c_double, integer] + [pointer] * 3 + [ctypes.c_double, pointer]
-    loaded.walk_climb.argtypes += [ctypes.c_long] + [pointer] * 7
-    loaded.walk_climb.restype = ctypes.c_long
-    loaded.walk_near.argtypes = [integer] * 3 + [pointer] * 6 + [ctypes.c_double, integer] + [pointer] * 3
-    loaded.walk_near.restype = integer
-    loaded.walk_read.argtypes, loaded.walk_read.restype = [ctypes.c_long, integer] + [pointer] * 5, None
+    kinds = {"p": ctypes.c_void_p, "i": ctypes.c_int, "l": ctypes.c_long, "d": ctypes.c_double, "-": None}
+    for name, letters in FUNCTIONS.items():
+        function, (result, *arguments) = getattr(loaded, name), (kinds[letter] for letter in letters)
+        function.argtypes, function.restype = arguments, result
     return loaded
 
 
@@ -152,8 +152,8 @@ def read_table(table: Array, places: Array, factors: Array) -> Array:
         return values
     from scipy.ndimage import map_coordinates  # imported in as much time as a check takes
 
-    rows = [map_coordinates(part, places.T, order=1, cval=np.nan) for part in np.moveaxis(table, -1, 0)]
-    return np.asarray(rows[0] + np.einsum("kp,pk->p", rows[1:], factors) if len(rows) > 1 else rows[0])
+    value, *slopes = (map_coordinates(part, places.T, order=1, cval=np.nan) for part in np.moveaxis(table, -1, 0))
+    return np.asarray(value + (np.transpose(slopes) * factors).sum(axis=1))
 
 
 def _address(array: Any) -> int | None:
