@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,12 +143,17 @@ class Decision:
     @cached_property
     def expected_loss(self) -> Array:
         """Mean of the losses, shape (holes,)."""
-        return np.average(self.losses, axis=0, weights=self.sample_weights)
+        return self._of_holes(self.losses)
 
     @cached_property
     def probability_good(self) -> Array:
         """Probability of each hole to lose less than GOOD, shape (holes,)."""
-        return np.average(self.losses < GOOD, axis=0, weights=self.sample_weights)
+        return self._of_holes(self.losses < GOOD)
+
+    def _of_holes(self, values: NDArray[Any]) -> Array:
+        """Mean over samples, shape (holes,); of holes that are all alike one mean, as they differ by chance alone."""
+        means = np.average(values, axis=0, weights=self.sample_weights)
+        return np.full_like(means, means.mean()) if self.all_alike else means
 
     def gains(self, place: int) -> Array:
         """Share of F'_ior at rotation 0 that a hole takes off at every torque at least, shape (samples,)."""

@@ -146,3 +146,13 @@ def test_drives_like_the_samples_have_their_misfit_and_stand_in_all_directions()
     turned = as_measured(decision_of(*[[20.0, 20.0, 20.0, 20.0]] * 4), 4000).F_ior_arcsec[0]
     level = turned.mean(axis=1)
     assert level.std() / level.mean() == pytest.approx(0.1, rel=0.25)  # scale, and what the misfit adds
+
+
+def test_holes_that_are_all_alike_lose_as_much_as_each_other():
+    """What few samples show between them is chance: no hole is named worse than the one that is kept."""
+    rows = [[20.0, 12.0, 20.0, 28.0], [10.0, 20.0, 12.0, 11.0], [15.0, 14.0, 13.0, 12.0]]
+    alike, apart = decision_of(*rows, all_alike=True), decision_of(*rows)
+    assert np.ptp(apart.expected_loss) > 0.1
+    assert alike.expected_loss == pytest.approx([apart.expected_loss.mean()] * 4)
+    assert alike.probability_good == pytest.approx([apart.probability_good.mean()] * 4)
+    assert (alike.best, alike.word()) == (0, "ANY_HOLE")
