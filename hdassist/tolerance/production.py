@@ -34,7 +34,7 @@ from hdassist.model.rules import first_conflict
 from hdassist.model.unknown import assumptions
 from hdassist.mounting.positions import merit, seat_positions
 from hdassist.preset.fields import DEVIATION_FIELDS, DEVIATIONS, Drive
-from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
+from hdassist.run.kept import ClosedRecord, Count, Number, RecordKind
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate, Residual
 from hdassist.solve.loadcase import LoadCase
@@ -45,6 +45,7 @@ RAYLEIGH_TAIL = (
 )
 PRODUCTION_FREE_STEP = 30.0  # deg between positions where the seat has no holes
 TIGHTER_STEP = 0.8  # of a tolerance: one step tighter
+MOST_WEIGHT = 1e9  # of a design, far beyond what evidence gives it
 DRAWS_PER_DESIGN = 64  # draws of a design, at most, for each that agrees with the evidence
 MapsOf = Callable[[Drive], list[ErrorMap]]  # of a drive, one a torque
 
@@ -157,7 +158,7 @@ class RandomDrive(ClosedRecord):
     """
 
     design: Count
-    weight: Magnitude
+    weight: Annotated[Number, Field(ge=0, le=MOST_WEIGHT)]
     F_ior_arcsec: tuple[Annotated[Number, Field(gt=0)], ...] = ()
     best_F_ior_arcsec: tuple[Annotated[Number, Field(gt=0)], ...] = ()
     best_rotation_deg: Number | None = None

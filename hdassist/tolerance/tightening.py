@@ -37,6 +37,7 @@ SLOPE_STEP = 0.1  # of the logarithms of tolerances, over which slopes are taken
 AIM = 0.98  # of the limit: a margin for the error of the linear model
 STRICTER = 0.93  # times the aim, where drives did not prove the tolerances that were sought with it
 LIMIT_AGREES = 0.06  # of the limit: margin that may remain
+UNSOLVED_RATIO = 1e6  # F'_ior over its room of a drive without an answer: beyond any limit
 LEAST_SHARE_LEFT = 1e-2  # of F'_ior of a drive, that is left of it whatever its sizes are scaled by
 
 
@@ -316,19 +317,22 @@ class Allocator:
 
         Arguments: drives as they were solved with the tolerances now. The result takes values of tolerances that the
         sizes of the drives are scaled to, F'_ior being taken as linear in each size.
+        Raises UntrustedError: no drive has an answer.
         """
         solved = np.array([record.refused is None and record.tighter is not None for record in records])
         some = [record for record, is_solved in zip(records, solved, strict=True) if is_solved]
-        F_ior = np.array([record.best_F_ior_arcsec for record in some]).reshape(len(some), len(self.rooms))
+        if not some:
+            raise UntrustedError(f"none of {len(records)} drives has an answer: {records[0].refused}")
+        F_ior = np.array([record.best_F_ior_arcsec for record in some])
         tighter = np.array([[(record.tighter or {})[choice.path] for choice in self.choices] for record in some])
-        slopes = (F_ior[:, None] - tighter.reshape(len(some), len(self.choices), -1)) / (1 - TIGHTER_STEP)
+        slopes = (F_ior[:, None] - tighter) / (1 - TIGHTER_STEP)
         designs = np.array([record.design for record in records])
         places = np.unique(designs)
         weights = np.array([self.production.designs[k][1] for k in places])
 
         def ratio(values: Array) -> float:
             scaled = np.maximum(F_ior + np.einsum("p,dpt->dt", values / now - 1, slopes), LEAST_SHARE_LEFT * F_ior)
-            ratios = np.full(len(records), np.inf)
+            ratios = np.full(len(records), UNSOLVED_RATIO)
             ratios[solved] = np.max(scaled / np.array(self.rooms), axis=1)
             held = [float(np.quantile(ratios[designs == k], self.wanted, method="hazen")) for k in places]
             return weighted_quantile(np.array(held), weights, self.sure)

@@ -42,8 +42,8 @@ def walk_over_drives(library: Path) -> int:
         for M_g in drive.operation.M_g:
             engine = load_case(formulation, M_g * 1e3, engine, many=True)
             for some in (gaps, gaps[:1], gaps[:0], StateGaps(np.full((3, 2), np.nan))):
-                walk, torque = engine._walk, M_g * 1e3
-                sums = walk.solve(some, torque, slope=True) if walk else engine.sums(some, slope=True)
+                own, torque = engine._walk, M_g * 1e3
+                sums = own.solve(some, torque, slope=True) if own else engine.sums(some, slope=True)
                 solved += len(sums.rotation)
         solved += many_extremes(ErrorMap(drive, M_g), Batch.turned(drive, [0.0, 30.0]), DRAWN_GRIDS).certificate.states
     return solved

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist import Drive, load_preset
+from hdassist.errors import UntrustedError
 from hdassist.preset.knowledge import F_p
 from hdassist.tolerance.production import Production, RandomDrive, production_law
 from hdassist.tolerance.tightening import Allocator, tolerances
@@ -98,3 +99,21 @@ def test_classes_are_those_of_the_standard() -> None:
     drive = load_preset("vzp160")
     classes = [F_p(drive.gears.pitch_diameter, drive.gears.m, grade) for grade in (5, 7)]
     assert classes == pytest.approx([19.837, 2 * 19.837], abs=2e-3)
+
+
+def test_where_no_drive_can_be_solved_there_is_no_answer(production: Production, here: float) -> None:
+    def refused(tried: Production, count: int) -> list[RandomDrive]:
+        return [RandomDrive(design=0, weight=1.0, refused="no contact", values={}) for _ in range(count)]
+
+    with pytest.raises(UntrustedError, match="none of 40 drives has an answer: no contact"):
+        Allocator(production, (here,), 0.9, 0.95, refused, 40, 2).cheapest(turned=False)
+
+
+def test_drives_without_an_answer_lie_beyond_any_limit(production: Production, here: float) -> None:
+    def some_refused(tried: Production, count: int) -> list[RandomDrive]:
+        lost = [RandomDrive(design=0, weight=1.0, refused="no contact", values={}) for _ in range(count // 5)]
+        return [*tried.records(0, count - len(lost)), *lost]
+
+    found = Allocator(production, (10 * here,), 0.9, 0.95, some_refused, 40, 2).cheapest(turned=False)
+    assert not found.fits
+    assert found.tried.share == 0.8
