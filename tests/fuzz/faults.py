@@ -340,11 +340,11 @@ def _interrupt(case: Case, number: signal.Signals, moment: float, whom: str, tal
             said += [] if process.returncode in USUAL_ENDS else [f"exit {process.returncode}: {err[-300:]}"]
         elif lost:
             said += [] if process.returncode == 5 and LOST in err else [f"exit {process.returncode}: {err[-600:]}"]
-        elif process.returncode == -number and WARNINGS.fullmatch(
-            err
-        ):  # by the system: the interpreter itself was starting or ending
+        elif moment < STARTS and process.returncode != ENDS[number] and "hdassist" not in err:  # the interpreter began
             tally.outside += 1
-            said += [] if moment < STARTS or out else ["ended by the system at work"]
+        elif process.returncode == -number and WARNINGS.fullmatch(err):  # by the system: it was ending
+            tally.outside += 1
+            said += [] if out else ["ended by the system at work"]
         else:
             said += [] if process.returncode == ENDS[number] else [f"exit {process.returncode}"]
             said += [] if STOPPED.fullmatch(err) else [f"{err.count(chr(10))} lines: {err[-600:]}"]
