@@ -111,7 +111,7 @@ def hidden_drive(
     requirements = partial(read_requirements, like, ratio=ratio, pitch_diameter=f"{diameter} mm", torque=f"{M_r:.4g}")
     known = load_text(similar_preset("own", like, requirements()), "own.yaml")
     while True:
-        there = known.with_values(_values(prior_of(known), rng, STIFF if stiff else {}))
+        there = known.with_values(drawn_values(prior_of(known), rng, STIFF if stiff else {}))
         there = there.with_values(
             {path: there.number(path) * np.exp(OFF * rng.standard_normal()) for path in EXACT} | {"operation.dT": 0.0}
         )
@@ -129,7 +129,7 @@ def hidden_drive(
     given = requirements(stiffness=",".join(f"{K:.5g}" for K in sorted(stiffness)), coupling=hub)
     text = similar_preset("own", like, given)
     preset = load_text(text, "own.yaml", [f"catalogue.lost_motion={ROOM * figures['lost_motion']:.4g}"])
-    return preset, there, _teeth(there, rng)
+    return preset, there, rough_teeth(there, rng)
 
 
 def _without_play(drive, preload: float):
@@ -152,14 +152,14 @@ def _without_play(drive, preload: float):
         return None
 
 
-def _values(prior, rng: np.random.Generator, within: dict[str, tuple[float, float]]) -> dict[str, float]:
+def drawn_values(prior, rng: np.random.Generator, within: dict[str, tuple[float, float]]) -> dict[str, float]:
     """Values of a hidden drive where the belief has distributions: sizes by Rayleigh's law, others toward the ends.
 
     Argument: within, shares of the probability that some fields lie between, by path.
     """
     found = {}
     for each in prior.fields:
-        if each.distribution == "meshing" or each.group.startswith("tolerances.f_p"):  # _teeth has them
+        if each.distribution == "meshing" or each.group.startswith("tolerances.f_p"):  # rough_teeth has them
             continue
         low, high = within.get(each.path, (0.0, 1.0))
         share = low + (high - low) * rng.beta(0.8, 0.8)
@@ -169,7 +169,7 @@ def _values(prior, rng: np.random.Generator, within: dict[str, tuple[float, floa
     return found
 
 
-def _teeth(drive, rng: np.random.Generator):
+def rough_teeth(drive, rng: np.random.Generator):
     """Deviations of the teeth of both wheels [um]: harmonics that fall with their order, and noise."""
     from hdassist.model.deviations import ToothDeviations
 

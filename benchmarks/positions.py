@@ -21,7 +21,7 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.honesty import _teeth, _values, hidden_drive
+from benchmarks.honesty import drawn_values, hidden_drive, rough_teeth
 
 POSITIONS = (12, 24, 36, 72, 127, 211, 360)
 RECORDS = (1, 10, 0)  # cam turns; 0: an output turn
@@ -130,14 +130,15 @@ def accepted(number: int, draws: int, seed: int) -> Counter[str]:
         preset, asked, demands=PlanDemands(noise_arcsec=unsure), test=how, draws=draws, run=Run(seed=seed)
     )
     file, M_g, kinematics = approach_csv(choice), choice.M_g, Kinematics.of(preset)
+    # what it prints is all that this study gives: the plan, a line a drive so that a stopped run tells what it has
     print(f"{preset.name} at {M_g:g} N m sees {choice.test.judged.seen}", flush=True)
     verdicts: Counter[str] = Counter()
     for k in range(number):
         rng = np.random.default_rng([seed, k, 7])
-        there = preset.with_values(_values(prior_of(preset), rng, {}))
+        there = preset.with_values(drawn_values(prior_of(preset), rng, {}))
         while first_conflict(there) is not None:
-            there = preset.with_values(_values(prior_of(preset), rng, {}))
-        found = kinematic_error(there, M_g, teeth=_teeth(there, rng), run=UNCHECKED)
+            there = preset.with_values(drawn_values(prior_of(preset), rng, {}))
+        found = kinematic_error(there, M_g, teeth=rough_teeth(there, rng), run=UNCHECKED)
         error, turn = found.error_arcsec, kinematics.teeth_fixed * abs(kinematics.u)  # states in an output turn
         off = partial(reading, error, turn, int(rng.integers(len(error))), rng.uniform(0, 2 * np.pi), rng)
         record = bench_record(read_numbers(filled_in(file, off).encode()))
@@ -163,7 +164,7 @@ def main() -> None:
     parser.add_argument("--accepted", type=int, default=0, help="drives that are accepted by the file of a plan")
     args = parser.parse_args()
     if args.accepted:
-        print(dict(accepted(args.accepted, args.draws, args.seed)))
+        print(dict(accepted(args.accepted, args.draws, args.seed)))  # the counts, for docs/plan.md
         return
     one = partial(tested, seed=args.seed, asked=args.planned, draws=args.draws)
     with ProcessPoolExecutor(args.jobs) as pool:

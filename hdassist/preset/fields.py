@@ -1,7 +1,8 @@
 """Fields of a preset: their kinds, the sections and the drive that they make, and the origin of each value.
 
 fields.toml declares unit, range, default and meaning of each field. Numbers are in the unit of their field; the model
-converts them. A deviation that a preset does not give is unknown, not zero.
+converts them. A deviation that a preset does not give is unknown, not zero. All of it is one chapter: kinds check the
+values of sections, sections are made from kinds, and the drive is its sections.
 """
 
 from __future__ import annotations

@@ -101,6 +101,7 @@ def waves(number: int = 400, seed: int = 3) -> Decision:
 
 def value_of(decision: Decision, noise: float, **more: object) -> MeasurementValue:
     F_ior = decision.F_ior_arcsec[0]
+    # of keywords as a test gives them no type is known
     return value_of_measurement(decision, {1.0: F_ior}, np.full(len(F_ior), noise), **more)  # type: ignore[arg-type]
 
 
