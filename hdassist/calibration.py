@@ -41,13 +41,13 @@ from hdassist.preset.fields import Drive, field_table, measures, plain, short
 from hdassist.preset.text import Document, InvalidValueError, Path, near_miss, ordered_findings, read_number, read_yaml
 from hdassist.run.run import UNCHECKED, Run
 
-TARGETS_SCHEMA = "hdassist.targets/1"
-RANGE_TOLERANCE = "10 %"  # of its greater end: how far outside a range counts as much as a tolerance does
-INSIDE = 0.5  # tolerances that a fit is to lie inside a range, for its last step may end beside it
-TEXT = "text"  # in place of a unit
-KEY_UNITS = {"M_g": "N*m", "phase": "deg", "T_1": "N*m", "T_2": "N*m"}
+_TARGETS_SCHEMA = "hdassist.targets/1"
+_RANGE_TOLERANCE = "10 %"  # of its greater end: how far outside a range counts as much as a tolerance does
+_INSIDE = 0.5  # tolerances that a fit is to lie inside a range, for its last step may end beside it
+_TEXT = "text"  # in place of a unit
+_KEY_UNITS = {"M_g": "N*m", "phase": "deg", "T_1": "N*m", "T_2": "N*m"}
 # unit of each quantity, the keys that it needs and those that it takes
-TARGET_KINDS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
+_TARGET_KINDS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "F_ior": ("arcsec", ("M_g",), ("phase",)),
     "F_ior_max": ("arcsec", ("M_g",), ()),  # over the mounting phase
     "F_ior_min": ("arcsec", ("M_g",), ()),
@@ -55,18 +55,18 @@ TARGET_KINDS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     **{f"K_{k}": ("N*m/rad", (), ("T_1", "T_2")) for k in (1, 2, 3)},  # on the weaker side
     "lost_motion": ("arcsec", (), ("M_g",)),  # by default at 4 % of the rated torque
 }
-PARTS: dict[str, tuple[type, str]] = {
+_PARTS: dict[str, tuple[type, str]] = {
     "unknowns": (dict, "gears.j_n: {low: 0, high: 20}"),
     "targets": (list, "- {quantity: F_ior_max, M_g: 80, value: 31, tolerance: 7 %}"),
 }
-PHASE_STEP = 20.0  # deg between the phases of which the extremes are located from
-PHASE_TOLERANCE = 0.1  # deg, of an extreme
-DISTANT = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
-DIFFERENCE_STEP = 0.02  # of the range: step of difference quotients, above the roughness of a search for extremes
-VALUE_DIGITS = 4  # of a found value
-INDISTINCT = 0.95  # correlation from which on two unknowns cannot be separated
-RANGE_SHARES = np.linspace(0, 1, 1001)  # of a field's range, at which a value is looked up
-IMPOSSIBLE = 1e6  # tolerances, each residual of a drive that cannot be computed
+_PHASE_STEP = 20.0  # deg between the phases of which the extremes are located from
+_PHASE_TOLERANCE = 0.1  # deg, of an extreme
+_DISTANT = 0.25  # of an unknown's range: sets that lie further apart in some unknown are different
+_DIFFERENCE_STEP = 0.02  # of the range: step of difference quotients, above the roughness of a search for extremes
+_VALUE_DIGITS = 4  # of a found value
+_INDISTINCT = 0.95  # correlation from which on two unknowns cannot be separated
+_RANGE_SHARES = np.linspace(0, 1, 1001)  # of a field's range, at which a value is looked up
+_IMPOSSIBLE = 1e6  # tolerances, each residual of a drive that cannot be computed
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class CalibrationTarget:
     @property
     def unit(self) -> str:
         """Unit of the quantity."""
-        return TARGET_KINDS[self.quantity][0]
+        return _TARGET_KINDS[self.quantity][0]
 
     def deviation(self, predicted: float, inside: float = 0.0) -> float:
         """Deviation of a predicted quantity in tolerances; 0 in a range made narrower by so many of them."""
@@ -104,7 +104,7 @@ class CalibrationTarget:
     @property
     def words(self) -> str:
         """The target in short: quantity and its arguments."""
-        return ", ".join([self.quantity, *(f"{key} {value:g} {KEY_UNITS[key]}" for key, value in self.asked.items())])
+        return ", ".join([self.quantity, *(f"{key} {value:g} {_KEY_UNITS[key]}" for key, value in self.asked.items())])
 
 
 @dataclass(frozen=True)
@@ -143,10 +143,12 @@ def read_targets(text: bytes, file: str, drive: Drive) -> Targets:
     document = read_yaml(text, file)
     if document.findings:
         raise PresetError(ordered_findings(document.findings))
-    data = {"name": ""} | _numbers(document, (), document.data, {"schema": None, "name": TEXT, **dict.fromkeys(PARTS)})
-    if data.get("schema") != TARGETS_SCHEMA:
-        document.add(("schema",), f"must be {TARGETS_SCHEMA}")
-    for key, (kind, example) in PARTS.items():
+    data = {"name": ""} | _numbers(
+        document, (), document.data, {"schema": None, "name": _TEXT, **dict.fromkeys(_PARTS)}
+    )
+    if data.get("schema") != _TARGETS_SCHEMA:
+        document.add(("schema",), f"must be {_TARGETS_SCHEMA}")
+    for key, (kind, example) in _PARTS.items():
         if not (isinstance(data.get(key), kind) and data[key]):
             document.add((key,), "needs at least one entry", f"like {example}")
             data[key] = kind()
@@ -173,7 +175,7 @@ def _numbers(
     values: dict[str, Any] = {}
     for key, value in table.items():
         at, unit = (*path, key), units.get(key)
-        if unit in (TEXT, None):
+        if unit in (_TEXT, None):
             values[key] = value
         elif at not in document.bad:
             try:
@@ -182,7 +184,7 @@ def _numbers(
                 document.refuse(at, fault)
         if key not in units:
             document.add(at, "unknown key", near_miss(key, units) or f"known: {', '.join(units)}", "", key=True)
-        elif unit == TEXT and not isinstance(value, str):
+        elif unit == _TEXT and not isinstance(value, str):
             document.add(at, "must be text")
     return values
 
@@ -211,12 +213,12 @@ def _unknown(document: Document, key: str, value: Any, drive: Drive) -> Iterator
 def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationTarget]:
     path: Path = ("targets", number)
     quantity = item.get("quantity") if isinstance(item, dict) else None
-    if not isinstance(quantity, str) or quantity not in TARGET_KINDS:
-        hint = near_miss(str(quantity), TARGET_KINDS) or f"known: {', '.join(TARGET_KINDS)}"
+    if not isinstance(quantity, str) or quantity not in _TARGET_KINDS:
+        hint = near_miss(str(quantity), _TARGET_KINDS) or f"known: {', '.join(_TARGET_KINDS)}"
         document.add((*path, "quantity"), "names no quantity", hint)
         return
-    unit, needs, takes = TARGET_KINDS[quantity]
-    units = {"quantity": TEXT, **{key: KEY_UNITS[key] for key in (*needs, *takes)}, "tolerance": None}
+    unit, needs, takes = _TARGET_KINDS[quantity]
+    units = {"quantity": _TEXT, **{key: _KEY_UNITS[key] for key in (*needs, *takes)}, "tolerance": None}
     faults = len(document.findings)
     given = _numbers(document, path, item, units | dict.fromkeys(("value", "low", "high"), unit), needs)
     for key in ("M_g", "T_1", "T_2"):
@@ -230,7 +232,7 @@ def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationT
         return
     ends = (low, high) if value is None else (value, value)
     whole = max(abs(end) for end in ends if isfinite(end))  # the base of a share
-    stated = given.get("tolerance", RANGE_TOLERANCE if value is None else None)
+    stated = given.get("tolerance", _RANGE_TOLERANCE if value is None else None)
     is_share = isinstance(stated, str) and stated.strip().endswith("%")
     try:
         tolerance = read_number(stated, "%" if is_share else unit) * (whole / 100 if is_share else 1)
@@ -241,7 +243,7 @@ def _target(document: Document, number: int, item: Any) -> Iterator[CalibrationT
         return
     low, high = ends if value is None else (value - tolerance, value + tolerance)
     yield CalibrationTarget(
-        quantity, {key: given[key] for key in KEY_UNITS if key in given}, value, low, high, tolerance
+        quantity, {key: given[key] for key in _KEY_UNITS if key in given}, value, low, high, tolerance
     )
 
 
@@ -287,7 +289,7 @@ def F_ior_at_phases(error_map: ErrorMap, phases: Iterable[float]) -> Array:
 
 def phase_scan(drive: Drive, M_g: float) -> PhaseScan:
     """Extremes of F'_ior over the mounting phase at a torque [N*m]."""
-    error_map, phases = ErrorMap(drive, M_g), np.arange(0, 360, PHASE_STEP)
+    error_map, phases = ErrorMap(drive, M_g), np.arange(0, 360, _PHASE_STEP)
     F_ior = F_ior_at_phases(error_map, phases)
 
     def least(sign: int) -> tuple[float, float]:
@@ -295,9 +297,9 @@ def phase_scan(drive: Drive, M_g: float) -> PhaseScan:
         middle = phases[(sign * F_ior).argmin()]
         extreme = minimize_scalar(
             lambda phase: sign * F_ior_at_phases(error_map, [phase])[0],
-            bounds=(middle - PHASE_STEP, middle + PHASE_STEP),
+            bounds=(middle - _PHASE_STEP, middle + _PHASE_STEP),
             method="bounded",
-            options={"xatol": PHASE_TOLERANCE},
+            options={"xatol": _PHASE_TOLERANCE},
         )
         return float(extreme.fun), float(extreme.x) % 360
 
@@ -318,7 +320,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class FoundValue:
+class _FoundValue:
     """A value of the best set, in the unit of its field, by path; start, of the preset; low and high, its bounds.
 
     half_width: of its interval, in the sense in which the tolerances are half-widths; determined: share of the bounds'
@@ -348,7 +350,7 @@ class Calibration:
     drive: Drive
     targets: Targets
     fits: tuple[Fit, ...]
-    values: tuple[FoundValue, ...]
+    values: tuple[_FoundValue, ...]
     shortfall: str
     indistinct: tuple[tuple[str, str, float], ...]
     evaluations: int
@@ -371,9 +373,9 @@ def calibrate(
     """
     unknowns, search = targets.unknowns, _Search(drive, targets, run)
     sobol = sobol_points(points, len(unknowns), run.seed)
-    sobol[0] = places_of(unknowns, {u.path: drive.number(u.path) for u in unknowns})
+    sobol[0] = _places_of(unknowns, {u.path: drive.number(u.path) for u in unknowns})
     costs = (search.residuals(sobol) ** 2).sum(axis=1)
-    order = [k for k in np.argsort(costs, kind="stable") if costs[k] < IMPOSSIBLE**2]
+    order = [k for k in np.argsort(costs, kind="stable") if costs[k] < _IMPOSSIBLE**2]
     if not order:
         words = f"no drive within the bounds could be computed; as the preset has it: {search.fits(sobol[:1])[0].fault}"
         raise UntrustedError(words, "look at the bounds, and check the preset", Fault.FIT_UNSETTLED)
@@ -385,7 +387,7 @@ def calibrate(
     covariance = np.linalg.inv(first.jac.T @ first.jac + 4 * np.eye(len(unknowns)))
     deviation = np.sqrt(np.diag(covariance))
     values = [
-        FoundValue(
+        _FoundValue(
             u.path, field_table()[u.path].unit, drive.value(u.path), found,
             float(u.value(x + d) - u.value(x - d)) / 2, u.low, u.high, 1 - 2 * float(d),
             None if not side else u.low if side < 0 else u.high,
@@ -397,7 +399,7 @@ def calibrate(
         words = missed or "its nearest set meets the targets all the same"
         raise UntrustedError(f"the fit did not come to rest: {words}", "more --evaluations", Fault.FIT_UNSETTLED)
     correlation = covariance / np.outer(deviation, deviation)
-    alike = np.argwhere(np.triu(np.abs(correlation), 1) > INDISTINCT).tolist()
+    alike = np.argwhere(np.triu(np.abs(correlation), 1) > _INDISTINCT).tolist()
     indistinct = tuple((unknowns[i].path, unknowns[k].path, float(correlation[i, k])) for i, k in alike)
     return Calibration(drive, targets, tuple(fits), tuple(values), missed, indistinct, len(search.known), run.seed)
 
@@ -411,7 +413,7 @@ class _Search:
 
     def fits(self, points: Iterable[Array]) -> list[Fit]:
         """Sets of values at points, shape (unknowns,) each, and their predictions."""
-        sets = [rounded_values(self.targets.unknowns, point) for point in points]
+        sets = [_rounded_values(self.targets.unknowns, point) for point in points]
         fresh = [values for values in dict.fromkeys(sets) if values not in self.known]
         self.known |= zip(fresh, self.run.map(partial(_fit, self.drive, self.targets), fresh), strict=True)
         self.run.solved(len(fresh))  # drives here
@@ -419,14 +421,14 @@ class _Search:
 
     def residuals(self, points: Iterable[Array]) -> Array:
         """Deviations of fits [tolerances], shape (points, targets)."""
-        deviations = [self.targets.deviations(fit.predictions, INSIDE) for fit in self.fits(points)]
-        return np.asarray(np.nan_to_num(deviations, nan=IMPOSSIBLE))
+        deviations = [self.targets.deviations(fit.predictions, _INSIDE) for fit in self.fits(points)]
+        return np.asarray(np.nan_to_num(deviations, nan=_IMPOSSIBLE))
 
     def settled(self, point: Array, iterations: int) -> OptimizeResult:
         """Least squares (11) from a point, shape (unknowns,); status above 0 where it came to rest."""
         return least_squares(
             lambda p: self.residuals([p])[0],
-            np.clip(point, DIFFERENCE_STEP, 1 - DIFFERENCE_STEP),
+            np.clip(point, _DIFFERENCE_STEP, 1 - _DIFFERENCE_STEP),
             jac=self._jacobian,
             bounds=(0.0, 1.0),
             xtol=3e-3,  # of the bounds' width
@@ -437,26 +439,26 @@ class _Search:
 
     def _jacobian(self, point: Array) -> Array:
         """Change of the residuals over the cube, shape (residuals, unknowns), by differences towards its middle."""
-        steps = np.where(point < 0.5, DIFFERENCE_STEP, -DIFFERENCE_STEP)
+        steps = np.where(point < 0.5, _DIFFERENCE_STEP, -_DIFFERENCE_STEP)
         center, *ends = self.residuals([point, *(point + np.diag(steps))])
         return np.stack([(end - center) / step for end, step in zip(ends, steps, strict=True)], axis=1)
 
 
-def places_of(unknowns: Sequence[FieldPrior], values: Mapping[str, float]) -> Array:
+def _places_of(unknowns: Sequence[FieldPrior], values: Mapping[str, float]) -> Array:
     """Place of the value of each field, by path, between its bounds, 0..1, shape (unknowns,)."""
-    return np.array([np.interp(values[u.path], u.value(RANGE_SHARES), RANGE_SHARES) for u in unknowns])
+    return np.array([np.interp(values[u.path], u.value(_RANGE_SHARES), _RANGE_SHARES) for u in unknowns])
 
 
-def rounded_values(unknowns: Sequence[FieldPrior], point: Array) -> tuple[float, ...]:
+def _rounded_values(unknowns: Sequence[FieldPrior], point: Array) -> tuple[float, ...]:
     """Values of fields at their places between the bounds, shape (unknowns,), as they are printed and written."""
-    return tuple(float(f"{u.value(x):.{VALUE_DIGITS}g}") for u, x in zip(unknowns, point, strict=True))
+    return tuple(float(f"{u.value(x):.{_VALUE_DIGITS}g}") for u, x in zip(unknowns, point, strict=True))
 
 
 def _distant(points: Iterable[Array]) -> list[int]:
     """Places of the points, in their order, that lie far from those before them."""
     chosen: dict[int, Array] = {}
     for k, point in enumerate(points):
-        if all(np.abs(point - other).max() > DISTANT for other in chosen.values()):
+        if all(np.abs(point - other).max() > _DISTANT for other in chosen.values()):
             chosen[k] = point
     return list(chosen)
 
@@ -472,7 +474,7 @@ def _fit(drive: Drive, targets: Targets, values: tuple[float, ...]) -> Fit:
         return Fit(values, (np.nan,) * len(targets.targets), error.message)
 
 
-def _shortfall(targets: Targets, fit: Fit, values: Sequence[FoundValue]) -> str:
+def _shortfall(targets: Targets, fit: Fit, values: Sequence[_FoundValue]) -> str:
     """Targets that a fit misses and bounds that hold its values back, in words; empty where all targets are met."""
     outcomes = zip(targets.targets, fit.predictions, targets.met(fit.predictions), strict=True)
     missed = [

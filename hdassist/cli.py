@@ -27,19 +27,19 @@ from hdassist.terminal.streams import say, silence
 from hdassist.version import __version__
 
 # of click, of which typer has a copy: only its subclasses are public
-Context: TypeAlias = Any
-Formatter: TypeAlias = Any
+_Context: TypeAlias = Any
+_Formatter: TypeAlias = Any
 
-OTHERS = "Options"
-SECTIONS = (  # of options, in their order; sections of commands stand before them
-    "Arguments", OTHERS, "Drive", "Measured trace", "Measured teeth", "Trials", "Card", "Test sheet", "Lot", "Archive",
+_OTHERS = "Options"
+_SECTIONS = (  # of options, in their order; sections of commands stand before them
+    "Arguments", _OTHERS, "Drive", "Measured trace", "Measured teeth", "Trials", "Card", "Test sheet", "Lot", "Archive",
     "Controller", "Answer", "Advanced",
 )  # fmt: skip
 _NOTE = re.compile(r"  \[(?:default: )?\(?([^;\]]*?)\)?(?:; [^\]]*)?\]$")  # default and range, as typer writes them
-WIDEST = 31  # columns of names of options: --limit [NAME@TORQUE=]VALUE ...
-ADDRESSES = 512_000_000  # bytes: with less OpenBLAS waits for ever while it is loaded, or ends the process
-SECTION_COLUMNS, NAME_COLUMNS = 12, 13  # of the start page
-LONGEST_SENTENCE = 1000  # characters: no first sentence of a help text is longer
+_WIDEST = 31  # columns of names of options: --limit [NAME@TORQUE=]VALUE ...
+_ADDRESSES = 512_000_000  # bytes: with less OpenBLAS waits for ever while it is loaded, or ends the process
+_SECTION_COLUMNS, _NAME_COLUMNS = 12, 13  # of the start page
+_LONGEST_SENTENCE = 1000  # characters: no first sentence of a help text is longer
 
 
 def bold(text: str) -> str:
@@ -48,26 +48,26 @@ def bold(text: str) -> str:
     return typer.style(text, bold=True) if sys.stdout.isatty() and not plain else text
 
 
-class Sectioned:
+class _Sectioned:
     """A command whose help has its options in sections, behind rows of its own."""
 
     def rows(self) -> Iterable[Row]:
         """Rows that stand before the options, with their sections."""
         return ()
 
-    def format_options(self, ctx: Context, formatter: Formatter) -> None:
+    def format_options(self, ctx: _Context, formatter: _Formatter) -> None:
         """Write the rows, then the options, each in its section."""
         command: Any = self
         panels: dict[str, list[tuple[str, str]]] = {}
         for panel, record in (*self.rows(), *(_row(parameter, ctx) for parameter in command.get_params(ctx))):
             if record:
                 panels.setdefault(panel, []).append(record)
-        for panel, records in sorted(panels.items(), key=lambda p: SECTIONS.index(p[0]) if p[0] in SECTIONS else -1):
+        for panel, records in sorted(panels.items(), key=lambda p: _SECTIONS.index(p[0]) if p[0] in _SECTIONS else -1):
             with formatter.section(bold(panel)):
-                formatter.write_dl([(bold(name), words) for name, words in records], col_max=WIDEST)
+                formatter.write_dl([(bold(name), words) for name, words in records], col_max=_WIDEST)
 
 
-class Command(Sectioned, TyperCommand):
+class Command(_Sectioned, TyperCommand):
     """A command that is a dataclass: its fields are the options, its docstring the help, `run` gives the exit code.
 
     Its help has a section for each group of options, and its numbers are written in ASCII digits.
@@ -82,9 +82,9 @@ class Command(Sectioned, TyperCommand):
             if {int, float} & {kind, *get_args(kind)}:
                 parameter.process_value = partial(_process, parameter, parameter.process_value)
 
-    def invoke(self, ctx: Context) -> None:
+    def invoke(self, ctx: _Context) -> None:
         """Make the command of its options, run it, and leave with its exit code."""
-        require_memory()
+        _require_memory()
         command = super().invoke(ctx)
         try:
             code = command.run()
@@ -98,28 +98,28 @@ class Command(Sectioned, TyperCommand):
         ctx.exit(code)
 
 
-class Commands(Sectioned, TyperGroup):
+class _Commands(_Sectioned, TyperGroup):
     """A command of commands."""
 
     def rows(self) -> Iterator[Row]:
         """Commands and their summaries, with their sections."""
         for name, command in self.commands.items():
-            yield "Commands", (name, command.get_short_help_str(LONGEST_SENTENCE))
+            yield "Commands", (name, command.get_short_help_str(_LONGEST_SENTENCE))
 
 
-def require_memory() -> None:
+def _require_memory() -> None:
     """Raise DataError where the addresses that a process may have (ulimit -v) do not hold numpy and its solvers."""
     try:
         import resource
     except ImportError:  # Windows has no such limit
         return
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if 0 <= limit < ADDRESSES:
+    if 0 <= limit < _ADDRESSES:
         words = f"the memory that a process may have is {limit / 1e6:.0f} MB: too little to compute with"
-        raise DataError(words, f"ulimit -v {ADDRESSES // 1000} or more, in kB", Fault.SYSTEM_LIMITS)
+        raise DataError(words, f"ulimit -v {_ADDRESSES // 1000} or more, in kB", Fault.SYSTEM_LIMITS)
 
 
-def _process(parameter: Any, process: Callable[[Context, Any], Any], ctx: Context, value: Any) -> Any:
+def _process(parameter: Any, process: Callable[[_Context, Any], Any], ctx: _Context, value: Any) -> Any:
     """Process texts of an option of numbers, without the underscores and other scripts' digits that Python reads."""
     for text in value if isinstance(value, list | tuple) else [value]:
         if isinstance(text, str) and ("_" in text or not text.isascii()):
@@ -130,14 +130,14 @@ def _process(parameter: Any, process: Callable[[Context, Any], Any], ctx: Contex
 Row = tuple[str, tuple[str, str] | None]  # section of a help text; its left and right column
 
 
-def _row(parameter: Any, ctx: Context) -> Row:
+def _row(parameter: Any, ctx: _Context) -> Row:
     """The row of a parameter in a help text, with its section: of its default and range the default alone.
 
     Three dots stand behind an option that may be given several times.
     """
-    kind = "Arguments" if parameter.param_type_name == "argument" else OTHERS
+    kind = "Arguments" if parameter.param_type_name == "argument" else _OTHERS
     record = parameter.get_help_record(ctx)
-    if kind != OTHERS:
+    if kind != _OTHERS:
         return kind, record and (record[0].partition(" <")[0], _NOTE.sub("", record[1]))
     dots = " ..." * bool(getattr(parameter, "multiple", False))
     return parameter.rich_help_panel or kind, record and (record[0] + dots, _NOTE.sub(_default, record[1]))
@@ -147,7 +147,7 @@ def _default(note: re.Match[str]) -> str:
     return "" if note[1] == "-" or "<=" in note[1] else note[0] if note[1] == "required" else f" [{note[1]}]"
 
 
-SUMMARIES = {  # summary of each command by the section of the help in which it stands
+_SUMMARIES = {  # summary of each command by the section of the help in which it stands
     "Design": {
         "check": "F'_ior over the full cycle, with verdict and proof",
         "explore": "the drive on the screen: turn its knobs and its wheel",
@@ -179,9 +179,9 @@ SUMMARIES = {  # summary of each command by the section of the help in which it 
         "explain": "meaning of a check, error, field, symbol or word",
     },
 }
-COMMANDS = tuple(name for summaries in SUMMARIES.values() for name in summaries)
+COMMANDS = tuple(name for summaries in _SUMMARIES.values() for name in summaries)
 OTHER_NAMES = {"trials": "mount"}  # commands by an old name
-MODULES = {
+_MODULES = {
     "hdassist.commands.design": ("check", "trace", "stiffness", "sweep", "compare", "report"),
     "hdassist.commands.production": ("tolerance", "sensitivity", "allocate"),
     "hdassist.commands.mount": ("mount",),
@@ -190,14 +190,14 @@ MODULES = {
     "hdassist.commands.data": ("calibrate", "presets", "doctor", "explain"),
     "hdassist.explorer.command": ("explore",),
 }
-OPTIONS: Any = {"add_completion": False, "rich_markup_mode": None}  # of each typer
-PRESETS = ("list", "show", "validate", "schema", "new")  # commands of `hdassist presets`
+_OPTIONS: Any = {"add_completion": False, "rich_markup_mode": None}  # of each typer
+_PRESETS = ("list", "show", "validate", "schema", "new")  # commands of `hdassist presets`
 
 
 def module_of(name: str) -> str:
     """Module of a command, which has a class named after it, as `CheckCommand`."""
     own = OTHER_NAMES.get(name, name)
-    return next(module for module, names in MODULES.items() if own in names)
+    return next(module for module, names in _MODULES.items() if own in names)
 
 
 @cache
@@ -206,16 +206,16 @@ def _loaded(name: str) -> Any:
     name, module = OTHER_NAMES.get(name, name), import_module(module_of(name))
     if name == "presets":
         words = "Presets: list, show, check and start them."
-        app = typer.Typer(name=name, cls=Commands, help=words, no_args_is_help=True, **OPTIONS)
-        classes = {part: f"Presets{part.title()}Command" for part in PRESETS}
+        app = typer.Typer(name=name, cls=_Commands, help=words, no_args_is_help=True, **_OPTIONS)
+        classes = {part: f"Presets{part.title()}Command" for part in _PRESETS}
     else:
-        app, classes = typer.Typer(**OPTIONS), {name: f"{name.title()}Command"}
+        app, classes = typer.Typer(**_OPTIONS), {name: f"{name.title()}Command"}
     for each, class_name in classes.items():
         app.command(each, cls=Command)(getattr(module, class_name))
     return typer.main.get_command(app)
 
 
-REMOVED_OPTIONS = {
+_REMOVED_OPTIONS = {
     "--rule": "--set acceptance.rule=simple",
     "--assume-phases": "--set phases.phi_hb=0, or what it is",
     "--samples": "--draws N",
@@ -225,7 +225,7 @@ REMOVED_OPTIONS = {
 }
 
 
-class RootCommands(Commands):
+class _RootCommands(_Commands):
     """The commands of hdassist: the one that is called is loaded, the help needs none of them."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
@@ -233,27 +233,27 @@ class RootCommands(Commands):
         names: Any = dict.fromkeys(COMMANDS)
         self.commands = names
 
-    def get_command(self, _ctx: Context, name: str) -> Any:
+    def get_command(self, _ctx: _Context, name: str) -> Any:
         """The command of a name."""
         return _loaded(name) if name in self.commands else None
 
     def rows(self) -> Iterator[Row]:
         """Commands and their summaries, with their sections."""
-        yield from ((panel, row) for panel, summaries in SUMMARIES.items() for row in summaries.items())
+        yield from ((panel, row) for panel, summaries in _SUMMARIES.items() for row in summaries.items())
 
 
 # The error of a wrong command line, click's or typer's own copy of it: only its subclasses are public.
-ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
+_ClickException: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
 # faults of the system: of a device that takes no more, or none; of resources that it has no more of
-DEVICE_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
-SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)
+_DEVICE_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+_SCARCE = (errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ENOMEM)
 # each 1: small matrices gain nothing by more, and a process with several cannot be forked
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
     name="hdassist",
     help="Kinematic error of harmonic drives, and how to make it less.",
-    cls=RootCommands,
+    cls=_RootCommands,
     invoke_without_command=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -281,20 +281,20 @@ def _global(
     hdassist COMMAND -h             a command, examples first
     """
     if ctx.invoked_subcommand is None:
-        typer.echo(start_page(shutil.get_terminal_size().columns))
+        typer.echo(_start_page(shutil.get_terminal_size().columns))
 
 
-def start_page(width: int) -> str:
+def _start_page(width: int) -> str:
     """The commands by their purpose and one example, on one screen; width in columns."""
     example = f"{bold('hdassist check vzp160')}  a first answer, about a drive of the library"
     lines = ["Kinematic error F'_ior of harmonic drives, and how to reduce it.", "", f"  {example}"]
-    for section, summaries in SUMMARIES.items():
+    for section, summaries in _SUMMARIES.items():
         rows = [row for row in summaries.items() if row[0] not in OTHER_NAMES]
         lines.append("")
         for head, (name, words) in zip([section, *[""] * (len(rows) - 1)], rows, strict=True):
-            first, *others = textwrap.wrap(words, max(20, width - SECTION_COLUMNS - NAME_COLUMNS))
-            lines.append(f"{head:{SECTION_COLUMNS}}{bold(f'{name:{NAME_COLUMNS}}')}{first}")
-            lines += [" " * (SECTION_COLUMNS + NAME_COLUMNS) + other for other in others]
+            first, *others = textwrap.wrap(words, max(20, width - _SECTION_COLUMNS - _NAME_COLUMNS))
+            lines.append(f"{head:{_SECTION_COLUMNS}}{bold(f'{name:{_NAME_COLUMNS}}')}{first}")
+            lines += [" " * (_SECTION_COLUMNS + _NAME_COLUMNS) + other for other in others]
     return "\n".join([*lines, "", "hdassist COMMAND -h has examples and options; hdassist -h those of all commands."])
 
 
@@ -307,11 +307,11 @@ def run_command_line() -> None:
     try:
         _require_lines(sys.argv[1:])
         sys.exit(app(prog_name="hdassist", standalone_mode=False))
-    except ClickException as error:
+    except _ClickException as error:
         shown = io.StringIO()
         error.show(shown)
         lines = shown.getvalue().replace(": Value error, ", ": ").replace("\nError: ", "\nerror: ")
-        hint = REMOVED_OPTIONS.get(getattr(error, "option_name", ""), "")
+        hint = _REMOVED_OPTIONS.get(getattr(error, "option_name", ""), "")
         _say(lines, hint, Fault.USAGE if "\nerror: " in lines else None)  # a group without a command shows its help
         sys.exit(error.exit_code)
     except Exception as error:  # whatever ends a command: known errors by their exit codes, the rest as a bug, 1
@@ -342,11 +342,11 @@ def _as_known(error: Exception) -> HdassistError:
         words, hint = "there is not memory enough for an answer", "fewer --jobs take less of it"
         return UntrustedError(words, hint, Fault.MEMORY_SHORT)
     number = error.errno if isinstance(error, OSError) else None
-    if number in DEVICE_FAULTS:  # typer writes help and version; files say it themselves
+    if number in _DEVICE_FAULTS:  # typer writes help and version; files say it themselves
         silence()  # or the rest of the buffer fails once more at the end
         words, hint = f"cannot write: {os.strerror(number)}", "is standard output closed, or on a full device?"
         return DataError(words, hint, Fault.FILE_UNWRITABLE)
-    if number in SCARCE:
+    if number in _SCARCE:
         words, hint = f"the system refuses: {os.strerror(number)}", "ulimit -a shows what a process may have"
         return DataError(words, hint, Fault.SYSTEM_LIMITS)
     words = f"internal error: {type(error).__name__}: {error}"

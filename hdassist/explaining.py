@@ -17,7 +17,7 @@ from hdassist.preset.fields import PresetField, field_table, plain, sections
 
 
 @dataclass(frozen=True)
-class Term:
+class _Term:
     """A word: in Russian, its meaning, other names (symbols, keys of JSON), and the unit of a quantity."""
 
     word: str
@@ -28,7 +28,7 @@ class Term:
 
 
 @dataclass(frozen=True)
-class Symbols:
+class _Symbols:
     """Symbols with one meaning: as the paper writes them, where the code has them (Markdown), in words, with unit."""
 
     paper: Sequence[str]
@@ -38,7 +38,7 @@ class Symbols:
 
 
 @dataclass(frozen=True)
-class FaultWords:
+class _FaultWords:
     """Meaning of a kind of error, and its remedy."""
 
     meaning: str
@@ -46,19 +46,19 @@ class FaultWords:
 
 
 _TABLE = tomllib.loads(files("hdassist").joinpath("explaining.toml").read_text("utf-8"))
-GROUPS: Mapping[str, Sequence[Term]] = {
-    group: tuple(Term(**each) for each in terms) for group, terms in _TABLE["terms"].items()
+GROUPS: Mapping[str, Sequence[_Term]] = {
+    group: tuple(_Term(**each) for each in terms) for group, terms in _TABLE["terms"].items()
 }
 TERMS = tuple(term for group in GROUPS.values() for term in group)
-WORDS_OF_PAGES: Mapping[tuple[str, ...], str] = {
+_WORDS_OF_PAGES: Mapping[tuple[str, ...], str] = {
     tuple(names.split(", ")): words for names, words in _TABLE["pages"].items()
 }
-SYMBOLS = tuple(Symbols(**each) for each in _TABLE["symbols"])
-FAULTS = {Fault(code): FaultWords(**each) for code, each in _TABLE["faults"].items()}
+SYMBOLS = tuple(_Symbols(**each) for each in _TABLE["symbols"])
+FAULTS = {Fault(code): _FaultWords(**each) for code, each in _TABLE["faults"].items()}
 
 
-EntryKind = Literal["check", "remark", "quantity or word", "symbol", "field", "section", "error", "option"]
-GREEK = {
+_EntryKind = Literal["check", "remark", "quantity or word", "symbol", "field", "section", "error", "option"]
+_GREEK = {
     "φ": "phi",
     "ξ": "xi",
     "δ": "delta",
@@ -69,15 +69,15 @@ GREEK = {
     "±": "plusminus",
     "″": "arcsec",
 }
-LONGEST_NAME = 60  # characters of a name that are compared with others
-LONGEST_PHRASE = 12  # words of a phrase whose parts are looked up
+_LONGEST_NAME = 60  # characters of a name that are compared with others
+_LONGEST_PHRASE = 12  # words of a phrase whose parts are looked up
 
 
 @dataclass(frozen=True)
 class Entry:
     """An explanation. names: all its names, the proper one first; facts: pairs of label and text."""
 
-    kind: EntryKind
+    kind: _EntryKind
     names: tuple[str, ...]
     words: str
     facts: tuple[tuple[str, str], ...] = ()
@@ -104,7 +104,7 @@ def _entries() -> Iterator[Entry]:
         russian = tuple(term.russian.split(", ")) if term.russian else ()
         facts = (("Russian", term.russian), ("unit", term.unit), ("also", ", ".join(term.others)))
         yield Entry("quantity or word", (term.word, *russian, *term.others), term.meaning, _given(facts))
-    for names, words in WORDS_OF_PAGES.items():
+    for names, words in _WORDS_OF_PAGES.items():
         yield Entry("quantity or word", names, words)
     for each in SYMBOLS:
         of_symbol = (("in the code", each.code.replace("`", "")), ("unit", each.unit))
@@ -134,9 +134,9 @@ def _given(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
     return tuple((label, text) for label, text in facts if text)
 
 
-def normal_spelling(name: str) -> str:
+def _normal_spelling(name: str) -> str:
     """A name without differences of spelling: case, primes, dashes, Greek letters."""
-    text = "".join(GREEK.get(letter, letter) for letter in name.lower())
+    text = "".join(_GREEK.get(letter, letter) for letter in name.lower())
     return re.sub(r"[\W_]+", "", text)
 
 
@@ -144,7 +144,7 @@ def normal_spelling(name: str) -> str:
 def _by_spelling() -> dict[str, list[Entry]]:
     by_spelling: dict[str, list[Entry]] = {}
     for entry in entries():
-        for key in dict.fromkeys(map(normal_spelling, entry.names)):
+        for key in dict.fromkeys(map(_normal_spelling, entry.names)):
             by_spelling.setdefault(key, []).append(entry)
     return by_spelling
 
@@ -152,7 +152,7 @@ def _by_spelling() -> dict[str, list[Entry]]:
 def _has_word(entry: Entry, stem: str) -> bool:
     """Whether a word without its plural's s is in the names of an entry, or in the values of its field."""
     words = re.split(r"[\s.,-]+", " ".join((*entry.names, dict(entry.facts).get("values", ""))))
-    return stem in (normal_spelling(word).removesuffix("s") for word in words)
+    return stem in (_normal_spelling(word).removesuffix("s") for word in words)
 
 
 def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry]:
@@ -161,7 +161,7 @@ def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry
     Argument: help of the options of commands, by their fields. Raises UsageError: an unknown name; its hint has the
     nearest names.
     """
-    spelling, known = normal_spelling(name), _by_spelling()
+    spelling, known = _normal_spelling(name), _by_spelling()
     stem = spelling.removesuffix("s")
     alike = known.get(spelling) or known.get(stem, [])
     exact = [entry for entry in alike if name in entry.names]
@@ -171,14 +171,14 @@ def explained(name: str, options: Mapping[str, str] | None = None) -> list[Entry
         return found
     if option := (options or {}).get(re.sub(r"\W", "_", name)):
         return [Entry("option", (name,), option.rstrip("."))]
-    words = name.split()[:LONGEST_PHRASE]
+    words = name.split()[:_LONGEST_PHRASE]
     for size in range(len(words) - 1, 0, -1):
-        parts = (normal_spelling(" ".join(words[k : k + size])) for k in range(len(words) - size + 1))
+        parts = (_normal_spelling(" ".join(words[k : k + size])) for k in range(len(words) - size + 1))
         if found := list(dict.fromkeys(entry for part in parts for entry in known.get(part, ()))):
             return found
-    near = get_close_matches(spelling[:LONGEST_NAME], known, 3, 0.6)
+    near = get_close_matches(spelling[:_LONGEST_NAME], known, 3, 0.6)
     meant = " or ".join(dict.fromkeys(known[key][0].names[0] for key in near))
     raise UsageError(
-        f"unknown name: {name[:LONGEST_NAME]}",
+        f"unknown name: {name[:_LONGEST_NAME]}",
         f"did you mean {meant}?" if meant else "hdassist explain lists all names",
     )

@@ -30,16 +30,16 @@ from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import Certificate
 from hdassist.verdict import GUARD, Verdict
 
-QUOTED_POSITIONS = 12  # of a test as makers quote it
-FEWEST_POSITIONS, MOST_A_CAM_TURN = 6, 5  # positions that are tried, from and up to
-RANDOM_STARTS, LEAST_STARTS = 256, 16  # random starts over all samples, and of each, at least
-LEAST_ARCSEC = 1e-9  # of an error: of a lesser one all is seen
-LISTED_LINES = 12  # the largest
-NEVER = Probability(0.0, 0.0, 0.0)  # of a test that sees all: no chance is in it
+_QUOTED_POSITIONS = 12  # of a test as makers quote it
+_FEWEST_POSITIONS, _MOST_A_CAM_TURN = 6, 5  # positions that are tried, from and up to
+_RANDOM_STARTS, _LEAST_STARTS = 256, 16  # random starts over all samples, and of each, at least
+_LEAST_ARCSEC = 1e-9  # of an error: of a lesser one all is seen
+_LISTED_LINES = 12  # the largest
+_NEVER = Probability(0.0, 0.0, 0.0)  # of a test that sees all: no chance is in it
 SEEN_SHARE = 0.95  # of F'_ior, that a test sees which is enough where there is no limit
-ROUGH_NOISE = 0.03  # of a composite deviation F'_i: greatest rms of single teeth; evenly from none, a guess
-ROUGH_ORDERS, ROUGH_SIZE = range(5, 13), 0.1  # around a wheel; scale of Rayleigh's law over order
-ROUGH_WHEELS, ROUGH_UM = 8, 50.0  # drawn of each kind; F'_i at which they are solved
+_ROUGH_NOISE = 0.03  # of a composite deviation F'_i: greatest rms of single teeth; evenly from none, a guess
+_ROUGH_ORDERS, _ROUGH_SIZE = range(5, 13), 0.1  # around a wheel; scale of Rayleigh's law over order
+_ROUGH_WHEELS, _ROUGH_UM = 8, 50.0  # drawn of each kind; F'_i at which they are solved
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class PlanDemands:
 
 
 @dataclass(frozen=True)
-class PlanJudgement:
+class _PlanJudgement:
     """The part of F'_ior that a plan sees: share at 5, 50 and 95 % of drives and starts.
 
     false_pass: probability that a drive passes though beyond the limit; false_fail: that it fails though within; None
@@ -133,7 +133,7 @@ class DrivesUnderTest:
     def starts(self) -> Array:
         """Where tests start, as shares of the cycle, shape (drives, starts)."""
         drives = len(self.curves)
-        return np.random.default_rng(self.seed).random((drives, max(LEAST_STARTS, RANDOM_STARTS // drives)))
+        return np.random.default_rng(self.seed).random((drives, max(_LEAST_STARTS, _RANDOM_STARTS // drives)))
 
     @cached_property
     def F_ior_arcsec(self) -> Array:
@@ -168,9 +168,9 @@ class DrivesUnderTest:
         steps, points = np.arange(plan.readings) * plan.step_turns / self.cycle_output, self.curves.shape[1]
         at = (np.rint((start[:, None] + steps) * points).astype(np.int64) % points for start in starts)
         seen = [np.ptp(curve[places], axis=1) for curve, places in zip(self.curves, at, strict=True)]
-        return np.asarray((np.array(seen) + LEAST_ARCSEC) / (self.F_ior_arcsec + LEAST_ARCSEC))
+        return np.asarray((np.array(seen) + _LEAST_ARCSEC) / (self.F_ior_arcsec + _LEAST_ARCSEC))
 
-    def judge(self, plan: ReadingPlan) -> PlanJudgement:
+    def judge(self, plan: ReadingPlan) -> _PlanJudgement:
         """The part that a plan sees, and how often its verdict is wrong."""
         demands, shares = self.demands, self.seen_shares(plan, self.starts)
         rng = np.random.default_rng(self.seed)
@@ -179,19 +179,19 @@ class DrivesUnderTest:
         noise = demands.noise_arcsec * rng.standard_normal((1 + plan.both, *shares.shape)).max(axis=0)
         sees_all = plan.sees_all(self.travel or self.cycle_output)
         if self.left_arcsec is None:
-            missed = NEVER if sees_all else self.probability(shares < SEEN_SHARE)
-            return PlanJudgement(plan, seen, None, None, self._verdict(missed.low, missed.high))
+            missed = _NEVER if sees_all else self.probability(shares < SEEN_SHARE)
+            return _PlanJudgement(plan, seen, None, None, self._verdict(missed.low, missed.high))
         read = (shares * self.F_ior_arcsec + noise) / (seen[1] if demands.corrected else 1)
         passed, good = read <= self.left_arcsec, self.F_ior_arcsec <= self.left_arcsec
         is_exact = sees_all and not demands.noise_arcsec
         false_pass, false_fail = (
-            NEVER if is_exact else self.probability(each) for each in (passed & ~good, good & ~passed)
+            _NEVER if is_exact else self.probability(each) for each in (passed & ~good, good & ~passed)
         )
         low, high = (max(getattr(each, end) for each in (false_pass, false_fail)) for end in ("low", "high"))
-        return PlanJudgement(plan, seen, false_pass, false_fail, self._verdict(low, high))
+        return _PlanJudgement(plan, seen, false_pass, false_fail, self._verdict(low, high))
 
     def test_of(
-        self, judged: PlanJudgement, run: ApproachRun, ratio: float, M_g: float, limit: float | None
+        self, judged: _PlanJudgement, run: ApproachRun, ratio: float, M_g: float, limit: float | None
     ) -> PlannedTest:
         """The test of a judged plan at a torque M_g [N*m]; ratio: cam turns an output turn; limit: with the self error.
 
@@ -276,7 +276,7 @@ class PlannedTest:
     and surely is not; passing, failing: probability of either; None without a limit.
     """
 
-    judged: PlanJudgement
+    judged: _PlanJudgement
     run: ApproachRun
     ratio: float
     M_g: float
@@ -293,7 +293,7 @@ class PlannedTest:
 
 
 @dataclass(frozen=True)
-class LineSeen:
+class _LineSeen:
     """A line of the error: how often it comes in a turn of the output and of the cam, and its share of the variance.
 
     seen_as: how often it seems to come in a test, 0 where that is blind to it.
@@ -319,10 +319,10 @@ class PlanChoice:
     M_g: float
     drives: DrivesUnderTest
     asked: bool
-    judged: tuple[PlanJudgement, ...]
-    enough: tuple[PlanJudgement, ...]
-    over_positions: tuple[PlanJudgement, ...]
-    lines: tuple[LineSeen, ...]
+    judged: tuple[_PlanJudgement, ...]
+    enough: tuple[_PlanJudgement, ...]
+    over_positions: tuple[_PlanJudgement, ...]
+    lines: tuple[_LineSeen, ...]
     samples: Samples | None
     certificate: Certificate
     verdict: Verdict
@@ -357,21 +357,21 @@ def choose_plan(
     if samples:  # F'_ior as every page has it
         weights, proof, F_ior = samples.weights, proof + samples.certificate, samples.F_ior_arcsec[:, [place]]
     curves += rough_curves(drive, torques[place], samples.values() if samples else [{}], curves.shape[1], run.seed)
-    curves *= F_ior / np.maximum(np.ptp(curves, axis=1, keepdims=True), LEAST_ARCSEC)
+    curves *= F_ior / np.maximum(np.ptp(curves, axis=1, keepdims=True), _LEAST_ARCSEC)
     cycle, ratio = lines.kinematics.cycle_cam_revolutions, abs(lines.kinematics.u)
     output, used = round(cycle / ratio), (travel_deg or drive.acceptance.travel) / 360
     drives = DrivesUnderTest(
         curves, weights, output, left[place], demands, run.seed, used if used < output - 1e-9 else None
     )
     turns = drives.travel or 1.0
-    counts = range(FEWEST_POSITIONS, round(MOST_A_CAM_TURN * ratio) + 1)
+    counts = range(_FEWEST_POSITIONS, round(_MOST_A_CAM_TURN * ratio) + 1)
     scan = tuple(drives.judge(ReadingPlan.positions(N, turns)) for N in counts)
     every = drives.travel * ratio if drives.travel else float(cycle)
     lengths = sorted(each for each in {1.0, 10.0, ratio, every} if each <= every)
     records = [drives.judge(ReadingPlan.record(each, ratio)) for each in lengths]
     fewest, shortest = ([each for each in some if each.verdict is Verdict.PASS][:1] for some in (scan, records))
     own = [drives.judge(asked)] if asked else []
-    shown = [*own, scan[QUOTED_POSITIONS - FEWEST_POSITIONS], *fewest, *records]
+    shown = [*own, scan[_QUOTED_POSITIONS - _FEWEST_POSITIONS], *fewest, *records]
     judged, enough = tuple({each.plan: each for each in shown}.values()), (*fewest, *shortest)
     seen, verdict = _lines_seen(lines, drives, judged[0].plan), [*own, *enough, records[-1]][0].verdict
     M_g, carried = torques[place], [*own, *fewest, judged[0]][0]
@@ -396,31 +396,31 @@ def rough_curves(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]
             np.array([change.get(path, drive.number(path)) for change in changes])
             for path in (f"tolerances.F_i{k}", f"tolerances.f_p{k}")
         )
-        sizes = np.where(pitch, 0.0, composite / ROUGH_UM)
+        sizes = np.where(pitch, 0.0, composite / _ROUGH_UM)
         if not sizes.any():
             continue
         errors, turn = [], 2 * np.pi * np.arange(z) / z
-        for _ in range(ROUGH_WHEELS):
-            teeth = rng.uniform(0, ROUGH_NOISE) * rng.standard_normal(z)
-            for order in ROUGH_ORDERS:
-                teeth += ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * turn - 2 * np.pi * rng.random())
-            states, rough = pitch_locked_states(kinematics, np.arange(z)), ToothDeviations(**{wheel: ROUGH_UM * teeth})
+        for _ in range(_ROUGH_WHEELS):
+            teeth = rng.uniform(0, _ROUGH_NOISE) * rng.standard_normal(z)
+            for order in _ROUGH_ORDERS:
+                teeth += _ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * turn - 2 * np.pi * rng.random())
+            states, rough = pitch_locked_states(kinematics, np.arange(z)), ToothDeviations(**{wheel: _ROUGH_UM * teeth})
             found = kinematic_error(smooth, M_g, states=states, teeth=rough, run=UNCHECKED).error_arcsec
             errors.append(found - found.mean())
         for curve, size in zip(curves, sizes, strict=True):
-            error, first = errors[rng.integers(ROUGH_WHEELS)], rng.integers(z)
+            error, first = errors[rng.integers(_ROUGH_WHEELS)], rng.integers(z)
             at = (index + first) % z
             curve += size * (error[at] * (1 - part) + error[(at + 1) % z] * part)
     return curves
 
 
-def _lines_seen(lines: ErrorLines, drives: DrivesUnderTest, plan: ReadingPlan) -> tuple[LineSeen, ...]:
+def _lines_seen(lines: ErrorLines, drives: DrivesUnderTest, plan: ReadingPlan) -> tuple[_LineSeen, ...]:
     """The largest lines of drives as a plan sees them."""
     power = np.abs(lines.amplitude) ** 2
-    whole = np.maximum(power.sum(axis=1, keepdims=True), LEAST_ARCSEC)
+    whole = np.maximum(power.sum(axis=1, keepdims=True), _LEAST_ARCSEC)
     shares = np.average(power / whole, axis=0, weights=drives.weights)
-    largest = np.argsort(-shares)[:LISTED_LINES]
+    largest = np.argsort(-shares)[:_LISTED_LINES]
     often = lines.per_cycle[largest] / drives.cycle_output
     per_cam_turn = lines.per_cycle[largest] / lines.kinematics.cycle_cam_revolutions
     columns = (often, per_cam_turn, shares[largest], plan.seen_as(often))
-    return tuple(LineSeen(*map(float, row)) for row in zip(*columns, strict=True))
+    return tuple(_LineSeen(*map(float, row)) for row in zip(*columns, strict=True))

@@ -31,7 +31,7 @@ NO_VALUE = "-"  # in a table
 _NUMERIC = re.compile(r"(?!.*[^\W\d_]{5})(?:[-+±≤≥<>]+ ?)?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)|-?$")
 
 
-UNITS_OF_NAMES = {  # by the end of a name, which is the unit in JSON: unit and format on pages
+_UNITS_OF_NAMES = {  # by the end of a name, which is the unit in JSON: unit and format on pages
     "arcsec": ("″", ".2f"),
     "deg": ("°", ".1f"),
     "Nm": ("N·m", "g"),
@@ -87,7 +87,7 @@ class Quantity(Generic[T]):
 
     @property
     def _number(self) -> tuple[str, str]:
-        return UNITS_OF_NAMES.get(self._end, ("", ""))
+        return _UNITS_OF_NAMES.get(self._end, ("", ""))
 
 
 def four_digits(value: float) -> str:
@@ -139,7 +139,7 @@ def as_object(quantities: Iterable[Quantity[T]], thing: T) -> dict[str, Any]:
     return result
 
 
-TONES = {  # of verdicts and of labels of facts; any other has none
+_TONES = {  # of verdicts and of labels of facts; any other has none
     **dict.fromkeys(("PASS", "TURN", "LEAVE", "KEEP"), "good"),
     **dict.fromkeys(("FAIL", "GO BACK"), "bad"),
     **dict.fromkeys(("INCONCLUSIVE", "BEST BET", "ANY HOLE"), "open"),
@@ -149,7 +149,7 @@ TONES = {  # of verdicts and of labels of facts; any other has none
 
 def tone_of(words: str) -> str:
     """The tone of a verdict or label, by its words before a comma or colon: good, bad, open, loud, quiet or none."""
-    return TONES.get(re.split("[,:]", words)[0], "")
+    return _TONES.get(re.split("[,:]", words)[0], "")
 
 
 def as_objects(quantities: Iterable[Quantity[T]], things: Iterable[T]) -> list[dict[str, Any]]:

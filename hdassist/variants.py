@@ -36,21 +36,21 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.through_cvxpy import CrossCheck
 from hdassist.verdict import SURE
 
-DRAWN_PAIRS = 64
-LEAST_EFFECTIVE = 0.5  # of the pairs: where fewer agree with the evidence on the second drive, samples are independent
-LEAST_WEIGHT = 1e-300  # where a sample has none it is not divided by
-SAME_ERROR = 0.005  # arcsec: a change that is less counts as none
-EQUAL_SHARE = 0.01  # of F'_ior: drives that are no further apart are equally good
-SINGLE_PAIRS = 16  # in which single fields are changed: the first, as Sobol points lie evenly from the start
-SCREENED_PAIRS = 2  # of them on which every field is tried, before the largest are searched on all
-REPORTED_FIELDS = 3
+_DRAWN_PAIRS = 64
+_LEAST_EFFECTIVE = 0.5  # of the pairs: where fewer agree with the evidence on the second drive, samples are independent
+_LEAST_WEIGHT = 1e-300  # where a sample has none it is not divided by
+_SAME_ERROR = 0.005  # arcsec: a change that is less counts as none
+_EQUAL_SHARE = 0.01  # of F'_ior: drives that are no further apart are equally good
+_SINGLE_PAIRS = 16  # in which single fields are changed: the first, as Sobol points lie evenly from the start
+_SCREENED_PAIRS = 2  # of them on which every field is tried, before the largest are searched on all
+_REPORTED_FIELDS = 3
 # have no bearing on F'_ior at a torque: loads, evidence, limits, the seat's holes, resolution of other answers,
 # uncertainties
-UNRELATED = (
+_UNRELATED = (
     "operation.M_g", "operation.rated", "catalogue.", "measured.", "acceptance.", "mounting.holes",
     "mounting.first_hole", "mounting.allowed", "numerics.n_phase", "uncertainty.",
 )  # fmt: skip
-FieldRow = tuple[ResolvedField, ...]  # a field of each drive
+_FieldRow = tuple[ResolvedField, ...]  # a field of each drive
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,26 +115,26 @@ class DrivePairs:
 
     def probabilities_less(self) -> tuple[float, ...]:
         """Probability that F'_ior is less in the second drive, by torque."""
-        return tuple(float(np.average(change < -SAME_ERROR, weights=self.weights)) for change in self._changes())
+        return tuple(float(np.average(change < -_SAME_ERROR, weights=self.weights)) for change in self._changes())
 
     def _changes(self) -> Array:
         """Changes of F'_ior [arcsec], shape (torques, samples, samples of the second)."""
         return np.asarray(self.after_arcsec.T[:, None, :] - self.before_arcsec.T[:, :, None])
 
     def _sense(self, change: Array) -> str:
-        if np.all(np.abs(change[self.weights > 0]) < SAME_ERROR):
+        if np.all(np.abs(change[self.weights > 0]) < _SAME_ERROR):
             return "the same"
         for sense, inside in (("less", change < 0), ("more", change > 0)):
             # once over the samples of each drive: of so many that chance alone could make it otherwise
             marginals = [(self.weights.sum(1 - k), (self.weights * inside).sum(1 - k)) for k in self.sampled]
-            probabilities = [probability_of(hits / np.maximum(of, LEAST_WEIGHT), of) for of, hits in marginals]
+            probabilities = [probability_of(hits / np.maximum(of, _LEAST_WEIGHT), of) for of, hits in marginals]
             if all(probability.low >= SURE for probability in probabilities) and inside.any():
                 return sense
         return UNKNOWN
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PairedPrior(DrivePrior):
+class _PairedPrior(DrivePrior):
     """The prior of a drive that is drawn beside samples of another one, as shares, shape (pairs, fields + 1)."""
 
     paired: Array
@@ -175,7 +175,7 @@ class _Believed:
 
 
 def drawn_pairs(
-    first: DesignCheck, second: DesignCheck, *, same: bool, count: int = DRAWN_PAIRS, run: Run = Run()
+    first: DesignCheck, second: DesignCheck, *, same: bool, count: int = _DRAWN_PAIRS, run: Run = Run()
 ) -> DrivePairs:
     """Pairs of the samples of two checked drives.
 
@@ -209,7 +209,7 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
     paired[:, -1] = 0  # each goes on to F'_ior
     samples, proof = other.samples, EMPTY
     if one.evidence or other.evidence or not np.array_equal(paired[:, :-1], samples.shares):
-        prior = PairedPrior(other.drive, other.prior.fields, paired=paired)
+        prior = _PairedPrior(other.drive, other.prior.fields, paired=paired)
         samples = draw_samples(
             prior, samples.torques, evidence=other.evidence, further=_no_figures, enough=lambda _: False,
             effort=SamplingEffort(1, count, count), run=run,
@@ -222,7 +222,7 @@ def _paired(one: _Believed, other: _Believed, rows: Indices, run: Run) -> DriveP
         for row, now in zip(rows[solved], figures[1], strict=True)
     ]
     weights = np.exp(np.array(gain) - max(gain))
-    if effective_number(weights) < LEAST_EFFECTIVE * count:
+    if effective_number(weights) < _LEAST_EFFECTIVE * count:
         raise UntrustedError("too few pairs agree with the evidence on both drives")
     of_one, of_other = np.full(count, 1 / count), np.zeros(count)
     of_other[solved] = weights / weights.sum()
@@ -294,7 +294,7 @@ class DrivesComparison:
     """
 
     sheets: tuple[DriveSheet, ...]
-    differing: tuple[FieldRow, ...]
+    differing: tuple[_FieldRow, ...]
     changes: tuple[DriveChanges, ...]
     certificate: Certificate
 
@@ -320,12 +320,12 @@ class DrivesComparison:
     def best(self) -> int:
         """Place of the drive with the least share at the torque that it serves worst; the first if none gains by it."""
         worst = self.shares.max(axis=1)
-        return int(worst.argmin()) if worst.min() < 1 - EQUAL_SHARE else 0
+        return int(worst.argmin()) if worst.min() < 1 - _EQUAL_SHARE else 0
 
     @property
     def word(self) -> Literal["TAKE", "KEEP", "ANY"]:
         """Whether to take another drive than the first, to keep that, or any: no drive differs by EQUAL_SHARE."""
-        return "TAKE" if self.best else "ANY" if np.all(np.abs(self.shares - 1) < EQUAL_SHARE) else "KEEP"
+        return "TAKE" if self.best else "ANY" if np.all(np.abs(self.shares - 1) < _EQUAL_SHARE) else "KEEP"
 
     @property
     def probability_best(self) -> float | None:
@@ -358,7 +358,7 @@ def at_common_torques(drives: Sequence[Drive]) -> list[Drive]:
     return moved
 
 
-def differing_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
+def differing_rows(drives: Sequence[Drive]) -> tuple[_FieldRow, ...]:
     """Fields in which drives differ, in the order of the declarations; uncertainties of fields behind them."""
     rows = list(zip(*map(resolved_fields, drives), strict=True))
     units = {row[0].path: row[0].unit for row in rows}
@@ -372,12 +372,12 @@ def differing_rows(drives: Sequence[Drive]) -> tuple[FieldRow, ...]:
 
 def differing_fields(drives: Sequence[Drive]) -> list[str]:
     """Paths of the fields in which drives differ and that may move F'_ior at a torque."""
-    return [row[0].path for row in differing_rows(drives) if not row[0].path.startswith(UNRELATED)]
+    return [row[0].path for row in differing_rows(drives) if not row[0].path.startswith(_UNRELATED)]
 
 
 def estimate_comparison(drives: Sequence[Drive], draws: int = EFFECTIVE_SAMPLES) -> int:
     """Number of states that a comparison solves, about, for a progress bar."""
-    searches = sum(DRAWN_PAIRS + SCREENED_PAIRS * len(differing_fields((drives[0], drive))) for drive in drives[1:])
+    searches = sum(_DRAWN_PAIRS + _SCREENED_PAIRS * len(differing_fields((drives[0], drive))) for drive in drives[1:])
     return sum(sheet_states(drive, draws) for drive in drives) + DRAWN_STATES * len(drives[0].operation.M_g) * searches
 
 
@@ -389,14 +389,14 @@ def compare_drives(drives: Sequence[Drive], *, draws: int = EFFECTIVE_SAMPLES, r
     """
     sheets = tuple(sheet_of(drive, draws=draws, run=run) for drive in drives)
     first, *others = (sheet.check for sheet in sheets)
-    answers = [drive_changes(first, other, pairs=min(draws, DRAWN_PAIRS), run=run) for other in others]
+    answers = [drive_changes(first, other, pairs=min(draws, _DRAWN_PAIRS), run=run) for other in others]
     changes, proofs = zip(*answers, strict=True)
     proof = sum(proofs, sum((sheet.certificate for sheet in sheets), EMPTY))
     return DrivesComparison(sheets, differing_rows(drives), changes, proof)
 
 
 def drive_changes(
-    first: DesignCheck, second: DesignCheck, *, pairs: int = DRAWN_PAIRS, run: Run = Run()
+    first: DesignCheck, second: DesignCheck, *, pairs: int = _DRAWN_PAIRS, run: Run = Run()
 ) -> tuple[DriveChanges, Certificate]:
     """Changes of F'_ior from a first drive to a second one at their torques, of all fields and of single ones alone.
 
@@ -408,7 +408,7 @@ def drive_changes(
     loads = [checked.drive.operation.M_g for checked in (first, second)]
     same = not differing and loads[0] == loads[1] and evidence_of(first.drive) == evidence_of(second.drive)
     sampled_pairs = drawn_pairs(first, second, same=same, count=pairs, run=run)
-    proof, drives = sampled_pairs.certificate, sampled_pairs.drives[:SINGLE_PAIRS]
+    proof, drives = sampled_pairs.certificate, sampled_pairs.drives[:_SINGLE_PAIRS]
     # bounds of what is unknown hang on other fields
     open_ = [field.path for field in prior_of(second.drive).fields]
     moved = [path for path in open_ if any(one.value(path) != other.value(path) for one, other in drives)]
@@ -445,8 +445,8 @@ def drive_changes(
     def largest_first(paths: Iterable[str], count: int) -> list[ErrorChange]:
         return sorted(filter(None, (alone(path, count) for path in paths)), key=lambda change: -max(change.share))
 
-    screened = [change.field for change in largest_first(paths, SCREENED_PAIRS)]
-    single = largest_first(screened[:REPORTED_FIELDS], len(drives))
+    screened = [change.field for change in largest_first(paths, _SCREENED_PAIRS)]
+    single = largest_first(screened[:_REPORTED_FIELDS], len(drives))
     undrawn = any(point.F_ior_arcsec is None for point in (*first.points, *second.points))
     rows, columns = np.nonzero(sampled_pairs.weights)
     changes = DriveChanges(

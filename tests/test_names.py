@@ -47,3 +47,39 @@ def test_texts_name_things():
     counted = Counter(word for text in texts() for word in re.findall(r"[a-z]+", text.lower()))
     share = {word: 10_000 * counted[word] / counted.total() for word in IN_PLACE_OF_A_NOUN}
     assert {word: found for word, found in share.items() if found >= IN_PLACE_OF_A_NOUN[word]} == {}
+
+
+def names_taken():
+    """Names that a module of the package, a test or a benchmark takes from another, also by a string, and those that
+    declarations and pages for contributors speak of."""
+    for text in (*PACKAGE.rglob("*.toml"), ROOT / "CONTRIBUTING.md", ROOT / "docs" / "architecture.md"):
+        yield from re.findall(r"\w+", text.read_text("utf-8"))
+    for root in (PACKAGE, ROOT / "tests", ROOT / "benchmarks"):
+        for file in root.rglob("*.py"):
+            for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+                if isinstance(node, ast.ImportFrom):
+                    yield from (alias.name for alias in node.names)
+                elif isinstance(node, ast.Attribute):
+                    yield node.attr
+                elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    yield from re.findall(r"\w+", node.value)
+
+
+def fields_of_answers(file):
+    """Classes whose names a JSON schema or the command line shows."""
+    for node in ast.parse(file.read_text("utf-8")).body:
+        if isinstance(node, ast.ClassDef):
+            bases = {base.id for base in node.bases if isinstance(base, ast.Name)}
+            if node.name.endswith("Command") or bases & {"BaseModel", "ClosedRecord", "Section"}:
+                yield node.name
+
+
+def test_what_its_module_alone_uses_is_private():
+    taken = set(names_taken())
+    alone = {
+        f"{file.relative_to(PACKAGE)}: {name}"
+        for file in PACKAGE.rglob("*.py")
+        for name in set(public_names(file)) - set(fields_of_answers(file)) - taken
+        if not name.startswith("_")
+    }
+    assert alone == set()

@@ -32,7 +32,7 @@ from hdassist.report import attributes
 from hdassist.verdict import GUARD, SEVERITY, worst
 from hdassist.version import __version__
 
-QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
+_QUARTER = 0.25  # of the limit: a test uncertainty ratio of 4 to 1
 
 
 def accept(
@@ -154,7 +154,7 @@ def _of_decisions(
 ) -> Iterator[Note]:
     """Remarks on values, on unknown inputs, and on limits without a decision."""
     for decision in decisions:
-        if decision.expanded_uncertainty is not None and decision.expanded_uncertainty > QUARTER * decision.limit:
+        if decision.expanded_uncertainty is not None and decision.expanded_uncertainty > _QUARTER * decision.limit:
             text = (
                 f"U = {decision.expanded_uncertainty:.3g} beside a limit of {decision.limit:g}, k = {COVERAGE_FACTOR:g}"
             )

@@ -35,15 +35,15 @@ from hdassist.run.kept import ClosedRecord, Count, Magnitude, RecordKind, own_sc
 from hdassist.verdict import Verdict
 from hdassist.version import __version__
 
-MOST_ANSWER_BYTES = 1_000_000_000
-ACCEPT_SCHEMA = schema_of("accept")
-NO_VERDICT = "DATA_ERROR"  # in place of a verdict, of a drive without an answer
-ERROR_CODES = tuple(kind.exit_code for kind in (HdassistError, DataError, UntrustedError))  # of a drive without one
-LOT_VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE", NO_VERDICT)
+_MOST_ANSWER_BYTES = 1_000_000_000
+_ACCEPT_SCHEMA = schema_of("accept")
+_NO_VERDICT = "DATA_ERROR"  # in place of a verdict, of a drive without an answer
+_ERROR_CODES = tuple(kind.exit_code for kind in (HdassistError, DataError, UntrustedError))  # of a drive without one
+LOT_VERDICTS = ("PASS", "FAIL", "INCONCLUSIVE", _NO_VERDICT)
 RELATIVE = 1e-6  # of the greatest number of its object: how far a number may lie off that agrees
-ROUNDING = 1e-12  # how far in any case: residuals of another processor
+_ROUNDING = 1e-12  # how far in any case: residuals of another processor
 # of the run and not of the drive; residuals are proven anew, each engine has its own
-NOT_COMPARED = (
+_NOT_COMPARED = (
     "version", "time", "request", "place", "message", "hint", "max_difference_arcsec", "engine", "max_residual",
     "residuals", "fallbacks",
 )  # fmt: skip
@@ -187,7 +187,7 @@ class AcceptAnswer(ClosedRecord):
     them. Raises ValueError for a verdict without a check, and an exit code that is not that of its verdict or error.
     """
 
-    schema: Annotated[str, own_schema(ACCEPT_SCHEMA)] = ACCEPT_SCHEMA
+    schema: Annotated[str, own_schema(_ACCEPT_SCHEMA)] = _ACCEPT_SCHEMA
     version: OneLine
     preset: PresetRecord
     exit_code: int
@@ -216,14 +216,14 @@ class AcceptAnswer(ClosedRecord):
             raise ValueError("expected either a verdict or an error")
         if self.verdict and not self.checks:
             raise ValueError("checks: expected one at least beside a verdict")
-        codes = (self.verdict.exit_code,) if self.verdict else ERROR_CODES
+        codes = (self.verdict.exit_code,) if self.verdict else _ERROR_CODES
         if self.exit_code not in codes:
             raise ValueError(f"exit_code: expected {' or '.join(map(str, codes))}, got {self.exit_code}")
 
     @property
     def status(self) -> str:
         """The verdict, or DATA_ERROR in its place."""
-        return NO_VERDICT if self.error else str(self.verdict)
+        return _NO_VERDICT if self.error else str(self.verdict)
 
 
 ANSWER = TypeAdapter(AcceptAnswer)
@@ -278,7 +278,7 @@ def lot_summary(answers: Sequence[AcceptAnswer]) -> Json:
     share = probability_by_share(counts["PASS"] / decided, decided) if decided else None
     return {
         "drives": len(answers),
-        "verdicts": {**counts, "BROKEN": counts[NO_VERDICT]},  # by its name of before too
+        "verdicts": {**counts, "BROKEN": counts[_NO_VERDICT]},  # by its name of before too
         "yield": share and {"decided": decided, "share": share.value, "low": share.low, "high": share.high},
         "confidence": CONFIDENCE,
     }
@@ -293,8 +293,8 @@ def read_answers(path: str) -> list[AcceptAnswer]:
     with opened(path) as stream:
         while part := stream.read(PART):
             data += part
-            if b"\0" in part or len(data) > MOST_ANSWER_BYTES:  # a device may never end
-                raise DataError(f"{file}: a binary file, or larger than {MOST_ANSWER_BYTES / 1e6:g} MB", hint)
+            if b"\0" in part or len(data) > _MOST_ANSWER_BYTES:  # a device may never end
+                raise DataError(f"{file}: a binary file, or larger than {_MOST_ANSWER_BYTES / 1e6:g} MB", hint)
     if (kept := read_kept(bytes(data), file, ANSWERS)) is not None:
         return kept
     try:
@@ -369,7 +369,7 @@ def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[Differ
     if bool(recorded.error) != bool(now.error):
         errors = (answer.error and answer.error.message for answer in (recorded, now))
         return [Difference("verdict", recorded.status, now.status), Difference("error", *errors)]
-    return list(differences(_by_check(recorded), _by_check(now)))
+    return list(_differences(_by_check(recorded), _by_check(now)))
 
 
 def _by_check(answer: AcceptAnswer) -> Json:
@@ -379,16 +379,16 @@ def _by_check(answer: AcceptAnswer) -> Json:
     return fields | {"checks": dict(zip(names, fields["checks"], strict=True))}
 
 
-def differences(recorded: Any, now: Any, key: str = "", allowed: float = ROUNDING) -> Iterator[Difference]:
+def _differences(recorded: Any, now: Any, key: str = "", allowed: float = _ROUNDING) -> Iterator[Difference]:
     """Differences of two JSON values, but for NOT_COMPARED; key, of both; allowed, how far numbers may lie apart."""
     then, comes = (dict(enumerate(value)) if isinstance(value, list) else value for value in (recorded, now))
     if isinstance(then, dict) and isinstance(comes, dict):
         numbers = [abs(number) for number in (*then.values(), *comes.values()) if isinstance(number, float)]
-        within = max([ROUNDING, *(RELATIVE * number for number in numbers)])
+        within = max([_ROUNDING, *(RELATIVE * number for number in numbers)])
         for name in dict.fromkeys([*then, *comes]):
-            if name not in NOT_COMPARED:
+            if name not in _NOT_COMPARED:
                 inner = f"{key}.{name}".removeprefix(".")
-                yield from differences(then.get(name), comes.get(name), inner, within)
+                yield from _differences(then.get(name), comes.get(name), inner, within)
     elif isinstance(recorded, float) and isinstance(now, float):
         if abs(recorded - now) > allowed:
             yield Difference(key, recorded, now)

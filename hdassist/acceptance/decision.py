@@ -49,12 +49,12 @@ from hdassist.solve.through_cvxpy import CrossCheck
 from hdassist.verdict import GUARD, SURE, Verdict, percent_text, verdict_by_probability
 
 OF_TRAVEL = "predicted over the full cycle: less may come in acceptance.travel, which a record shows"
-Basis = Literal["measured", "stated", "predicted"]
+_Basis = Literal["measured", "stated", "predicted"]
 Rule = Literal["guard", "simple"]
 
 
 @dataclass(frozen=True)
-class PredictedQuantities:
+class _PredictedQuantities:
     """Errors over the full cycle and self errors of a drive by torque [N*m], and its stiffness.
 
     Empty where no limit needs them.
@@ -90,7 +90,7 @@ class PredictedQuantities:
 
 
 # values of checks by their code, from quantities, torque [N*m] and order per cam turn (0 where the limit is for none)
-PREDICTED: dict[str, Callable[[PredictedQuantities, float, float], float]] = {
+PREDICTED: dict[str, Callable[[_PredictedQuantities, float, float], float]] = {
     "F_IOR": lambda of, M_g, _: float(np.ptp(of.errors[M_g].error_arcsec)) + of.self_errors[M_g].range_arcsec,
     "TURN_RANGE": lambda of, M_g, _: turn_range_arcsec(of.errors[M_g]),
     "SELF_ERROR": lambda of, M_g, _: of.self_errors[M_g].range_arcsec,
@@ -124,7 +124,7 @@ class Predictions(DesignCheck):
     """
 
     limits: tuple[Limit, ...]
-    quantities: PredictedQuantities
+    quantities: _PredictedQuantities
     sure: float = SURE
 
     @property
@@ -174,11 +174,11 @@ def quantities(
     error_of: Callable[[float], KinematicError | EstimatedCycle],
     *,
     run: Run = Run(),
-) -> PredictedQuantities:
+) -> _PredictedQuantities:
     """Quantities that limits need, at the numbers of the preset; error_of gives the error over the cycle by torque."""
     cycles, own_at = torques_of(limits, "cycle"), torques_of(limits, "self error")
     twists = any("stiffness" in limit.check.needs for limit in limits)
-    known = PredictedQuantities(
+    known = _PredictedQuantities(
         Kinematics.of(drive),
         dict(zip(cycles, run.map(error_of, cycles), strict=True)),
         dict(zip(own_at, self_error(drive, own_at, run=run.of_task) if own_at else (), strict=True)),
@@ -272,7 +272,7 @@ class AcceptedValue(ClosedRecord):
 
     value: float | None = None
     expanded_uncertainty: float | None = None
-    basis: Basis | None = None
+    basis: _Basis | None = None
     extent: Extent | None = None
     rise: float = 0.0
     unstated: tuple[str, ...] = ()

@@ -21,14 +21,14 @@ from hdassist.preset.fields import Acceptance, Drive, FieldKind
 from hdassist.preset.text import OVERRIDE
 from hdassist.run.kept import ClosedRecord
 
-Need = Literal["cycle", "self error", "stiffness"]
+_Need = Literal["cycle", "self error", "stiffness"]
 Extent = Literal["whole", "at least", "at most", "part", "not known"]
 Option = Literal["--limit", "--value"]
-ValueT = TypeVar("ValueT", float, Array)
+_ValueT = TypeVar("_ValueT", float, Array)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Explained:
+class _Explained:
     """An entry with a code: its name, its test, the fault, and its remedy."""
 
     code: str
@@ -39,7 +39,7 @@ class Explained:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Check(Explained):
+class Check(_Explained):
     """A value held against a limit of the preset.
 
     field: of the preset's section acceptance, which has the limit; its kind says whom the limit is for. needs: figures
@@ -49,7 +49,7 @@ class Check(Explained):
     """
 
     field: str
-    needs: Sequence[Need] = ()
+    needs: Sequence[_Need] = ()
     of_trace: bool = False
     of_part: Extent = "at least"
     upper: bool = True
@@ -67,18 +67,18 @@ class Check(Explained):
 
 _TABLE = tomllib.loads(files("hdassist.acceptance").joinpath("checks.toml").read_text("utf-8"))
 CHECKS = tuple(Check(code=code, **declared) for code, declared in _TABLE["checks"].items())
-CODES: dict[str, Explained] = {check.code: check for check in CHECKS} | {
-    code: Explained(code=code, **words) for code, words in _TABLE["remarks"].items()
+CODES: dict[str, _Explained] = {check.code: check for check in CHECKS} | {
+    code: _Explained(code=code, **words) for code, words in _TABLE["remarks"].items()
 }
 F_IOR, ORDER_CHECK = (next(check for check in CHECKS if check.code == code) for code in ("F_IOR", "ORDER"))
 
-ORDER_PREFIX = "order_"
-LIMIT_KINDS = {check.field: check.kind for check in CHECKS if check != ORDER_CHECK}
-HINT = f"NAME one of {', '.join(LIMIT_KINDS)}, or order_2 and so on"
-USE: dict[Option, str] = {"--limit": "[NAME[@TORQUE]=]VALUE", "--value": "NAME[@TORQUE]=VALUE±U"}
-_PER_TORQUE = "|".join(name for name, kind in LIMIT_KINDS.items() if kind == "limits")
-_OF_DRIVE = "|".join(name for name, kind in LIMIT_KINDS.items() if kind == "number")
-LIMIT_NAME = re.compile(rf"(?:{ORDER_PREFIX}({NUMBER})|{_PER_TORQUE})(?:@({NUMBER}))?|{_OF_DRIVE}")
+_ORDER_PREFIX = "order_"
+_LIMIT_KINDS = {check.field: check.kind for check in CHECKS if check != ORDER_CHECK}
+_HINT = f"NAME one of {', '.join(_LIMIT_KINDS)}, or order_2 and so on"
+_USE: dict[Option, str] = {"--limit": "[NAME[@TORQUE]=]VALUE", "--value": "NAME[@TORQUE]=VALUE±U"}
+_PER_TORQUE = "|".join(name for name, kind in _LIMIT_KINDS.items() if kind == "limits")
+_OF_DRIVE = "|".join(name for name, kind in _LIMIT_KINDS.items() if kind == "number")
+LIMIT_NAME = re.compile(rf"(?:{_ORDER_PREFIX}({NUMBER})|{_PER_TORQUE})(?:@({NUMBER}))?|{_OF_DRIVE}")
 _OVERRIDE = re.compile(rf"^{OVERRIDE}:(\d+):\d+: (?:\S+: )?", re.MULTILINE)
 
 
@@ -112,10 +112,10 @@ class Limit(ClosedRecord):
         torque = "" if self.M_g_Nm is None else f"{self.M_g_Nm:g}"
         if self.check.of_trace and torque:
             return f"--measured {torque}=FILE"
-        name = self.check.field if self.per_cam_rev is None else f"{ORDER_PREFIX}{self.per_cam_rev:g}"
+        name = self.check.field if self.per_cam_rev is None else f"{_ORDER_PREFIX}{self.per_cam_rev:g}"
         return f"--value {name}{torque and f'@{torque}'}=VALUE±U"
 
-    def room(self, value: ValueT) -> ValueT:
+    def room(self, value: _ValueT) -> _ValueT:
         """Room that a value or an array of values leaves to the limit, in the unit of the check: negative beyond it."""
         return self.limit - value if self.check.upper else value - self.limit
 
@@ -182,7 +182,7 @@ class LimitText:
             name, value = F_IOR.field, name
         match = LIMIT_NAME.fullmatch(name)
         if not (match and value):
-            raise UsageError(f"invalid {option} {text}: expected {USE[option]}", HINT)
+            raise UsageError(f"invalid {option} {text}: expected {_USE[option]}", _HINT)
         return cls(name, value, *(float(number) if number else None for number in match.groups()))
 
     @property
@@ -196,7 +196,7 @@ class LimitText:
     @property
     def override(self) -> str:
         """The limit as an override of the preset: the same checks, the same errors."""
-        key = self.name.removeprefix(ORDER_PREFIX) if self.order is not None else self.name.partition("@")[2]
+        key = self.name.removeprefix(_ORDER_PREFIX) if self.order is not None else self.name.partition("@")[2]
         return f"{'.'.join(filter(None, ('acceptance', self.field, key)))}={self.text}"
 
     def limit_of(self, limits: Sequence[Limit]) -> Limit:

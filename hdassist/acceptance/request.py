@@ -49,11 +49,11 @@ from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import Run
 from hdassist.verdict import SURE
 
-TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
-MARK_COLUMNS = ("mark_b", "mark_g")
-FILE_COLUMNS = ("preset", "pitch_b", "pitch_g", "measured")
-PLAIN_COLUMNS = ("serial", *FILE_COLUMNS[:3], *MARK_COLUMNS)
-LISTS = ("overrides", "limits", "measured", "values")  # fields of a request that cells are added to
+_TABLES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
+_MARK_COLUMNS = ("mark_b", "mark_g")
+_FILE_COLUMNS = ("preset", "pitch_b", "pitch_g", "measured")
+_PLAIN_COLUMNS = ("serial", *_FILE_COLUMNS[:3], *_MARK_COLUMNS)
+_LISTS = ("overrides", "limits", "measured", "values")  # fields of a request that cells are added to
 _LIMIT = re.compile(r"limits?[\s:_]+(.+)", re.IGNORECASE)
 _MEASURED = re.compile(r"measured(?:\s*@\s*(.+))?", re.IGNORECASE)
 _UNUSED = re.compile(r"#|note", re.IGNORECASE)
@@ -280,12 +280,12 @@ class Lot:
     rows: tuple[LotRow, ...]
 
 
-Column = tuple[str, str]  # the field of a request (or of its wheels) that a column gives, and the text before a cell
+_Column = tuple[str, str]  # the field of a request (or of its wheels) that a column gives, and the text before a cell
 
 
 def is_lot(path: str) -> bool:
     """Whether an argument is a lot: a file with the name of a table."""
-    return path.lower().endswith(TABLES)
+    return path.lower().endswith(_TABLES)
 
 
 def read_lot(path: str, base: Request) -> Lot:
@@ -303,10 +303,10 @@ def read_lot(path: str, base: Request) -> Lot:
     return Lot(table.file, table.sha256, tuple(rows))
 
 
-def _columns(table: CellTable) -> list[Column | None]:
+def _columns(table: CellTable) -> list[_Column | None]:
     """Columns of a table; None for those that are not used. Raises PresetError: every name that cannot be meant."""
     findings: list[Finding] = []
-    columns: list[Column | None] = []
+    columns: list[_Column | None] = []
     for name in table.names:
         try:
             column = _column(name.text) if name.text and not _UNUSED.match(name.text) else None
@@ -325,9 +325,9 @@ def _columns(table: CellTable) -> list[Column | None]:
     return columns
 
 
-def _column(name: str) -> Column:
+def _column(name: str) -> _Column:
     """The field that a column gives. Raises InvalidValueError: none."""
-    if name.lower() in PLAIN_COLUMNS:
+    if name.lower() in _PLAIN_COLUMNS:
         return name.lower(), ""
     if at := _MEASURED.fullmatch(name):
         if at[1] and not is_number(at[1]):
@@ -339,7 +339,7 @@ def _column(name: str) -> Column:
             return gives, f"{text.strip()}="
     if ".".join(map(str, path_of(name)[:2])) in field_table():
         return "overrides", f"{name}="
-    known = [*PLAIN_COLUMNS, "measured", *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
+    known = [*_PLAIN_COLUMNS, "measured", *field_table(), "F_ior@80", "limit F_ior@80", "measured@80"]
     hint = (
         REMOVED.get(name)
         or near_miss(name, known)
@@ -349,7 +349,7 @@ def _column(name: str) -> Column:
 
 
 def _row(
-    table: CellTable, columns: Sequence[Column | None], place: int, base: Request, first: dict[str, int]
+    table: CellTable, columns: Sequence[_Column | None], place: int, base: Request, first: dict[str, int]
 ) -> LotRow:
     """One row by its place; first: line in which each serial stood first, which is added to."""
     line, cells = table.rows[place]
@@ -368,20 +368,20 @@ def _row(
         if not cell.text or column is None:
             continue
         gives, start = column
-        text = cell.text if gives in ("serial", *FILE_COLUMNS) else table.with_points(cell.text)
+        text = cell.text if gives in ("serial", *_FILE_COLUMNS) else table.with_points(cell.text)
         if gives == "measured" and not start:
             torque, text = torque_and_file(text)
             start = f"{torque}=" if torque else ""
-        if gives in FILE_COLUMNS:
+        if gives in _FILE_COLUMNS:
             if text == "-":
                 wrong(cell.column, name, "a row cannot read standard input", "-", "name a file")
             elif gives != "preset" or text not in preset_names():
                 text = str(folder / text)
-        elif gives in MARK_COLUMNS and not is_number(text):
+        elif gives in _MARK_COLUMNS and not is_number(text):
             wrong(cell.column, name, "must be an angle in deg", cell.text)
             continue
-        given[gives] = (*given.get(gives, getattr(base, gives)), start + text) if gives in LISTS else text
-        called = text if gives in FILE_COLUMNS else f"--{gives.replace('_', '-')}" if not start else start + text
+        given[gives] = (*given.get(gives, getattr(base, gives)), start + text) if gives in _LISTS else text
+        called = text if gives in _FILE_COLUMNS else f"--{gives.replace('_', '-')}" if not start else start + text
         named.setdefault(called, (f"{table.file}:{line}:{cell.column}: {shown(name)}", cell.text))
     if not given["serial"]:
         wrong(1, "serial", "missing", hint="each drive needs its serial; without the column its line is its name")
@@ -389,7 +389,7 @@ def _row(
     elif first.setdefault(given["serial"], line) != line:
         words = f"stands in line {first[given['serial']]} too"
         wrong(1, "serial", words, given["serial"], "one row for each drive")
-    given |= {mark: float(given[mark]) for mark in MARK_COLUMNS if mark in given}
+    given |= {mark: float(given[mark]) for mark in _MARK_COLUMNS if mark in given}
     wheels = {option.name: given.pop(option.name) for option in fields(WheelFiles) if option.name in given}
     request = replace(base, **given, wheels=replace(base.wheels, **wheels))
     if not request.preset:

@@ -60,10 +60,10 @@ from hdassist.solve.answers import EMPTY, Certificate, Residual
 from hdassist.solve.formulation import formulate
 from hdassist.solve.walk import digits_depend_on
 
-KEPT_SAMPLES = "samples"
-KeptProof = tuple[Count, Residual, Residual, Residual, Residual, Count]
-NO_STATES: KeptProof = astuple(EMPTY)
-ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
+_KEPT_SAMPLES = "samples"
+_KeptProof = tuple[Count, Residual, Residual, Residual, Residual, Count]
+_NO_STATES: _KeptProof = astuple(EMPTY)
+_ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
 
 
 @dataclass(frozen=True)
@@ -80,10 +80,10 @@ class Draw(ClosedRecord):
     F_ior_arcsec: tuple[Magnitude, ...] | None = None
     turned_arcsec: tuple[tuple[Magnitude, ...], ...] | None = None
     weight: Magnitude = 0.0
-    shares: tuple[ShareOfOne, ...] = ()
-    proof: KeptProof = NO_STATES
+    shares: tuple[_ShareOfOne, ...] = ()
+    proof: _KeptProof = _NO_STATES
     follows: Mapping[str, Number] = field(default_factory=dict)
-    turned_proof: KeptProof = NO_STATES
+    turned_proof: _KeptProof = _NO_STATES
 
     @property
     def certificate(self) -> Certificate:
@@ -94,7 +94,7 @@ class Draw(ClosedRecord):
     def without_turns(self) -> Draw:
         """The same draw as it is where no turns are asked for."""
         no_turns = self.turned_arcsec and ((),) * len(self.turned_arcsec)
-        return replace(self, turned_arcsec=no_turns, turned_proof=NO_STATES)
+        return replace(self, turned_arcsec=no_turns, turned_proof=_NO_STATES)
 
 
 _DRAWS = TypeAdapter(list[Draw])
@@ -102,9 +102,9 @@ _DRAWS = TypeAdapter(list[Draw])
 
 FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
 UnderWay = dict[int, Future[list[Draw]]]  # draws by their number
-FEW_PROCESSES = 4  # that wait so little at the end of a batch that no draw is begun which may not be needed
+_FEW_PROCESSES = 4  # that wait so little at the end of a batch that no draw is begun which may not be needed
 KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
-SHOWN_DIGITS = 6  # of an arcsec: the last ones hang on how many positions are computed at once
+_SHOWN_DIGITS = 6  # of an arcsec: the last ones hang on how many positions are computed at once
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class Sampling:
 
     def kept(self) -> list[Draw]:
         """The draws that are kept, from the first on; none where not all of them are draws."""
-        data = cached(KEPT_SAMPLES, self.key) if self._may_be_kept else None
+        data = cached(_KEPT_SAMPLES, self.key) if self._may_be_kept else None
         with suppress(ValueError, RecursionError):
             return _DRAWS.validate_python(json.loads(data or b"[]"))
         return []
@@ -153,7 +153,7 @@ class Sampling:
         """Keep draws, from the first on; those with turns also as draws without, where more than are kept so."""
         if self._may_be_kept:
             with suppress(ValueError):  # a number that is none
-                keep(KEPT_SAMPLES, self.key, json.dumps(_DRAWS.dump_python(list(draws)), allow_nan=False).encode())
+                keep(_KEPT_SAMPLES, self.key, json.dumps(_DRAWS.dump_python(list(draws)), allow_nan=False).encode())
         alone = replace(self, rotations_deg=())
         if self.rotations_deg and len(alone.kept()) < len(draws):
             alone.keep([each.without_turns for each in draws])
@@ -189,7 +189,7 @@ class Sampling:
         """
         pilot = [each.figures for each in draws[:: self.alike][:PILOT_DRAWS]]
         fresh = first // self.alike, -(-last // self.alike)
-        if run.executor and run.at_a_time > FEW_PROCESSES and self.alike == 1:
+        if run.executor and run.at_a_time > _FEW_PROCESSES and self.alike == 1:
             most = min(most, PILOT_DRAWS) if first < PILOT_DRAWS else most
             begin, end = max(ahead, default=first - 1) + 1, min(last + run.at_a_time, most)
             if begin < end:
@@ -280,7 +280,7 @@ class Sampling:
         every = np.append(np.column_stack([F_ior, turned]), there)[None]
         spreads, alike = kind.spreads(stated, y)[None], kernel(turns, turns) * np.equal.outer(loads, loads)
         shown, _ = errors_of_drive(every, y, (kind.misfit * mean) ** 2, spreads, alike, (of_scale, misfit, noise))
-        shown = np.round(shown, SHOWN_DIGITS).reshape(len(self.torques), -1)
+        shown = np.round(shown, _SHOWN_DIGITS).reshape(len(self.torques), -1)
         return shown[:, 0], shown[:, 1:]
 
 

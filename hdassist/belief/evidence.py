@@ -29,11 +29,11 @@ from hdassist.solve.answers import Certificate
 from hdassist.solve.formulation import Formulation
 
 FREEDOM = 4.0  # degrees of freedom of Student's t
-MEAN_OF_TYPE = 0.15  # of a catalogue's stiffness, in the logarithm: drives of a type, and the model's misfit
-WHOLE_FLANKS = 0.30  # of K_1 with flanks that bear as a whole (numerics.stations 1)
-MISFIT = 0.10  # of values measured on the drive: the model's alone
+_MEAN_OF_TYPE = 0.15  # of a catalogue's stiffness, in the logarithm: drives of a type, and the model's misfit
+_WHOLE_FLANKS = 0.30  # of K_1 with flanks that bear as a whole (numerics.stations 1)
+_MISFIT = 0.10  # of values measured on the drive: the model's alone
 SOFT_EDGE = 0.25  # of a limit that every sold drive keeps
-NO_PLAY = 2.0  # arcsec: misfit of lost motion and play where there is hardly any
+_NO_PLAY = 2.0  # arcsec: misfit of lost motion and play where there is hardly any
 
 SEGMENT_STIFFNESSES = ("K_1", "K_2", "K_3")  # N*m/rad
 STIFFNESS_FIGURES = (*SEGMENT_STIFFNESSES, "lost_motion", "play")  # the last two in arcsec
@@ -76,7 +76,7 @@ def evidence_of(drive: Drive, *, of_type: bool = False) -> tuple[Evidence, ...]:
     A catalogue's stiffnesses are means of the type; its lost motion and accuracy are limits that are kept. of_type:
     evidence on all drives of the type, of which this one shows the stiffness, but not their clearances and deviations.
     """
-    whole = {"K_1": WHOLE_FLANKS} if drive.numerics.stations == 1 else {}
+    whole = {"K_1": _WHOLE_FLANKS} if drive.numerics.stations == 1 else {}
 
     def uncertainty(path: str) -> float:
         return drive.uncertainty.get(path, 0.0) / 2
@@ -88,13 +88,13 @@ def evidence_of(drive: Drive, *, of_type: bool = False) -> tuple[Evidence, ...]:
         if value is None:
             continue
         if name in SEGMENT_STIFFNESSES:
-            usual = MEAN_OF_TYPE if of_catalogue or of_type else MISFIT
+            usual = _MEAN_OF_TYPE if of_catalogue or of_type else _MISFIT
             spread = np.hypot(whole.get(name, usual), uncertainty(path) / value)
             found.append(Evidence(path, name, value, float(spread)))
         elif of_catalogue:
             found.append(Evidence(path, name, value, SOFT_EDGE, "limit"))
         elif not of_type:
-            spread = np.hypot(max(MISFIT * value, NO_PLAY), uncertainty(path))
+            spread = np.hypot(max(_MISFIT * value, _NO_PLAY), uncertainty(path))
             found.append(Evidence(path, name, value, float(spread), "difference"))
     return (*found, *(() if of_type else measured_errors(drive)))
 
@@ -143,13 +143,13 @@ def values_of_errors(errors: Sequence[Evidence]) -> tuple[Array, Array, Array]:
 SCALE = 0.10  # standard deviation of the drive's F'_ior over the model's, assumed
 LENGTH = 0.6  # rad of the seat over which a misfit is alike, as of drives that differ in stiffness (benchmarks.misfit)
 MISFITS = (0.0, 0.02, 0.04, 0.08)  # standard deviation of it as a share of the mean F'_ior, all alike likely; as there
-SMOOTH_ORDERS = 16  # of the Fourier series of a misfit over the seat: the next would be 1e-11
-SMOOTH_NUMBERS = 2 * SMOOTH_ORDERS + 1
+_SMOOTH_ORDERS = 16  # of the Fourier series of a misfit over the seat: the next would be 1e-11
+SMOOTH_NUMBERS = 2 * _SMOOTH_ORDERS + 1
 LEAST_SHOWN = 0.1  # of the model's F'_ior, that a drive has at least
 MISREAD = 0.03  # probability of a value to be misread; of several values one is at most
 MISREAD_SHARE = 0.3  # standard deviation of a misread value, as a share of it
-UNSHOWN = 18.0  # squared standard deviations beyond which a sample does not show F'_ior as measured
-ANY_TWO = 3  # values: of no more, none is left out as misread, for the two that agree may do so by chance
+_UNSHOWN = 18.0  # squared standard deviations beyond which a sample does not show F'_ior as measured
+_ANY_TWO = 3  # values: of no more, none is left out as misread, for the two that agree may do so by chance
 
 
 def kernel(a_deg: Sequence[float], b_deg: Sequence[float]) -> Array:
@@ -164,7 +164,7 @@ def smooth_misfits(rotations_deg: Sequence[float], normals: Array) -> Array:
     The Fourier series of the kernel, exp((cos d - 1)/LENGTH^2) = sum of exp(-k) I_n(k) cos(n d), k = 1/LENGTH^2: so the
     misfit in a position is the same whatever other positions are looked at.
     """
-    order, angles = np.arange(SMOOTH_ORDERS + 1)[:, None], np.radians(rotations_deg)
+    order, angles = np.arange(_SMOOTH_ORDERS + 1)[:, None], np.radians(rotations_deg)
     size = np.sqrt(ive(order, LENGTH**-2) * np.where(order, 2, 1))
     series = np.vstack([size * np.cos(order * angles), (size * np.sin(order * angles))[1:]])
     return np.asarray((normals[:, :, None] * series).sum(axis=1))  # one position after the other, to the last digit
@@ -239,11 +239,11 @@ def log_likelihoods(
     rows = []
     for each in kinds:
         variance = (each.misfit**2 + read_error**2) * mean**2
-        rows.append(each.log_share + likelihood_of_errors(f, y, each.spreads(stated, y), variance, correlation)[1])
+        rows.append(each.log_share + _likelihood_of_errors(f, y, each.spreads(stated, y), variance, correlation)[1])
     return np.array(rows)
 
 
-def likelihood_of_errors(
+def _likelihood_of_errors(
     f: Array, y: Array, spreads: Array, variance: Array, correlation: Array
 ) -> tuple[Array, Array]:
     """How far measured F'_ior lies off that of samples, squared, in standard deviations, and the log likelihood.
@@ -281,10 +281,10 @@ def require_shown(names: Sequence[str], f: Array, y: Array, spreads: Array, corr
 
     def nearest(some: list[int]) -> float:
         own = correlation[np.ix_(some, some)]
-        return float(likelihood_of_errors(f[:, some], y[some], spreads[some], variance, own)[0].min())
+        return float(_likelihood_of_errors(f[:, some], y[some], spreads[some], variance, own)[0].min())
 
-    without = [[k for k in every if k != left] for left in every] if len(y) > ANY_TWO else [list(every)]
-    if min(map(nearest, without)) > UNSHOWN:
+    without = [[k for k in every if k != left] for left in every] if len(y) > _ANY_TWO else [list(every)]
+    if min(map(nearest, without)) > _UNSHOWN:
         rows = zip(names, y, f.min(axis=0), f.max(axis=0), strict=True)
         words = "; ".join(f"{name} = {value:g}, drawn {low:.4g} to {high:.4g}" for name, value, low, high in rows)
         raise UntrustedError(f"no draw shows F'_ior as measured, ″: {words}", hint)

@@ -22,10 +22,10 @@ from hdassist.belief.statistics import effective_number, log_error
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import DEVIATIONS
 
-CHANCE_OF_INFLUENCE = 0.05  # of any group at all to enter where none has an influence
+_CHANCE_OF_INFLUENCE = 0.05  # of any group at all to enter where none has an influence
 # what single teeth do depends on all of these together, not on one: columns of them would be chance
-ONE_OF_MANY = frozenset(each.direction for each in DEVIATIONS if each.kind == "pitch")
-INDEPENDENT = 1e-8  # of a column's length, below which the part of it that is new is rounding
+_ONE_OF_MANY = frozenset(each.direction for each in DEVIATIONS if each.kind == "pitch")
+_INDEPENDENT = 1e-8  # of a column's length, below which the part of it that is new is rounding
 
 
 @dataclass(frozen=True)
@@ -46,11 +46,11 @@ def influences(samples: Samples, torque: int) -> tuple[Influence, ...]:
 
 def influences_on(samples: Samples, y: Array) -> tuple[Influence, ...]:
     """Shares of the variance of another result of the samples, shape (samples,), the largest first."""
-    groups = {name: columns_of(samples, samples.shares, name) for name in groups_of(samples)}
+    groups = {name: columns_of(samples, samples.shares, name) for name in _groups_of(samples)}
     return shares_of_variance(groups, y, samples.weights)
 
 
-def groups_of(samples: Samples) -> tuple[str, ...]:
+def _groups_of(samples: Samples) -> tuple[str, ...]:
     """Groups of the fields of samples, by path, in the order of the preset."""
     return tuple(dict.fromkeys(each.group for each in samples.prior.fields))
 
@@ -68,7 +68,7 @@ def columns_of(samples: Samples, shares: Array, group: str) -> Array:
             columns += [x, x**2]
             size = shares[:, k] if each.path == group else size
     for k, each in enumerate(samples.prior.fields):
-        if each.group == group and each.is_any_direction and each.path not in ONE_OF_MANY:
+        if each.group == group and each.is_any_direction and each.path not in _ONE_OF_MANY:
             turn = 2 * np.pi * shares[:, k]
             columns += [size * np.cos(turn), size * np.sin(turn)]
     return np.array(columns).reshape(-1, len(shares)).T
@@ -78,34 +78,34 @@ def shares_of_variance(groups: Mapping[str, Array], y: Array, weights: Array) ->
     """Shares of the weighted variance of y, shape (samples,), that groups of columns add, the largest first."""
     root = np.sqrt(weights / weights.sum())[:, None]
     basis = root / np.linalg.norm(root)
-    rest = orthogonal_to(basis, root * y[:, None])
+    rest = _orthogonal_to(basis, root * y[:, None])
     whole, free = float(np.sum(rest**2)), effective_number(weights) - 1
     if whole <= 1e-18:
         return ()
     left = {name: root * columns for name, columns in groups.items()}
     found: list[Influence] = []
     while left:
-        candidates = {name: explained_by(columns, basis, rest, free) for name, columns in left.items()}
+        candidates = {name: _explained_by(columns, basis, rest, free) for name, columns in left.items()}
         best = min((chance, -gain, name) for name, (_, gain, chance) in candidates.items())[2]
         directions, gain, chance = candidates[best]
-        if chance > CHANCE_OF_INFLUENCE / len(groups):
+        if chance > _CHANCE_OF_INFLUENCE / len(groups):
             break
         found.append(Influence(best, gain / whole))
         basis = np.hstack([basis, directions])
-        rest = orthogonal_to(basis, rest)
+        rest = _orthogonal_to(basis, rest)
         free -= directions.shape[1]
         del left[best]
     return tuple(sorted(found, key=lambda each: -each.share))
 
 
-def explained_by(columns: Array, basis: Array, rest: Array, free: float) -> tuple[Array, float, float]:
+def _explained_by(columns: Array, basis: Array, rest: Array, free: float) -> tuple[Array, float, float]:
     """New directions of columns beside a basis, shares explained of the squares of a rest, and probability by chance.
 
     The share is less that of as many columns of chance; the probability is that of chance alone explaining
     as much (F test). Argument: free, degrees of freedom of the rest.
     """
-    u, size, _ = np.linalg.svd(orthogonal_to(basis, columns), full_matrices=False)
-    directions = u[:, size > INDEPENDENT * np.linalg.norm(columns)]
+    u, size, _ = np.linalg.svd(_orthogonal_to(basis, columns), full_matrices=False)
+    directions = u[:, size > _INDEPENDENT * np.linalg.norm(columns)]
     count, remaining = directions.shape[1], float(np.sum(rest**2))
     if count == 0 or free - count < 1:
         return directions, 0.0, 1.0
@@ -114,7 +114,7 @@ def explained_by(columns: Array, basis: Array, rest: Array, free: float) -> tupl
     return directions, gain - count * left, float(fdtrc(count, free - count, gain / count / left))
 
 
-def orthogonal_to(basis: Array, columns: Array) -> Array:
+def _orthogonal_to(basis: Array, columns: Array) -> Array:
     """The part of columns that is orthogonal to a basis."""
     return columns - basis @ (basis.T @ columns)
 
@@ -132,7 +132,7 @@ def measurements(samples: Samples, torque: int) -> tuple[MeasurementGain, ...]:
 
     Each is taken as the only one, and as exact: a group of fields, or a stiffness that was not measured yet.
     """
-    columns = {name: columns_of(samples, samples.shares, name) for name in groups_of(samples)}
+    columns = {name: columns_of(samples, samples.shares, name) for name in _groups_of(samples)}
     known = {each.figure for each in evidence_of(samples.prior.drive) if each.path.startswith("measured.")}
     for name in [each for each in samples.figures if each not in known]:
         x = log_error(samples.figures[name])

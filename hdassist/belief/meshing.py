@@ -15,7 +15,7 @@ from hdassist.model.geometry import Geometry, flank_candidates
 from hdassist.preset.fields import Drive
 from hdassist.solve.answers import ARCSEC, Certificate
 
-OPENED = 0.1  # modules of clearance at each flank, with which any drive has play
+_OPENED = 0.1  # modules of clearance at each flank, with which any drive has play
 
 
 def meshing_shift(drive: Drive) -> tuple[float, Certificate]:
@@ -23,7 +23,7 @@ def meshing_shift(drive: Drive) -> tuple[float, Certificate]:
 
     Raises UntrustedError where the drive has no answer with play.
     """
-    gears, alpha, opened = drive.gears, np.radians(drive.gears.alpha), OPENED * drive.gears.m
+    gears, alpha, opened = drive.gears, np.radians(drive.gears.alpha), _OPENED * drive.gears.m
     at_rest = drive.with_values({"operation.dT": 0.0})
     nearest = float(flank_candidates(Geometry.of(at_rest)).gap.min()) + 1e-3 * gears.j_n  # on the cam's own shape
     near = drive.number(RIGID_SHIFT) - nearest / (gears.m * np.sin(alpha))

@@ -22,11 +22,11 @@ RIGID_SHIFT = "gears.x_b"
 # than any catalogue has
 PRELOAD = 0.04
 LOGARITHMIC = 4.0  # upper over lower bound of a positive range above which it is even in the logarithm
-SHARE_LIMITS = (1e-9, 1 - 1e-9)  # probabilities that a normal distribution is drawn at
+_SHARE_LIMITS = (1e-9, 1 - 1e-9)  # probabilities that a normal distribution is drawn at
 
 EVIDENCE = ("catalogue.", "measured.")  # sections that tell of fields, and are none of the drive's
 
-FieldOwner = Literal["design", "drive", "assembly", "surroundings"]
+_FieldOwner = Literal["design", "drive", "assembly", "surroundings"]
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class FieldPrior:
     distribution: Literal["even", "logarithmic", "normal", "drawn", "meshing"]
     low: float
     high: float
-    owner: FieldOwner
+    owner: _FieldOwner
     group: str
     reason: str
     draws: tuple[float, ...] = ()
@@ -57,7 +57,7 @@ class FieldPrior:
             return np.asarray(self.low * (self.high / self.low) ** share)
         if self.distribution in ("even", "meshing"):
             return np.asarray(self.low + (self.high - self.low) * share)
-        normal = (self.low + self.high) / 2 + (self.high - self.low) / 4 * ndtri(np.clip(share, *SHARE_LIMITS))
+        normal = (self.low + self.high) / 2 + (self.high - self.low) / 4 * ndtri(np.clip(share, *_SHARE_LIMITS))
         return np.asarray(np.maximum(normal, field_table()[self.path].ge))
 
     def joined(self, share: Array) -> Array:
@@ -168,16 +168,16 @@ def _follows(drive: Drive) -> bool:
     )
 
 
-def owner_of(drive: Drive, path: str) -> FieldOwner:
+def owner_of(drive: Drive, path: str) -> _FieldOwner:
     """Whose the value of a field is, by path: the design's, a single drive's, or its assembly's."""
     if path in (*standing_offset(drive), "harmonics.a_s2", "harmonics.xi_s2"):
         return "assembly"
-    if path.startswith(("tolerances.", "phases.", "harmonics.")) or path in DRIVES_OWN:
+    if path.startswith(("tolerances.", "phases.", "harmonics.")) or path in _DRIVES_OWN:
         return "drive"
     return "design"
 
 
-DRIVES_OWN: Sequence[str] = ("gears.j_n", "bearing.g_b", "bearing.beta")  # clearances and ball phase
+_DRIVES_OWN: Sequence[str] = ("gears.j_n", "bearing.g_b", "bearing.beta")  # clearances and ball phase
 
 
 def beside_measured_teeth(drive: Drive, measured: MeasuredTeeth | None) -> tuple[Drive, DrivePrior]:

@@ -35,11 +35,11 @@ from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive, deviation_sizes
 from hdassist.solve.answers import EMPTY, Certificate
 
-Pilot = Sequence[Mapping[str, float]]  # figures of the first draws, by name
+_Pilot = Sequence[Mapping[str, float]]  # figures of the first draws, by name
 PILOT_DRAWS = 64  # draws from the prior, by which the others are proposed
-CELLS = 16  # equal parts of the field's probability, in each of which the density is the same
+_CELLS = 16  # equal parts of the field's probability, in each of which the density is the same
 LEAST_DENSITY = 0.15
-CHANCE_OF_STEERING = 0.01  # of any field at all to seem narrowed where the evidence narrows none
+_CHANCE_OF_STEERING = 0.01  # of any field at all to seem narrowed where the evidence narrows none
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Proposal:
 
 
 def proposed_draws(
-    prior: DrivePrior, evidence: tuple[Evidence, ...], pilot: Pilot, first: int, last: int, seed: int
+    prior: DrivePrior, evidence: tuple[Evidence, ...], pilot: _Pilot, first: int, last: int, seed: int
 ) -> tuple[Array, Array]:
     """Draws first to last - 1 as shares of each field's probability and a spare, and their density, shape (draws,).
 
@@ -75,7 +75,7 @@ def proposed_draws(
     return replace(found, field=alone[found.field]).drawn(shares[first:])
 
 
-def proposal_of(shares: Array, evidence: tuple[Evidence, ...], pilot: Pilot) -> Proposal | None:
+def proposal_of(shares: Array, evidence: tuple[Evidence, ...], pilot: _Pilot) -> Proposal | None:
     """The proposal by the stiffness of the first draws, also the weeded ones; None where no field alone explains it.
 
     The field is that by whose share x, and its square, a regression of the log-likelihood leaves least; its density is
@@ -91,10 +91,10 @@ def proposal_of(shares: Array, evidence: tuple[Evidence, ...], pilot: Pilot) -> 
     left = np.array([_left(column, y) for column in x.T])
     field = int(np.argmin(left))
     free = len(y) - 3  # degrees of freedom beside the mean, the share and its square
-    if fdtrc(2, free, (1 / left[field] - 1) * free / 2) > CHANCE_OF_STEERING / len(left):
+    if fdtrc(2, free, (1 / left[field] - 1) * free / 2) > _CHANCE_OF_STEERING / len(left):
         return None
     weights = np.exp(y) / np.exp(y).sum()
-    middles = 2 * (np.arange(CELLS) + 0.5) / CELLS - 1
+    middles = 2 * (np.arange(_CELLS) + 0.5) / _CELLS - 1
     mean, spread = weights @ x[:, field], weights @ x[:, field] ** 2
     density = np.maximum(1 + 3 * mean * middles + 5 / 4 * (3 * spread - 1) * (3 * middles**2 - 1), 0)
     return Proposal(field, tuple((LEAST_DENSITY + (1 - LEAST_DENSITY) * density / density.mean()).tolist()))
@@ -105,12 +105,12 @@ def _left(x: Array, y: Array) -> float:
     return float(np.var(y - np.polyval(np.polyfit(x, y, 2), x)) / np.var(y))
 
 
-FINEST, COARSEST = 36, 8  # directions that a draw is read in, at most and at least
-KNOWN_DIRECTION = 8  # times as many draws where they count in one direction alone
-OVALITY = "harmonics.xi_s2"  # direction of what the seat does to the rigid wheel; stands still where that is fixed
-SEARCHED_DRAWS = 20  # draws of a drive that are searched, of which one is chosen
-READ_ERROR = 0.1  # relative, of F'_ior read off a table, in the likelihood by which a draw is proposed
-LEAST_PROPOSED = 0.1  # density of the proposal of a draw over the prior's, at least
+_FINEST, _COARSEST = 36, 8  # directions that a draw is read in, at most and at least
+_KNOWN_DIRECTION = 8  # times as many draws where they count in one direction alone
+_OVALITY = "harmonics.xi_s2"  # direction of what the seat does to the rigid wheel; stands still where that is fixed
+_SEARCHED_DRAWS = 20  # draws of a drive that are searched, of which one is chosen
+_READ_ERROR = 0.1  # relative, of F'_ior read off a table, in the likelihood by which a draw is proposed
+_LEAST_PROPOSED = 0.1  # density of the proposal of a draw over the prior's, at least
 
 
 @dataclass(frozen=True)
@@ -146,10 +146,10 @@ def open_deviations(prior: DrivePrior) -> tuple[FieldPrior, ...]:
     return tuple(each for each in prior.fields if each.path.startswith(TABLE_SECTIONS))
 
 
-def directions_of(drive: Drive) -> int:
+def _directions_of(drive: Drive) -> int:
     """Number of directions that draws are read in: the seat's holes, or some of each."""
     holes = drive.mounting.holes
-    return holes * -(-COARSEST // holes) if 0 < holes <= FINEST else FINEST
+    return holes * -(-_COARSEST // holes) if 0 < holes <= _FINEST else _FINEST
 
 
 def any_direction(prior: DrivePrior) -> bool:
@@ -158,7 +158,7 @@ def any_direction(prior: DrivePrior) -> bool:
     A standing ovality whose direction is known does not turn with the offset.
     """
     drive, known = prior.drive, {each.path: each for each in prior.fields}
-    turn, ovality = (known.get(path) for path in (standing_offset(drive)[1], OVALITY))
+    turn, ovality = (known.get(path) for path in (standing_offset(drive)[1], _OVALITY))
     oval = drive.mounting.fixed == "rigid" and drive.value("harmonics.a_s2") != 0
     if turn is None or not turn.is_any_direction or turn.high != 360:
         return False
@@ -232,11 +232,11 @@ class DeviationProposal:
             turned_errors(found.F_ior_arcsec[torques.index(each.M_g)], [each.rotation_deg], places)
             for each in self.errors
         ]
-        log = log_likelihood_of_errors(np.hstack(tabled), *values_of_errors(self.errors), READ_ERROR)
+        log = log_likelihood_of_errors(np.hstack(tabled), *values_of_errors(self.errors), _READ_ERROR)
         likelihood = np.exp(log - log.max())
-        density = LEAST_PROPOSED + (1 - LEAST_PROPOSED) * likelihood / likelihood.mean()
+        density = _LEAST_PROPOSED + (1 - _LEAST_PROPOSED) * likelihood / likelihood.mean()
         rng = np.random.default_rng([self.seed, number])
-        some = rng.choice(len(places), SEARCHED_DRAWS, p=density / density.sum())
+        some = rng.choice(len(places), _SEARCHED_DRAWS, p=density / density.sum())
         columns = {path: of.ravel()[places[some]] for path, of in found.values.items()}
         extremes, paths = [], carried(drive)
         for each in self.errors:
@@ -248,29 +248,29 @@ class DeviationProposal:
         agreeing = np.exp(log - log.max())
         ratio, chosen = agreeing / density[some], list[tuple[dict[str, float], float]]()
         even = (rng.random() + np.arange(self.draws)) / self.draws
-        ones = np.minimum(np.searchsorted(np.cumsum(ratio / ratio.sum()), even), SEARCHED_DRAWS - 1)
+        ones = np.minimum(np.searchsorted(np.cumsum(ratio / ratio.sum()), even), _SEARCHED_DRAWS - 1)
         for k, (one, place) in enumerate(zip(ones, picked := places[some[ones]], strict=True)):
             draw, direction = np.divmod(place, every.shape[1])
             shares = dict(zip((each.path for each in fields), found.shares[draw].tolist(), strict=True))
             for f in fields:
-                if any_direction(self.prior) and f.path in standing_directions(drive):
+                if any_direction(self.prior) and f.path in _standing_directions(drive):
                     shares[f.path] = found.values[f.path][draw, direction] / f.high % 1
             alike = np.inf if place in picked[:k] else 1 / np.count_nonzero(picked == place)
             chosen.append((shares, float(agreeing[one] / ratio.mean() * alike)))
         return chosen, sum((each.certificate for each in extremes), found.certificate)
 
 
-def standing_directions(drive: Drive) -> tuple[str, ...]:
+def _standing_directions(drive: Drive) -> tuple[str, ...]:
     """Directions of deviations that stand with the fixed wheel, by path."""
     turn = standing_offset(drive)[1]
-    return (turn,) if drive.mounting.fixed == "flexspline" else (turn, OVALITY)
+    return (turn,) if drive.mounting.fixed == "flexspline" else (turn, _OVALITY)
 
 
 def _draws(prior: DrivePrior, count: int, seed: list[int]) -> tuple[Array, dict[str, Array]]:
     """Draws of the open deviations: shares of each field's probability, and values with what stands turned, by path."""
-    drive, directions, every = prior.drive, directions_of(prior.drive), any_direction(prior)
-    fields, stand = open_deviations(prior), standing_directions(drive)
-    shares = sobol_points(2 ** int(np.ceil(np.log2(count if every else count * KNOWN_DIRECTION))), len(fields), seed)
+    drive, directions, every = prior.drive, _directions_of(prior.drive), any_direction(prior)
+    fields, stand = open_deviations(prior), _standing_directions(drive)
+    shares = sobol_points(2 ** int(np.ceil(np.log2(count if every else count * _KNOWN_DIRECTION))), len(fields), seed)
     drawn = {path: np.full(len(shares), drive.number(path)) for path in (*standing_offset(drive), *stand)}
     drawn |= {each.path: each.value(shares[:, k]) for k, each in enumerate(fields)}
     if every:  # of each direction its own part of the turn

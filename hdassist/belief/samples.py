@@ -41,9 +41,9 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.verdict import SURE
 
 EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
-FEWEST_AT_ONCE = 4  # draws
-HOPELESS = 256  # draws of which none has an answer: no more are made
-CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
+_FEWEST_AT_ONCE = 4  # draws
+_HOPELESS = 256  # draws of which none has an answer: no more are made
+_CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
 
 
 @dataclass(frozen=True)
@@ -234,10 +234,10 @@ def _growing(
     effective, stages, samples = 0.0, tuple[Samples, ...](), None
     ahead: UnderWay = {}
     try:
-        while len(draws) < effort.most_draws and not (samples and len(draws) >= HOPELESS and not len(samples.weights)):
-            size = min(effort.batch, max(HOPELESS, len(draws)))
+        while len(draws) < effort.most_draws and not (samples and len(draws) >= _HOPELESS and not len(samples.weights)):
+            size = min(effort.batch, max(_HOPELESS, len(draws)))
             if effective and not stages:  # no more than are likely to be needed
-                size = min(size, max(FEWEST_AT_ONCE, int(np.ceil((effort.effective / effective - 1) * len(draws)))))
+                size = min(size, max(_FEWEST_AT_ONCE, int(np.ceil((effort.effective / effective - 1) * len(draws)))))
             if len(draws) < PILOT_DRAWS:
                 size = min(size, PILOT_DRAWS - len(draws))
             first, last = len(draws), min(len(draws) + size, effort.most_draws)
@@ -309,7 +309,7 @@ def _too_few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, 
         return UntrustedError(f"{found}: {count} are no drive (most: {reason})", "narrow the assumed ranges")
     without = {each: _mean_likelihood(draws, tuple(e for e in evidence if e is not each)) for each in evidence}
     doubted = max(without, key=lambda each: without[each])
-    if without[doubted] < CONTRADICTION * _mean_likelihood(draws, evidence):
+    if without[doubted] < _CONTRADICTION * _mean_likelihood(draws, evidence):
         return UntrustedError(
             f"{found}: too few draws agree with all evidence at once, though no figure contradicts the others",
             "narrow the assumed ranges, or ask for fewer samples: --draws 16",

@@ -21,7 +21,7 @@ from hdassist.verdict import SURE, is_settled
 
 RESOLVED_ERROR = 1e-3  # arcsec
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
-FINE_ENOUGH = 0.7  # of 1 - sure: an interval that is named beside a probability and need be no narrower
+_FINE_ENOUGH = 0.7  # of 1 - sure: an interval that is named beside a probability and need be no narrower
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Probability:
         So is one whose interval is so narrow that its middle decides, whatever more samples would say.
         """
         low, high = (self.value + (end - self.value) / np.sqrt(2) for end in (self.low, self.high))
-        return self.high - self.low <= FINE_ENOUGH * (1 - sure) or is_settled(low, high, sure)
+        return self.high - self.low <= _FINE_ENOUGH * (1 - sure) or is_settled(low, high, sure)
 
 
 def log_error(arcsec: Array) -> Array:
@@ -103,8 +103,8 @@ def _with_interval(value: float, hits: float, misses: float) -> Probability:
 
 
 DIRECTION_NUMBERS = Path(scipy.__file__).parent / "stats" / "_sobol_direction_numbers.npz"
-BITS = 30  # of a coordinate
-PLACES = np.arange(BITS, dtype=np.uint32)
+_BITS = 30  # of a coordinate
+_PLACES = np.arange(_BITS, dtype=np.uint32)
 
 
 def sobol_points(count: int, dimensions: int, seed: int | list[int]) -> Array:
@@ -117,16 +117,16 @@ def sobol_points(count: int, dimensions: int, seed: int | list[int]) -> Array:
 
         sequence = qmc.Sobol(dimensions, rng=np.random.default_rng(seed))
         return np.asarray(sequence.random_base2(max(count - 1, 1).bit_length())[:count])
-    rng, ones = np.random.default_rng(seed).spawn(1)[0], np.eye(BITS, dtype=np.uint32)
-    shift = rng.integers(2, size=(dimensions, BITS), dtype=np.uint32) @ (1 << PLACES)
-    matrix = np.tril(rng.integers(2, size=(dimensions, BITS, BITS), dtype=np.uint32), -1) + ones
-    digits = _directions(dimensions)[:, None, :] >> PLACES[::-1, None] & 1  # shape (dimensions, digits, directions)
-    scrambled = ((matrix @ digits & 1) << PLACES[::-1, None]).sum(axis=1, dtype=np.uint32)
+    rng, ones = np.random.default_rng(seed).spawn(1)[0], np.eye(_BITS, dtype=np.uint32)
+    shift = rng.integers(2, size=(dimensions, _BITS), dtype=np.uint32) @ (1 << _PLACES)
+    matrix = np.tril(rng.integers(2, size=(dimensions, _BITS, _BITS), dtype=np.uint32), -1) + ones
+    digits = _directions(dimensions)[:, None, :] >> _PLACES[::-1, None] & 1  # shape (dimensions, digits, directions)
+    scrambled = ((matrix @ digits & 1) << _PLACES[::-1, None]).sum(axis=1, dtype=np.uint32)
     index = np.arange(count, dtype=np.uint32)
     points = np.tile(shift.astype(np.uint32), (count, 1))
-    for place, direction in zip(PLACES, scrambled.T, strict=True):
+    for place, direction in zip(_PLACES, scrambled.T, strict=True):
         points ^= ((index ^ index >> 1) >> place & 1)[:, None] * direction  # in the order of a Gray code
-    return np.asarray(points / 2.0**BITS)
+    return np.asarray(points / 2.0**_BITS)
 
 
 @cache
@@ -134,14 +134,14 @@ def _directions(dimensions: int) -> NDArray[np.uint32]:
     """Direction numbers, shape (dimensions, BITS), by the recurrence of each dimension's primitive polynomial."""
     with np.load(DIRECTION_NUMBERS) as known:
         polynomials, first = known["poly"][:dimensions].tolist(), known["vinit"][:dimensions].tolist()
-    found = [[1] * BITS]
+    found = [[1] * _BITS]
     for polynomial, row in zip(polynomials[1:], first[1:], strict=True):
         degree = polynomial.bit_length() - 1
         numbers = row[:degree]
-        for j in range(degree, BITS):
+        for j in range(degree, _BITS):
             number = numbers[j - degree]
             for k in range(1, degree + 1):
                 number ^= (polynomial >> degree - k & 1) * numbers[j - k] << k
             numbers.append(number)
         found.append(numbers)
-    return np.array(found[:dimensions], dtype=np.uint32).reshape(-1, BITS) << PLACES[::-1]
+    return np.array(found[:dimensions], dtype=np.uint32).reshape(-1, _BITS) << _PLACES[::-1]

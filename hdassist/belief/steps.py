@@ -40,19 +40,19 @@ from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.walk import digits_depend_on
 
-CHANGED_SAMPLES = 12  # samples that are solved again
-ASKED_OF = 3  # drives, of which two are solved with another coupling: each is another contact system
-GRID_OF_WAVES = 24  # points around each wheel by which phasors are taken off: the rest is known within 5 %
-FEWEST_OF_LINE, LEAST_SPAN = 5, 0.05  # drives that a line is put through, and span of ln F'_ior: else the mean alone
-THIRD_LESS = 2 / 3  # of a tolerance: a third less
-TRIED_HOLES = 4
-PHASORS_OFF = 20  # strongest waves, that a controller takes off
-FREE_HOLES = 12  # directions where the angle of the seat is free
-LEAST_STEP_GAIN = 0.02  # of the probability, or of F'_ior without a limit: a smaller one is no step
-ASKED_COUPLINGS = ("oldham", "solid")
+_CHANGED_SAMPLES = 12  # samples that are solved again
+_ASKED_OF = 3  # drives, of which two are solved with another coupling: each is another contact system
+_GRID_OF_WAVES = 24  # points around each wheel by which phasors are taken off: the rest is known within 5 %
+_FEWEST_OF_LINE, _LEAST_SPAN = 5, 0.05  # drives that a line is put through, and span of ln F'_ior: else the mean alone
+_THIRD_LESS = 2 / 3  # of a tolerance: a third less
+_TRIED_HOLES = 4
+_PHASORS_OFF = 20  # strongest waves, that a controller takes off
+_FREE_HOLES = 12  # directions where the angle of the seat is free
+_LEAST_STEP_GAIN = 0.02  # of the probability, or of F'_ior without a limit: a smaller one is no step
+_ASKED_COUPLINGS = ("oldham", "solid")
 
-StepKind = Literal["hole", "trials", "correction", "tolerance", "coupling", "question", "torque"]
-ALONE: tuple[StepKind, ...] = ("trials", "tolerance", "correction")  # of whose changes each is a step by itself
+_StepKind = Literal["hole", "trials", "correction", "tolerance", "coupling", "question", "torque"]
+_ALONE: tuple[_StepKind, ...] = ("trials", "tolerance", "correction")  # of whose changes each is a step by itself
 
 
 @dataclass(frozen=True)
@@ -79,14 +79,14 @@ class Step(ClosedRecord):
     F'_ior, as a share of it.
     """
 
-    kind: StepKind
+    kind: _StepKind
     of: str
     outcomes: tuple[Outcome, ...]
     gain: float
 
 
 @dataclass(frozen=True)
-class Changed:
+class _Changed:
     """F'_ior [arcsec] of a drive now and with each change that was tried; None of one that makes no drive.
 
     after: by kind and name of the step, like "hole:4".
@@ -97,7 +97,7 @@ class Changed:
     proof: Certificate = EMPTY
 
 
-_CHANGED = TypeAdapter(list[Changed])
+_CHANGED = TypeAdapter(list[_Changed])
 
 
 def steps_of(
@@ -119,7 +119,7 @@ def steps_of(
     drives, shares = [drive], np.full((1, 1), 0.5)
     if samples:
         rows = np.argsort(samples.F_ior_arcsec[:, torque], kind="stable")
-        rows = rows[even_rows(samples.weights[rows], min(CHANGED_SAMPLES, max(2, len(rows) // 2)))]
+        rows = rows[even_rows(samples.weights[rows], min(_CHANGED_SAMPLES, max(2, len(rows) // 2)))]
         shares = samples.shares[rows]
         drives = [drive.with_values(values) for values in samples.values(rows)]
     changed = _changed(prior, drives, shares, torques[torque], bool(samples), run)
@@ -130,7 +130,7 @@ def steps_of(
     F_ior, weights = (samples.F_ior_arcsec[:, torque], samples.weights) if samples else (now, np.ones(1))
     before = _Before(F_ior, weights, changed, left_arcsec[torque])
     found = [Step(*each, before.gain(each[2])) for each in _steps(prior, samples, torques, torque, left_arcsec, before)]
-    return tuple(sorted((s for s in found if s.gain >= LEAST_STEP_GAIN), key=lambda each: -each.gain)), proof
+    return tuple(sorted((s for s in found if s.gain >= _LEAST_STEP_GAIN), key=lambda each: -each.gain)), proof
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class _Before:
 
     F_ior: Array
     weights: Array
-    changed: Sequence[Changed]
+    changed: Sequence[_Changed]
     left: float | None
 
     def answered(self, answer: str = "", inside: NDArray[np.bool_] | bool = True) -> Outcome:
@@ -150,7 +150,7 @@ class _Before:
     def carried(self, name: str, answer: str = "", chance: float = 1.0) -> Outcome:
         """F'_ior over all samples by that of the drives which a change was tried on, by its name: equation (1)."""
         x, y = log_error(np.array([(each.now, each.after[name]) for each in self.changed if name in each.after])).T
-        b = np.polyfit(x, y - x, 1)[0] if np.ptp(x) > LEAST_SPAN and len(x) >= FEWEST_OF_LINE else 0.0
+        b = np.polyfit(x, y - x, 1)[0] if np.ptp(x) > _LEAST_SPAN and len(x) >= _FEWEST_OF_LINE else 0.0
         residual = y - x - b * (x - x.mean())
         moved = np.exp(np.add.outer((1 + b) * log_error(self.F_ior) - b * x.mean(), residual))
         return _outcome(answer, chance, moved.ravel(), np.repeat(self.weights, len(x)), self.left)
@@ -173,7 +173,7 @@ def _steps(
     torque: int,
     left_arcsec: Sequence[float | None],
     before: _Before,
-) -> Iterator[tuple[StepKind, str, tuple[Outcome, ...]]]:
+) -> Iterator[tuple[_StepKind, str, tuple[Outcome, ...]]]:
     """Steps with their outcomes: the kind, of which hole, field or torque, and one outcome or those of the answers."""
     asked: dict[str, dict[str, str]] = {}
     for name in before.changed[0].after:
@@ -184,11 +184,11 @@ def _steps(
     if holes and not unknown_turn(prior.drive):
         best = min(holes, key=lambda hole: (-(holes[hole].probability or 0.0), holes[hole].p50))
         yield "hole", best, (holes[best],)
-    for kind in ALONE:
+    for kind in _ALONE:
         for of, name in asked.get(kind, {}).items():
             yield kind, of, (before.carried(name),)
     couplings = asked.get("coupling", {})
-    if len(couplings) == len(ASKED_COUPLINGS):
+    if len(couplings) == len(_ASKED_COUPLINGS):
         coupled = (before.carried(name, of, 1 / len(couplings)) for of, name in couplings.items())
         yield "question", "cam.coupling", tuple(coupled)
     else:
@@ -202,7 +202,7 @@ def _steps(
             yield "torque", f"{M_g:g}", (_outcome("", 1.0, samples.F_ior_arcsec[:, k], samples.weights, room),)
     paths = {each.path: k for k, each in enumerate(samples.prior.fields)}
     for each in influences(samples.of_ranges, torque):
-        if each.group in paths and (each.group != SUPPORT_FIELD or len(couplings) < len(ASKED_COUPLINGS)):
+        if each.group in paths and (each.group != SUPPORT_FIELD or len(couplings) < len(_ASKED_COUPLINGS)):
             x = samples.prior.fields[paths[each.group]].value(samples.shares[:, paths[each.group]])
             middle = float(f"{weighted_quantile(x, samples.weights, 0.5):.3g}")
             sides = {f"< {middle:g}": x < middle, f"> {middle:g}": x >= middle}
@@ -220,7 +220,7 @@ def _outcome(answer: str, chance: float, F_ior: Array, weights: Array, left: flo
 
 def _changed(
     prior: DrivePrior, drives: Sequence[Drive], shares: Array, M_g: float, drawn: bool, run: Run
-) -> list[Changed]:
+) -> list[_Changed]:
     """Changes of drives at a torque [N*m], kept in the user's cache."""
     supports = _supports(prior, shares)
     depends = {
@@ -228,8 +228,8 @@ def _changed(
         "supports": supports, "M_g": M_g, "drawn": drawn, "program": digits_depend_on(),
     }  # fmt: skip
 
-    def changed() -> list[Changed]:
-        every = [{name: of[k] for name, of in supports.items() if k % ASKED_OF != 1} for k in range(len(drives))]
+    def changed() -> list[_Changed]:
+        every = [{name: of[k] for name, of in supports.items() if k % _ASKED_OF != 1} for k in range(len(drives))]
         one = partial(_changed_one, M_g=M_g, drawn=drawn, every_hole=not unknown_turn(prior.drive))
         found = list(run.map(one, drives, every))
         run.solved(sum(each.proof.states for each in found))
@@ -249,7 +249,7 @@ def _supports(prior: DrivePrior, shares: Array) -> dict[str, list[float]]:
     if drive.cam.coupling == "oldham" or not drive.number(SUPPORT_FIELD):
         return {}
     found = {}
-    for coupling in ASKED_COUPLINGS if is_open else ASKED_COUPLINGS[:1]:
+    for coupling in _ASKED_COUPLINGS if is_open else _ASKED_COUPLINGS[:1]:
         cam = drive.cam.model_copy(update={"coupling": coupling})
         there = with_cam_support(drive.model_copy(update={"cam": cam}))
         support = next((each for each in prior_of(there).fields if each.path == SUPPORT_FIELD), None)
@@ -258,21 +258,23 @@ def _supports(prior: DrivePrior, shares: Array) -> dict[str, list[float]]:
     return found
 
 
-def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, drawn: bool, every_hole: bool) -> Changed:
+def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, drawn: bool, every_hole: bool) -> _Changed:
     """Changes of one drive: the wheel in other holes, tighter tolerances, another coupling, phasors taken off.
 
     every_hole: whether the best hole is asked for, not only what trying some brings.
     """
-    holes = drive.mounting.holes or FREE_HOLES
+    holes = drive.mounting.holes or _FREE_HOLES
     allowed = range(holes) if drive.mounting.allowed == "all" or not drive.mounting.holes else drive.mounting.allowed
     others = [] if no_hole_better(drive) else [hole for hole in allowed if hole % holes]
-    tried = [[0, *others][round(k * (1 + len(others)) / TRIED_HOLES)] for k in range(min(TRIED_HOLES, 1 + len(others)))]
+    tried = [
+        [0, *others][round(k * (1 + len(others)) / _TRIED_HOLES)] for k in range(min(_TRIED_HOLES, 1 + len(others)))
+    ]
     changes: dict[str, dict[str, float]] = {"": {}}
     for hole in others if every_hole else tried[1:]:
         changes[f"hole:{hole}"] = {path: drive.number(path) + 360 * hole / holes for path in carried(drive)}
     for each in DEVIATIONS:
         if each.size.startswith("tolerances.") and drive.number(each.size) > 0:
-            changes[f"tolerance:{each.size}"] = {each.size: THIRD_LESS * drive.number(each.size)}
+            changes[f"tolerance:{each.size}"] = {each.size: _THIRD_LESS * drive.number(each.size)}
     paths = {path for change in changes.values() for path in change} or {"tolerances.F_i1"}
     columns = {path: np.array([c.get(path, drive.number(path)) for c in changes.values()]) for path in paths}
     (error_map,) = error_maps(drive, [M_g])
@@ -284,10 +286,10 @@ def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, dra
         least = min(F_ior.get(f"hole:{hole}", now) for hole in tried)
         after[f"trials:{','.join(map(str, tried))}"] = least
     waves = ErrorWaves(drive, M_g, UNCHECKED, error_map)
-    z = waves.waves([drive], GRID_OF_WAVES)[0]
-    weak = np.argsort(-np.abs(z), kind="stable")[PHASORS_OFF:]
+    z = waves.waves([drive], _GRID_OF_WAVES)[0]
+    weak = np.argsort(-np.abs(z), kind="stable")[_PHASORS_OFF:]
     whole, left = (_range(waves.k_g[some], waves.k_b[some], z[some]) for some in (np.arange(len(z)), weak))
-    after[f"correction:{PHASORS_OFF}"] = now * left / whole if whole > 0 else 0.0
+    after[f"correction:{_PHASORS_OFF}"] = now * left / whole if whole > 0 else 0.0
     proof = searched.certificate + waves.certificate
     for coupling, C_3 in supports.items():
         after[f"coupling:{coupling}"] = None
@@ -295,7 +297,7 @@ def _changed_one(drive: Drive, supports: Mapping[str, float], *, M_g: float, dra
             there = drive.with_values({SUPPORT_FIELD: C_3})
             moved = _extremes(error_maps(there, [M_g])[0], Batch.of(there), drawn)
             after[f"coupling:{coupling}"], proof = moved.first, proof + moved.certificate
-    return Changed(now, after, proof)
+    return _Changed(now, after, proof)
 
 
 def _extremes(error_map: ErrorMap, batch: Batch, drawn: bool) -> Extremes:

@@ -211,8 +211,8 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
             if self.presets or self.csv or self.jsonl or self.junit or base != Request(""):
                 words = "no PRESET, and no other options than --json, -o, --jobs"
                 raise UsageError("--replay does what its answer says", words)
-            return replay_answers(self.replay, self, out)
-        return accept_lot(lots[0], base, self, out) if lots else accept_presets(self.presets, base, self, out)
+            return _replay_answers(self.replay, self, out)
+        return accept_lot(lots[0], base, self, out) if lots else _accept_presets(self.presets, base, self, out)
 
     def request(self) -> Request:
         """The request that every drive gets. Raises UsageError for an invalid limit."""
@@ -235,7 +235,7 @@ class AcceptCommand(AcceptOptions, o.PitchOptions, o.TraceOptions, o.DriveOption
         )
 
 
-def accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand, out: Output) -> int:
+def _accept_presets(presets: Sequence[str], base: Request, options: AcceptCommand, out: Output) -> int:
     """Accept drives one after the other; returns the exit code.
 
     Raises what is wrong with the only drive, and UsageError with any.
@@ -362,7 +362,7 @@ def _known(lot: Lot, kept: Kept[AcceptAnswer], options: AcceptOptions) -> list[A
     return found
 
 
-def replay_answers(path: str, options: AcceptOptions, out: Output) -> int:
+def _replay_answers(path: str, options: AcceptOptions, out: Output) -> int:
     """Do the answers of a file of --json or --jsonl again; returns the exit code. Raises DataError: no such file."""
     from hdassist.acceptance.answer import changed_file, read_answers
     from hdassist.acceptance.request import LotRow

@@ -86,8 +86,8 @@ class CalibrateCommand(o.AnswerOptions, o.DriveOptions):
         return calibrate_report(result, self.write)
 
 
-VALIDATE = "presets-validate"
-PIPED_COLUMNS = 10_000  # whoever reads a pipe has the room that a table needs
+_VALIDATE = "presets-validate"
+_PIPED_COLUMNS = 10_000  # whoever reads a pipe has the room that a table needs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +148,7 @@ class PresetsShowCommand(o.PageOptions, o.DriveOptions):
     def open(self) -> Output:
         """As of other commands, with the room for a table in a pipe."""
         out = super().open()
-        return out if sys.stdout.isatty() else replace(out, style=replace(out.style, width=PIPED_COLUMNS))
+        return out if sys.stdout.isatty() else replace(out, style=replace(out.style, width=_PIPED_COLUMNS))
 
     def run(self) -> int:
         """Show the preset; returns the exit code."""
@@ -195,8 +195,8 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
     def run(self) -> int:
         """Validate the presets; returns the exit code."""
         out = self.open()
-        reports = run_each(VALIDATE, self.presets, self._report, out, failed=_invalid, keep_failures=True)
-        return give(VALIDATE, reports, replace(out, quiet=True))
+        reports = run_each(_VALIDATE, self.presets, self._report, out, failed=_invalid, keep_failures=True)
+        return give(_VALIDATE, reports, replace(out, quiet=True))
 
     def _report(self, name: str) -> Report:
         """The verdict on a preset, which a bad --set has too. Raises all other errors of loading it."""
@@ -206,18 +206,18 @@ class PresetsValidateCommand(o.AnswerOptions, o.DriveOptions):
             drive = self.load(name)
         except UsageError as error:
             complain(error, name)
-            return Report(VALIDATE, None, "", values=_invalid(name, error), exit_code=error.exit_code)
+            return Report(_VALIDATE, None, "", values=_invalid(name, error), exit_code=error.exit_code)
         values = origin_counts(drive)
         verdict = f"OK, {values['assumed']} values still assumed" if values["assumed"] else "OK"
         found = {"file": name, "valid": True, "values": values, "findings": []}
         line, warnings = f"{name}: {verdict}", drive.origin.warnings
-        return Report(VALIDATE, drive, name, verdict, values=found, line=line, about=name, warnings=warnings)
+        return Report(_VALIDATE, drive, name, verdict, values=found, line=line, about=name, warnings=warnings)
 
 
 def _invalid(name: str, error: HdassistError) -> Json:
     """The answer about a preset that is not valid."""
     findings = [asdict(finding) for finding in error.findings] if isinstance(error, PresetError) else []
-    return failure(VALIDATE, error, preset=name) | {"file": name, "valid": False, "findings": findings}
+    return failure(_VALIDATE, error, preset=name) | {"file": name, "valid": False, "findings": findings}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -301,7 +301,7 @@ class PresetsNewCommand(WishOptions):
 
 
 PRESET, M_G, STORED_F_IOR, AGREES = "vzp160", 800.0, 7.706924145663, 1e-6  # arcsec: of every state, and how near
-CROSS = "HIGHS"
+_CROSS = "HIGHS"
 
 
 @dataclass(frozen=True)
@@ -336,7 +336,7 @@ class DoctorCommand(o.PageOptions):
         if self.empty_cache:
             empty_cache()
         with out.progress("this installation"):  # words before numpy is imported
-            found = [*packages(), surroundings(), engine(), cache(), self_test()]
+            found = [*_packages(), surroundings(), engine(), cache(), self_test()]
         found.sort(key=lambda each: ("broken", "note", "ok").index(each.status))
         broken = ", ".join(each.what for each in found if each.status == "broken")
         error = UntrustedError(
@@ -352,7 +352,7 @@ class DoctorCommand(o.PageOptions):
         )  # fmt: skip
 
 
-def packages() -> Iterator[DoctorFinding]:
+def _packages() -> Iterator[DoctorFinding]:
     """hdassist, Python, and each package it needs."""
     from importlib.metadata import PackageNotFoundError, requires, version  # a fifth of imports of `hdassist --help`
 
@@ -412,11 +412,11 @@ def self_test() -> DoctorFinding:
         import numpy as np
 
         states = pitch_locked_states(Kinematics.of(drive), np.array([*found.at_max, *found.at_min]))
-        again = kinematic_error(drive, M_G, states=states, solver=CROSS, run=UNCHECKED).range_arcsec
+        again = kinematic_error(drive, M_G, states=states, solver=_CROSS, run=UNCHECKED).range_arcsec
     except HdassistError as error:
         return DoctorFinding("self-test", "broken", error.message)
     off, apart = abs(found.first - STORED_F_IOR), abs(again - found.first)
-    told = f"{found.first:.6f} arcsec, {off:.0e} from what is stored; {apart:.0e} by {CROSS}"
+    told = f"{found.first:.6f} arcsec, {off:.0e} from what is stored; {apart:.0e} by {_CROSS}"
     fine = off <= AGREES and apart <= 1e-3 and found.certificate.max_residual <= 1e-8
     return DoctorFinding(
         "self-test", "ok" if fine else "broken", f"{told}; residual {found.certificate.max_residual:.0e}"

@@ -142,7 +142,7 @@ class StiffnessCommand(o.PlotOptions, o.DriveOptions):
             return stiffness_report(drive, stiffness(drive, T_1=self.t1, T_2=self.t2, T_max=self.to, run=run))
 
 
-JSON_ROWS = 100_000  # that --json holds in memory, at most
+_JSON_ROWS = 100_000  # that --json holds in memory, at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,8 +187,8 @@ class SweepCommand(o.RowsOptions, o.LoadedDriveOptions):
         text, path = read_preset(preset)
         drive = load_text(text, path, self.changes)
         sweep = Sweep.of(text, path, drive, read_axes(self.vary, drive.origin.overrides))
-        if self.json and sweep.rows > JSON_ROWS:
-            raise UsageError(f"--json of {sweep.rows} rows: more than {JSON_ROWS}", "-o FILE.jsonl takes any number")
+        if self.json and sweep.rows > _JSON_ROWS:
+            raise UsageError(f"--json of {sweep.rows} rows: more than {_JSON_ROWS}", "-o FILE.jsonl takes any number")
         options = {"vary": self.vary, "set": list(drive.origin.overrides)}
         owner = KeptOwner(command="sweep", preset=drive.name, inputs={"preset": drive.origin.sha256}, options=options)
         if file is not None:
@@ -249,8 +249,8 @@ def _printed(rows: Iterator[SweepRow], sweep: Sweep) -> Iterator[SweepRow]:
         yield record
 
 
-PRESET_SUFFIXES = (".yaml", ".yml")
-OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options that presets do not have, beside TraceOptions
+_PRESET_SUFFIXES = (".yaml", ".yml")
+_OF_TRACES = ("start", "zero", "error_is", "cam_sense")  # options that presets do not have, beside TraceOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -318,7 +318,7 @@ class CompareCommand(o.PlotOptions, o.SamplingOptions, o.SignOptions, o.TraceOpt
         if traces := [name for name in self.files if not is_preset(name)]:
             words = f"{traces[0]} is taken for a trace, and {next(filter(is_preset, self.files))} for a preset"
             raise UsageError(words, "a preset is a name of the library or a .yaml file; compare presets, or traces")
-        plain = all(getattr(self, name) == getattr(type(self), name) for name in OF_TRACES)
+        plain = all(getattr(self, name) == getattr(type(self), name) for name in _OF_TRACES)
         if not plain or self.only(o.TraceOptions) != o.TraceOptions(budget=[]):
             raise UsageError("how a trace is read says nothing of presets", "leave out its options, or name a trace")
         names = [self.preset, *self.files]
@@ -349,10 +349,10 @@ def is_preset(name: str) -> bool:
     """Whether an argument beside a preset is one too, and no trace: a name of the library, or a YAML file."""
     from hdassist.preset.library import preset_names
 
-    return Path(name).suffix.lower() in PRESET_SUFFIXES or name in preset_names()
+    return Path(name).suffix.lower() in _PRESET_SUFFIXES or name in preset_names()
 
 
-REPORT_SUFFIXES = (".html", ".md")
+_REPORT_SUFFIXES = (".html", ".md")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -404,7 +404,7 @@ class ReportCommand(o.AnswerOptions, o.SamplingOptions, o.LimitedDriveOptions):
         if self.output == "-":
             return ".md"
         kind = Path(self.output).suffix.lower()
-        if kind not in REPORT_SUFFIXES:
+        if kind not in _REPORT_SUFFIXES:
             words = f"a report cannot be written as {self.output!r}"
-            raise UsageError(words, f"its name ends in {' or '.join(REPORT_SUFFIXES)}")
+            raise UsageError(words, f"its name ends in {' or '.join(_REPORT_SUFFIXES)}")
         return kind

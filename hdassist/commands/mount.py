@@ -166,7 +166,7 @@ def _rotations(drive: Drive, step: float | None) -> list[float]:
 
 
 CARD_SUFFIXES = (".txt", ".html")
-SERIAL = 60  # letters that a serial number may have
+_SERIAL = 60  # letters that a serial number may have
 
 
 @dataclass(frozen=True)
@@ -186,8 +186,8 @@ class CardFile:
         kind = ".txt" if path == "-" else Path(path).suffix.lower()
         if kind not in CARD_SUFFIXES:
             raise UsageError(f"a card cannot be written as {path!r}", f"its name ends in {', '.join(CARD_SUFFIXES)}")
-        if len(serial) > SERIAL or (serial and not serial.isprintable()):
-            raise UsageError(f"a serial number has up to {SERIAL} printable characters")
+        if len(serial) > _SERIAL or (serial and not serial.isprintable()):
+            raise UsageError(f"a serial number has up to {_SERIAL} printable characters")
         return cls(path, kind, say, serial.strip())
 
     def text(self, advice: Advice) -> str:

@@ -65,7 +65,7 @@ class DrawOptions(o.LimitedDriveOptions):
         return found
 
 
-def require_limits(drive: Drive) -> list[float]:
+def _require_limits(drive: Drive) -> list[float]:
     """Limit of F'_ior [arcsec] at each torque. Raises UsageError where there is none at one of them."""
     limits = []
     for M_g in drive.operation.M_g:
@@ -119,7 +119,7 @@ class ToleranceCommand(o.RowsOptions, DrawOptions):
         law, torques = self.law(drive), drive.operation.M_g
         limits = [drive.limit(M_g) for M_g in torques]
         if (self.limit or self.wanted is not None) and not any(limits):
-            require_limits(drive)
+            _require_limits(drive)
         own = [found.range_arcsec for found in self_error(drive, torques)]
         production = Production(
             law,
@@ -209,8 +209,8 @@ class SensitivityCommand(o.FigureOptions, DrawOptions):
         return sensitivity_report(replace(found, law=law))
 
 
-MOST_ROUNDS = 5  # of drives that try tolerances, beside the first, at most
-DRIVES_PER_DESIGN = 5  # of many designs few drives each tell more than the reverse
+_MOST_ROUNDS = 5  # of drives that try tolerances, beside the first, at most
+_DRIVES_PER_DESIGN = 5  # of many designs few drives each tell more than the reverse
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,7 +245,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
         from hdassist.tolerance.tightening import Allocator, to_measure
 
         drive = self.load(preset)
-        law, torques, limits = self.law(drive, chosen=True), drive.operation.M_g, require_limits(drive)
+        law, torques, limits = self.law(drive, chosen=True), drive.operation.M_g, _require_limits(drive)
         own = [found.range_arcsec for found in self_error(drive, torques)]
         room = [limit - each for limit, each in zip(limits, own, strict=True)]
         if min(room) <= 0:
@@ -254,7 +254,7 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
             hint = "no tolerance changes that: a limit above it, or another wave or clearance"
             raise UsageError(f"{words}, the limit {limits[worst]:g}", hint)
         production = Production(
-            law, torques, mounting=self.mounting, limits=room, seed=self.seed, per_design=DRIVES_PER_DESIGN, steps=True
+            law, torques, mounting=self.mounting, limits=room, seed=self.seed, per_design=_DRIVES_PER_DESIGN, steps=True
         )
         if not law.tolerances:
             raise UsageError(
@@ -262,9 +262,9 @@ class AllocateCommand(o.FigureOptions, DrawOptions):
             )
         production, samples = self.with_designs(out, production, self.count)
         turned = (False, True) if self.mounting else (False,)
-        with out.progress(f"{drive.name}, at most", len(turned) * (1 + MOST_ROUNDS) * self.count) as progress:
+        with out.progress(f"{drive.name}, at most", len(turned) * (1 + _MOST_ROUNDS) * self.count) as progress:
             records = partial(self.records, out, progress=progress)
-            allocator = Allocator(production, tuple(room), self.wanted, self.sure, records, self.count, MOST_ROUNDS)
+            allocator = Allocator(production, tuple(room), self.wanted, self.sure, records, self.count, _MOST_ROUNDS)
             ways = [allocator.cheapest(way) for way in turned]
         gains = to_measure(law, samples, 0) if samples else ()
         return allocate_report(allocator, ways, own, gains)

@@ -36,18 +36,18 @@ from hdassist.readers.trace import MeasuredTrace
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import Certificate
 
-CLEAR_GAIN = 25.0  # chi-square of two unknowns that noise exceeds four times in a million
-EQUAL_FIT = 9.0  # chi-square: fits that are no further apart explain a record equally well
-BLIND_SHARE = 0.1  # squared share of an unknown that may be unidentifiable where it has a number
-NAMED_SHARE = 0.3  # of a combination of vectors: those of less are not named
-VAGUE_DIRECTION = 60.0  # deg: a direction of greater standard uncertainty is None
-DECIMALS = 3  # of a new value, at most
-ConclusionKind = Literal["agrees", "mirrored", "one", "several", "unexplained"]
-MIRRORED = 0.5  # of the chi-square: a file read the other way round that leaves less is reported
-SURELY_MIRRORED = 0.1  # of the chi-square: without looking for deviations that leave less
-SCREEN = 0.5  # of a clear gain: least gain to first order for which deviations are fitted
-POLISHED = 2.0  # times the least chi-square: fits up to that are continued on the fine torus
-RESIDUAL_ORDERS = 3  # orders of a residual that are named
+_CLEAR_GAIN = 25.0  # chi-square of two unknowns that noise exceeds four times in a million
+_EQUAL_FIT = 9.0  # chi-square: fits that are no further apart explain a record equally well
+_BLIND_SHARE = 0.1  # squared share of an unknown that may be unidentifiable where it has a number
+_NAMED_SHARE = 0.3  # of a combination of vectors: those of less are not named
+_VAGUE_DIRECTION = 60.0  # deg: a direction of greater standard uncertainty is None
+_DECIMALS = 3  # of a new value, at most
+_ConclusionKind = Literal["agrees", "mirrored", "one", "several", "unexplained"]
+_MIRRORED = 0.5  # of the chi-square: a file read the other way round that leaves less is reported
+_SURELY_MIRRORED = 0.1  # of the chi-square: without looking for deviations that leave less
+_SCREEN = 0.5  # of a clear gain: least gain to first order for which deviations are fitted
+_POLISHED = 2.0  # times the least chi-square: fits up to that are continued on the fine torus
+_RESIDUAL_ORDERS = 3  # orders of a residual that are named
 UNIDENTIFIABLE_ANGLE = 360.0  # deg: standard uncertainty of an angle that is not identifiable
 FIT_STATES = 200_000  # that the fits of a comparison solve, about
 
@@ -100,21 +100,21 @@ class Explanation:
 
 
 @dataclass(frozen=True)
-class Conclusion:
+class _Conclusion:
     """Conclusion of a comparison: agrees, mirrored, one (deviation explains it), several (together), or unexplained."""
 
-    kind: ConclusionKind
+    kind: _ConclusionKind
     best: Explanation | None = None
 
 
-def explanation(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> Explanation:
+def _explanation(fit: VectorFit, base: VectorFit, fitter: VectorFitter) -> Explanation:
     """A fit in terms of the preset; states are not solved beyond the fit itself."""
     record, drive, unknowns, more = fitter.record, fitter.drive, len(fit.free), len(fit.free) - len(base.free)
     freedom, before = record.freedom(unknowns), base.chi_square - record.freedom(len(base.free))
     excess = max(1.0, fit.chi_square / freedom)
     changes = [change for i in range(len(fit.fitted)) if (change := _change(fit, i, excess * fit.covariance, drive))]
     names = _not_told_apart(fit)
-    by_chance = max(CLEAR_GAIN, more + CHI_SQUARE_CLEAR * float(np.sqrt(2 * more)))
+    by_chance = max(_CLEAR_GAIN, more + CHI_SQUARE_CLEAR * float(np.sqrt(2 * more)))
     return Explanation(
         deviations=tuple(VECTORS[k].size for k in fit.fitted),
         changes=tuple(changes),
@@ -142,12 +142,12 @@ def _change(fit: VectorFit, i: int, covariance: Array, drive: Drive) -> VectorCh
     """New value of the fitted vector i; None where its size is not identifiable."""
     k, axes = fit.fitted[i], _polar(fit, i)
     vector, (size, direction) = VECTORS[k], size_and_direction(drive, fit.vectors, k)
-    blind = ((axes @ fit.unidentifiable) ** 2).sum(axis=1) > BLIND_SHARE
+    blind = ((axes @ fit.unidentifiable) ** 2).sum(axis=1) > _BLIND_SHARE
     if blind[0]:
         return None
     along, across = (float(np.sqrt(axis @ covariance @ axis)) * float(VECTOR_UNITS[k]) for axis in axes)
     turn = float(np.degrees(across / size)) if size else np.inf
-    angles = (None, None) if blind[1] or turn > VAGUE_DIRECTION else (direction, turn / vector.order)
+    angles = (None, None) if blind[1] or turn > _VAGUE_DIRECTION else (direction, turn / vector.order)
     return VectorChange(vector.size, size, along, vector.direction, *angles)
 
 
@@ -158,7 +158,7 @@ def _overrides(fit: VectorFit, changes: Sequence[VectorChange], drive: Drive) ->
         spreads = {new.size: new.size_uncertainty_um, new.direction: new.direction_uncertainty_deg}
         for path, uncertainty in spreads.items():
             decimals = 1 - int(np.floor(np.log10(max(uncertainty or 1.0, 1e-9))))
-            value = round(changed.number(path), min(max(decimals, 0), DECIMALS)) + 0.0
+            value = round(changed.number(path), min(max(decimals, 0), _DECIMALS)) + 0.0
             if not drive.allows(path, value):
                 return ()
             texts.append(f"{path}={value:.10g}")
@@ -170,34 +170,34 @@ def _not_told_apart(fit: VectorFit) -> tuple[tuple[str, ...], ...]:
     names = []
     for combination in fit.unidentifiable.T:
         parts = {VECTORS[k].size.split(".")[1]: _polar(fit, i) @ combination for i, k in enumerate(fit.fitted)}
-        if max((float(along**2) for along, _ in parts.values()), default=0.0) <= BLIND_SHARE:
+        if max((float(along**2) for along, _ in parts.values()), default=0.0) <= _BLIND_SHARE:
             continue  # directions alone, against where the record begins
-        names.append(tuple(name for name, part in parts.items() if float(np.hypot(*part)) > NAMED_SHARE))
+        names.append(tuple(name for name, part in parts.items() if float(np.hypot(*part)) > _NAMED_SHARE))
     return tuple(dict.fromkeys(names))
 
 
-def conclude(
+def _conclude(
     base: Explanation, singles: Sequence[Explanation], joint: Explanation | None, *, mirrored: bool
-) -> Conclusion:
+) -> _Conclusion:
     """The simplest explanation whose residual is within noise."""
     best = min(singles, key=lambda single: single.chi_square, default=base)
     if mirrored or (base.sufficient and not best.clear):
-        return Conclusion("mirrored" if mirrored else "agrees")
+        return _Conclusion("mirrored" if mirrored else "agrees")
     if best.clear and best.sufficient:
-        return Conclusion("one", best)
+        return _Conclusion("one", best)
     if joint and joint.sufficient and joint.clear:
-        return Conclusion("several", joint)
-    return Conclusion("unexplained", best if best.clear else None)
+        return _Conclusion("several", joint)
+    return _Conclusion("unexplained", best if best.clear else None)
 
 
 def equally_good(best: Explanation, singles: Sequence[Explanation]) -> list[Explanation]:
     """Other single deviations that explain the difference as well as the best one."""
-    most = best.chi_square + EQUAL_FIT * best.excess
+    most = best.chi_square + _EQUAL_FIT * best.excess
     return [single for single in singles if single is not best and single.clear and single.chi_square <= most]
 
 
 @dataclass(frozen=True)
-class MirroredFile:
+class _MirroredFile:
     """How else a file is read that fits clearly better, the rms left then, and whether noise may leave so much."""
 
     asked: Alignment
@@ -210,7 +210,7 @@ class MirroredFile:
         return f"--error-is {ERROR_SIGNS[self.asked.sign]} --cam-sense {SENSES[self.asked.sense]}"
 
 
-class RecordReader:
+class _RecordReader:
     """Fits of a drive as it is, at a torque M_g [N*m], to a record that may be read in one way or another.
 
     measurement: both directions as one; asked: how the file counts, of which the orders are the same.
@@ -227,27 +227,27 @@ class RecordReader:
         record = self._orders.read_as(asked.of_file(self.measurement.trace, Kinematics.of(self.drive)))
         return VectorFitter(self.drive, record, self.torus, self._doubt, asked.fitted).doubted(self._changes)
 
-    def mirrored(self, asked: Alignment, base: VectorFit) -> tuple[MirroredFile, VectorFit] | None:
+    def mirrored(self, asked: Alignment, base: VectorFit) -> tuple[_MirroredFile, VectorFit] | None:
         """The best of all other ways to count, and its fit; None where it is not clearly better than that of base."""
         ways = [(other, *self.fitted(other)) for other in asked.swapped]
         other, fitter, fit = min(ways, key=lambda way: way[2].chi_square)
-        if fit.chi_square > MIRRORED * base.chi_square:
+        if fit.chi_square > _MIRRORED * base.chi_square:
             return None
         within = fitter.record.within_noise(fit.chi_square, len(base.free))
-        return MirroredFile(other, fitter.residual_rms_arcsec(fit), within), fit
+        return _MirroredFile(other, fitter.residual_rms_arcsec(fit), within), fit
 
 
-def mirrored_reading(measurement: Measurement, drive: Drive, M_g: float, asked: Alignment) -> MirroredFile | None:
+def mirrored_reading(measurement: Measurement, drive: Drive, M_g: float, asked: Alignment) -> _MirroredFile | None:
     """How else a record is read where that alone explains it: within noise, or far better than as asked; else None.
 
     Raises UsageError for rolling balls, UntrustedError where a state cannot be trusted.
     """
-    reader = RecordReader(measurement, drive, M_g, asked, UNCHECKED)
+    reader = _RecordReader(measurement, drive, M_g, asked, UNCHECKED)
     fitter, base = reader.fitted(asked)
-    if explanation(base, base, fitter).sufficient:
+    if _explanation(base, base, fitter).sufficient:
         return None
     better = reader.mirrored(asked, base)
-    if better and (better[0].within_noise or better[1].chi_square <= SURELY_MIRRORED * base.chi_square):
+    if better and (better[0].within_noise or better[1].chi_square <= _SURELY_MIRRORED * base.chi_square):
         return better[0]
     return None
 
@@ -276,8 +276,8 @@ class Comparison:
     difference_curve: Array
     singles: tuple[Explanation, ...]
     joint: Explanation | None
-    conclusion: Conclusion
-    mirror: MirroredFile | None
+    conclusion: _Conclusion
+    mirror: _MirroredFile | None
     certificate: Certificate
     warnings: tuple[str, ...]
 
@@ -327,9 +327,9 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
     Arguments: measurement, of both directions as one, each with its own level: the model knows no friction; asked, how
     the file counts. Raises UsageError for rolling balls; UntrustedError where an answer cannot be trusted.
     """
-    sweep, reader = measurement.directions[0], RecordReader(measurement, drive, M_g, asked, run)
+    sweep, reader = measurement.directions[0], _RecordReader(measurement, drive, M_g, asked, run)
     fitter, base = reader.fitted(asked)
-    record, unchanged = fitter.record, explanation(base, base, fitter)
+    record, unchanged = fitter.record, _explanation(base, base, fitter)
     mirrored = None if unchanged.sufficient else reader.mirrored(asked, base)
     singles, joint, mirror = _explanations(fitter, base, unchanged, mirrored)
 
@@ -358,7 +358,7 @@ def compare(measurement: Measurement, drive: Drive, M_g: float, *, asked: Alignm
         difference_curve=fit.curve(sweep.grid_turns),
         singles=tuple(singles),
         joint=joint,
-        conclusion=conclude(unchanged, singles, joint, mirrored=mirror is not None),
+        conclusion=_conclude(unchanged, singles, joint, mirrored=mirror is not None),
         mirror=mirror,
         certificate=solved.certificate + reader.torus.certificate,
         warnings=(*measurement.warnings, *([DRIFT_LEFT.format(slope)] if slope else [])),
@@ -369,27 +369,27 @@ def _explanations(
     fitter: VectorFitter,
     base: VectorFit,
     unchanged: Explanation,
-    mirrored: tuple[MirroredFile, VectorFit] | None,
-) -> tuple[list[Explanation], Explanation | None, MirroredFile | None]:
+    mirrored: tuple[_MirroredFile, VectorFit] | None,
+) -> tuple[list[Explanation], Explanation | None, _MirroredFile | None]:
     """Explanations of the difference: each vector alone, all together, or the file read the other way round."""
     usual = unchanged.chi_square <= unchanged.degrees_of_freedom + np.sqrt(2 * unchanged.degrees_of_freedom)
-    if unchanged.sufficient and usual and fitter.linear_gains(base).max() < SCREEN * CLEAR_GAIN:
+    if unchanged.sufficient and usual and fitter.linear_gains(base).max() < _SCREEN * _CLEAR_GAIN:
         return [], None, None
     mirror, other = mirrored or (None, base)
     if mirror and mirror.within_noise:
         return [], None, mirror
     fits = [fitter.single(k, base) for k in range(len(VECTORS))]
-    good = POLISHED * min(fit.chi_square for fit in fits)
+    good = _POLISHED * min(fit.chi_square for fit in fits)
     fits = [fitter.refined(fit) if fit.chi_square <= good else fit for fit in fits]
     best = int(np.argmin([fit.chi_square for fit in fits]))
     fits[best] = fitter.with_shift(fitter.profiled(fits[best]))
-    singles, least = [explanation(fit, base, fitter) for fit in fits], min(fit.chi_square for fit in fits)
+    singles, least = [_explanation(fit, base, fitter) for fit in fits], min(fit.chi_square for fit in fits)
     if other.chi_square > least:
         mirror = None
-    if conclude(unchanged, singles, None, mirrored=mirror is not None).kind in ("agrees", "mirrored"):
+    if _conclude(unchanged, singles, None, mirrored=mirror is not None).kind in ("agrees", "mirrored"):
         return singles, None, mirror
     joint = fitter.with_shift(fitter.refined(min(fits, key=lambda fit: fit.chi_square), range(len(VECTORS))))
-    return singles, explanation(joint, base, fitter), mirror
+    return singles, _explanation(joint, base, fitter), mirror
 
 
 def _solved(explained: Explanation, fitter: VectorFitter, solved: SolvedStates, *, curve: bool) -> Explanation:
@@ -407,12 +407,12 @@ def _solved(explained: Explanation, fitter: VectorFitter, solved: SolvedStates, 
     pairs = sorted(record.pairs(residual, residual), key=lambda pair: -pair.difference.amplitude_arcsec)
     sizes = [(pair.difference.amplitude_arcsec, pair.difference.uncertainty_arcsec or 0.0) for pair in pairs]
     clear = [pair for pair, (size, u) in zip(pairs, sizes, strict=True) if size > CHI_SQUARE_CLEAR * u]
-    return replace(explained, difference_left_arcsec=rms(residual), orders_left=tuple(clear[:RESIDUAL_ORDERS]))
+    return replace(explained, difference_left_arcsec=rms(residual), orders_left=tuple(clear[:_RESIDUAL_ORDERS]))
 
 
 def _angle_uncertainties(base: VectorFit, unchanged: Explanation) -> tuple[float | None, float | None]:
     """Standard uncertainties [deg] of start and zero of the alignment, None of one that is given."""
-    blind = (base.unidentifiable**2).sum(axis=1) > BLIND_SHARE
+    blind = (base.unidentifiable**2).sum(axis=1) > _BLIND_SHARE
     fitted = iter(np.where(blind, UNIDENTIFIABLE_ANGLE, np.sqrt(unchanged.excess * np.diag(base.covariance))).tolist())
     start, zero = (next(fitted) if is_fitted else None for is_fitted in unchanged.alignment.fitted)
     return start, zero

@@ -35,27 +35,27 @@ from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 
 COARSE = 16  # positions around each wheel, for a first look at very different deviations
-DOUBT_ROUNDS = 2  # times that the alignment is fitted with the model doubted at the one before
-VECTOR_STEP = 1.0  # of a vector's unit, of a difference quotient
-LONGEST_STEP = 30.0  # of a vector's unit, or deg
-STEP_SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step, until one is downhill
-MOST_STEPS = 15
-SMALLEST_GAIN = 0.05  # of chi-square: a step that gains less is the last
-SMALLEST_GAIN_SHARE = 1e-3  # of the chi-square before the step: the same
-NEARER = 0.7  # of the chi-square at the drive's own deviations: a start must be below it to be taken instead
-BLIND = 0.5  # of the greatest deviation: a direction of greater standard uncertainty is unidentifiable
-LEAST_BLIND = 20.0  # of a vector's unit: the same at least
-DIFFERENCE_ERROR = 1e-3  # of the greatest singular value: error of difference quotients
-START_TURNS = (45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)  # deg, of a vector before the first step
-START_SCALES = (0.5, 1.5, 2.0)
-START_SIZE = 50.0  # of a vector's unit: where the drive's own is 0
-PROFILE_BLIND = 1e-2  # squared share of the start that may be unidentifiable where its profile is computed
-PROFILE_LEAST = 1.0  # deg: standard uncertainty of the start from which on its profile is computed
-PROFILE_STEPS = 6  # standard uncertainties of the start, to either side
-PROFILE_RISE = 12.0  # of chi-square above the least: end of a profile
+_DOUBT_ROUNDS = 2  # times that the alignment is fitted with the model doubted at the one before
+_VECTOR_STEP = 1.0  # of a vector's unit, of a difference quotient
+_LONGEST_STEP = 30.0  # of a vector's unit, or deg
+_STEP_SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step, until one is downhill
+_MOST_STEPS = 15
+_SMALLEST_GAIN = 0.05  # of chi-square: a step that gains less is the last
+_SMALLEST_GAIN_SHARE = 1e-3  # of the chi-square before the step: the same
+_NEARER = 0.7  # of the chi-square at the drive's own deviations: a start must be below it to be taken instead
+_BLIND = 0.5  # of the greatest deviation: a direction of greater standard uncertainty is unidentifiable
+_LEAST_BLIND = 20.0  # of a vector's unit: the same at least
+_DIFFERENCE_ERROR = 1e-3  # of the greatest singular value: error of difference quotients
+_START_TURNS = (45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)  # deg, of a vector before the first step
+_START_SCALES = (0.5, 1.5, 2.0)
+_START_SIZE = 50.0  # of a vector's unit: where the drive's own is 0
+_PROFILE_BLIND = 1e-2  # squared share of the start that may be unidentifiable where its profile is computed
+_PROFILE_LEAST = 1.0  # deg: standard uncertainty of the start from which on its profile is computed
+_PROFILE_STEPS = 6  # standard uncertainties of the start, to either side
+_PROFILE_RISE = 12.0  # of chi-square above the least: end of a profile
 
 COUNT = len(VECTORS)
-WHEEL = np.array(["gbh".index(vector.part) for vector in VECTORS])  # part that each vector turns with
+_WHEEL = np.array(["gbh".index(vector.part) for vector in VECTORS])  # part that each vector turns with
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class VectorFit:
     @property
     def vectors(self) -> Complex:
         """The vectors in their units, shape (vectors,)."""
-        return complex_of(self.unknowns)
+        return _complex_of(self.unknowns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class VectorFitter:
         changes: of the drive's waves, shape (changes, waves).
         """
         fitter, fit = self, self.base()
-        for _ in range(DOUBT_ROUNDS if any(self.angles) else 1):
+        for _ in range(_DOUBT_ROUNDS if any(self.angles) else 1):
             fitter = self._doubted_at(fit, changes)
             fit = fitter.base()
         return fitter, fit
@@ -129,7 +129,7 @@ class VectorFitter:
         starts = list(self._starts(vector, base))
         scans = [self.record.scan(self._waves(start, (vector,), COARSE)[0], start[-2:]) for start in starts]
         best = int(np.argmin([chi_square for _, chi_square in scans]))
-        if scans[best][1] <= NEARER * scans[0][1]:
+        if scans[best][1] <= _NEARER * scans[0][1]:
             starts[0] = np.append(starts[best][:-2], scans[best][0])
         return self._descend(starts[0], (vector,), SLOPE_WAVE_POINTS)
 
@@ -150,19 +150,19 @@ class VectorFitter:
         The valley is bent and may have other minima; each start of the profile weighs as its chi-square has it.
         """
         start = 2  # the vector's two components come first
-        if self.angles != (True, False) or (fit.unidentifiable[start] ** 2).sum() > PROFILE_BLIND:
+        if self.angles != (True, False) or (fit.unidentifiable[start] ** 2).sum() > _PROFILE_BLIND:
             return fit
         step = float(np.sqrt(fit.covariance[start, start]))
-        if step < PROFILE_LEAST:
+        if step < _PROFILE_LEAST:
             return fit
         held, along = replace(self, angles=(False, False)), np.arange(2 * COUNT + 2) == 2 * COUNT
         profile = [held._descend(fit.unknowns, fit.fitted, SLOPE_WAVE_POINTS)]
         for way in (step, -step):
             last = profile[0]
-            for _ in range(PROFILE_STEPS):
+            for _ in range(_PROFILE_STEPS):
                 last = held._descend(last.unknowns + way * along, fit.fitted, SLOPE_WAVE_POINTS)
                 profile.append(last)
-                if last.chi_square > min(point.chi_square for point in profile) + PROFILE_RISE:
+                if last.chi_square > min(point.chi_square for point in profile) + _PROFILE_RISE:
                     break
         chi_square = np.array([point.chi_square for point in profile])
         best = int(chi_square.argmin())
@@ -181,19 +181,19 @@ class VectorFitter:
 
     def _waves(self, unknowns: Array, fitted: Sequence[int], points: int = WAVE_POINTS, *steps: Array) -> Complex:
         """Waves of the drive with fitted vectors as the unknowns have them, and a step on, shape (1 + steps, waves)."""
-        moved = [complex_of(unknowns + step) for step in (np.zeros_like(unknowns), *steps)]
+        moved = [_complex_of(unknowns + step) for step in (np.zeros_like(unknowns), *steps)]
         return self.torus.waves([with_vectors(self.drive, vectors, fitted) for vectors in moved], points)
 
     def _starts(self, vector: int, base: VectorFit) -> Iterator[Array]:
         """The unknowns of the drive as it is, and with one vector scaled and, if its direction matters, turned."""
         yield base.unknowns
         own = base.vectors[vector]
-        factors = [*START_SCALES]
+        factors = [*_START_SCALES]
         if not self._gauges(base.unknowns, (vector,)).shape[1]:
-            factors += np.exp(1j * np.radians(START_TURNS)).tolist()
+            factors += np.exp(1j * np.radians(_START_TURNS)).tolist()
         for factor in factors if own else [*factors, 1.0]:
             unknowns = base.unknowns.copy()
-            complex_of(unknowns)[vector] = (own or START_SIZE) * factor
+            _complex_of(unknowns)[vector] = (own or _START_SIZE) * factor
             yield unknowns
 
     def _free(self, fitted: Sequence[int]) -> NDArray[np.int64]:
@@ -205,18 +205,18 @@ class VectorFitter:
         """Gauss-Newton with steps (15) along the identifiable directions, until chi-square (13) hardly falls."""
         free = self._free(fitted)
         residual, waves = self._residual(unknowns, fitted, points)
-        for _ in range(MOST_STEPS if len(free) else 0):
+        for _ in range(_MOST_STEPS if len(free) else 0):
             jacobian, directions, _, sizes = self._linearized(unknowns, fitted, waves)
             step = np.zeros_like(unknowns)
             step[free] = directions @ ((directions.T @ jacobian.T @ residual) / sizes**2)  # (15)
-            step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
+            step *= min(1.0, _LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
             before = float(residual @ residual)
-            for share in STEP_SHARES:
+            for share in _STEP_SHARES:
                 tried = self._residual(unknowns + share * step, fitted, points)
                 if tried[0] @ tried[0] < before:
                     unknowns, (residual, waves) = unknowns + share * step, tried
                     break
-            if before - float(residual @ residual) < max(SMALLEST_GAIN, SMALLEST_GAIN_SHARE * before):
+            if before - float(residual @ residual) < max(_SMALLEST_GAIN, _SMALLEST_GAIN_SHARE * before):
                 break
         _, directions, others, sizes = self._linearized(unknowns, fitted, waves)
         covariance = np.asarray((directions / sizes**2) @ directions.T)  # (16), shape (f, f)
@@ -229,11 +229,11 @@ class VectorFitter:
 
     def _jacobian(self, unknowns: Array, fitted: Sequence[int], waves: Complex) -> Array:
         """Whitened slopes J of the prediction by the free unknowns, shape (2 orders, f), per unit and deg."""
-        steps = VECTOR_STEP * np.eye(len(unknowns))[self._free(fitted)[: 2 * len(fitted)]]
+        steps = _VECTOR_STEP * np.eye(len(unknowns))[self._free(fitted)[: 2 * len(fitted)]]
         columns = self.record.slopes(waves, unknowns[-2:])[list(self.angles)]
         if fitted:
             base, *moved = self._waves(unknowns, fitted, SLOPE_WAVE_POINTS, *steps)
-            by_vectors = self.record.predicted((np.array(moved) - base) / VECTOR_STEP, unknowns[-2:])
+            by_vectors = self.record.predicted((np.array(moved) - base) / _VECTOR_STEP, unknowns[-2:])
             columns = np.concatenate([by_vectors, columns])
         return self.record.whitened(columns).T
 
@@ -242,15 +242,15 @@ class VectorFitter:
 
         To begin elsewhere is to turn all vectors of a wheel, which is possible where each of them is free or 0.
         """
-        free, vectors = self._free(fitted), complex_of(unknowns)
+        free, vectors = self._free(fitted), _complex_of(unknowns)
         if not any(self.angles):
             return np.zeros((len(free), 0))
         pinned = (vectors != 0) & ~np.isin(np.arange(COUNT), fitted)
-        held = np.array([bool(pinned[wheel == WHEEL].any()) for wheel in range(2)])
+        held = np.array([bool(pinned[wheel == _WHEEL].any()) for wheel in range(2)])
         turns = self.record.turns[:, list(self.angles)]  # (2 wheels, angles)
         gauges = null_space(turns * held[:, None])  # (angles, gauges)
         back = np.radians(np.vstack([-turns @ gauges, np.zeros(gauges.shape[1])]))  # of flexspline, rigid wheel and cam
-        moved = (1j * VECTOR_ORDERS * vectors)[:, None] * back[WHEEL]  # (vectors, gauges)
+        moved = (1j * VECTOR_ORDERS * vectors)[:, None] * back[_WHEEL]  # (vectors, gauges)
         components = np.stack([moved.real, moved.imag], axis=1).reshape(2 * COUNT, -1)
         directions = np.concatenate([components[free[: 2 * len(fitted)]], gauges])
         return np.asarray(np.linalg.qr(directions)[0])
@@ -265,13 +265,13 @@ class VectorFitter:
         jacobian, gauges = self._jacobian(unknowns, fitted, waves), self._gauges(unknowns, fitted)
         others = null_space(gauges.T) if gauges.shape[1] else np.eye(len(gauges))
         _, sizes, directions = np.linalg.svd(jacobian @ others, full_matrices=False)  # J = U s V'
-        blind = max(LEAST_BLIND, BLIND * float(np.abs(vectors_of(self.drive)).max()))
-        sharp = (sizes * blind > 1) & (sizes > DIFFERENCE_ERROR * sizes.max(initial=0.0))
+        blind = max(_LEAST_BLIND, _BLIND * float(np.abs(vectors_of(self.drive)).max()))
+        sharp = (sizes * blind > 1) & (sizes > _DIFFERENCE_ERROR * sizes.max(initial=0.0))
         directions = others @ directions.T
         blurred = np.concatenate([directions[:, ~sharp], gauges], axis=1)
         return jacobian, directions[:, sharp], blurred, sizes[sharp]
 
 
-def complex_of(unknowns: Array) -> Complex:
+def _complex_of(unknowns: Array) -> Complex:
     """Vectors of unknowns, shape (vectors,)."""
     return unknowns[:-2].view(complex)

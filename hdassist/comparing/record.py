@@ -35,15 +35,15 @@ VECTORS = tuple(d for d in DEVIATIONS if d.order != 3 and d.kind not in ("pitch"
 VECTOR_ORDERS = np.array([vector.order for vector in VECTORS])
 # um, in which each is counted, so that all weigh about alike: first harmonics nearly cancel on two opposite zones
 VECTOR_UNITS = np.where(VECTOR_ORDERS > 1, 0.1, 1.0)
-DOUBTED_SHARES = {"supports.C_2": 0.3, "supports.C_3": 0.3, "contact.c_t": 0.3, "cam.W_0": 0.02}
+_DOUBTED_SHARES = {"supports.C_2": 0.3, "supports.C_3": 0.3, "contact.c_t": 0.3, "cam.W_0": 0.02}
 SLOPE_WAVE_POINTS = 24  # around each wheel, for slopes
-DOUBTED_CLEARANCE = 1.0  # um, of gears.j_n
+_DOUBTED_CLEARANCE = 1.0  # um, of gears.j_n
 EXACT = 2e-4  # of F'_ior, in each coefficient: as far as a predicted curve counts as exact
-MODEL_ERROR = 0.03  # of each order: standard deviation of all else that a model may have wrong
+_MODEL_ERROR = 0.03  # of each order: standard deviation of all else that a model may have wrong
 CHI_SQUARE_CLEAR = 4.0  # standard deviations of a chi-square
 ERROR_SIGNS = {1.0: "cam-output", -1.0: "output-cam"}  # of the error of a file, as F_kpp or against it
 SENSES = {1.0: "ccw", -1.0: "cw"}  # of its cam angle, seen from the cam side
-SCANNED = {1: 72, 2: 48}  # places of each angle of the alignment that is scanned, where so many are
+_SCANNED = {1: 72, 2: 48}  # places of each angle of the alignment that is scanned, where so many are
 
 
 def vectors_of(drive: Drive) -> Complex:
@@ -69,8 +69,8 @@ def with_vectors(drive: Drive, vectors: Complex, fitted: Iterable[int]) -> Drive
 
 def doubts_of(drive: Drive) -> dict[str, float]:
     """Standard deviations of doubtful fields of a drive by path, in their units."""
-    shares = {path: drive.number(path) * share for path, share in DOUBTED_SHARES.items() if drive.number(path)}
-    return shares | {"gears.j_n": DOUBTED_CLEARANCE}
+    shares = {path: drive.number(path) * share for path, share in _DOUBTED_SHARES.items() if drive.number(path)}
+    return shares | {"gears.j_n": _DOUBTED_CLEARANCE}
 
 
 def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()) -> Complex:
@@ -190,7 +190,7 @@ class RecordedOrders:
         moved = self.predicted(changes, angles)  # (changes, 2 orders)
         cosines, sines = self.predicted(waves, angles).reshape(2, -1)
         power = np.tile((cosines**2 + sines**2) / 2, 2)
-        result.covariance = self._noise + moved.T @ moved + np.diag(MODEL_ERROR**2 * power)
+        result.covariance = self._noise + moved.T @ moved + np.diag(_MODEL_ERROR**2 * power)
         result._root = np.linalg.cholesky(result.covariance)
         return result
 
@@ -236,7 +236,7 @@ class RecordedOrders:
     def scan(self, waves: Complex, angles: Array) -> tuple[Array, float]:
         """Start and zero [deg] that fit waves best on a grid of the fitted ones, shape (2,), and chi-square (13)."""
         fitted = self.alignment.fitted
-        count = SCANNED.get(sum(fitted), 1)
+        count = _SCANNED.get(sum(fitted), 1)
         steps = [np.arange(count if is_fitted else 1) * (360 / count) for is_fitted in fitted]
         grid = angles + np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
         key = waves.tobytes(), grid.tobytes()

@@ -45,23 +45,23 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.verdict import Verdict
 
-REPORTED_SHARES = (0.05, 0.5, 0.95)
+_REPORTED_SHARES = (0.05, 0.5, 0.95)
 PHASORS = CorrectionForm(None)  # as many as are enough
-ENOUGH = 1.1  # times the least that phasors leave: fewer of them are enough up to that
+_ENOUGH = 1.1  # times the least that phasors leave: fewer of them are enough up to that
 IN_PLACE, TURN_LOST = "in place", "turn lost"
-ZERO_OFF_DEG = (1.0, 10.0)  # of the cam
-LOST_TURNS = 9  # counts of lost turns that are looked at, at most
-STRONG_LINES = 3  # that are named
-ANY_PHASE_DEG = 180 / 3**0.5  # standard deviation of a phase that is not known
-LEAST_AMPLITUDE = 1e-300  # arcsec: a line without any is not divided by
+_ZERO_OFF_DEG = (1.0, 10.0)  # of the cam
+_LOST_TURNS = 9  # counts of lost turns that are looked at, at most
+_STRONG_LINES = 3  # that are named
+_ANY_PHASE_DEG = 180 / 3**0.5  # standard deviation of a phase that is not known
+_LEAST_AMPLITUDE = 1e-300  # arcsec: a line without any is not divided by
 HALVED = 0.5  # of the range: a correction that leaves more is called weak
-EXPLAINED_RMS_SHARE = 0.5  # of what is left in place, root mean square: a cause that leaves more is none
-ALIKE = 1.05  # times the least that a cause leaves: the nearest zero of such is named
-IN_ZERO_DEG = 3.0  # of the cam, as far as a zero counts as right
+_EXPLAINED_RMS_SHARE = 0.5  # of what is left in place, root mean square: a cause that leaves more is none
+_ALIKE = 1.05  # times the least that a cause leaves: the nearest zero of such is named
+_IN_ZERO_DEG = 3.0  # of the cam, as far as a zero counts as right
 
 
 @dataclass(frozen=True, eq=False)
-class LoadedError:
+class _LoadedError:
     """Error of drives as one may be, at a torque: lines, and the actual error [arcsec], shape (drives, points).
 
     beyond: range of all that the lines do not have, over that of the error; F_ior_arcsec: of a record of
@@ -86,7 +86,7 @@ class LoadedError:
         return np.asarray(ranges if self.F_ior_arcsec is None else np.full_like(ranges, self.F_ior_arcsec))
 
 
-ErrorsByTorque = Mapping[float, LoadedError]
+_ErrorsByTorque = Mapping[float, _LoadedError]
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class Correction:
     """
 
     drive: Drive | None
-    errors: ErrorsByTorque
+    errors: _ErrorsByTorque
     parts: tuple[ErrorPart, ...]
     forms: tuple[FormResiduals, ...]
     chosen: FormResiduals
@@ -166,7 +166,7 @@ class Correction:
     def strong_lines(self) -> tuple[float, ...]:
         """The strongest lines, the strongest first: times a turn of the output."""
         lines = self.errors[self.M_g].lines
-        strongest = np.argsort(-(np.abs(lines.amplitude) ** 2).mean(axis=0))[:STRONG_LINES]
+        strongest = np.argsort(-(np.abs(lines.amplitude) ** 2).mean(axis=0))[:_STRONG_LINES]
         return tuple(line_orders(lines)[0][strongest].tolist())
 
 
@@ -209,31 +209,31 @@ def correction_of(
     alike = misfit is not None or len(drives) == 1
     errors, certificate = {}, samples.certificate if samples else EMPTY
     for M_g in torques:
-        errors[M_g], proof = loaded_error(drive, M_g, drives, run, alike=alike)
+        errors[M_g], proof = _loaded_error(drive, M_g, drives, run, alike=alike)
         certificate += proof
         record, found = records.get(M_g), errors[M_g]
         if record and not record.is_part:
-            errors[M_g] = recorded_belief(found.lines, record, run)
+            errors[M_g] = _recorded_belief(found.lines, record, run)
         elif records:
             lines = alike_lines(found.lines, run, misfit)
-            errors[M_g] = LoadedError(lines, -lines.curves, found.beyond)
-    return fitted_correction(
+            errors[M_g] = _LoadedError(lines, -lines.curves, found.beyond)
+    return _fitted_correction(
         drive, errors, form, records, drive.name, samples=samples, misfit=misfit, certificate=certificate
     )
 
 
-def recorded_belief(lines: ErrorLines, record: RecordedError, run: Run) -> LoadedError:
+def _recorded_belief(lines: ErrorLines, record: RecordedError, run: Run) -> _LoadedError:
     """Error of drives that agree with a record of the full cycle; lines, of drives as this one may be."""
     found = recorded_lines(lines, record, run)
     visited = record.visited(lines.kinematics) if record.recorded_turns else None
-    error = LoadedError(found, -found.curves, 0.0, visited=visited)
+    error = _LoadedError(found, -found.curves, 0.0, visited=visited)
     F_ior_arcsec = record.F_ior_arcsec or float(error.range_of(found.mean.curves)[0])
     return replace(error, F_ior_arcsec=F_ior_arcsec)
 
 
-def fitted_correction(
+def _fitted_correction(
     drive: Drive | None,
-    errors: ErrorsByTorque,
+    errors: _ErrorsByTorque,
     form: CorrectionForm,
     records: Mapping[float, RecordedError],
     name: str,
@@ -248,31 +248,31 @@ def fitted_correction(
     mean = {M_g: each.mean for M_g, each in own.items()}
     design = errors[torques[0]]
     uncorrected = percentiles(design.ranges)[1]
-    phasors = ranges_by_points(None, design.lines.mean, design)
+    phasors = _ranges_by_points(None, design.lines.mean, design)
     if min(phasors.values()) >= uncorrected:  # phases are not known: as if they were
-        phasors = ranges_by_points(None, design.lines, design)
-    number = next(number for number, left in phasors.items() if left <= ENOUGH * min(phasors.values()))
+        phasors = _ranges_by_points(None, design.lines, design)
+    number = next(number for number, left in phasors.items() if left <= _ENOUGH * min(phasors.values()))
     if not form.turn:
         number = form.points or number
         form = replace(form, points=number)
     usual = (CorrectionForm(None, number), CorrectionForm(None, number, each_load=True), *USUAL_TABLES)
     forms = dict.fromkeys((*(each for each in usual if len(torques) > 1 or not each.each_load), form))
-    chosen = residuals_of(form, mean, errors)
-    residuals = tuple(residuals_of(each, own if chosen.is_refused else mean, errors) for each in forms)
-    tables = ranges_by_points("output", design.lines, design)
+    chosen = _residuals_of(form, mean, errors)
+    residuals = tuple(_residuals_of(each, own if chosen.is_refused else mean, errors) for each in forms)
+    tables = _ranges_by_points("output", design.lines, design)
     halving = next((points for points, left in tables.items() if left <= HALVED * uncorrected), None)
     in_place = zip(torques, chosen.residuals[: len(torques)] if form.each_load else chosen.residuals[:1], strict=False)
     kept = [M_g for M_g, left in in_place if M_g == torques[0] or left.p95 < left.uncorrected_p50]
     corrections = {M_g: _exported(chosen, own, M_g, name) for M_g in kept}
     return Correction(
-        drive, errors, error_parts(errors), residuals, chosen, corrections, halving,
+        drive, errors, _error_parts(errors), residuals, chosen, corrections, halving,
         phasors, records, misfit, samples, certificate,
     )  # fmt: skip
 
 
-def loaded_error(
+def _loaded_error(
     drive: Drive, M_g: float, drives: Sequence[Mapping[str, float]], run: Run, *, alike: bool
-) -> tuple[LoadedError, Certificate]:
+) -> tuple[_LoadedError, Certificate]:
     """Error of drives at a torque M_g [N*m], from their values by path.
 
     The first of them is solved in each state of its cycle, for the part that lines leave out and for F'_ior. alike:
@@ -290,7 +290,7 @@ def loaded_error(
     lines = replace(lines, amplitude=lines.amplitude * scale)
     actual = -lines.curves
     beyond = float(np.ptp(off(lines))) / np.ptp(actual[0])
-    return LoadedError(lines, actual, beyond), lines.certificate + proof
+    return _LoadedError(lines, actual, beyond), lines.certificate + proof
 
 
 def _exported(
@@ -306,8 +306,8 @@ def _exported(
         often = np.rint(found.per_cam_turn * lines[M_g].kinematics.cycle_cam_revolutions)
         vectors = lines[M_g].amplitude[:, np.isin(lines[M_g].per_cycle, often)]
         along = vectors / np.exp(1j * np.radians(found.phase_deg))  # real of lines with the phase of the mean
-        across_deg = np.degrees(along.imag.std(axis=0) / np.maximum(found.amplitude_arcsec, LEAST_AMPLITUDE))
-        unsure = along.real.std(axis=0), np.minimum(across_deg, ANY_PHASE_DEG)
+        across_deg = np.degrees(along.imag.std(axis=0) / np.maximum(found.amplitude_arcsec, _LEAST_AMPLITUDE))
+        unsure = along.real.std(axis=0), np.minimum(across_deg, _ANY_PHASE_DEG)
         return replace(found, amplitude_uncertainty_arcsec=unsure[0], phase_uncertainty_deg=unsure[1])
     other = form.fitted(lines[-M_g].mean, -M_g) if form.each_load and -M_g in lines else None
     if isinstance(other, CorrectionTable):
@@ -315,13 +315,13 @@ def _exported(
     return replace(found, error_arcsec=found.error_arcsec[0])
 
 
-def residuals_of(form: CorrectionForm, lines: Mapping[float, ErrorLines], errors: ErrorsByTorque) -> FormResiduals:
+def _residuals_of(form: CorrectionForm, lines: Mapping[float, ErrorLines], errors: _ErrorsByTorque) -> FormResiduals:
     """Residuals of a form fitted to lines, of the errors of drives, both by torque."""
     design, turns = next(iter(lines)), next(iter(lines.values())).kinematics.cycle_cam_revolutions
     fitted = {M_g: form.fitted(each, M_g) for M_g, each in lines.items()}
-    lost = np.unique(np.linspace(1, max(turns - 1, 1), LOST_TURNS).astype(int)).tolist()
+    lost = np.unique(np.linspace(1, max(turns - 1, 1), _LOST_TURNS).astype(int)).tolist()
     cases = [(IN_PLACE, M_g, [0.0]) for M_g in lines]
-    cases += [(f"zero {degrees:g} deg off", design, [-degrees / 360, degrees / 360]) for degrees in ZERO_OFF_DEG]
+    cases += [(f"zero {degrees:g} deg off", design, [-degrees / 360, degrees / 360]) for degrees in _ZERO_OFF_DEG]
     cases += [(TURN_LOST, design, lost)]
     found = []
     for case, M_g, off_turns in cases:
@@ -333,7 +333,7 @@ def residuals_of(form: CorrectionForm, lines: Mapping[float, ErrorLines], errors
 
 
 def ranges_left(
-    correction: CorrectionTable | Phasors, error: LoadedError, off_turns: Sequence[float] = (0.0,)
+    correction: CorrectionTable | Phasors, error: _LoadedError, off_turns: Sequence[float] = (0.0,)
 ) -> Array:
     """Ranges [arcsec] of an error over the cycle that a correction leaves, shape (offsets, drives).
 
@@ -355,13 +355,13 @@ def correction_curve(correction: CorrectionTable | Phasors, kinematics: Kinemati
     return ErrorLines(kinematics, per_cycle, np.atleast_2d(correction.vectors), EMPTY).curves
 
 
-def ranges_by_points(turn: RepeatTurn | None, lines: ErrorLines, error: LoadedError) -> dict[int, float]:
+def _ranges_by_points(turn: RepeatTurn | None, lines: ErrorLines, error: _LoadedError) -> dict[int, float]:
     """Median of the range [arcsec] of an error that forms leave, fitted to lines, by their points or phasors."""
     forms = [CorrectionForm(turn, points) for points in TRIED_POINTS[turn]]
     return {form.points: percentiles(ranges_left(form.fitted(lines, 0.0), error)[0])[1] for form in forms}
 
 
-def error_parts(errors: ErrorsByTorque) -> tuple[ErrorPart, ...]:
+def _error_parts(errors: _ErrorsByTorque) -> tuple[ErrorPart, ...]:
     """Parts of the error of drives: by how often they come, and the changes by other loads and the other direction."""
     design = next(iter(errors))
     each = errors[design].lines
@@ -388,7 +388,7 @@ def error_parts(errors: ErrorsByTorque) -> tuple[ErrorPart, ...]:
 
 def percentiles(values: Array) -> tuple[float, float, float]:
     """5th, 50th and 95th percentile of values of equal weight."""
-    low, middle, high = np.quantile(values, REPORTED_SHARES, method="weibull").tolist()
+    low, middle, high = np.quantile(values, _REPORTED_SHARES, method="weibull").tolist()
     return low, middle, high
 
 
@@ -419,8 +419,8 @@ def correction_alone(
         kinematics = Kinematics(moving - 2, moving, "flexspline")
     none_known = ErrorLines(kinematics, np.zeros(0, dtype=np.int64), np.zeros((1, 0), dtype=complex), EMPTY)
     record = recorded_error(found, kinematics, asked)
-    error = recorded_belief(none_known, record, Run(seed=found.seed))
-    return fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)
+    error = _recorded_belief(none_known, record, Run(seed=found.seed))
+    return _fitted_correction(None, {M_g: error}, form, {M_g: record}, trace.file)
 
 
 @dataclass(frozen=True)
@@ -457,13 +457,13 @@ def verify(result: Correction, record: RecordedError, run: Run) -> VerifiedCorre
     taken = correction_curve(result.correction, error.lines.kinematics).reshape(-1)
     spectrum = np.fft.rfft(taken)[error.lines.per_cycle] * (2 / len(taken))
     left = replace(error.lines, amplitude=error.lines.amplitude + spectrum)
-    parts = [error_parts({result.M_g: replace(error, lines=each)}) for each in (left, lines)]
+    parts = [_error_parts({result.M_g: replace(error, lines=each)}) for each in (left, lines)]
     promised_parts, parts_that_came = ((), ()) if record.is_part else parts
-    cause = likely_cause(error.actual.mean(axis=0), taken, record, lines) if verdict is Verdict.FAIL else ""
+    cause = _likely_cause(error.actual.mean(axis=0), taken, record, lines) if verdict is Verdict.FAIL else ""
     return VerifiedCorrection(F_ior_arcsec, (low, high), promised, promised_parts, parts_that_came, cause, verdict)
 
 
-def likely_cause(before: Array, taken: Array, record: RecordedError, lines: ErrorLines) -> str:
+def _likely_cause(before: Array, taken: Array, record: RecordedError, lines: ErrorLines) -> str:
     """Words for the sign and zero with which a correction acts that explain a record best; empty where none does.
 
     Arguments: error before and correction [arcsec] over the full cycle, shape (points,) each. The square of before less
@@ -479,17 +479,17 @@ def likely_cause(before: Array, taken: Array, record: RecordedError, lines: Erro
 
     product, power = correlation(applied, taken), correlation(np.ones(len(points)), taken**2)
     left = applied @ applied + np.stack([power - 2 * product, power + 2 * product, 0 * power])  # as it is, flipped, off
-    if left.min() > EXPLAINED_RMS_SHARE**2 * left[0, 0]:
+    if left.min() > _EXPLAINED_RMS_SHARE**2 * left[0, 0]:
         return ""
     near = np.fft.fftfreq(count, 1 / count)
-    way, place = min(np.argwhere(left <= ALIKE * left.min()).tolist(), key=lambda each: (abs(near[each[1]]), each[0]))
+    way, place = min(np.argwhere(left <= _ALIKE * left.min()).tolist(), key=lambda each: (abs(near[each[1]]), each[0]))
     off_turns = float(near[place]) / POINTS_A_TURN
     turns = round(off_turns)
     off_deg = 360 * (off_turns - turns)
     if way == 2:
         return "the correction is not on"
     found = ["its sign is flipped"] * (way == 1)
-    found += [f"its zero is off by {abs(off_deg):.0f}° of the cam"] * (abs(off_deg) > IN_ZERO_DEG)
+    found += [f"its zero is off by {abs(off_deg):.0f}° of the cam"] * (abs(off_deg) > _IN_ZERO_DEG)
     found += [f"{abs(turns)} turns of the cam are lost"] * bool(turns)
     return ", ".join(found)
 
@@ -516,7 +516,7 @@ def advice_corrected(advice: Advice, form: CorrectionForm, draws: int, run: Run)
             for values in drives
         ]
         for M_g in advice.torques:
-            error, of_states = loaded_error(drive, M_g, changes, run, alike=len(drives) == 1)
+            error, of_states = _loaded_error(drive, M_g, changes, run, alike=len(drives) == 1)
             proof += of_states
             left.append(ranges_left(form.fitted(error.lines, M_g), error)[0])
     arcsec = np.reshape(left, (len(every), -1, len(drives))).transpose(1, 2, 0)  # (torques, drives, positions)

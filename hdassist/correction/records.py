@@ -31,28 +31,28 @@ from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-BEND_TURNS = 0.1  # of the cam, beyond the ends of a travel, in which the error bends from going on to its mirror image
+_BEND_TURNS = 0.1  # of the cam, beyond the ends of a travel, in which the error bends from going on to its mirror image
 RECORDED_DRAWS = 64  # drives that agree with a record
-LEAST_LINE = 0.02  # of the mean square of lines: that of each one by a misfit
-ROUNDS = 3  # of least squares: readings that are not quite even mix lines
-FINER = 32  # times the points of curves, at which places are told apart
-WIDEST_GAP = 2  # steps between readings: in the middle of a wider gap the error counts as not read, and as 0
-LEAST_REPEATS = 20  # readings beyond those that lines can follow, from which noise is known
-LEAST_CHANCE = 0.05  # that noise is less than it counts as for what is lost
-PEAK_CHANCE = 0.01  # that noise alone has a reading which counts as a peak of the error
-ALL_HIDDEN = 0.5  # share of drives of whose error noise hides less than it may, from none of that upwards
-MEDIAN_DEVIATION = 0.6745  # of a normal number
-SIZE_STEP, SIZE_ROUNDS = 4.0, 50  # of mean squares of lines
-LEAST_POWER = 1e-12  # arcsec^2
-FIRST_MISFIT, MOST_MISFIT = 0.1, 0.15  # of the error, root mean square
-MISFIT_CHANCE = 0.05  # that a misfit is more than its bound
+_LEAST_LINE = 0.02  # of the mean square of lines: that of each one by a misfit
+_ROUNDS = 3  # of least squares: readings that are not quite even mix lines
+_FINER = 32  # times the points of curves, at which places are told apart
+_WIDEST_GAP = 2  # steps between readings: in the middle of a wider gap the error counts as not read, and as 0
+_LEAST_REPEATS = 20  # readings beyond those that lines can follow, from which noise is known
+_LEAST_CHANCE = 0.05  # that noise is less than it counts as for what is lost
+_PEAK_CHANCE = 0.01  # that noise alone has a reading which counts as a peak of the error
+_ALL_HIDDEN = 0.5  # share of drives of whose error noise hides less than it may, from none of that upwards
+_MEDIAN_DEVIATION = 0.6745  # of a normal number
+_SIZE_STEP, _SIZE_ROUNDS = 4.0, 50  # of mean squares of lines
+_LEAST_POWER = 1e-12  # arcsec^2
+_FIRST_MISFIT, _MOST_MISFIT = 0.1, 0.15  # of the error, root mean square
+_MISFIT_CHANCE = 0.05  # that a misfit is more than its bound
 # drives with open fields alone drawn, as many with all; the likeliest, from which fits begin until one shows the record
-SEARCHED, STARTS = 128, 10
-SHOWN = 0.05  # of the error, root mean square: lines that leave less of a record show it
-FITS = 2  # the second by the misfit of the first, and with what lines leave of its drive's solved cycle
-MISFITS_A_TURN = 24  # of the cam: independent numbers of a misfit of orders up to 12
-OPEN_DIRECTION = 12**-0.5  # standard deviation, as a share of its turn
-LARGEST = 3.0  # standard deviations that a field differs by, at most
+SEARCHED, _STARTS = 128, 10
+_SHOWN = 0.05  # of the error, root mean square: lines that leave less of a record show it
+_FITS = 2  # the second by the misfit of the first, and with what lines leave of its drive's solved cycle
+_MISFITS_A_TURN = 24  # of the cam: independent numbers of a misfit of orders up to 12
+_OPEN_DIRECTION = 12**-0.5  # standard deviation, as a share of its turn
+_LARGEST = 3.0  # standard deviations that a field differs by, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class RecordedError:
         def mirrored(away: Array, end: int) -> Array:
             inwards = span - np.abs(np.mod(away, 2 * span) - span)
             even = np.interp(turns[end] + (inwards if end == 0 else -inwards), turns, error)
-            return np.asarray(even + 2 * np.exp(-((away / BEND_TURNS) ** 2)) * (fitted[order][end] - even))
+            return np.asarray(even + 2 * np.exp(-((away / _BEND_TURNS) ** 2)) * (fitted[order][end] - even))
 
         found = share * mirrored(beyond - span, -1) + (1 - share) * mirrored(whole - beyond, 0)
         turns, error = np.append(turns, first + beyond), np.append(error, found)
@@ -110,18 +110,18 @@ class RecordedError:
         places = np.mod(self.cam_turns / cycle, 1)
         order = np.argsort(places, kind="stable")
         gaps = np.diff(places[order], append=places[order[0]] + 1)
-        gaps = np.minimum(gaps, WIDEST_GAP * np.ptp(self.cam_turns) / cycle / len(places))
+        gaps = np.minimum(gaps, _WIDEST_GAP * np.ptp(self.cam_turns) / cycle / len(places))
         found = np.empty(len(places))
         found[order] = (gaps + np.roll(gaps, 1)) / 2
         return found
 
     def apart(self, lines: ErrorLines) -> Array:
         """The readings less the mean of lines [arcsec]."""
-        points = FINER * POINTS_A_TURN * lines.kinematics.cycle_cam_revolutions
+        points = _FINER * POINTS_A_TURN * lines.kinematics.cycle_cam_revolutions
         spectrum = np.zeros(points // 2 + 1, dtype=complex)
         spectrum[lines.per_cycle] = lines.amplitude.mean(axis=0)
         curve = np.fft.irfft(spectrum, points) * (points / 2)
-        return self.error_arcsec - curve[self.points(lines, FINER)]
+        return self.error_arcsec - curve[self.points(lines, _FINER)]
 
     def lines(self, kinematics: Kinematics) -> ErrorLines:
         """Its lines by least squares, as many as it tells apart and curves have: those of one drive."""
@@ -131,10 +131,10 @@ class RecordedError:
         often = np.arange(1, min(count // 2 + 1, POINTS_A_TURN * cycle // 2))
         whole = np.where(2 * often < count, 2.0, 1.0)  # the last one has no sine at even readings
         found = ErrorLines(kinematics, often, np.zeros((1, len(often)), dtype=complex), EMPTY)
-        points, weights = self.points(found, FINER), self.weights(kinematics)
-        for _ in range(ROUNDS):
+        points, weights = self.points(found, _FINER), self.weights(kinematics)
+        for _ in range(_ROUNDS):
             apart = self.apart(found)
-            put = np.bincount(points, weights * (apart - apart.mean()), FINER * POINTS_A_TURN * cycle)
+            put = np.bincount(points, weights * (apart - apart.mean()), _FINER * POINTS_A_TURN * cycle)
             found = replace(found, amplitude=found.amplitude + whole * np.fft.rfft(put)[often])
         return found
 
@@ -198,7 +198,7 @@ def alike_lines(lines: ErrorLines, run: Run, misfit: float | None) -> ErrorLines
     Where misfit is None phases are any.
     """
     power = (np.abs(lines.amplitude) ** 2).mean(axis=0)
-    scale = (misfit or 1.0) * np.sqrt((power + LEAST_LINE * power.mean()) / 2)
+    scale = (misfit or 1.0) * np.sqrt((power + _LEAST_LINE * power.mean()) / 2)
     known = np.zeros((RECORDED_DRAWS, len(power))) if misfit is None else lines.amplitude
     return replace(lines, amplitude=known + scale * _drawn(len(known), len(power), run))
 
@@ -220,11 +220,11 @@ def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorL
     found, weights = record.lines(lines.kinematics), record.weights(lines.kinematics)
     often, power = found.per_cycle, np.abs(found.amplitude[0]) ** 2
     again, variance = record.noise(found)
-    is_known = again >= LEAST_REPEATS
+    is_known = again >= _LEAST_REPEATS
     noise = 4 * variance * float(weights @ weights) if is_known else float(np.median(power)) / np.log(2)
-    noise = max(noise, LEAST_POWER)
-    least = noise * again / chdtri(again, LEAST_CHANCE) if is_known else LEAST_POWER
-    kinds = np.isin(often, lines.per_cycle) + 2 * is_of_teeth(often, lines.kinematics)
+    noise = max(noise, _LEAST_POWER)
+    least = noise * again / chdtri(again, _LEAST_CHANCE) if is_known else _LEAST_POWER
+    kinds = np.isin(often, lines.per_cycle) + 2 * _is_of_teeth(often, lines.kinematics)
     share, size = np.empty(len(often)), np.empty(len(often))
     for kind in np.unique(kinds):
         each = kinds == kind
@@ -233,10 +233,10 @@ def recorded_lines(lines: ErrorLines, record: RecordedError, run: Run) -> ErrorL
     phase = np.angle(found.amplitude)
     found = replace(found, amplitude=share * found.amplitude)
     apart = record.apart(found)
-    peaks = np.abs(apart) > np.median(np.abs(apart)) / MEDIAN_DEVIATION * float(ndtri(1 - PEAK_CHANCE / len(apart)))
+    peaks = np.abs(apart) > np.median(np.abs(apart)) / _MEDIAN_DEVIATION * float(ndtri(1 - _PEAK_CHANCE / len(apart)))
     found = with_more_lines(found, replace(record, error_arcsec=apart * peaks).lines(lines.kinematics))
     lost = (1 - share) * np.sqrt(size) * np.exp(1j * phase)  # as noise may be least; peaks stay peaks
-    hidden = np.clip(np.linspace(-1, 1, RECORDED_DRAWS) / ALL_HIDDEN, -1, 1)[:, None]  # of what noise may hide
+    hidden = np.clip(np.linspace(-1, 1, RECORDED_DRAWS) / _ALL_HIDDEN, -1, 1)[:, None]  # of what noise may hide
     spread = share + np.abs(hidden) * (np.sqrt(share) - share)
     drawn = spread * np.sqrt(noise / 2) * _drawn(RECORDED_DRAWS, len(often), run)
     if is_known:
@@ -252,11 +252,11 @@ def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
     Each line is normal, of a size from none upwards by factors of SIZE_STEP; how many have which is what makes all of
     them most likely (expectation and maximisation).
     """
-    largest = np.log(max(power.max() / noise, 1.0)) / np.log(SIZE_STEP)
-    sizes = noise * np.append(0, SIZE_STEP ** np.arange(-1, largest + 1))
+    largest = np.log(max(power.max() / noise, 1.0)) / np.log(_SIZE_STEP)
+    sizes = noise * np.append(0, _SIZE_STEP ** np.arange(-1, largest + 1))
     shares, frequency = sizes / (sizes + noise), np.full(len(sizes), 1 / len(sizes))
     likelihood = np.exp(-power[:, None] / (sizes + noise)) / (sizes + noise)
-    for _ in range(SIZE_ROUNDS):
+    for _ in range(_SIZE_ROUNDS):
         belief = likelihood * frequency
         belief /= belief.sum(axis=1, keepdims=True)
         frequency = belief.mean(axis=0)
@@ -264,7 +264,7 @@ def shrunk(power: Array, noise: float) -> tuple[Array, Array]:
     return share, noise * share + power * (belief @ shares**2)
 
 
-def is_of_teeth(often: NDArray[np.int64], kinematics: Kinematics) -> NDArray[np.bool_]:
+def _is_of_teeth(often: NDArray[np.int64], kinematics: Kinematics) -> NDArray[np.bool_]:
     """Whether lines that come so often in the full cycle are waves of the single teeth of either wheel."""
     return np.asarray(
         np.any([often % (kinematics.cycle_states // z) == 0 for z in (kinematics.z_g, kinematics.z_b)], axis=0)
@@ -321,18 +321,18 @@ def agreeing_drives(
         return levelled(found)
 
     def residuals(unknowns: Array, start: Array, scale: float, beyond: Array) -> Array:
-        pull = np.where(turning, (unknowns - start) / OPEN_DIRECTION, unknowns)
+        pull = np.where(turning, (unknowns - start) / _OPEN_DIRECTION, unknowns)
         return np.concatenate([(off(unknowns) - beyond) / scale, pull], axis=1)
 
     shares = prior.shares(SEARCHED, run.seed)[:, : len(fields)]
-    begun = np.where(turning, shares, np.clip(ndtri(shares), -LARGEST, LARGEST))
+    begun = np.where(turning, shares, np.clip(ndtri(shares), -_LARGEST, _LARGEST))
     begun = np.concatenate([begun * [each.distribution != "normal" for each in fields], begun])
-    read, bounds = levelled(each.error_arcsec for each in records.values()), np.where(turning, np.inf, LARGEST)
-    misfit, noise, together, beyond = FIRST_MISFIT, 0.0, len(read) / (MISFITS_A_TURN * cam_turns), np.zeros(len(read))
-    unlikely = off(begun).var(axis=1) / (misfit**2 * np.var(read)) * MISFITS_A_TURN * cam_turns
+    read, bounds = levelled(each.error_arcsec for each in records.values()), np.where(turning, np.inf, _LARGEST)
+    misfit, noise, together, beyond = _FIRST_MISFIT, 0.0, len(read) / (_MISFITS_A_TURN * cam_turns), np.zeros(len(read))
+    unlikely = off(begun).var(axis=1) / (misfit**2 * np.var(read)) * _MISFITS_A_TURN * cam_turns
     unlikely += (begun[:, ~turning] ** 2).sum(axis=1)
-    starts = begun[np.argsort(unlikely)[:STARTS]]
-    for _ in range(FITS):
+    starts = begun[np.argsort(unlikely)[:_STARTS]]
+    for _ in range(_FITS):
         scale, fits = float(np.sqrt(noise + together * misfit**2 * np.var(read))), list[tuple[Any, tuple[Any, ...]]]()
         for start in starts:
             about = start, scale, beyond
@@ -341,19 +341,19 @@ def agreeing_drives(
                 bounds=(-bounds, bounds), ftol=1e-3, diff_step=1e-3, args=about,
             )  # fmt: skip
             fits.append((fit, about))
-            if np.var(off(fit.x[None]) - beyond) <= SHOWN**2 * np.var(read):
+            if np.var(off(fit.x[None]) - beyond) <= _SHOWN**2 * np.var(read):
                 break
         fit, about = min(fits, key=lambda each: float(each[0].cost))
         best, starts = fit.x, fit.x[None]
         beyond = beyond_lines(values_of(best[None])[0])
         left = off(best[None])[0] - beyond
         noise = float(np.var(np.diff(left))) / 2  # of a reading: a misfit goes on from one to the next
-        excess, independent = max(float(np.var(left)) - noise, 0.0), MISFITS_A_TURN * cam_turns
+        excess, independent = max(float(np.var(left)) - noise, 0.0), _MISFITS_A_TURN * cam_turns
         # its bound by chi square of independent numbers, and by what noise and a fit to it may hide of it
-        bound = excess * independent / chdtri(max(independent - len(best), 2.0), 1 - MISFIT_CHANCE)
-        bound += noise * (float(ndtri(1 - MISFIT_CHANCE)) / len(read) ** 0.5 + len(best) / len(read))
+        bound = excess * independent / chdtri(max(independent - len(best), 2.0), 1 - _MISFIT_CHANCE)
+        bound += noise * (float(ndtri(1 - _MISFIT_CHANCE)) / len(read) ** 0.5 + len(best) / len(read))
         misfit = float(np.sqrt(bound / np.var(read)))
-    if excess > MOST_MISFIT**2 * np.var(read):
+    if excess > _MOST_MISFIT**2 * np.var(read):
         share = 100 * np.sqrt(excess / np.var(read))
         raise UntrustedError(
             f"no drive that {drive.name} allows shows the record: {share:.0f} % of the error are off",

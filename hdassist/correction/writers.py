@@ -18,15 +18,15 @@ from hdassist.errors import UsageError
 from hdassist.model.geometry import Array
 from hdassist.version import __version__
 
-ARCSEC_A_TURN = 1_296_000
-SIDEREAL_ARCSEC_A_SECOND = 15.041067  # of an hour axis, in a second of the clock; 15 in a sidereal second
-MOTEUS_BINS, INT8_MOST = 256, 127
-PEC_SECONDS = (61, 720)  # sidereal, that OnStepX keeps
-EQMOD_DIGITS = 4
-TWINCAT_STEPS_A_DEGREE = 10_000
-POOR_SHARE = 0.5  # of the error, left by a table
-SETPOINT_STEPS = 2  # each leaves a hundredth of the rest before
-RESAMPLED_POINTS = 8192  # played by a controller that has its own points
+_ARCSEC_A_TURN = 1_296_000
+_SIDEREAL_ARCSEC_A_SECOND = 15.041067  # of an hour axis, in a second of the clock; 15 in a sidereal second
+_MOTEUS_BINS, _INT8_MOST = 256, 127
+_PEC_SECONDS = (61, 720)  # sidereal, that OnStepX keeps
+_EQMOD_DIGITS = 4
+_TWINCAT_STEPS_A_DEGREE = 10_000
+_POOR_SHARE = 0.5  # of the error, left by a table
+_SETPOINT_STEPS = 2  # each leaves a hundredth of the rest before
+_RESAMPLED_POINTS = 8192  # played by a controller that has its own points
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class ControllerAxis:
 
 
 @dataclass(frozen=True, eq=False)
-class PlayedCorrection:
+class _PlayedCorrection:
     """The output of a controller from its own points: the error it takes off at readings, straight between.
 
     reading_deg and error_arcsec, shape (points,) each, in the controller's counting; period_deg of the reading; stored:
@@ -80,7 +80,7 @@ class ControllerFormat:
     most_points: int | None = None
     by_direction: bool = False
     step_arcsec: float = 0.00036
-    played: Callable[[CorrectionTable, ControllerAxis], PlayedCorrection] | None = None
+    played: Callable[[CorrectionTable, ControllerAxis], _PlayedCorrection] | None = None
     comment: str = ""
     comments_at: int | None = 0
 
@@ -94,7 +94,7 @@ class ControllerFormat:
             raise UsageError(f"invalid number of points {points} for {self.name}: expected at most {self.most_points}")
 
 
-def error_as_read(
+def _error_as_read(
     table: CorrectionTable, axis: ControllerAxis, reading_deg: Array, direction: int = 1, *, of_cam: bool = False
 ) -> Array:
     """Error [arcsec] in the controller's counting at its readings of the output, or of the cam."""
@@ -103,17 +103,17 @@ def error_as_read(
     return axis.sense * table.error_at(cam_turns, other_direction=direction < 0)
 
 
-def error_at_setpoint(
+def _error_at_setpoint(
     table: CorrectionTable, axis: ControllerAxis, setpoint_deg: Array, direction: int = 1, *, from_first: bool = False
 ) -> Array:
     """Error [arcsec] as `error_as_read` has it, where the motor stands once it is taken off a set-point.
 
     from_first: whether only the difference from the first set-point's is taken off.
     """
-    error = error_as_read(table, axis, setpoint_deg, direction)
-    for _ in range(SETPOINT_STEPS):
+    error = _error_as_read(table, axis, setpoint_deg, direction)
+    for _ in range(_SETPOINT_STEPS):
         taken = error - error[0] if from_first else error
-        error = error_as_read(table, axis, setpoint_deg - taken / 3600, direction)
+        error = _error_as_read(table, axis, setpoint_deg - taken / 3600, direction)
     return error
 
 
@@ -130,7 +130,7 @@ def stored_table(table: CorrectionTable, controller: ControllerFormat, axis: Con
         other = None if other is None else np.round(other / step) * step
         return replace(table, error_arcsec=np.round(table.error_arcsec / step) * step, other_direction_arcsec=other)
     played = controller.played(table, axis)
-    angle = np.linspace(0, table.period_deg, RESAMPLED_POINTS, endpoint=False)
+    angle = np.linspace(0, table.period_deg, _RESAMPLED_POINTS, endpoint=False)
     turns_as_read = played.is_of_cam or table.turn == "output"
     reading = axis.zero_deg + axis.sense * angle / (1 if turns_as_read else table.u)
     error = axis.sense * np.interp(reading, played.reading_deg, played.error_arcsec, period=played.period_deg)
@@ -157,7 +157,7 @@ def correction_file(result: Correction, controller: ControllerFormat, axis: Cont
 def poor_table(result: Correction, controller: ControllerFormat) -> str:
     """Words on a table that leaves more than half of the error, and a form that takes off more; empty of others."""
     form, (_, left, _) = result.chosen.form, result.chosen.left
-    if left <= POOR_SHARE:
+    if left <= _POOR_SHARE:
         return ""
     words = f"{form.name} leave {100 * left:.0f} % of the error"
     points = result.fewest_points
@@ -176,7 +176,7 @@ def controller_file(
     table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, preset_sha256: str
 ) -> tuple[str, str]:
     """The controller's file, and its companions: comments of the file too, where the format has any."""
-    about = about_lines(table, controller, axis, preset_sha256)
+    about = _about_lines(table, controller, axis, preset_sha256)
     lines = controller.lines(table, axis)
     if controller.comment:
         at = len(lines) if controller.comments_at is None else controller.comments_at
@@ -184,7 +184,7 @@ def controller_file(
     return "\n".join([*lines, ""]), "\n".join([*about, ""])
 
 
-def about_lines(
+def _about_lines(
     table: CorrectionTable, controller: ControllerFormat, axis: ControllerAxis, preset_sha256: str
 ) -> list[str]:
     """Kind of a file, its reader and its state, in 7-bit lines."""
@@ -216,29 +216,29 @@ def about_lines(
     return [line.encode("unicode_escape").decode() for line in lines]
 
 
-def turn_rows(table: CorrectionTable, axis: ControllerAxis, digits: int) -> tuple[Array, Array, Array]:
+def _turn_rows(table: CorrectionTable, axis: ControllerAxis, digits: int) -> tuple[Array, Array, Array]:
     """Rows over one turn of an axis, with one at each end: set-points [deg], errors [arcsec] counting up and down.
 
     The motor stands at the table's points once the error is taken off, in the mean of both directions.
     """
     points = axis.zero_deg + axis.sense * table.angles_deg
-    shift = (error_as_read(table, axis, points) + error_as_read(table, axis, points, -1)) / 7200
+    shift = (_error_as_read(table, axis, points) + _error_as_read(table, axis, points, -1)) / 7200
     turned = np.mod(points + shift - axis.from_deg, 360)
     setpoint = np.unique(np.round([*turned, 0, 360], digits)) + axis.from_deg
-    return setpoint, error_at_setpoint(table, axis, setpoint), error_at_setpoint(table, axis, setpoint, -1)
+    return setpoint, _error_at_setpoint(table, axis, setpoint), _error_at_setpoint(table, axis, setpoint, -1)
 
 
 def _linuxcnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
     """Rows of nominal, forward and reverse: trims [deg] that are added to the position."""
-    rows = zip(*turn_rows(table, axis, 6), strict=True)
+    rows = zip(*_turn_rows(table, axis, 6), strict=True)
     return [f"{nominal:.6f} {-up / 3600:.7f} {-down / 3600:.7f}" for nominal, up, down in rows]
 
 
 def _twincat_cnc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
     """List of positions and errors in 0.0001 deg for both directions."""
-    reading, *errors = turn_rows(table, axis, 4)
+    reading, *errors = _turn_rows(table, axis, 4)
     places, *columns = (
-        np.rint(values * TWINCAT_STEPS_A_DEGREE).astype(int) for values in (reading, *(e / 3600 for e in errors))
+        np.rint(values * _TWINCAT_STEPS_A_DEGREE).astype(int) for values in (reading, *(e / 3600 for e in errors))
     )
     named = {"setpoint": places, "pos": columns[0], "neg": columns[1]}
     head = {"unit": 1, "interval": 0, "kw_startpos": places[0], "kw_nr_max": len(places), "bilateral": 1, "modulo": 1}
@@ -254,11 +254,11 @@ def _even_setpoints(table: CorrectionTable, axis: ControllerAxis) -> Array:
     return np.linspace(start, start + 360, table.points + 1)
 
 
-def twincat_nc_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrection:
+def _twincat_nc_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrection:
     """Error taken off at even set-points, straight between."""
     setpoint = _even_setpoints(table, axis)[:-1]
-    error = error_at_setpoint(table, axis, setpoint)
-    return PlayedCorrection(setpoint - error / 3600, error, 360.0, error)
+    error = _error_at_setpoint(table, axis, setpoint)
+    return _PlayedCorrection(setpoint - error / 3600, error, 360.0, error)
 
 
 def _twincat_nc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
@@ -267,7 +267,7 @@ def _twincat_nc(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
     ways = [("Both", 1)] if table.other_direction_arcsec is None else [("Positive", 1), ("Negative", -1)]
     lines = ["VAR_GLOBAL"]
     for name, way in ways:
-        added = -error_at_setpoint(table, axis, setpoint, way) / 3600
+        added = -_error_at_setpoint(table, axis, setpoint, way) / 3600
         head = (
             f"MinPosition := {setpoint[0]:.9f}, MaxPosition := {setpoint[-1]:.9f}, NoOfTableElements := {len(setpoint)}"
         )
@@ -289,7 +289,7 @@ def _siemens(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
     """Even points from the first of the turn to the same a turn later; a positive value moves the axis back."""
     step = 360 / table.points
     start = axis.zero_deg % step
-    values = error_as_read(table, axis, np.linspace(start, start + 360, table.points + 1)) / 3600
+    values = _error_as_read(table, axis, np.linspace(start, start + 360, table.points + 1)) / 3600
     name = axis.name
     return [
         "%_N_AX_EEC_INI",
@@ -303,21 +303,21 @@ def _siemens(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
     ]
 
 
-def moteus_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrection:
+def _moteus_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrection:
     """256 values of 8 bits over the turn of the cam's encoder: the addition to it, u times the output's error.
 
     Value i stands at i/256 of the turn, as the firmware computes it; its comment speaks of the middle of a bin.
     """
-    reading = np.linspace(0, 360, MOTEUS_BINS, endpoint=False)
-    added_turns = table.u * error_as_read(table, axis, reading, of_cam=True) / ARCSEC_A_TURN
+    reading = np.linspace(0, 360, _MOTEUS_BINS, endpoint=False)
+    added_turns = table.u * _error_as_read(table, axis, reading, of_cam=True) / _ARCSEC_A_TURN
     scale = float(np.abs(added_turns).max()) or 1.0
-    stored = np.rint(added_turns * (INT8_MOST / scale))
-    step_arcsec = scale / INT8_MOST * ARCSEC_A_TURN / table.u
-    return PlayedCorrection(reading, stored * step_arcsec, 360.0, stored.astype(int), scale, is_of_cam=True)
+    stored = np.rint(added_turns * (_INT8_MOST / scale))
+    step_arcsec = scale / _INT8_MOST * _ARCSEC_A_TURN / table.u
+    return _PlayedCorrection(reading, stored * step_arcsec, 360.0, stored.astype(int), scale, is_of_cam=True)
 
 
 def _moteus(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    played, source = moteus_played(table, axis), f"conf set motor_position.sources.{axis.name}.compensation_"
+    played, source = _moteus_played(table, axis), f"conf set motor_position.sources.{axis.name}.compensation_"
     rows = (f"{source}table.{i} {value}" for i, value in enumerate(played.stored))
     return [*rows, f"{source}scale {played.scale:.9g}", "conf write"]
 
@@ -330,7 +330,7 @@ def _worm_deg(table: CorrectionTable, axis: ControllerAxis) -> float:
     return table.period_deg / abs(table.u)
 
 
-def onstepx_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrection:
+def _onstepx_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrection:
     """Steps in each sidereal second of a worm's turn; a row is played one second after its own.
 
     The first and the last second keep still: the controller plays them longer or shorter where the turn is no whole
@@ -338,49 +338,49 @@ def onstepx_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrec
     """
     worm_deg = _worm_deg(table, axis)
     seconds = round(worm_deg * 240)
-    if not PEC_SECONDS[0] <= seconds <= PEC_SECONDS[1]:
-        range_s = f"{PEC_SECONDS[0]} to {PEC_SECONDS[1]} s"
+    if not _PEC_SECONDS[0] <= seconds <= _PEC_SECONDS[1]:
+        range_s = f"{_PEC_SECONDS[0]} to {_PEC_SECONDS[1]} s"
         hint = "a table over half a turn of the cam takes half as long"
         raise UsageError(f"invalid table of {seconds} sidereal seconds for OnStepX: expected {range_s}", hint)
     setpoint = np.arange(seconds + 1, dtype=float) / 240
-    error = error_at_setpoint(table, axis, setpoint, from_first=True)
+    error = _error_at_setpoint(table, axis, setpoint, from_first=True)
     steps = np.rint((error[0] - error) * (axis.steps_per_degree / 3600))
     steps[[0, 1, -2, -1]] = 0
-    most = min(INT8_MOST, round(axis.steps_per_degree / 240))
+    most = min(_INT8_MOST, round(axis.steps_per_degree / 240))
     if (changes := np.abs(np.diff(steps)).max()) > most:
         raise UsageError(f"invalid table of {changes:g} steps in a second for OnStepX: expected at most {most}")
     step = 3600 / axis.steps_per_degree
     rows = np.roll(np.diff(steps), -1).astype(int)
     reading = (setpoint + steps / axis.steps_per_degree)[:-1]
-    return PlayedCorrection(reading, error[0] - steps[:-1] * step, worm_deg, rows)
+    return _PlayedCorrection(reading, error[0] - steps[:-1] * step, worm_deg, rows)
 
 
 def _onstepx(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    rows = onstepx_played(table, axis).stored
+    rows = _onstepx_played(table, axis).stored
     return [*(f":WR{i},{value:+d}#" for i, value in enumerate(rows)), ":$QZ!#"]
 
 
-def eqmod_played(table: CorrectionTable, axis: ControllerAxis) -> PlayedCorrection:
+def _eqmod_played(table: CorrectionTable, axis: ControllerAxis) -> _PlayedCorrection:
     """Error at each second of a worm's turn; the controller takes the drift from first to last row away."""
     worm_deg = _worm_deg(table, axis)
-    rows = round(worm_deg * 3600 / SIDEREAL_ARCSEC_A_SECOND)
-    setpoint = np.arange(rows, dtype=float) * (SIDEREAL_ARCSEC_A_SECOND / 3600)
-    stored = error_at_setpoint(table, axis, setpoint, from_first=True).round(EQMOD_DIGITS)
+    rows = round(worm_deg * 3600 / _SIDEREAL_ARCSEC_A_SECOND)
+    setpoint = np.arange(rows, dtype=float) * (_SIDEREAL_ARCSEC_A_SECOND / 3600)
+    stored = _error_at_setpoint(table, axis, setpoint, from_first=True).round(_EQMOD_DIGITS)
     played = stored - np.arange(rows) * ((stored[-1] - stored[0]) / (rows + 1))
     reading = setpoint - (played - played[0]) / 3600
-    return PlayedCorrection(reading, played, worm_deg, stored)
+    return _PlayedCorrection(reading, played, worm_deg, stored)
 
 
 def _eqmod(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
-    played = eqmod_played(table, axis)
-    steps_a_second = SIDEREAL_ARCSEC_A_SECOND / 3600 * axis.steps_per_degree
+    played = _eqmod_played(table, axis)
+    steps_a_second = _SIDEREAL_ARCSEC_A_SECOND / 3600 * axis.steps_per_degree
     motor = np.rint(np.arange(len(played.stored)) * steps_a_second).astype(int)
     return [
         "# time - motor - smoothed PE",
         f"!WormPeriod={len(motor)}",
         f"!StepsPerWorm={round(played.period_deg * axis.steps_per_degree)}",
         *(
-            f"{i} {steps} {error:.{EQMOD_DIGITS}f}"
+            f"{i} {steps} {error:.{_EQMOD_DIGITS}f}"
             for i, (steps, error) in enumerate(zip(motor, played.stored, strict=True))
         ),
     ]
@@ -390,7 +390,7 @@ def _rows_from_zero(table: CorrectionTable, axis: ControllerAxis) -> tuple[Array
     """Readings [deg] of the table's own points from the axis's zero on, and errors [arcsec] counting up and down."""
     reading = axis.zero_deg + table.angles_deg
     ways = (1,) if table.other_direction_arcsec is None else (1, -1)
-    return reading, [error_as_read(table, axis, reading, way, of_cam=table.turn != "output") for way in ways]
+    return reading, [_error_as_read(table, axis, reading, way, of_cam=table.turn != "output") for way in ways]
 
 
 def _plain_csv(table: CorrectionTable, axis: ControllerAxis) -> list[str]:
@@ -446,7 +446,7 @@ CONTROLLER_FORMATS = {
     "twincat-nc": ControllerFormat(
         "TwinCAT NC", ("output",), _twincat_nc,
         "a global variable list; MC_TableBasedPositionCompensation by ADR and SIZEOF of the array, with a high Ramp",
-        by_direction=True, played=twincat_nc_played, comment="//",
+        by_direction=True, played=_twincat_nc_played, comment="//",
     ),
     "siemens-840d": ControllerFormat(
         "SINUMERIK 840D", ("output",), _siemens,
@@ -454,14 +454,14 @@ CONTROLLER_FORMATS = {
     ),
     "moteus": ControllerFormat(
         "moteus", ("cam", "half-cam"), _moteus,
-        "moteus_tool --write-config, firmware with compensation_scale; the source reads the cam", played=moteus_played,
+        "moteus_tool --write-config, firmware with compensation_scale; the source reads the cam", played=_moteus_played,
     ),
     "eqmod": ControllerFormat(
         "EQMOD", ("cam", "half-cam"), _eqmod,
-        "gain x1, threshold 0, northern hemisphere, decimal point in Windows", played=eqmod_played, comment="#",
+        "gain x1, threshold 0, northern hemisphere, decimal point in Windows", played=_eqmod_played, comment="#",
     ),
     "onstepx": ControllerFormat(
         "OnStepX", ("cam", "half-cam"), _onstepx,
-        "PEC_STEPS_PER_WORM_ROTATION as above before the rows are sent", played=onstepx_played,
+        "PEC_STEPS_PER_WORM_ROTATION as above before the rows are sent", played=_onstepx_played,
     ),
 }  # fmt: skip

@@ -23,11 +23,11 @@ from hdassist.report import attributes
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number, RecordKind
 from hdassist.solve.answers import Residual
 
-VARY = "--vary"
-TORQUE = "operation.M_g"
+_VARY = "--vary"
+_TORQUE = "operation.M_g"
 MOST_VALUES = 10_000  # values of a field, at most
-FORM = f"like {VARY} tolerances.e_hb=20:120:11, from 20 to 120 in 11 steps, or {VARY} tolerances.e_hb=20,50,80"
-MOST_ROWS = 1_000_000  # of a grid, at most
+_FORM = f"like {_VARY} tolerances.e_hb=20:120:11, from 20 to 120 in 11 steps, or {_VARY} tolerances.e_hb=20,50,80"
+_MOST_ROWS = 1_000_000  # of a grid, at most
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
     Raises UsageError for the first text that is wrong.
     """
     if not texts:
-        raise UsageError("nothing is varied", FORM)
+        raise UsageError("nothing is varied", _FORM)
     axes: list[Axis] = []
     for text in texts:
         try:
@@ -54,10 +54,10 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
             if axis.path in [before.path for before in axes]:
                 raise InvalidValueError("each field once", "one range, or one list with all values")
             if is_overridden(axis.path, overrides):
-                hint = f"leave out {VARY} or --set and --torque"
+                hint = f"leave out {_VARY} or --set and --torque"
                 raise InvalidValueError("a field that is not set to one value", hint)
         except InvalidValueError as fault:
-            words = f"invalid {VARY} {shown(text) or 'nothing'}: expected {fault.message}"
+            words = f"invalid {_VARY} {shown(text) or 'nothing'}: expected {fault.message}"
             raise UsageError(words, fault.hint) from None
         axes.append(axis)
     return tuple(axes)
@@ -67,14 +67,14 @@ def read_axes(texts: Sequence[str], overrides: Sequence[str]) -> tuple[Axis, ...
 def _fields() -> dict[str, PresetField]:
     """Fields that can be varied, by path."""
     table = field_table().items()
-    return {path: field for path, field in table if path == TORQUE or field.kind in ("number", "count")}
+    return {path: field for path, field in table if path == _TORQUE or field.kind in ("number", "count")}
 
 
 def _axis(text: str) -> Axis:
     """The field that a text varies. Raises InvalidValueError, with what was expected: it is not of the form."""
     key, equals, values = text.partition("=")
     if not equals:
-        raise InvalidValueError("KEY=START:STOP:STEPS or KEY=A,B,C", FORM)
+        raise InvalidValueError("KEY=START:STOP:STEPS or KEY=A,B,C", _FORM)
     path = ".".join(map(str, path_of(key)))
     field = _fields().get(path)
     if field is None:
@@ -92,7 +92,7 @@ def _axis(text: str) -> Axis:
 
     parts = [part.strip() for part in values.split(":" if ":" in values else ",")]
     if ":" in values and len(parts) != 3:
-        raise InvalidValueError("KEY=START:STOP:STEPS", FORM)
+        raise InvalidValueError("KEY=START:STOP:STEPS", _FORM)
     numbers = [number(part) for part in (parts if ":" not in values else parts[:2])]
     if len(set(numbers)) < len(numbers):
         raise InvalidValueError("each value once")
@@ -105,7 +105,7 @@ def _grid(start: Fraction, stop: Fraction, steps: str, is_count: bool) -> list[f
     """Values from start to stop, as near to their places as numbers can be. Raises InvalidValueError: no such steps."""
     count = int(steps) if re.fullmatch("[0-9]{1,9}", steps) else 0
     if not 2 <= count <= MOST_VALUES:
-        raise InvalidValueError(f"steps from 2 to {MOST_VALUES}", FORM)
+        raise InvalidValueError(f"steps from 2 to {MOST_VALUES}", _FORM)
     places = [start + (stop - start) * k / (count - 1) for k in range(count)]
     if is_count and any(place.denominator > 1 for place in places):
         raise InvalidValueError("steps on whole numbers")
@@ -152,12 +152,12 @@ class Sweep:
     @classmethod
     def of(cls, text: bytes, file: str, drive: Drive, varied: Sequence[Axis]) -> Sweep:
         """The sweep of a preset, read with its overrides as drive. Raises UsageError for too many rows."""
-        is_varied = TORQUE in [axis.path for axis in varied]
-        further = () if is_varied else (Axis(TORQUE, "N*m", drive.operation.M_g),)
+        is_varied = _TORQUE in [axis.path for axis in varied]
+        further = () if is_varied else (Axis(_TORQUE, "N*m", drive.operation.M_g),)
         sweep = cls(text, file, drive.origin.overrides, tuple(varied), further)
-        if sweep.rows > MOST_ROWS:
+        if sweep.rows > _MOST_ROWS:
             hint = "fewer steps, or fewer fields"
-            raise UsageError(f"{VARY} asks for {sweep.rows} rows, more than {MOST_ROWS}", hint)
+            raise UsageError(f"{_VARY} asks for {sweep.rows} rows, more than {_MOST_ROWS}", hint)
         return sweep
 
     @property
@@ -187,7 +187,7 @@ class Sweep:
         def fault(item: int, record: SweepRow) -> str:
             if item >= self.rows:
                 return f"expected {self.rows} rows"
-            is_own = {TORQUE: record.M_g_Nm, **record.values} == self.values(item)
+            is_own = {_TORQUE: record.M_g_Nm, **record.values} == self.values(item)
             return "" if is_own else f"expected the values of row {item + 1}"
 
         return RecordKind(TypeAdapter(SweepRow), fault)
@@ -197,8 +197,8 @@ class Sweep:
         return [self._record(self.values(row)) for row in range(first, last)]
 
     def _record(self, values: dict[str, float]) -> SweepRow:
-        changes, M_g = {axis.path: values[axis.path] for axis in self.varied}, values[TORQUE]
-        sets = [f"{path}={[value] if path == TORQUE else value!r}" for path, value in changes.items()]
+        changes, M_g = {axis.path: values[axis.path] for axis in self.varied}, values[_TORQUE]
+        sets = [f"{path}={[value] if path == _TORQUE else value!r}" for path, value in changes.items()]
         try:  # the drive of a row is validated as any other
             (extremes,) = extremes_of(load_text(self.text, self.file, [*self.overrides, *sets]), [M_g])
         except HdassistError as error:
@@ -237,7 +237,7 @@ class Swept:
     @property
     def largest(self) -> Drive:
         """The drive with each varied size at its greatest: inputs unknown in it are unknown in some row."""
-        varied = {axis.path: max(axis.values) for axis in self.sweep.varied if axis.path != TORQUE}
+        varied = {axis.path: max(axis.values) for axis in self.sweep.varied if axis.path != _TORQUE}
         return self.drive.with_values(varied)
 
     @property

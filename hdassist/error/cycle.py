@@ -35,11 +35,11 @@ from hdassist.solve.loadcase import LoadCase
 from hdassist.solve.through_cvxpy import CrossCheck, require_solver, solve_again
 from hdassist.solve.walk import digits_depend_on
 
-ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
+_ONE_WAVE = 0.01  # a zone that carries less of the torque than this leaves the other one alone
 # parts of a preset without any bearing on its error: words, limits, uncertainties
 WITHOUT_EFFECT = {"name", "description", "acceptance", "cost", "source", "uncertainty", "fit"}
-CHECKED = 3  # random states beside the extremes that another solver solves again
-CYCLE_BLOCK = 4 * STATES_AT_A_TIME  # states whose gaps are held at once
+_CHECKED = 3  # random states beside the extremes that another solver solves again
+_CYCLE_BLOCK = 4 * STATES_AT_A_TIME  # states whose gaps are held at once
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class KinematicError:
         """Place of the least error among the states."""
         return int(np.argmin(self.error_arcsec))
 
-    def sampled(self, count: int = CHECKED, seed: int = 0) -> KinematicError:
+    def sampled(self, count: int = _CHECKED, seed: int = 0) -> KinematicError:
         """The same at its extremes and at so many random states alone."""
         some = np.random.default_rng(seed).choice(len(self.states), min(count, len(self.states)), replace=False)
         rows = np.unique(np.concatenate([[self.at_max, self.at_min], some]))
@@ -97,7 +97,7 @@ class KinematicError:
     @property
     def one_wave_share(self) -> float:
         """Share of states in which one mesh zone takes less than 1 % of the torque."""
-        return float(np.mean(self.zone_share.min(axis=1) < ONE_WAVE))
+        return float(np.mean(self.zone_share.min(axis=1) < _ONE_WAVE))
 
     @property
     def wind_up_arcsec(self) -> float:
@@ -135,7 +135,7 @@ def kinematic_error(
     for rows, formulation in _formulations(drive, states):
         rows = rows[neighbours_together(kinematics, states.take(rows))]
         case = LoadCase(formulation, M_g, solver=solver)
-        for some in np.split(rows, range(CYCLE_BLOCK, len(rows), CYCLE_BLOCK)):
+        for some in np.split(rows, range(_CYCLE_BLOCK, len(rows), _CYCLE_BLOCK)):
             part = states.take(some)
             answers = case.solve(
                 state_gaps(drive, case.system, part, teeth), partial(state_place, part, M_g), run.solved
@@ -146,7 +146,7 @@ def kinematic_error(
     result = KinematicError(kinematics, M_g, states, rotation, share, force, certificate, None)
     if not run.cross_check:
         return result
-    return replace(result, cross_check=cross_check_of(drive, result.sampled(seed=run.seed), teeth, run))
+    return replace(result, cross_check=_cross_check_of(drive, result.sampled(seed=run.seed), teeth, run))
 
 
 def _formulations(drive: Drive, states: States) -> Iterator[tuple[NDArray[np.int64], Formulation]]:
@@ -160,7 +160,7 @@ def _formulations(drive: Drive, states: States) -> Iterator[tuple[NDArray[np.int
         yield np.flatnonzero(nearest == step), formulate(systems.at(0.0, step / steps))
 
 
-def cross_check_of(
+def _cross_check_of(
     drive: Drive, error: KinematicError, teeth: ToothDeviations | None = None, run: Run = Run()
 ) -> CrossCheck:
     """All states of an error solved again by the run's other solver.
@@ -177,12 +177,12 @@ def cross_check_of(
     return CrossCheck(checks[0].solver, len(error.states), worst)
 
 
-Solved = tuple[Drive, ToothDeviations | None, KinematicError]  # a drive, its measured teeth, and its error
+_Solved = tuple[Drive, ToothDeviations | None, KinematicError]  # a drive, its measured teeth, and its error
 
 
-def cross_checks_of(solved: Sequence[Solved], run: Run) -> list[CrossCheck]:
+def cross_checks_of(solved: Sequence[_Solved], run: Run) -> list[CrossCheck]:
     """Cross-check of each of some errors, as cross_check_of makes it."""
-    return [cross_check_of(drive, error, teeth, run) for drive, teeth, error in solved]
+    return [_cross_check_of(drive, error, teeth, run) for drive, teeth, error in solved]
 
 
 def state_place(states: States, M_g: float, k: int) -> str:

@@ -40,22 +40,22 @@ from hdassist.solve.climb import Rules, Starts, Torus
 # them; islands of the error that one grid overlooks another one shows
 DRAWN_GRIDS, FINE_GRIDS = (7,), (9, 14, 19)
 SHORT_CYCLE = 4000  # states of a cycle below which all are solved of one drive
-LEAST_F_IOR = 4.0  # arcsec: F'_ior of which shares are taken, at least
-SPLINE_POINTS, ROUGH_POINTS = 4, 6  # times as many at which a spline is read; where orders beyond the fourth are added
-STEEPEST = 1.5  # slope of a spline over that to the next state, at most: a crease would make it swing
-BEYOND = 0.25  # of what tangents reach beyond the spline, that a hill may have
-TRIED = 0.06  # of F'_ior: a hill is tried that may be no further below the highest state of the grid
-CLIMBED = 0.08  # of F'_ior: it is climbed where its first state is no further below the highest
-RADIUS = 0.5  # of a step of the grid: how far a climb looks around
-DRAWN_RINGS, FINE_RINGS = (8,), (8, 4)  # steps from the highest state found, where others look for another slope up
-BACK = 0.15  # of a step of the grid: so far before a crest a climb begins
-STEPS = 10  # of a climb at most
+_LEAST_F_IOR = 4.0  # arcsec: F'_ior of which shares are taken, at least
+SPLINE_POINTS, _ROUGH_POINTS = 4, 6  # times as many at which a spline is read; where orders beyond the fourth are added
+_STEEPEST = 1.5  # slope of a spline over that to the next state, at most: a crease would make it swing
+_BEYOND = 0.25  # of what tangents reach beyond the spline, that a hill may have
+_TRIED = 0.06  # of F'_ior: a hill is tried that may be no further below the highest state of the grid
+_CLIMBED = 0.08  # of F'_ior: it is climbed where its first state is no further below the highest
+_RADIUS = 0.5  # of a step of the grid: how far a climb looks around
+_DRAWN_RINGS, _FINE_RINGS = (8,), (8, 4)  # steps from the highest state found, where others look for another slope up
+_BACK = 0.15  # of a step of the grid: so far before a crest a climb begins
+_STEPS = 10  # of a climb at most
 DRAWN_STATES, FINE_STATES = 70, 700  # that a drive takes at a torque, about, beside those of climbs
-DRAWN_GAIN, FINE_GAIN = 0.002, 0.0002  # arcsec that a state has to promise beyond the highest
+_DRAWN_GAIN, _FINE_GAIN = 0.002, 0.0002  # arcsec that a state has to promise beyond the highest
 
 
 @dataclass(frozen=True)
-class Hills:
+class _Hills:
     """Points that may be an extreme: row of the drive, sign of the extreme, point, shape (hills, 2), height [arcsec].
 
     Height is that of the error upside down where the sign is negative. slope [arcsec/mm] of the rotation, shape (hills,
@@ -71,12 +71,12 @@ class Hills:
     def __len__(self) -> int:
         return len(self.row)
 
-    def __getitem__(self, chosen: NDArray[np.bool_] | Indices) -> Hills:
-        return Hills(*(each[chosen] for each in vars(self).values()))
+    def __getitem__(self, chosen: NDArray[np.bool_] | Indices) -> _Hills:
+        return _Hills(*(each[chosen] for each in vars(self).values()))
 
-    def and_these(self, others: Hills) -> Hills:
+    def and_these(self, others: _Hills) -> _Hills:
         """These and others."""
-        return Hills(*(np.concatenate(both) for both in zip(vars(self).values(), vars(others).values(), strict=True)))
+        return _Hills(*(np.concatenate(both) for both in zip(vars(self).values(), vars(others).values(), strict=True)))
 
     @property
     def tops(self) -> Array:
@@ -85,14 +85,14 @@ class Hills:
         np.maximum.at(best, (self.row, self.sign // 2), self.height)  # column 0, or -1 upside down
         return best
 
-    def near_top(self, share: float) -> Hills:
+    def near_top(self, share: float) -> _Hills:
         """Those that are no more than a share of F'_ior below the highest one of their drive and sign."""
         tops = self.tops
-        F_ior = np.maximum(tops.sum(axis=1), LEAST_F_IOR)
+        F_ior = np.maximum(tops.sum(axis=1), _LEAST_F_IOR)
         return self[tops[self.row, self.sign // 2] - self.height <= share * F_ior[self.row]]
 
 
-def hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> Hills:
+def _hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> _Hills:
     """Points of maps of the torus, shape (drives, k, l), with no higher one beside them, of those upside down no lower.
 
     Between the points of a map they lie where a parabola through their neighbours has its top. Arguments: up, down,
@@ -114,7 +114,7 @@ def hills_of(up: Array, down: Array, to_points: Callable[[Array], Indices]) -> H
         place[:, axis] += shift
         height -= bend * shift**2 / 2
     upside_down, row = np.divmod(side, drives)
-    return Hills(row, 1 - 2 * upside_down, to_points(place), height, np.empty((len(row), 0)))
+    return _Hills(row, 1 - 2 * upside_down, to_points(place), height, np.empty((len(row), 0)))
 
 
 def many_extremes(error_map: ErrorMap, batch: Batch, grids: tuple[int, ...] = FINE_GRIDS) -> Extremes:
@@ -158,16 +158,16 @@ class _Search:
     def extremes(self, grids: tuple[int, ...]) -> Extremes:
         """Extremes of all drives, proposed by grids of so many positions of each wheel."""
         proposed = [self._proposed(n) for n in grids]
-        hills = reduce(Hills.and_these, (found for found, _ in proposed))
+        hills = reduce(_Hills.and_these, (found for found, _ in proposed))
         hills = self._first_states(hills, np.max([known for _, known in proposed], axis=0))
         groups = hills.row * 2 + (hills.sign < 0)  # of a drive first the hills, then those upside down
         order = np.lexsort((-hills.height, groups))
         hills, (_, first) = hills[order], np.unique(groups[order], return_index=True)
         rotation, slope = hills.sign * hills.height / ARCSEC, hills.slope / ARCSEC
         starts = Starts(first, hills.row[first], hills.sign[first], hills.point, rotation, slope)
-        radius = round(RADIUS * float(self._size.mean()) / min(grids))
-        gain, rings = (DRAWN_GAIN, DRAWN_RINGS) if grids == DRAWN_GRIDS else (FINE_GAIN, FINE_RINGS)
-        tops = self._case.climb(self._torus, starts, Rules(STEPS, gain / ARCSEC, (radius, *rings)))
+        radius = round(_RADIUS * float(self._size.mean()) / min(grids))
+        gain, rings = (_DRAWN_GAIN, _DRAWN_RINGS) if grids == DRAWN_GRIDS else (_FINE_GAIN, _FINE_RINGS)
+        tops = self._case.climb(self._torus, starts, Rules(_STEPS, gain / ARCSEC, (radius, *rings)))
         rotation, *_ = self._at(np.repeat(np.arange(self._drives), 2), tops)
         return self._found(tops, rotation.reshape(-1, 2))
 
@@ -185,7 +185,7 @@ class _Search:
         assert answers.slope_arcsec_per_mm is not None
         return answers.rotation_arcsec, answers.slope_arcsec_per_mm, answers.zone_share[:, 0]
 
-    def _proposed(self, n: int) -> tuple[Hills, Array]:
+    def _proposed(self, n: int) -> tuple[_Hills, Array]:
         """Hills that splines and tangents of a grid of states propose; greatest height there, shape (drives, 2)."""
         drives = self._drives
         index = np.stack(np.unravel_index(there_and_back((n, n)), (n, n)), axis=1)
@@ -206,22 +206,22 @@ class _Search:
         whole, crests = flat[0] + flat[4], self._crests(*flat[:4])
         known = np.stack([whole.max(axis=(1, 2)), -whole.min(axis=(1, 2))], axis=1)
         crests = replace(crests, height=crests.height + crests.sign * self._added(teeth, crests.row, crests.point))
-        fine = n * (ROUGH_POINTS if teeth.size else SPLINE_POINTS)
+        fine = n * (_ROUGH_POINTS if teeth.size else SPLINE_POINTS)
         step, parts = self._size / fine, (self._torus.by_b, self._torus.by_g)
         b, g = (part[:, np.arange(fine) * part.shape[1] // fine, SMOOTH_SCALARS:] @ teeth[:, :, None] for part in parts)
         up, down = (each + b + g[:, None, :, 0] for each in between_states(flat[0], flat[1], flat[2], fine // n))
-        return hills_of(up, down, lambda place: self._map.to_lattice(place * step)).and_these(crests), known
+        return _hills_of(up, down, lambda place: self._map.to_lattice(place * step)).and_these(crests), known
 
     def _added(self, slopes: Array, row: Indices, point: Indices) -> Array:
         """What orders beyond the fourth add at points [arcsec], by slopes of drives, shape (drives, their scalars)."""
         return np.asarray((self._torus.scalars(row, point)[:, SMOOTH_SCALARS:] * slopes[row]).sum(axis=1))
 
-    def _crests(self, value: Array, by_b: Array, by_g: Array, share: Array) -> Hills:
+    def _crests(self, value: Array, by_b: Array, by_g: Array, share: Array) -> _Hills:
         """Places between states of the grid where a mesh zone lets go, and the height of the upper tangent.
 
         Arguments: those of between_states; share of the torque that one zone takes, shape (drives, n, n).
         """
-        n, found = len(value[0]), list[Hills]()
+        n, found = len(value[0]), list[_Hills]()
         for axis, slope in ((1, by_b), (2, by_g)):
             ahead, slope_ahead = np.roll(value, -1, axis), np.roll(slope, -1, axis)
             for zone in (share, 1 - share):
@@ -232,10 +232,10 @@ class _Search:
                 for sign in (1, -1):
                     first = sign * (near - far) > 0
                     place = np.stack(at[1:], axis=1).astype(float)
-                    place[:, axis - 1] += np.where(first, np.maximum(t - BACK, 0), np.minimum(t + BACK, 1))
+                    place[:, axis - 1] += np.where(first, np.maximum(t - _BACK, 0), np.minimum(t + _BACK, 1))
                     point = self._map.to_lattice(place * self._size / n)
                     found.append(
-                        Hills(
+                        _Hills(
                             at[0],
                             np.full(len(t), sign),
                             point,
@@ -243,17 +243,17 @@ class _Search:
                             np.empty((len(t), 0)),
                         )
                     )
-        return reduce(Hills.and_these, found)
+        return reduce(_Hills.and_these, found)
 
-    def _first_states(self, hills: Hills, known: Array) -> Hills:
+    def _first_states(self, hills: _Hills, known: Array) -> _Hills:
         """Hills that are to be climbed: one state solved on each that may be the highest, and half a turn on."""
-        F_ior = np.maximum(known.sum(axis=1), LEAST_F_IOR)
-        hills = hills[known[hills.row, (hills.sign < 0).astype(int)] - hills.height <= TRIED * F_ior[hills.row]]
-        hills = self._solved(hills).near_top(CLIMBED)
+        F_ior = np.maximum(known.sum(axis=1), _LEAST_F_IOR)
+        hills = hills[known[hills.row, (hills.sign < 0).astype(int)] - hills.height <= _TRIED * F_ior[hills.row]]
+        hills = self._solved(hills).near_top(_CLIMBED)
         twins = self._solved(replace(hills, point=self._map.to_lattice(hills.point + self._size / 2)))
-        return hills.and_these(twins).near_top(CLIMBED)
+        return hills.and_these(twins).near_top(_CLIMBED)
 
-    def _solved(self, hills: Hills) -> Hills:
+    def _solved(self, hills: _Hills) -> _Hills:
         """Hills with the states there."""
         rotation, slope, _ = self._at(hills.row, hills.point)
         return replace(hills, height=hills.sign * rotation, slope=slope)
@@ -270,7 +270,7 @@ def between_states(value: Array, by_b: Array, by_g: Array, times: int = SPLINE_P
     slopes = []
     for slope, axis in ((by_b, 1), (by_g, 2)):
         ahead = np.abs(np.roll(value, -1, axis) - value)
-        most = STEEPEST * np.maximum(ahead, np.roll(ahead, 1, axis))
+        most = _STEEPEST * np.maximum(ahead, np.roll(ahead, 1, axis))
         slopes.append(np.clip(slope, -most, most))
     b, g = slopes
     twist = (np.roll(b, -1, 2) - np.roll(b, 1, 2) + np.roll(g, -1, 1) - np.roll(g, 1, 1)) / 4
@@ -283,8 +283,8 @@ def between_states(value: Array, by_b: Array, by_g: Array, times: int = SPLINE_P
             f, p, q = (np.roll(each, (-i, -j), (1, 2))[:, :, None, :, None] for each in (value, by_b, by_g))
             tangents.append((f + p * (t - i)[:, None, None] + q * (t - j)).reshape(spline.shape))
     low, high = np.minimum.reduce(tangents), np.maximum.reduce(tangents)
-    up = np.maximum(low, spline + BEYOND * np.maximum(high - spline, 0))
-    down = np.minimum(high, spline + BEYOND * np.minimum(low - spline, 0))
+    up = np.maximum(low, spline + _BEYOND * np.maximum(high - spline, 0))
+    down = np.minimum(high, spline + _BEYOND * np.minimum(low - spline, 0))
     return up, down
 
 

@@ -29,9 +29,9 @@ LOST_MOTION_SHARE = 0.04  # of the rated torque, to each side: the catalogues' m
 NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist is some thousandths of an arcsec
 # Catalogues' ends of the first and second segment [N*m] at a pitch diameter of 147.32 mm (size 58, 2.54 mm a size);
 # size 65 has 235 and 843, which is the same to 1 % with the cube of the diameter.
-T_58, D_58 = (168.0, 598.0), 147.32
-CURVE_BEYOND = 1.5  # of T_2: how far the curve goes by default
-CURVE_POINTS = 40  # torques to each side by default
+_T_58, _D_58 = (168.0, 598.0), 147.32
+_CURVE_BEYOND = 1.5  # of T_2: how far the curve goes by default
+_CURVE_POINTS = 40  # torques to each side by default
 
 
 @dataclass(frozen=True)
@@ -97,15 +97,15 @@ def catalogue_torques(drive: Drive) -> tuple[float, float]:
     are those of catalogues at the drive's pitch diameter, by the cube law.
     """
     given = drive.catalogue.T_1, drive.catalogue.T_2
-    scales = [T / T_size for T, T_size in zip(given, T_58, strict=True) if T is not None]
-    scale = scales[0] if scales else (drive.gears.pitch_diameter / D_58) ** 3
-    T_1, T_2 = (scale * T_size if T is None else T for T, T_size in zip(given, T_58, strict=True))
+    scales = [T / T_size for T, T_size in zip(given, _T_58, strict=True) if T is not None]
+    scale = scales[0] if scales else (drive.gears.pitch_diameter / _D_58) ** 3
+    T_1, T_2 = (scale * T_size if T is None else T for T, T_size in zip(given, _T_58, strict=True))
     return T_1, T_2
 
 
 def stiffness_states() -> int:
     """Number of states that a stiffness curve solves, about, for a progress bar."""
-    return 2 * CURVE_POINTS + 10
+    return 2 * _CURVE_POINTS + 10
 
 
 def stiffness(
@@ -114,7 +114,7 @@ def stiffness(
     T_1: float | None = None,
     T_2: float | None = None,
     T_max: float | None = None,
-    points: int = CURVE_POINTS,
+    points: int = _CURVE_POINTS,
     formulation: Formulation | None = None,
     run: Run = Run(),
 ) -> Stiffness:
@@ -128,7 +128,7 @@ def stiffness(
     """
     rated, defaults = rated_torque(drive), catalogue_torques(drive)
     T_1, T_2 = defaults[0] if T_1 is None else T_1, defaults[1] if T_2 is None else T_2
-    T_max = CURVE_BEYOND * T_2 if T_max is None else T_max
+    T_max = _CURVE_BEYOND * T_2 if T_max is None else T_max
     least = NEAR_ZERO * rated
     hint = f"any finite torque above {least:g} N*m, a hundred-thousandth of the rated one"
     for name, value in (("T_1", T_1), ("T_2", T_2), ("the end of the curve", T_max)):
@@ -196,12 +196,12 @@ def _place(torques: Array, k: int) -> str:
     return f"M_g = {torques[k]:g} N*m, without deviations"
 
 
-STIFFNESSES = ("K_1", "K_2", "K_3")
-CATALOGUE_UNITS = {**dict.fromkeys(STIFFNESSES, "Nm_per_rad"), "T_1": "Nm", "T_2": "Nm", "lost_motion": "arcsec"}
+_STIFFNESSES = ("K_1", "K_2", "K_3")
+_CATALOGUE_UNITS = {**dict.fromkeys(_STIFFNESSES, "Nm_per_rad"), "T_1": "Nm", "T_2": "Nm", "lost_motion": "arcsec"}
 
 
 @dataclass(frozen=True)
-class SegmentBeside:
+class _SegmentBeside:
     """A segment of the model's curve beside the stiffness of the catalogue [N*m/rad], None where it gives none.
 
     off_percent: how far the model is off; None without a catalogue, or where its segments end at other torques.
@@ -213,11 +213,11 @@ class SegmentBeside:
     off_percent: float | None
 
 
-def segments_beside(catalogue: Catalogue, side: Sequence[Segment]) -> list[SegmentBeside]:
+def segments_beside(catalogue: Catalogue, side: Sequence[Segment]) -> list[_SegmentBeside]:
     """The segments of one side, each beside the catalogue's."""
     comparable = not ends_elsewhere(catalogue, side)
-    rows = [(name, segment, getattr(catalogue, name)) for name, segment in zip(STIFFNESSES, side, strict=False)]
-    return [SegmentBeside(*row, off(row[1].stiffness, row[2]) if comparable else None) for row in rows]
+    rows = [(name, segment, getattr(catalogue, name)) for name, segment in zip(_STIFFNESSES, side, strict=False)]
+    return [_SegmentBeside(*row, off(row[1].stiffness, row[2]) if comparable else None) for row in rows]
 
 
 def ends_elsewhere(catalogue: Catalogue, side: Sequence[Segment]) -> bool:
@@ -233,8 +233,8 @@ def off(ours: float, theirs: float | None) -> float | None:
 
 def stiffness_object(catalogue: Catalogue, result: Stiffness) -> dict[str, Any] | None:
     """Figures of a catalogue and how far the model is off, for JSON; None where it gives none."""
-    given = {f"{name}_{unit}": getattr(catalogue, name) for name, unit in CATALOGUE_UNITS.items()}
-    percents = dict.fromkeys(STIFFNESSES) | {
+    given = {f"{name}_{unit}": getattr(catalogue, name) for name, unit in _CATALOGUE_UNITS.items()}
+    percents = dict.fromkeys(_STIFFNESSES) | {
         each.name: each.off_percent for each in segments_beside(catalogue, result.positive)
     }
     percents["lost_motion"] = off(result.lost_motion_arcsec, catalogue.lost_motion)

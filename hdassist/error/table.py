@@ -33,13 +33,13 @@ from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.solve.answers import Certificate
 from hdassist.solve.walk import read_table
 
-READ_AT_ONCE = 16  # drives, so that arrays stay in the processor's cache
-WIDER_SPAN = 1.001  # so that rounding leaves the outermost drive inside
-ROUGH_TURNS = 48  # positions of each wheel where orders beyond the fourth are added, by their mean slopes
-LEAST_REACH = 1e-3  # mm: a table needs some width
+_READ_AT_ONCE = 16  # drives, so that arrays stay in the processor's cache
+_WIDER_SPAN = 1.001  # so that rounding leaves the outermost drive inside
+_ROUGH_TURNS = 48  # positions of each wheel where orders beyond the fourth are added, by their mean slopes
+_LEAST_REACH = 1e-3  # mm: a table needs some width
 DEVIATION_SCALARS = 6 + 2 * len(TOOTH_ORDERS)
 
-UNSPANNED = "deviations beyond those that the table of the error spans", "this is a bug"
+_UNSPANNED = "deviations beyond those that the table of the error spans", "this is a bug"
 
 TABLE_SECTIONS = ("tolerances.", "phases.", "harmonics.")  # sections of a preset that a table spans
 
@@ -83,7 +83,7 @@ class Reach:
             if size := abs(factor_of(each, drive)) * drive.number(each.size) * 1e-3:
                 column = column_of(each, mark_kind)
                 sizes[column] = sizes.get(column, 0.0) + size
-        spans = [WIDER_SPAN * max(sizes.pop(column), LEAST_REACH) for column in (teeth, CAM_COLUMNS)]
+        spans = [_WIDER_SPAN * max(sizes.pop(column), _LEAST_REACH) for column in (teeth, CAM_COLUMNS)]
         axes = (teeth, teeth + 1, CAM_COLUMNS, CAM_COLUMNS + 1)
         return cls(axes, np.repeat(spans, 2), tuple(column + k for column in sorted(sizes) for k in (0, 1)))
 
@@ -125,7 +125,7 @@ class ErrorTable:
         places = (columns[:, reach.axes] / reach.sizes + 1) * (np.array(self.error.shape) - 1) / 2
         values = read_table(self._rows, places, columns[:, reach.axes + reach.others])
         if not np.all(np.isfinite(values)) or np.delete(columns, reach.axes + reach.others, axis=1).any():
-            raise UntrustedError(*UNSPANNED)
+            raise UntrustedError(*_UNSPANNED)
         return values.reshape(scalars.shape[:-1])
 
     def F_ior(self, values: Mapping[str, Array]) -> Array:
@@ -135,15 +135,15 @@ class ErrorTable:
         deviations that the table does not span.
         """
         alpha_g, alpha_b = 2 * np.pi / self.turns * np.indices((self.turns, self.turns)).reshape(2, -1)
-        batch, fine = Batch(self.drive, values), np.linspace(0, 2 * np.pi, ROUGH_TURNS, endpoint=False)
+        batch, fine = Batch(self.drive, values), np.linspace(0, 2 * np.pi, _ROUGH_TURNS, endpoint=False)
         teeth = [k + len(self.reach.axes) for k, column in enumerate(self.reach.others) if column >= SMOOTH_SCALARS]
         slopes, found = np.nanmean(self.slopes[teeth], axis=(1, 2, 3, 4)), list[Array]()
-        for row in np.array_split(np.arange(len(batch)), -(-len(batch) // READ_AT_ONCE)):
+        for row in np.array_split(np.arange(len(batch)), -(-len(batch) // _READ_AT_ONCE)):
             scalars = batch.scalars(row[:, None], alpha_g, alpha_b)
             error = self.rotation(scalars[..., :SMOOTH_SCALARS])
             if scalars.shape[-1] > SMOOTH_SCALARS:
                 if not teeth:
-                    raise UntrustedError(*UNSPANNED)
+                    raise UntrustedError(*_UNSPANNED)
                 b, g = (part[..., SMOOTH_SCALARS:] @ slopes for part in batch.take(row).by_wheel(fine, fine))
                 finer = _finer(self.turns)
                 error = finer @ error.reshape(-1, self.turns, self.turns) @ finer.T + g[:, :, None] + b[:, None]
@@ -158,7 +158,7 @@ def _finer(n: int) -> Array:
     waves = np.fft.rfft(np.eye(n), axis=0)
     if n % 2 == 0:
         waves[-1] /= 2  # the other half of the highest one is its mirror image
-    return np.fft.irfft(waves, ROUGH_TURNS, axis=0) * ROUGH_TURNS / n
+    return np.fft.irfft(waves, _ROUGH_TURNS, axis=0) * _ROUGH_TURNS / n
 
 
 def error_table(error_map: ErrorMap, reach: Reach, mesh: Mesh) -> ErrorTable:

@@ -19,17 +19,17 @@ from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY
 
-DEGREE = 4  # products of up to so many deviations are named
-UNEXPLAINED_ORDERS = 12  # orders without a known cause that are kept all the same
+_DEGREE = 4  # products of up to so many deviations are named
+_UNEXPLAINED_ORDERS = 12  # orders without a known cause that are kept all the same
 NO_CAUSE = "no single cause known"
-FLOOR = 1e-9  # arcsec: a smaller value is rounding
-INTERPOLATED, LEAST_INTERPOLATED = 0.02, 0.02  # of the range, and arcsec: error of interpolation that is aimed at
-MOST_TORQUES, PROVEN_STATES = 33, 24  # that are solved; states that are solved at their own torque
-LEAST_APART = 1e-6  # of the greatest torque: between two that are solved
+_FLOOR = 1e-9  # arcsec: a smaller value is rounding
+_INTERPOLATED, _LEAST_INTERPOLATED = 0.02, 0.02  # of the range, and arcsec: error of interpolation that is aimed at
+_MOST_TORQUES, _PROVEN_STATES = 33, 24  # that are solved; states that are solved at their own torque
+_LEAST_APART = 1e-6  # of the greatest torque: between two that are solved
 
 
 @dataclass(frozen=True)
-class Order:
+class _Order:
     """One order of the error: amplitude cos(per_cam_rev phi_h + phase), and its cause in words."""
 
     per_cam_rev: float
@@ -60,12 +60,12 @@ def known_causes(drive: Drive) -> dict[tuple[int, int], tuple[float, str]]:
     rate_g = kinematics.teeth_fixed / kinematics.z_g
     rate_b = kinematics.teeth_fixed / kinematics.z_b
     deviating = {each.part for each in DEVIATIONS if drive.number(each.size)}
-    most_g, most_b = DEGREE * ("g" in deviating), DEGREE * ("b" in deviating)
+    most_g, most_b = _DEGREE * ("g" in deviating), _DEGREE * ("b" in deviating)
     found = {}
     for k_g, k_b in product(range(most_g + 1), range(-most_b, most_b + 1)):
         degree = k_g + abs(k_b)
         needs_cam = even and degree % 2 == 1
-        if 0 < degree <= DEGREE and (k_g > 0 or k_b > 0) and ("h" in deviating or not needs_cam):
+        if 0 < degree <= _DEGREE and (k_g > 0 or k_b > 0) and ("h" in deviating or not needs_cam):
             found[k_g, k_b] = (abs(k_g * rate_g + k_b * rate_b), _words(k_g, k_b, needs_cam))
     return found
 
@@ -77,7 +77,7 @@ def _words(k_g: int, k_b: int, needs_cam: bool) -> str:
     return " ".join(f"{flexspline}{between}{rigid}{' + cam' if needs_cam else ''}".split())
 
 
-def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[Order]:
+def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[_Order]:
     """Orders of a drive's error sampled at even steps over whole cam revolutions, by rising order.
 
     Arguments: drive, whose deviations name the causes; error_arcsec, shape (states,); revolutions, cam
@@ -94,13 +94,13 @@ def orders(drive: Drive, error_arcsec: Array, revolutions: int) -> list[Order]:
         place = round(order * revolutions)
         if 0 < place < len(amplitude):
             causes.setdefault(place, []).append((abs(k_g) + abs(k_b), words))
-    largest = np.argsort(amplitude)[::-1][:UNEXPLAINED_ORDERS].tolist()
+    largest = np.argsort(amplitude)[::-1][:_UNEXPLAINED_ORDERS].tolist()
     phase, found = np.degrees(np.angle(spectrum)), []
     for place in sorted({*causes, *largest} - {0}):
-        if place in causes or amplitude[place] > FLOOR:
+        if place in causes or amplitude[place] > _FLOOR:
             least = min(causes.get(place, []), default=(0, ""))[0]
             words = "; ".join(words for degree, words in causes.get(place, []) if degree == least)
-            found.append(Order(place / revolutions, float(amplitude[place]), float(phase[place]), words or NO_CAUSE))
+            found.append(_Order(place / revolutions, float(amplitude[place]), float(phase[place]), words or NO_CAUSE))
     return found
 
 
@@ -152,7 +152,7 @@ class Trace:
     error: KinematicError
     start_deg: float
     revolutions: int
-    orders: tuple[Order, ...]
+    orders: tuple[_Order, ...]
     measured: MeasuredTeeth | None = None
     along: ErrorAlong | None = None
 
@@ -198,12 +198,12 @@ def trace(
     along = None
     if gravity:
         more = partial(kinematic_error, there, teeth=teeth, solver=solver, run=UNCHECKED)
-        error, along = error_along(error, gravity, more)
+        error, along = _error_along(error, gravity, more)
     found = orders(drive, error.error_arcsec, revolutions)
     return Trace(error, start_deg, revolutions, tuple(found), measured, along)
 
 
-def error_along(
+def _error_along(
     mean: KinematicError, gravity: Gravity, solve: Callable[..., KinematicError]
 ) -> tuple[KinematicError, ErrorAlong]:
     """Error with gravity on top of a mean torque, whose error is there, straight between torques that are solved.
@@ -229,14 +229,14 @@ def error_along(
             share = 0.5 if below + above else 0.4  # no error at no torque at all
             between, own = below + share * (above - below), (torque >= below) & (torque <= above)
             missed[below, above] = 0.0
-            if own.any() and above - below > LEAST_APART * max(abs(low), abs(high)):
+            if own.any() and above - below > _LEAST_APART * max(abs(low), abs(high)):
                 solved[between] = solve(between, states=states)
                 line = (1 - share) * rest(below) + share * rest(above)
                 missed[below, above] = float(np.abs(rest(between) - line)[own].max())
         worst = max(missed, key=missed.__getitem__)
-        aim = max(INTERPOLATED * mean.range_arcsec, LEAST_INTERPOLATED)
+        aim = max(_INTERPOLATED * mean.range_arcsec, _LEAST_INTERPOLATED)
         open_ = []
-        if missed[worst] > aim and len(solved) < MOST_TORQUES:
+        if missed[worst] > aim and len(solved) < _MOST_TORQUES:
             between = next(M_g for M_g in solved if worst[0] < M_g < worst[1])
             open_ = [(worst[0], between), (between, worst[1])]
             del missed[worst]
@@ -247,7 +247,7 @@ def error_along(
     every, each = np.array([rest(M_g) for M_g in nodes.tolist()]), np.arange(len(states))
     rotation = every[place, each] * (1 - shares) + every[place + 1, each] * shares
     twist = [solved[M_g].wind_up_arcsec for M_g in nodes.tolist()]
-    for k in np.linspace(0, len(states) - 1, PROVEN_STATES).astype(np.int64).tolist():
+    for k in np.linspace(0, len(states) - 1, _PROVEN_STATES).astype(np.int64).tolist():
         own = solve(float(torque[k]), states=states.take(np.array([k]))).rotation_arcsec[0]
         bound = max(bound, abs(float(own - np.interp(torque[k], nodes, twist) - rotation[k])))
     certificate = sum((one.certificate for one in solved.values()), EMPTY)

@@ -28,14 +28,14 @@ from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 
 WAVE_POINTS = 40  # around each wheel
-HIGHEST = 18  # times around a wheel: waves that are kept
+_HIGHEST = 18  # times around a wheel: waves that are kept
 Complex = NDArray[np.complex128]
 POINTS_A_TURN = 180  # of the cam, at which curves are computed
 
 
-def wave_numbers() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _wave_numbers() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """How often each wave goes around the flexspline's and the rigid wheel's angle, shape (waves,) each."""
-    k_g, k_b = np.meshgrid(np.arange(HIGHEST + 1), np.arange(-HIGHEST, HIGHEST + 1), indexing="ij")
+    k_g, k_b = np.meshgrid(np.arange(_HIGHEST + 1), np.arange(-_HIGHEST, _HIGHEST + 1), indexing="ij")
     half = (k_g > 0) | (k_b > 0)  # the others are their mirror images
     return k_g[half], k_b[half]
 
@@ -51,7 +51,7 @@ class ErrorWaves:
         self._map, self._run = error_map or ErrorMap(drive, M_g), run
         self._case = self._map.load_case()
         self.certificate = EMPTY
-        self.k_g, self.k_b = wave_numbers()
+        self.k_g, self.k_b = _wave_numbers()
 
     def waves(self, drives: Sequence[Drive], points: int = WAVE_POINTS) -> Complex:
         """Waves [arcsec] of the error F_kpp of drives, shape (drives, waves).
@@ -165,7 +165,7 @@ def error_lines(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]]
         certificate += proof
         run.finished(proof.states)
     kinematics = Kinematics.of(drive)
-    k_g, k_b = wave_numbers()
+    k_g, k_b = _wave_numbers()
     often = k_g * (kinematics.cycle_states // drive.gears.z_g) + k_b * (kinematics.cycle_states // drive.gears.z_b)
     per_cycle = np.unique(np.abs(often[often != 0]))
     turning = np.where(often > 0, np.conj(waves), waves)  # both wheels turn backwards in the cam's frame

@@ -62,7 +62,7 @@ from hdassist.run.stops import end_at_stops
 from hdassist.terminal.streams import Style, put_text, require_writable
 from hdassist.terminal.words import texts
 
-EXPLAINED = """\
+_EXPLAINED = """\
 WHAT YOU SEE
 At the top F'_ior, the kinematic error from peak to peak over the full cycle, at each torque: median, 5th and 95th \
 percentile over all that is not known exactly; the limit, the verdict of check, the margin that the limit leaves above \
@@ -163,7 +163,7 @@ class Notice(ModalScreen[bool | None]):
             yield Static(self._text, markup=False)
 
 
-class Exporting(Asking):
+class _Exporting(Asking):
     """Actions that ask in a dialog, and write a file."""
 
     def ask_in(self, dialog: ModalScreen[Any], then: Callable[[Any], object] = bool) -> None:
@@ -268,8 +268,8 @@ def without_fonts(svg: str) -> str:
     return re.sub(r"\s*@font-face \{.*?\}", "", svg, flags=re.DOTALL)
 
 
-LINES = ("head", "headline", "tabs", "looked-at", "next", "command", "keys", "about")
-TOO_SMALL = "too small for the explorer: 60 x 18 at least. q quits."
+_LINES = ("head", "headline", "tabs", "looked-at", "next", "command", "keys", "about")
+_TOO_SMALL = "too small for the explorer: 60 x 18 at least. q quits."
 VIEWS = {
     "holes": "holes",
     "seat": "seat",
@@ -281,7 +281,7 @@ VIEWS = {
 }
 
 
-class Explorer(Exporting):
+class Explorer(_Exporting):
     """A drive turned on the screen. Arguments as those of `Asking`."""
 
     CSS_PATH = "app.tcss"
@@ -317,14 +317,14 @@ class Explorer(Exporting):
         self.panes = {
             name: Pane(name, title.upper()) for name, title in VIEWS.items() if name not in ("holes", "levers")
         }
-        self.lines = {name: Static(id=name, markup=False) for name in LINES}
+        self.lines = {name: Static(id=name, markup=False) for name in _LINES}
         self.side, self.wanted = Vertical(id="side"), Input(placeholder="/ filters", id="filter", compact=True)
         self.all = Vertical(id="all", classes="holes")
 
     def compose(self) -> ComposeResult:
         """Head, F'_ior, tabs, the panes, the position looked at, the next step, the command line, the keys."""
         with self.all:
-            yield from (self.lines[name] for name in LINES[:3])
+            yield from (self.lines[name] for name in _LINES[:3])
             with Horizontal():
                 with Vertical(id="left"):
                     yield self.holes
@@ -339,8 +339,8 @@ class Explorer(Exporting):
                         yield self.lines["about"]
                     yield self.panes["why"]
                     yield self.panes["advice"]
-            yield from (self.lines[name] for name in LINES[3:7])
-        yield Static(TOO_SMALL, id="too-small")
+            yield from (self.lines[name] for name in _LINES[3:7])
+        yield Static(_TOO_SMALL, id="too-small")
 
     def on_mount(self) -> None:
         """Ask the first questions."""
@@ -598,4 +598,4 @@ class Explorer(Exporting):
 
     def action_explain(self) -> None:
         """Explain the screen."""
-        self.ask_in(Notice(EXPLAINED, asks=False))
+        self.ask_in(Notice(_EXPLAINED, asks=False))

@@ -34,11 +34,11 @@ from hdassist.report import Report
 from hdassist.terminal.streams import PLAIN_CHARACTERS
 from hdassist.terminal.words import again
 
-BAR_COLUMNS = 16  # of the bar of work that is done
+_BAR_COLUMNS = 16  # of the bar of work that is done
 REST = 0.7  # s without a key before the cam turn and the steps of levers are asked for
-THEMES = ("textual-light", "textual-dark")
+_THEMES = ("textual-light", "textual-dark")
 # of one column each
-SIGNS = PLAIN_CHARACTERS | str.maketrans("\N{NO-BREAK SPACE}○●◌□■▫△▲▵◆…°″±≤≥←→↑↓─━┄│═╌", ' o@%08:AV.#~d"~<><>^v---|=~')
+_SIGNS = PLAIN_CHARACTERS | str.maketrans("\N{NO-BREAK SPACE}○●◌□■▫△▲▵◆…°″±≤≥←→↑↓─━┄│═╌", ' o@%08:AV.#~d"~<><>^v---|=~')
 
 
 @dataclass
@@ -72,22 +72,22 @@ class Known:
         """What stands in place of an answer that is not there, with the reason where there is none."""
         if self.failed:
             return visible(f"no answer: {self.failed.message}\n{self.failed.hint}")
-        full = round(BAR_COLUMNS * self.done)
-        return f"computing … {'━' * full}{'─' * (BAR_COLUMNS - full)} {100 * self.done:.0f} %"
+        full = round(_BAR_COLUMNS * self.done)
+        return f"computing … {'━' * full}{'─' * (_BAR_COLUMNS - full)} {100 * self.done:.0f} %"
 
 
-class SevenBits(LineFilter):
+class _SevenBits(LineFilter):
     """Every line of the screen in 7-bit characters, each as wide as before."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
         """The same segments for a terminal without Unicode; lines of frames become +."""
         del background
-        return [Segment(seven_bits(segment.text), segment.style, segment.control) for segment in segments]
+        return [Segment(_seven_bits(segment.text), segment.style, segment.control) for segment in segments]
 
 
-def seven_bits(text: str) -> str:
+def _seven_bits(text: str) -> str:
     """A text in ASCII that takes as many columns."""
-    return "".join(sign if sign.isascii() else "+" * cell_len(sign) for sign in text.translate(SIGNS))
+    return "".join(sign if sign.isascii() else "+" * cell_len(sign) for sign in text.translate(_SIGNS))
 
 
 class Asking(App[int]):
@@ -114,11 +114,11 @@ class Asking(App[int]):
         self.answers: dict[str, Known] = {}  # by the command that gives them
         self.asked: dict[str, tuple[object, ...]] = {}  # the last question of a group, by its arguments
         self._rest: Timer | None = None
-        self.theme = THEMES[dark]
+        self.theme = _THEMES[dark]
 
     def get_line_filters(self) -> Sequence[LineFilter]:
         """The filters that every line goes through on its way to the terminal."""
-        return [*super().get_line_filters(), *([SevenBits()] if self.ascii else [])]
+        return [*super().get_line_filters(), *([_SevenBits()] if self.ascii else [])]
 
     def draw(self) -> None:
         """Show the session and its answers."""

@@ -17,7 +17,7 @@ from hdassist.terminal import options as o
 from hdassist.terminal.output import Output
 from hdassist.terminal.streams import Style, put_text, say
 
-SESSION_FILE = "explore.txt"  # among the user's states: the command that comes back to the last session
+_SESSION_FILE = "explore.txt"  # among the user's states: the command that comes back to the last session
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,9 +69,9 @@ class ExploreCommand(o.LimitedDriveOptions):
             from hdassist.explorer.app import Explorer
             from hdassist.explorer.compute import Effort
 
-        Thread(target=end_with_terminal, daemon=True).start()
+        Thread(target=_end_with_terminal, daemon=True).start()
         with closing(service):
-            keep = partial(put_text, str(user_state_path("hdassist", ensure_exists=True) / SESSION_FILE))
+            keep = partial(put_text, str(user_state_path("hdassist", ensure_exists=True) / _SESSION_FILE))
             effort = Effort(jobs=self.jobs)
             app = Explorer(session, service, effort, dark=not self.light, ascii=style.ascii, keep=keep)
             app.run()
@@ -81,7 +81,7 @@ class ExploreCommand(o.LimitedDriveOptions):
         return app.return_code or 0
 
 
-def end_with_terminal() -> None:
+def _end_with_terminal() -> None:
     """End the process once the terminal on standard input is gone, in a thread of its own.
 
     No signal reports that where SIGHUP is ignored (nohup), and the screen may wait for ever to be written.

@@ -34,12 +34,12 @@ from hdassist.preset.fields import Drive, field_table
 from hdassist.run.run import UNCHECKED, Run, workers
 from hdassist.variants import differing_fields
 
-TOLD_EVERY, MOST_TOLD = 0.3, 0.99  # s between two shares of the work done, which is estimated; at most
-FEWEST_SEEN = 8  # effective samples: the range of fewer is none
-SEED = 0  # of samples and of states solved again, as the commands have it
-SHARES_SHOWN = (0.05, 0.5, 0.95)  # percentiles
+_TOLD_EVERY, _MOST_TOLD = 0.3, 0.99  # s between two shares of the work done, which is estimated; at most
+_FEWEST_SEEN = 8  # effective samples: the range of fewer is none
+_SEED = 0  # of samples and of states solved again, as the commands have it
+_SHARES_SHOWN = (0.05, 0.5, 0.95)  # percentiles
 SURE_REFINED, SURE_PROVEN, SURE_RANGE = "REFINED", "PROVEN", "90 % RANGE"  # searched; every state; percentiles
-STEP = 0.34  # of the probability of a field that is not known exactly: from its median, about one standard deviation
+_STEP = 0.34  # of the probability of a field that is not known exactly: from its median, about one standard deviation
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class LeverEffects:
     is_whole: bool = False
 
 
-Tell = Callable[[str, object], None]  # field of `asking.Known`, and its value
+_Tell = Callable[[str, object], None]  # field of `asking.Known`, and its value
 
 
 def is_any_hole(drive: Drive) -> bool:
@@ -107,7 +107,7 @@ def is_any_hole(drive: Drive) -> bool:
     return bool(unknowns(drive) and unknown_turn(drive) and not no_hole_better(drive) and not is_tried(drive))
 
 
-def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:
+def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, tell: _Tell) -> None:
     """F'_ior of a typical drive, that over the seat by a search, the answers of `check`, and of `mount` or `trials`.
 
     Argument: typical, values by path of all that was not known exactly of a drive like it. Raises HdassistError where
@@ -122,19 +122,19 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
         tell("curve", SeatCurve(rotations, np.stack([F_ior] * 3), (SURE_REFINED,) * len(rotations)))
 
     def seen(so_far: DesignCheck) -> None:
-        if so_far.samples and so_far.samples.effective >= FEWEST_SEEN:
+        if so_far.samples and so_far.samples.effective >= _FEWEST_SEEN:
             tell("check", so_far)
 
     states = check_states(drive, draws=effort.draws)
     states += advice_states(drive, 0 if tried else len(rotations), draws=effort.draws, trials=tried)
     with workers(effort.jobs) as executor:
-        run = Run(executor, _Share(states, tell), SEED)
+        run = Run(executor, _Share(states, tell), _SEED)
         if has_typical:
             errors = run.map(partial(kinematic_error, here, run=UNCHECKED), here.operation.M_g)
             tell("first", FirstErrors([error.F_ior_arcsec for error in errors], SURE_PROVEN))
         whole = check(drive, draws=effort.draws, run=run, seen=seen)
         tell("check", whole)
-        tell("page", check_report(whole, SEED))
+        tell("page", check_report(whole, _SEED))
         if tried:
             setup = TrialSetup(TRIALS.torque_of(drive.operation.M_g))
             advice = advise_after(drive, (), setup, draws=effort.draws, run=run)
@@ -142,21 +142,21 @@ def drive_answers(drive: Drive, typical: Mapping[str, float], effort: Effort, te
             advice = advise(drive, rotations, draws=effort.draws, run=run)
     if advice.decision.is_sampled or not advice.unknown:
         tell("curve", _mount_curve(advice))
-    tell("report", mount_report(advice, SEED))
+    tell("report", mount_report(advice, _SEED))
     tell("advice", advice)
 
 
 class _Share:
     """Called with states that were solved, it tells their share of a total now and then."""
 
-    def __init__(self, total: int, tell: Tell) -> None:
+    def __init__(self, total: int, tell: _Tell) -> None:
         self._solved, self._total, self._tell, self._next = 0, total, tell, 0.0
 
     def __call__(self, states: int) -> None:
         self._solved += states
         if (now := time.monotonic()) > self._next:
-            self._next = now + TOLD_EVERY
-            self._tell("done", min(self._solved / self._total, MOST_TOLD))
+            self._next = now + _TOLD_EVERY
+            self._tell("done", min(self._solved / self._total, _MOST_TOLD))
 
 
 def typical_of(found: DesignCheck) -> tuple[Mapping[str, float], Sequence[float]]:
@@ -173,7 +173,7 @@ def still_typical(found: DesignCheck, drive: Drive) -> Mapping[str, float]:
     return {path: value for path, value in typical_of(found)[0].items() if path in open_}
 
 
-def cam_turn(drive: Drive, typical: Mapping[str, float], rotation_deg: float, M_g: float, tell: Tell) -> None:
+def cam_turn(drive: Drive, typical: Mapping[str, float], rotation_deg: float, M_g: float, tell: _Tell) -> None:
     """The page of `trace` of a typical drive over its full cycle, with its fixed wheel turned.
 
     Raises HdassistError where there is no answer.
@@ -181,10 +181,10 @@ def cam_turn(drive: Drive, typical: Mapping[str, float], rotation_deg: float, M_
     there = rotated(drive.with_values(typical), rotation_deg)
     turns = Kinematics.of(there).cycle_cam_revolutions
     found = trace(there, M_g, revolutions=turns, run=UNCHECKED)
-    tell("turn", trace_report(there, found, SEED))
+    tell("turn", trace_report(there, found, _SEED))
 
 
-def lever_effects(drive: Drive, pinned: Drive, typical: Mapping[str, float], effort: Effort, tell: Tell) -> None:
+def lever_effects(drive: Drive, pinned: Drive, typical: Mapping[str, float], effort: Effort, tell: _Tell) -> None:
     """Effect of a plausible step of each field on F'_ior of a typical drive, by a search.
 
     A step of a field that is not known exactly goes about one standard deviation far, one of a field in which a pinned
@@ -218,7 +218,7 @@ def _steps(drive: Drive, here: Drive, others: Mapping[str, Any]) -> Iterator[tup
         if others.get(path) is not None:
             yield path, (others[path] - value,)
         elif path in priors:
-            low, high = priors[path].value(np.array([0.5 - STEP, 0.5 + STEP]))
+            low, high = priors[path].value(np.array([0.5 - _STEP, 0.5 + _STEP]))
             step = float(f"{(high - low) / 2:.2g}")
             yield path, (step, -step)
         elif path == TEETH_FIELDS[0]:
@@ -249,7 +249,7 @@ def _mount_curve(advice: Advice) -> SeatCurve:
     if not curve or found.is_sampled:
         turns = tuple(sorted({0.0, *found.rotations_deg}))
         places = [found.place(turn) for turn in turns]
-        ranges = [[found.quantile(share, place) for place in places] for share in SHARES_SHOWN]
+        ranges = [[found.quantile(share, place) for place in places] for share in _SHARES_SHOWN]
         return SeatCurve(turns, np.swapaxes(ranges, 1, 2), (SURE_RANGE,) * len(turns))
     sure = tuple(SURE_PROVEN if each else SURE_REFINED for each in np.atleast_1d(curve.every_state.all(axis=0)))
     return SeatCurve(tuple(curve.rotation_deg.tolist()), np.stack([curve.F_ior_arcsec] * 3), sure)

@@ -40,26 +40,26 @@ from hdassist.terminal.streams import Style
 from hdassist.terminal.words import named, proof
 from hdassist.verdict import Verdict
 
-MARKS = {SURE_REFINED: "○□△", SURE_PROVEN: "●■▲", SURE_RANGE: "◌▫▵"}  # of each torque one, as of BAR_LINES
-BAR_LINES = "─═╌"  # of the bars of each torque
-INK = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one
-LETTER_STYLES = {"B": f"{INK[3]} bold", "W": "red bold", "?": f"{INK[2]} bold"}
-LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
-SEAT_WORDS = {"N": "now", "B": "best", "W": "worst", "?": "measure next", "x": "not allowed", "o": "looked at"}
-LEAST_BAR, LEAST_PANE = 14, 10  # columns of a bar that has ranges beside it, and of a pane with text
-LEGEND_COLUMNS = 60  # of a pane that has room for a legend beside the seat
-TICKS = tuple(SeatMark("cam", float(at), f"{at}", "") for at in (0, 90, 180, 270))  # in the seat's middle
+MARKS = {SURE_REFINED: "○□△", SURE_PROVEN: "●■▲", SURE_RANGE: "◌▫▵"}  # of each torque one, as of _BAR_LINES
+_BAR_LINES = "─═╌"  # of the bars of each torque
+_INK = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one
+_LETTER_STYLES = {"B": f"{_INK[3]} bold", "W": "red bold", "?": f"{_INK[2]} bold"}
+_LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
+_SEAT_WORDS = {"N": "now", "B": "best", "W": "worst", "?": "measure next", "x": "not allowed", "o": "looked at"}
+_LEAST_BAR, _LEAST_PANE = 14, 10  # columns of a bar that has ranges beside it, and of a pane with text
+_LEGEND_COLUMNS = 60  # of a pane that has room for a legend beside the seat
+_TICKS = tuple(SeatMark("cam", float(at), f"{at}", "") for at in (0, 90, 180, 270))  # in the seat's middle
 
 
-def torque_style(place: int) -> str:
+def _torque_style(place: int) -> str:
     """The style of a torque by its place."""
-    return INK[place % len(INK)]
+    return _INK[place % len(_INK)]
 
 
-def torque_sign(place: int, sure: str = SURE_RANGE) -> str:
+def _torque_sign(place: int, sure: str = SURE_RANGE) -> str:
     """The bar of a torque by its place, which tells it apart without colour too."""
-    line = BAR_LINES[place % len(BAR_LINES)]
-    return f"{line}{MARKS.get(sure, MARKS[SURE_REFINED])[place % len(BAR_LINES)]}{line}"
+    line = _BAR_LINES[place % len(_BAR_LINES)]
+    return f"{line}{MARKS.get(sure, MARKS[SURE_REFINED])[place % len(_BAR_LINES)]}{line}"
 
 
 class KeyedTable(DataTable[Text]):
@@ -126,7 +126,7 @@ class Holes(KeyedTable):
         heads = [f" {M_g:g} N·m" for M_g in torques] if found else []
         blank = [Text() for _ in heads]
         numbers = {at: values_of(found, at) or blank for at in places}
-        is_narrow = self._room(numbers, heads) < LEAST_BAR
+        is_narrow = self._room(numbers, heads) < _LEAST_BAR
         if is_narrow:  # medians leave room for bars
             numbers = {at: values_of(found, at, medians=True) or blank for at in places}
         width, rows = max(self._room(numbers, heads), 1), {}
@@ -134,13 +134,13 @@ class Holes(KeyedTable):
             measured = [one.value for one in readings if abs(one.rotation_deg - at) < 1e-6]
             signs = f"{letters.get(at, '')}{'◆' * bool(measured)}"
             head = Text(f"{bare(at, holes):>4} {signs:4.4}", "bold" if at == session.turn_deg else "")
-            head.highlight_regex("B", LETTER_STYLES["B"])
+            head.highlight_regex("B", _LETTER_STYLES["B"])
             marks = [(limit, limit, "│", "red") for limit in limits]
-            marks += [(middle, middle, "┄", "dim") for _, middle, _ in seat_ranges(behind, at)]
-            for k, (low, middle, high) in enumerate(seat_ranges(found, at)):
-                sign = torque_sign(k, found.surety(at) if found else "")
-                marks += [(low, high, sign[0], torque_style(k)), (middle, middle, sign[1], torque_style(k))]
-            marks += [(value, value, "◆", INK[2]) for value in measured]
+            marks += [(middle, middle, "┄", "dim") for _, middle, _ in _seat_ranges(behind, at)]
+            for k, (low, middle, high) in enumerate(_seat_ranges(found, at)):
+                sign = _torque_sign(k, found.surety(at) if found else "")
+                marks += [(low, high, sign[0], _torque_style(k)), (middle, middle, sign[1], _torque_style(k))]
+            marks += [(value, value, "◆", _INK[2]) for value in measured]
             rows[f"{at}"] = head, *numbers[at], _bar(width, top, marks)
         scale = f" 0{f'{top:g}″':>{max(width - 2, 1)}}"
         self.fill(["hole" if holes else "turn", *heads, scale if found else ""], rows)
@@ -157,7 +157,7 @@ class Holes(KeyedTable):
         return self.size.width - 11 - sum(max(len(head), *map(len, cells)) for head, cells in by_torque)
 
 
-def seat_ranges(found: SeatCurve | None, rotation_deg: float) -> list[list[float]]:
+def _seat_ranges(found: SeatCurve | None, rotation_deg: float) -> list[list[float]]:
     """5th percentile, median and 95th of F'_ior [arcsec] at each torque in a position; empty where there are none."""
     place = found.place(rotation_deg) if found else None
     return found.F_ior_arcsec[:, :, place].T.tolist() if found and place is not None else []
@@ -166,9 +166,9 @@ def seat_ranges(found: SeatCurve | None, rotation_deg: float) -> list[list[float
 def values_of(found: SeatCurve | None, rotation_deg: float, *, medians: bool = False) -> list[Text]:
     """F'_ior at each torque in a position: a value, or its 5th and 95th percentile, or its median alone."""
     texts = []
-    for k, (low, middle, high) in enumerate(seat_ranges(found, rotation_deg)):
+    for k, (low, middle, high) in enumerate(_seat_ranges(found, rotation_deg)):
         words = f"{low:.2f}" if high <= low else f"{middle:.1f}" if medians else f"{low:.1f}…{high:.1f}"
-        texts.append(Text(f" {words:>6}", torque_style(k)))
+        texts.append(Text(f" {words:>6}", _torque_style(k)))
     return texts
 
 
@@ -184,20 +184,20 @@ def _bar(width: int, top: float, marks: Iterable[tuple[float, float, str, str]])
 def seat_pane(session: Session, letters: Mapping[float, str], width: int) -> tuple[Text, str]:
     """The seat from the cam side in so many columns, and the legend of its letters, which a wide one has beside it."""
     first = session.drive.mounting.first_hole
-    named = [(at, sign) for at, signs in letters.items() for sign in signs if sign in LETTER_KINDS]
+    named = [(at, sign) for at, signs in letters.items() for sign in signs if sign in _LETTER_KINDS]
     seat = Seat(
         "", seat_holes(session.drive), first, session.turn_deg,
-        tuple(SeatMark(LETTER_KINDS[sign], first + at, sign, "") for at, sign in named),
-        (*TICKS, SeatMark("now", first + session.turn_deg, "o", "")), "x", "",
+        tuple(SeatMark(_LETTER_KINDS[sign], first + at, sign, "") for at, sign in named),
+        (*_TICKS, SeatMark("now", first + session.turn_deg, "o", "")), "x", "",
     )  # fmt: skip
     present = dict.fromkeys([*"".join(letters.values()), "o"])
-    legend = [f"{sign} {words}" for sign, words in SEAT_WORDS.items() if sign in present]
+    legend = [f"{sign} {words}" for sign, words in _SEAT_WORDS.items() if sign in present]
     lines = seat_in_characters(seat).split("\n")
-    if width >= LEGEND_COLUMNS:
+    if width >= _LEGEND_COLUMNS:
         beside = [*legend, *[""] * len(lines)]
         lines = [f"{line:{SEAT_WIDTH + 4}}{words}".rstrip() for line, words in zip(lines, beside, strict=False)]
     text = Text("\n".join(lines))
-    for letter, style in LETTER_STYLES.items():
+    for letter, style in _LETTER_STYLES.items():
         text.highlight_words([letter], style)
     return text, "  ".join(legend)
 
@@ -216,7 +216,7 @@ class Pane(VerticalScroll):
     def show(self, *parts: RenderableType | Block, ascii: bool = False) -> None:
         """Show texts and blocks; one moment later where there is no room yet."""
         style = Style(ascii=ascii, codes=False, width=self.scrollable_content_region.width)
-        if style.width >= LEAST_PANE:
+        if style.width >= _LEAST_PANE:
             shown = [[*block_on_page(part, style)] if isinstance(part, Block) else [part] for part in parts]
             self._text.update(Group(*(part for each in shown for part in each)))
 
@@ -271,19 +271,19 @@ def _lever_cells(
     value = visible(text_of(field.value))[: 13 - len(field.unit)]
     pinned = "pin " * (field.path in effects.differing)
     return (
-        Text.assemble(name, (f" {mark}", INK[1] if mark == "?" else INK[3])),
+        Text.assemble(name, (f" {mark}", _INK[1] if mark == "?" else _INK[3])),
         Text(visible(field.meaning), "dim"),
-        Text.assemble((f" {value}", INK[3] if mark == "*" else ""), (f" {field.unit.replace('um', 'µm')}", "dim")),
-        Text(f" {pinned}{by:+.4g}" if changes else "", INK[0]),
-        Text(f" {changes[torque]:+7.2f}" if changes else "", INK[0]),
+        Text.assemble((f" {value}", _INK[3] if mark == "*" else ""), (f" {field.unit.replace('um', 'µm')}", "dim")),
+        Text(f" {pinned}{by:+.4g}" if changes else "", _INK[0]),
+        Text(f" {changes[torque]:+7.2f}" if changes else "", _INK[0]),
     )
 
 
-WITH_UNIT = ("F'_ior", "5 to 95 %", "limit")  # columns of the headline that are angles
-VERDICT_STYLES: dict[str, str] = {
-    Verdict.PASS: f"{INK[3]} bold",
+_WITH_UNIT = ("F'_ior", "5 to 95 %", "limit")  # columns of the headline that are angles
+_VERDICT_STYLES: dict[str, str] = {
+    Verdict.PASS: f"{_INK[3]} bold",
     Verdict.FAIL: "red bold",
-    Verdict.INCONCLUSIVE: f"{INK[1]} bold",
+    Verdict.INCONCLUSIVE: f"{_INK[1]} bold",
 }
 
 
@@ -293,10 +293,10 @@ def head_line(session: Session) -> Text:
     line.append(visible(drive.name), "bold")
     line.append(f"  {drive.gears.z_g}/{drive.gears.z_b}  {drive.mounting.fixed} wheel fixed", "dim")
     counts = {"uncertain": prior_of(drive).fields, "changed": session.changes}
-    line.append("".join(f"  {len(found)} {word}" for word, found in counts.items() if found), INK[3])
+    line.append("".join(f"  {len(found)} {word}" for word, found in counts.items() if found), _INK[3])
     more = len({*session.pinned.origin.overrides} - {*session.source.overrides, session.torques})
-    line.append(f"  vs {visible(session.pinned.name)}{f' with {more} changed' * (more > 0)}", INK[2])
-    return line.append("  x_b keeps clearance" * session.keeps_clearance, INK[1])
+    line.append(f"  vs {visible(session.pinned.name)}{f' with {more} changed' * (more > 0)}", _INK[2])
+    return line.append("  x_b keeps clearance" * session.keeps_clearance, _INK[1])
 
 
 def headline(session: Session, known: Known, pinned: Known | None, torque: int, width: int) -> RichTable | Text:
@@ -313,13 +313,13 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
     state = f"{sure if found is known.check else 'old'}{'' if whole else ' …'}"
     surety = SURE_RANGE if found.samples else SURE_PROVEN
     torques = [
-        f"[{torque_style(k)}]{'▸' * (k == torque)}{point.M_g:g} N·m {torque_sign(k, surety)}[/]"
+        f"[{_torque_style(k)}]{'▸' * (k == torque)}{point.M_g:g} N·m {_torque_sign(k, surety)}[/]"
         for k, point in enumerate(found.points)
     ]
     columns = {state: torques, **dict(zip(page.heads, map(list, zip(*page.rows, strict=True)), strict=True))}
     for name in ("self error", page.heads[0]):
         del columns[name]
-    columns = {f"{name}, ″" if name in WITH_UNIT else name: cells for name, cells in columns.items()}
+    columns = {f"{name}, ″" if name in _WITH_UNIT else name: cells for name, cells in columns.items()}
     if known.first and known.old and not whole:
         both = zip(typical_of(known.old)[1], known.first.F_ior_arcsec, strict=True)
         columns["typical drive, ″"] = [f"{before:.2f} → {now:.2f} {MARKS[known.first.sure][0]}" for before, now in both]
@@ -328,19 +328,19 @@ def headline(session: Session, known: Known, pinned: Known | None, torque: int, 
         verdicts = columns.pop("verdict")
         if found is known.check and not whole:
             verdicts = ["…"] * len(held)
-        columns["verdict"] = [f"[{VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in verdicts]
+        columns["verdict"] = [f"[{_VERDICT_STYLES.get(word, 'dim')}]{word}[/]" for word in verdicts]
         columns["margin, ″"] = [f"{limit - ends[1]:+.2f}" if limit and ends else "" for limit, ends, _ in held]
         columns["kept"] = [f"{100 * kept.value:.0f} %" if kept else "" for _, _, kept in held]
     if whole and pinned and pinned.whole:
         points = zip(found.points, pinned.whole.points, strict=True)
         changes = (now.F_ior_or_error - before.F_ior_or_error for now, before in points)
-        columns["change, ″"] = [f"[{INK[0]}]{change:+.2f}[/]" for change in changes]
+        columns["change, ″"] = [f"[{_INK[0]}]{change:+.2f}[/]" for change in changes]
     best_deg = known.advice.chosen.rotation_deg if known.advice else 0.0
     alike = known.curve and known.curve.surety(best_deg) == surety  # a number as given is not put beside medians
     if best_deg and known.curve and alike and not is_any_hole(session.drive):
         holes, best = session.drive.mounting.holes, known.curve.place(best_deg)
         name = f"best: {'hole ' * bool(holes)}{bare(best_deg, holes)}{'°' * (not holes)}, ″"
-        columns[name] = [f"[{INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, best]]
+        columns[name] = [f"[{_INK[3]}]{value:.2f}[/]" for value in known.curve.F_ior_arcsec[1, :, best]]
     widths = {name: 2 + max(Text.from_markup(cell).cell_len for cell in (name, *columns[name])) for name in columns}
     for name in sorted(widths, key=lambda name: name != "verdict")[::-1]:  # which goes last
         if sum(widths[name] for name in columns) > width:

@@ -16,7 +16,7 @@ from hdassist.errors import HdassistError
 from hdassist.run.run import begin_worker
 
 Question = Callable[[Callable[[str, object], None]], None]  # a function of explorer.compute with its arguments
-PRELOADED = ["__main__", "hdassist.cli", "hdassist.explorer.preloaded"]
+_PRELOADED = ["__main__", "hdassist.cli", "hdassist.explorer.preloaded"]
 
 
 class Service:
@@ -28,7 +28,7 @@ class Service:
 
     def __init__(self) -> None:
         self._context = multiprocessing.get_context("forkserver")
-        self._context.set_forkserver_preload(PRELOADED)
+        self._context.set_forkserver_preload(_PRELOADED)
         # now: it inherits streams that the screen takes away, and of cli.main the environment of one thread
         forkserver.ensure_running()
         self._running: set[BaseProcess] = set()
@@ -37,7 +37,7 @@ class Service:
     async def ask(self, question: Question) -> AsyncIterator[tuple[str, Any]]:
         """The answers of a process of its own; when the caller stops listening, or is cancelled, it is ended."""
         here, there = self._context.Pipe(duplex=False)
-        process = self._context.Process(target=answer, args=(question, there), daemon=False)
+        process = self._context.Process(target=_answer, args=(question, there), daemon=False)
         begun = asyncio.create_task(asyncio.to_thread(self._begin, process, there))
         try:
             try:
@@ -89,7 +89,7 @@ async def _readable(connection: Connection) -> None:
         loop.remove_reader(connection.fileno())
 
 
-def answer(question: Question, there: Connection) -> None:
+def _answer(question: Question, there: Connection) -> None:
     """Answer a question in this process, which ends with the one that it was forked from, and so with the screen."""
     begin_worker(os.getppid())
     nowhere = os.open(os.devnull, os.O_WRONLY)

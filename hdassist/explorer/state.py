@@ -23,11 +23,11 @@ from hdassist.terminal.words import again
 
 TRIALS = TrialOptions()  # as the command has them where no other is asked for
 
-Changes = tuple[tuple[str, str], ...]  # path of a field, and its value as --set takes it
+_Changes = tuple[tuple[str, str], ...]  # path of a field, and its value as --set takes it
 
 
 @dataclass(frozen=True)
-class StateSource:
+class _StateSource:
     """A preset as it was opened: the name that was asked for, its text, its name in messages, overrides on top."""
 
     name: str
@@ -36,11 +36,11 @@ class StateSource:
     overrides: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, name: str, overrides: tuple[str, ...] = ()) -> StateSource:
+    def of(cls, name: str, overrides: tuple[str, ...] = ()) -> _StateSource:
         """A preset by its name or file. Raises DataError where there is none."""
         return cls(name, *read_preset(name), overrides)
 
-    def drive(self, changes: Changes = ()) -> Drive:
+    def drive(self, changes: _Changes = ()) -> Drive:
         """The drive with changes, of one field the last one.
 
         Raises PresetError, or UsageError with the loader's words about them.
@@ -57,14 +57,14 @@ class Session:
     changes with W_0 by as much; past and future: for undo and redo.
     """
 
-    source: StateSource
+    source: _StateSource
     drive: Drive
     pinned: Drive
-    changes: Changes = ()
+    changes: _Changes = ()
     turn_deg: float = 0.0
     keeps_clearance: bool = False
-    past: tuple[Changes, ...] = ()
-    future: tuple[Changes, ...] = ()
+    past: tuple[_Changes, ...] = ()
+    future: tuple[_Changes, ...] = ()
 
     @property
     def torques(self) -> str:
@@ -105,9 +105,9 @@ class Session:
 
 def opened_state(name: str, overrides: tuple[str, ...] = (), pin: str = "") -> Session:
     """A session of a preset, compared with it as it was opened or with another one. Raises what loading raises."""
-    source = StateSource.of(name, overrides)
+    source = _StateSource.of(name, overrides)
     session = Session(source, source.drive(), source.drive())
-    return replace(session, pinned=StateSource.of(pin, (session.torques,)).drive()) if pin else session
+    return replace(session, pinned=_StateSource.of(pin, (session.torques,)).drive()) if pin else session
 
 
 def is_tried(drive: Drive) -> bool:
@@ -130,20 +130,20 @@ def edited(session: Session, path: str, value: str) -> Session:
         other = TEETH_FIELDS[path == TEETH_FIELDS[0]]
         follows = drive.value(other) - drive.value(path)
         values[other] = f"{int(value) + follows}" if value.isdecimal() else ""
-    changed = with_fields(session, values)
+    changed = _with_fields(session, values)
     if path == "cam.W_0" and session.keeps_clearance:
         x_b = drive.gears.x_b + (changed.drive.cam.W_0 - drive.cam.W_0) / drive.gears.m
-        changed = with_fields(session, {**values, "gears.x_b": f"{x_b:.6g}"})
+        changed = _with_fields(session, {**values, "gears.x_b": f"{x_b:.6g}"})
     return changed
 
 
-def with_fields(session: Session, values: Mapping[str, str]) -> Session:
+def _with_fields(session: Session, values: Mapping[str, str]) -> Session:
     """The session with fields changed, by path; empty values take changes back."""
     changes = {path: text for path, text in {**dict(session.changes), **values}.items() if text}
     step = tuple(changes.items())
     if step == session.changes:
         return session
-    return replace(at_step(session, step), past=(*session.past, session.changes), future=())
+    return replace(_at_step(session, step), past=(*session.past, session.changes), future=())
 
 
 def with_evidence(session: Session, text: str) -> Session:
@@ -169,7 +169,7 @@ def with_evidence(session: Session, text: str) -> Session:
         else:
             path = f"measured.{name}"
         values[path] = value
-    return with_fields(session, values)
+    return _with_fields(session, values)
 
 
 def _measured_value(session: Session, path: str) -> str:
@@ -197,17 +197,17 @@ def pinned(session: Session) -> Session:
 
 def undone(session: Session) -> Session:
     """The session before its last change, which it has to have."""
-    back = at_step(session, session.past[-1])
+    back = _at_step(session, session.past[-1])
     return replace(back, past=session.past[:-1], future=(session.changes, *session.future))
 
 
 def redone(session: Session) -> Session:
     """The session with the change that was undone last, which it has to have."""
-    on = at_step(session, session.future[0])
+    on = _at_step(session, session.future[0])
     return replace(on, past=(*session.past, session.changes), future=session.future[1:])
 
 
-def at_step(session: Session, changes: Changes) -> Session:
+def _at_step(session: Session, changes: _Changes) -> Session:
     """The session with other changes of its preset. Raises UsageError with the loader's words about them."""
     try:
         return replace(session, drive=session.source.drive(changes), changes=changes)
@@ -224,7 +224,7 @@ SETTING_SECTIONS = (
     "numerics",
 )  # sections that are no part of the drive
 TEETH_FIELDS = ("gears.z_g", "gears.z_b")  # change together
-LEVER_STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # a step in units that have a natural one
+_LEVER_STEPS = {"um": 1.0, "deg": 5.0, "N*m": 10.0}  # a step in units that have a natural one
 
 
 def about_field(field: ResolvedField) -> str:
@@ -238,7 +238,7 @@ def step_of(field: PresetField, value: float) -> float:
 
     By its unit only where that is at most a tenth of the field's range: 5 deg of a phase, not of a pressure angle.
     """
-    natural, high, low = LEVER_STEPS.get(field.unit, 0.0), field.le, field.ge if isfinite(field.ge) else 0.0
+    natural, high, low = _LEVER_STEPS.get(field.unit, 0.0), field.le, field.ge if isfinite(field.ge) else 0.0
     if field.kind == "count":
         return 1.0
     if 0 < 10 * natural <= high - low:

@@ -38,7 +38,7 @@ from hdassist.preset.text import scalar_value
 if TYPE_CHECKING:
     from ruamel.yaml import YAML
 
-WIDTH = 110  # of a description
+_WIDTH = 110  # of a description
 
 
 def _name(text: str) -> str:
@@ -78,7 +78,7 @@ def _similar_lines(name: str, like: Drive, entries: Mapping[str, SimilarValue], 
     )
     if words.isprintable():
         yield "description: >-"
-        yield from textwrap.wrap(words, WIDTH, initial_indent="  ", subsequent_indent="  ", break_long_words=False)
+        yield from textwrap.wrap(words, _WIDTH, initial_indent="  ", subsequent_indent="  ", break_long_words=False)
     else:
         yield f"description: {_quoted(words)}"
     for section, model in sections():

@@ -25,13 +25,13 @@ from hdassist.report import Json
 from hdassist.run.kept import KeptOwner, RecordKind, open_kept, own_schema, read_kept, why_invalid
 from hdassist.version import __version__
 
-ARCHIVE_SCHEMA = "hdassist.archive/1"
+_ARCHIVE_SCHEMA = "hdassist.archive/1"
 ARCHIVE_FILE = "archive.jsonl"
-MAX_ARCHIVE_BYTES = 1_000_000_000
-WRITERS_WAIT = 30.0  # s, for each other
-CHANGED = 0.05  # probability: a spread of less, over all comparisons of a drive together, is a change
-Arcsec = Annotated[float, Field(strict=True, ge=0, le=1e7)]
-CONDITIONS = {
+_MAX_ARCHIVE_BYTES = 1_000_000_000
+_WRITERS_WAIT = 30.0  # s, for each other
+_CHANGED = 0.05  # probability: a spread of less, over all comparisons of a drive together, is a change
+_Arcsec = Annotated[float, Field(strict=True, ge=0, le=1e7)]
+_CONDITIONS = {
     "hole": "hole",
     "torque": "M_g_Nm",
     "temperature": "temperature_C",
@@ -49,7 +49,7 @@ class ArchiveEntry:
     """
 
     __pydantic_config__ = ConfigDict(extra="ignore", allow_inf_nan=False)
-    schema: Annotated[str, own_schema(ARCHIVE_SCHEMA)] = ARCHIVE_SCHEMA
+    schema: Annotated[str, own_schema(_ARCHIVE_SCHEMA)] = _ARCHIVE_SCHEMA
     version: OneLine = __version__
     serial: Annotated[OneLine, Field(min_length=1)]
     date: Annotated[str, AfterValidator(lambda text: date.fromisoformat(text).isoformat())]
@@ -60,17 +60,17 @@ class ArchiveEntry:
     file: OneLine
     sha256: str
     direction: Literal[1, -1]
-    F_ior_arcsec: Arcsec
-    standard_uncertainty_arcsec: Annotated[Arcsec, Field(ge=1e-9)]
-    low_arcsec: Arcsec
-    high_arcsec: Arcsec
+    F_ior_arcsec: _Arcsec
+    standard_uncertainty_arcsec: Annotated[_Arcsec, Field(ge=1e-9)]
+    low_arcsec: _Arcsec
+    high_arcsec: _Arcsec
     F_ior_is_lower_bound: bool
     travel_deg: float | None = None
     unstated: tuple[str, ...]
 
 
 _ENTRY = TypeAdapter(ArchiveEntry)
-ENTRIES = RecordKind(_ENTRY, hint="it was changed or damaged: restore the archive from a copy")
+_ENTRIES = RecordKind(_ENTRY, hint="it was changed or damaged: restore the archive from a copy")
 OWNER = KeptOwner(command="archive", version="", inputs={})
 
 
@@ -92,10 +92,10 @@ def read_conditions(serial: str, texts: Sequence[str]) -> Json:
     found = {"serial": serial}
     for text in (part for each in texts for part in each.split(",")):
         name, _, value = text.partition("=")
-        if name not in CONDITIONS or not value:
-            hint = f"NAME one of {', '.join(CONDITIONS)}, like hole=h4,torque=80,date=2026-03-01"
+        if name not in _CONDITIONS or not value:
+            hint = f"NAME one of {', '.join(_CONDITIONS)}, like hole=h4,torque=80,date=2026-03-01"
             raise UsageError(f"invalid --conditions {text}: expected NAME=VALUE", hint)
-        found[CONDITIONS[name]] = value
+        found[_CONDITIONS[name]] = value
     return found
 
 
@@ -128,7 +128,7 @@ def add_to_archive(folder: str, conditions: Json, found: Measurement) -> bool:
         raise UsageError(f"invalid --serial or --conditions: {why_invalid(error)}") from None
     with suppress(OSError):  # the file's fault is reported
         Path(folder).mkdir()
-    with open_kept(str(Path(folder) / ARCHIVE_FILE), OWNER, ENTRIES, patience=WRITERS_WAIT) as kept:
+    with open_kept(str(Path(folder) / ARCHIVE_FILE), OWNER, _ENTRIES, patience=_WRITERS_WAIT) as kept:
         known = {(each.serial, each.sha256, each.direction): each for each in kept.records()}
         for k, each in enumerate(fresh):
             if old := known.get((each.serial, each.sha256, each.direction)):
@@ -148,10 +148,10 @@ def read_archive(folder: str, serial: str) -> list[ArchiveEntry]:
 
     Raises DataError: no archive, an entry that does not hold, or none of the drive.
     """
-    data, name = read_bytes(Path(folder) / ARCHIVE_FILE, MAX_ARCHIVE_BYTES + 1)
-    if len(data) > MAX_ARCHIVE_BYTES:
-        raise DataError(f"{name} is larger than {MAX_ARCHIVE_BYTES / 1e6:g} MB", "begin another archive")
-    entries = read_kept(data, name, ENTRIES) or []
+    data, name = read_bytes(Path(folder) / ARCHIVE_FILE, _MAX_ARCHIVE_BYTES + 1)
+    if len(data) > _MAX_ARCHIVE_BYTES:
+        raise DataError(f"{name} is larger than {_MAX_ARCHIVE_BYTES / 1e6:g} MB", "begin another archive")
+    entries = read_kept(data, name, _ENTRIES) or []
     last = {(each.sha256, each.direction): each for each in entries if each.serial == serial}.values()
     own = sorted(last, key=lambda each: each.date)
     if not own:
@@ -172,5 +172,5 @@ def histories(entries: Iterable[ArchiveEntry]) -> tuple[DriveHistory, ...]:
         y, u = np.array([(each.F_ior_arcsec, each.standard_uncertainty_arcsec) for each in own]).T
         chi_square = float((((y - np.average(y, weights=u**-2)) / u) ** 2).sum())
         probability = float(chdtrc(len(own) - 1, chi_square))
-        found.append(DriveHistory(tuple(own), chi_square, probability, probability < CHANGED / len(compared)))
+        found.append(DriveHistory(tuple(own), chi_square, probability, probability < _CHANGED / len(compared)))
     return tuple(found)

@@ -25,11 +25,11 @@ from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import WHOLE_TURN_DEG, AngleError, sweeps
 from hdassist.readers.words import TURN_ARCSEC
 
-LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the lost motion
-AROUND = 5  # readings, at least, through which a parabola is laid
+_LOOP_SHARE = 0.04  # of the rated torque, to each side: between them lies the lost motion
+_AROUND = 5  # readings, at least, through which a parabola is laid
 TINY = 1e-30  # N*m
-LOOP_HINT = "go from -T_0 to T_0 and back, T_0 the rated torque"
-SAME_TARGET = 0.5  # arcsec: targets nearer than that are one
+_LOOP_HINT = "go from -T_0 to T_0 and back, T_0 the rated torque"
+_SAME_TARGET = 0.5  # arcsec: targets nearer than that are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def position_quantities(record: PositionRecord, *, seed: int = 0, draws: int = 2
 
     Raises DataError: fewer than two positions.
     """
-    target = np.rint(record.target_arcsec / SAME_TARGET)
+    target = np.rint(record.target_arcsec / _SAME_TARGET)
     order = np.lexsort([record.side, target])
     target, side, deviation = target[order], record.side[order], record.deviation_arcsec[order]
     positions = [np.flatnonzero(target == each) for each in np.unique(target)]
@@ -184,7 +184,7 @@ def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
 
     Raises DataError: a loop without a rising and a falling branch between the torques of the lost motion.
     """
-    at = LOOP_SHARE * rated * np.array([-1.0, 0.0, 1.0])
+    at = _LOOP_SHARE * rated * np.array([-1.0, 0.0, 1.0])
     loops = []
     for place in np.unique(record.place):
         points = np.array([record.torque_Nm, record.twist_arcsec])[:, record.place == place]
@@ -192,13 +192,13 @@ def place_loops(record: LoopRecord, rated: float) -> tuple[PlaceLoop, ...]:
         try:
             branches = sweeps(points[0] * WHOLE_TURN_DEG / max(np.ptp(points[0]), TINY))
         except AngleError:
-            raise DataError(f"{where}: the torque does not rise and fall in whole branches", LOOP_HINT) from None
+            raise DataError(f"{where}: the torque does not rise and fall in whole branches", _LOOP_HINT) from None
         sides = []
         for way, words in ((1, "rising"), (-1, "falling")):
             parts = [points[:, branch.rows] for branch in branches if branch.direction == way]
             parts = [part for part in parts if part[0].min() <= at[0] and part[0].max() >= at[2]]
             if not parts:
-                raise DataError(f"{where}: no {words} branch from {at[0]:.3g} to {at[2]:.3g} N*m", LOOP_HINT)
+                raise DataError(f"{where}: no {words} branch from {at[0]:.3g} to {at[2]:.3g} N*m", _LOOP_HINT)
             sides.append([_twist_at(np.concatenate(parts, axis=1), each, at[2]) for each in at])
         (low, none, high), variance = np.array(sides)[..., 0].T, np.array(sides)[..., 1].sum(axis=0)
         hysteresis = abs(float(none[0] - none[1])), sqrt(variance[1])
@@ -219,7 +219,7 @@ def _twist_at(points: Array, at: float, within: float) -> tuple[float, float]:
     """Twist [arcsec] at a torque [N*m] by a parabola through the readings around it, and the variance of that."""
     torque, twist = points
     off = torque - at
-    near = np.abs(off) <= max(within, float(np.partition(np.abs(off), AROUND - 1)[AROUND - 1]))
+    near = np.abs(off) <= max(within, float(np.partition(np.abs(off), _AROUND - 1)[_AROUND - 1]))
     columns = np.vander(off[near], 3, increasing=True)
     inverse = np.linalg.pinv(columns)
     solution = inverse @ twist[near]

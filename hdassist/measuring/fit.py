@@ -27,28 +27,28 @@ from hdassist.errors import Fault, UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.readers.trace import MeasuredTrace
 
-PER_PERIOD = 40  # bins in a period of the highest order: its amplitude falls by 0.1 %
-HEAVIEST = 4.0  # times the median weight: a shaft that stands still does not outweigh the rest
+_PER_PERIOD = 40  # bins in a period of the highest order: its amplitude falls by 0.1 %
+_HEAVIEST = 4.0  # times the median weight: a shaft that stands still does not outweigh the rest
 COVERAGE_FACTOR = 2.0
 OrderIndices = NDArray[np.int64]
 DESIGN_CHUNK = 8192  # rows of the design that stand in memory at once
-WORST_CONDITION = 1e8  # of the normal equations
+_WORST_CONDITION = 1e8  # of the normal equations
 BINS_PER_COLUMN = 1.5
-LAGS = 2000
-POWER_CLEAR = 4.0  # standard deviations of the power of noise
-FLOOR_SHORTEST = 2.0  # cam turns: below, there is no room for noise between the orders
-FLOOR_APART = 0.75  # of the resolution: how far from fitted orders the noise is read
-FLOOR_AROUND = 0.5  # orders to either side
-FLOOR_FEWEST = 8  # places, nearest to the order
-FLOOR_WAVES = 32  # of such places, by which the share of the noise is known that a fit has taken there
-STUDENT_SHARE = 0.97725  # of a normal distribution, below two standard deviations
-DRIFTED = 0.05  # of F'_ior: least drift left in that is reported
-DRIFT_CLEAR = 4.0  # standard uncertainties of a drift
+_LAGS = 2000
+_POWER_CLEAR = 4.0  # standard deviations of the power of noise
+_FLOOR_SHORTEST = 2.0  # cam turns: below, there is no room for noise between the orders
+_FLOOR_APART = 0.75  # of the resolution: how far from fitted orders the noise is read
+_FLOOR_AROUND = 0.5  # orders to either side
+_FLOOR_FEWEST = 8  # places, nearest to the order
+_FLOOR_WAVES = 32  # of such places, by which the share of the noise is known that a fit has taken there
+_STUDENT_SHARE = 0.97725  # of a normal distribution, below two standard deviations
+_DRIFTED = 0.05  # of F'_ior: least drift left in that is reported
+_DRIFT_CLEAR = 4.0  # standard uncertainties of a drift
 RESOLVED_GAP = 0.75  # of the resolution: least distance at which a line and an order are resolved
 EVEN = 0.9  # how even readings are that show an order and its image alike
-MOMENTS = 3  # of where readings lie in their places
+_MOMENTS = 3  # of where readings lie in their places
 SLOWEST_ORDER = 0.5  # per cam turn: lower ones are of the output, or drift
-NEIGHBOURS = 10.0  # bins: readings closer than that show the correlation of neighbours
+_NEIGHBOURS = 10.0  # bins: readings closer than that show the correlation of neighbours
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ def travel_of(trace: MeasuredTrace) -> Array:
 
 def bins_of(trace: MeasuredTrace, highest: float) -> Bins:
     """Average rows of the sweeps of a trace over bins of 1/(PER_PERIOD highest) of a turn; highest order per turn."""
-    travel, per_turn = travel_of(trace), PER_PERIOD * highest
+    travel, per_turn = travel_of(trace), _PER_PERIOD * highest
     load = np.zeros(len(travel)) if trace.load is None else trace.load
     parts: list[tuple[Array, ...]] = []
     levels = 0
@@ -128,7 +128,7 @@ def bins_of(trace: MeasuredTrace, highest: float) -> Bins:
         parts.append((*means, count, level, np.full(len(count), number)))
     columns = (np.concatenate(column) for column in zip(*parts, strict=True))
     turns, error, path, speed, loads, count, level, index = columns
-    weight = np.minimum(count, HEAVIEST * np.median(count))
+    weight = np.minimum(count, _HEAVIEST * np.median(count))
     counts = index.astype(np.int64), level.astype(np.int64)
     return Bins(turns, error, count, weight / weight.mean(), *counts, path, speed, loads, per_turn)
 
@@ -176,7 +176,7 @@ class SlowTerms:
         return self.degree / np.pi if self.by_angle else 0.0
 
 
-class TraceDesign:
+class _TraceDesign:
     """Normal equations of orders, levels of the sweeps and slow terms on the bins of a trace, factored once.
 
     columns: unknowns, cosines and sines of the orders first, their changes with the torque last; reach: travel [turns]
@@ -204,7 +204,7 @@ class TraceDesign:
         values, vectors = np.linalg.eigh(gram * scale * scale[:, None])
         values += slow.ridge
         self.condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
-        if self.condition > WORST_CONDITION:
+        if self.condition > _WORST_CONDITION:
             hint = "record one cam turn or more, evenly; or declare fewer orders: --orders 1,2,4"
             raise UntrustedError(
                 "the angles that were recorded do not tell the declared orders apart", hint, Fault.ORDERS_UNTOLD
@@ -256,12 +256,12 @@ class TraceFit:
     residuals beyond noise of reading.
     """
 
-    def __init__(self, design: TraceDesign, values: Array, lines: Array) -> None:
+    def __init__(self, design: _TraceDesign, values: Array, lines: Array) -> None:
         bins = self.bins = design.bins
         self.design, self.lines, self.orders = design, lines, design.orders
         solution, self.residual = design.fitted(values)
         self.variance = float(bins.weight @ self.residual**2) / (len(bins) - design.columns)
-        self.correlated, self.unmodelled = residual_memory(design, self.residual, self.variance)
+        self.correlated, self.unmodelled = _residual_memory(design, self.residual, self.variance)
         waves = 2 * len(design.orders)
         sizes = waves, bins.levels, design.slow.degree, len(design.slow.over), *[waves] * design.slow.order_changes
         ends = np.cumsum(sizes)[:-1]
@@ -389,7 +389,7 @@ class TraceFit:
         covariance = self.factor @ self.factor.T
         power = float(self.coefficients @ np.linalg.solve(covariance, self.coefficients))
         freedom = 2 * len(self.orders)
-        return power > freedom + POWER_CLEAR * float(np.sqrt(2 * freedom))
+        return power > freedom + _POWER_CLEAR * float(np.sqrt(2 * freedom))
 
     def curve(self, turns: Array) -> Array:
         """The curve [arcsec] at cam angles [turns], without levels and drift."""
@@ -402,7 +402,7 @@ def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: 
     Raises UntrustedError: too few bins, or angles that do not resolve the orders.
     """
     lines = np.sort(lines)
-    return TraceFit(TraceDesign(bins, np.sort(np.concatenate([orders, lines])), slow), bins.error, lines)
+    return TraceFit(_TraceDesign(bins, np.sort(np.concatenate([orders, lines])), slow), bins.error, lines)
 
 
 def drift_of(fit: TraceFit, extent: float) -> float:
@@ -415,23 +415,23 @@ def drift_of(fit: TraceFit, extent: float) -> float:
     own, (size,) = fit.beside(bins.travel[:, None] / design.reach)
     left = fit.residual - size * own[:, 0]
     variance = float(bins.weight @ left**2) / (len(bins) - design.columns)
-    correlated, _ = residual_memory(design, left, variance)
+    correlated, _ = _residual_memory(design, left, variance)
     uncertainty = float(np.sqrt(variance * max(correlated, 1.0) / (bins.weight @ own**2)[0]))
-    return float(size) if abs(size) > max(DRIFT_CLEAR * uncertainty, DRIFTED * extent) else 0.0
+    return float(size) if abs(size) > max(_DRIFT_CLEAR * uncertainty, _DRIFTED * extent) else 0.0
 
 
-def residual_memory(design: TraceDesign, residual: Array, variance: float) -> tuple[float, float]:
+def _residual_memory(design: _TraceDesign, residual: Array, variance: float) -> tuple[float, float]:
     """Number of bins that err together, and size of the correlated part of the residuals [arcsec]."""
     size, columns, bins = len(residual), design.columns, design.bins
     if not variance:
         return 1.0, 0.0
     padded = np.fft.rfft(residual, 2 * size)
-    products = np.fft.irfft(np.abs(padded) ** 2)[: min(LAGS, size // 4)] / size
+    products = np.fft.irfft(np.abs(padded) ** 2)[: min(_LAGS, size // 4)] / size
     rho = products / products[0] + columns / size  # the fit takes as much of the noise's own likeness away
     below = np.flatnonzero(rho[1:] < 2 / np.sqrt(size))
     last = int(below[0]) if len(below) else len(rho) - 1
     correlated = 1 + 2 * float(rho[1 : last + 1].sum())
-    near = (np.diff(bins.turns) < NEIGHBOURS / bins.per_turn) & (np.diff(bins.sweep) == 0)
+    near = (np.diff(bins.turns) < _NEIGHBOURS / bins.per_turn) & (np.diff(bins.sweep) == 0)
     if near.sum() < size / 5:
         return correlated, 0.0
     following = float((residual[1:] * residual[:-1])[near].mean()) + variance * columns / size
@@ -454,7 +454,7 @@ def residual_power(bins: Bins, residual: Array, variance: float) -> tuple[Array,
         own = bins.sweep == index
         at, values = places[own] - places[own].min(), (bins.weight * residual)[own]
         transform = np.zeros(length // 2 + 1, complex)
-        for k in range(MOMENTS):  # exp(turned off) as a series: without it, even readings in uneven places have images
+        for k in range(_MOMENTS):  # exp(turned off) as a series: without it, even readings in uneven places have images
             line = np.zeros(size)
             line[at] = values * off[own] ** k
             transform += turned**k / factorial(k) * np.fft.rfft(line, length)
@@ -477,7 +477,7 @@ def distance(probes: Array, orders: Array) -> Array:
     return np.minimum(np.abs(probes - orders[after - 1]), np.abs(probes - orders[np.minimum(after, len(orders) - 1)]))
 
 
-def noise_floor(design: TraceDesign, residual: Array, variance: float) -> tuple[Array, Array] | None:
+def noise_floor(design: _TraceDesign, residual: Array, variance: float) -> tuple[Array, Array] | None:
     """Power of the noise at each order, over that of independent residuals of the same variance, shape (orders,).
 
     And the Student factor of an interval of k = 2 where that power is of few places.
@@ -488,21 +488,21 @@ def noise_floor(design: TraceDesign, residual: Array, variance: float) -> tuple[
     Arguments: residual, shape (bins,) [arcsec]; variance, of the residuals at weight 1. None: the record is too short.
     """
     bins, orders = design.bins, design.orders
-    if bins.span < FLOOR_SHORTEST or not variance:
+    if bins.span < _FLOOR_SHORTEST or not variance:
         return None
     probes, power = residual_power(bins, residual, variance)
     resolved = probes[0] * bins.span  # places for each probe
     free = probes >= design.slow.periods / bins.span
-    free &= (distance(probes, orders) >= FLOOR_APART / bins.span) & (probes <= orders[-1] + 1)
+    free &= (distance(probes, orders) >= _FLOOR_APART / bins.span) & (probes <= orders[-1] + 1)
     probes, power = probes[free], power[free]
-    if len(probes) < FLOOR_FEWEST:
+    if len(probes) < _FLOOR_FEWEST:
         return None
-    waves = order_columns(bins.turns, probes[:: max(1, len(probes) // FLOOR_WAVES)])
+    waves = order_columns(bins.turns, probes[:: max(1, len(probes) // _FLOOR_WAVES)])
     power /= (bins.weight @ design.fitted(waves)[1] ** 2).mean() / (bins.weight @ waves**2).mean()
     total = np.concatenate([[0.0], np.cumsum(power)])
-    first, last = np.searchsorted(probes, orders - FLOOR_AROUND), np.searchsorted(probes, orders + FLOOR_AROUND)
-    few = last - first < FLOOR_FEWEST
-    middle = np.clip(np.searchsorted(probes, orders) - FLOOR_FEWEST // 2, 0, len(probes) - FLOOR_FEWEST)
-    first, last = np.where(few, middle, first), np.where(few, middle + FLOOR_FEWEST, last)
-    student = stdtrit(np.maximum(1.0, 2 * resolved * (last - first)), STUDENT_SHARE) / COVERAGE_FACTOR
+    first, last = np.searchsorted(probes, orders - _FLOOR_AROUND), np.searchsorted(probes, orders + _FLOOR_AROUND)
+    few = last - first < _FLOOR_FEWEST
+    middle = np.clip(np.searchsorted(probes, orders) - _FLOOR_FEWEST // 2, 0, len(probes) - _FLOOR_FEWEST)
+    first, last = np.where(few, middle, first), np.where(few, middle + _FLOOR_FEWEST, last)
+    student = stdtrit(np.maximum(1.0, 2 * resolved * (last - first)), _STUDENT_SHARE) / COVERAGE_FACTOR
     return (total[last] - total[first]) / (last - first), student

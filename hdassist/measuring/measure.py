@@ -74,52 +74,52 @@ from hdassist.readers.trace import MeasuredTrace, TraceForm, read_record, sweeps
 from hdassist.readers.words import TURN_ARCSEC
 from hdassist.run.kept import ClosedRecord
 
-LEAST_SPEED_APART = 0.2  # of the greatest speed: between sweeps, from which on a lag is fitted to their levels
-LEAST_SPEED_CHANGE = 0.02  # of the speed: within sweeps, from which on a lag is fitted
-LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up too little to see
-LOAD_APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
-CHANGE_TOLD = 3.0  # times the noise of a curve without changes: that at each torque, at most, where a record has them
-CATALOGUE_SHARE = 0.1  # of a wind-up: standard uncertainty of a drive's stiffness by its catalogue; a guess
-CLEAR_SENSE = 0.5  # correlation of error and wind-up
-ARCSEC_PER_RAD = 648000 / np.pi
-DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
-SHORTEST_TURNS = 1.0  # cam turns
-STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
+_LEAST_SPEED_APART = 0.2  # of the greatest speed: between sweeps, from which on a lag is fitted to their levels
+_LEAST_SPEED_CHANGE = 0.02  # of the speed: within sweeps, from which on a lag is fitted
+_LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up too little to see
+_LOAD_APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
+_CHANGE_TOLD = 3.0  # times the noise of a curve without changes: that at each torque, at most, where a record has them
+_CATALOGUE_SHARE = 0.1  # of a wind-up: standard uncertainty of a drive's stiffness by its catalogue; a guess
+_CLEAR_SENSE = 0.5  # correlation of error and wind-up
+_ARCSEC_PER_RAD = 648000 / np.pi
+_DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
+_SHORTEST_TURNS = 1.0  # cam turns
+_STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
 DRIFT_LEFT = "linear drift of {:.3g}″ over the record left in (--drift linear), if it is no part of a slow order"
-DRIFT_OFF = (
+_DRIFT_OFF = (
     "the cycle does not close: linear drift of {:.3g}″ taken off; with it the curve spans {:.1f}″; is the ratio right?"
 )
-WIND_UP_LEFT = (
+_WIND_UP_LEFT = (
     "the torque goes with the output's turn: its wind-up is left in (--drive PRESET with catalogue.K_1 to K_3)"
 )
-CHANGES_LEFT = (
+_CHANGES_LEFT = (
     "the record does not tell how the orders change with the torque, which may be part of F'_ior: "
     "record a sweep at each torque"
 )
-BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
-COARSE_STEP = 1 / 4  # of F'_ior: greatest step in time with the turns that the error is resolved from
-UNMODELLED = 1 / 5  # of F'_ior: least error beyond the orders that is reported
+_BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
+_COARSE_STEP = 1 / 4  # of F'_ior: greatest step in time with the turns that the error is resolved from
+_UNMODELLED = 1 / 5  # of F'_ior: least error beyond the orders that is reported
 
 
 @dataclass(frozen=True)
-class EncoderLag:
+class _EncoderLag:
     """Lag [ms] of the output's reading behind the cam's, and its standard uncertainty."""
 
     ms: float
     uncertainty_ms: float
 
 
-def speed_changes(bins: Bins) -> bool:
+def _speed_changes(bins: Bins) -> bool:
     """Whether the speed within the sweeps changes by enough to tell a lag."""
     apart = [speed - np.median(speed) for speed in (bins.speed[bins.sweep == k] for k in range(bins.sweeps))]
     low, high = np.quantile(np.concatenate(apart), (0.05, 0.95))  # a turning point alone tells no lag
-    return float(high - low) / 2 > LEAST_SPEED_CHANGE * float(np.abs(bins.speed).mean())
+    return float(high - low) / 2 > _LEAST_SPEED_CHANGE * float(np.abs(bins.speed).mean())
 
 
-ValueAndSpread = tuple[float, float]
+_ValueAndSpread = tuple[float, float]
 
 
-def lost_by_sweeps(fits: Sequence[TraceFit]) -> tuple[ValueAndSpread, ValueAndSpread] | None:
+def _lost_by_sweeps(fits: Sequence[TraceFit]) -> tuple[_ValueAndSpread, _ValueAndSpread] | None:
     """Parts of the levels of sweeps: lost at the reversal [arcsec], and over the speed [arcsec s/turn].
 
     Each with its standard uncertainty. None where the sweeps of both directions do not tell them apart, or slopes over
@@ -130,7 +130,7 @@ def lost_by_sweeps(fits: Sequence[TraceFit]) -> tuple[ValueAndSpread, ValueAndSp
     level = np.concatenate([fit.level for fit in fits])
     speed = np.concatenate([[f.bins.speed[f.bins.sweep == k].mean() for k in range(f.bins.sweeps)] for f in fits])
     pace = np.abs(speed)
-    if len(level) < 3 or not np.ptp(pace) > LEAST_SPEED_APART * pace.max():
+    if len(level) < 3 or not np.ptp(pace) > _LEAST_SPEED_APART * pace.max():
         return None
     precision = np.linalg.pinv(block_diag(*[fit.level_covariance for fit in fits]))
     columns = np.column_stack([np.ones(len(level)), np.sign(speed) / 2, speed])
@@ -141,9 +141,9 @@ def lost_by_sweeps(fits: Sequence[TraceFit]) -> tuple[ValueAndSpread, ValueAndSp
     return (abs(float(found[1])), float(spread[1])), (float(found[2]), float(spread[2]))
 
 
-def encoder_lag(
-    fits: Sequence[TraceFit], ratio: float, sense: int, over_speed: ValueAndSpread | None = None
-) -> EncoderLag | None:
+def _encoder_lag(
+    fits: Sequence[TraceFit], ratio: float, sense: int, over_speed: _ValueAndSpread | None = None
+) -> _EncoderLag | None:
     """Lag by the fits of both directions, or by the speeds of their sweeps; None where the speed does not change.
 
     Arguments: ratio, cam turns per output turn; sense, in which the two encoders count, 0 for a column of errors.
@@ -154,7 +154,7 @@ def encoder_lag(
         return None
     values, spreads = np.array(slopes).T * (1e3 * ratio * (sense or 1) / TURN_ARCSEC)  # ms
     weight = np.maximum(np.abs(spreads), 1e-15) ** -2
-    return EncoderLag(float(np.average(values, weights=weight)), float(weight.sum() ** -0.5))
+    return _EncoderLag(float(np.average(values, weights=weight)), float(weight.sum() ** -0.5))
 
 
 @dataclass(frozen=True)
@@ -180,13 +180,13 @@ class RecordedTorque:
 
     def is_change(self, torques: Sequence[Array]) -> bool:
         """Whether it changes within some of its rows [N*m] by enough to matter."""
-        least = max(LEAST_CHANGE * abs(self.least_Nm), LEAST_CHANGE * abs(self.greatest_Nm))
-        return float(max(map(np.ptp, torques))) > max(least, LOAD_APART * (self.greatest_Nm - self.least_Nm))
+        least = max(_LEAST_CHANGE * abs(self.least_Nm), _LEAST_CHANGE * abs(self.greatest_Nm))
+        return float(max(map(np.ptp, torques))) > max(least, _LOAD_APART * (self.greatest_Nm - self.least_Nm))
 
     def fitted(self, slope: float, uncertainty: float) -> RecordedTorque:
         """The same with the slope over the torque that a fit has taken off, and its uncertainty [arcsec/(N*m)]."""
         size, reach = max(abs(slope), 1e-300), self.greatest_Nm - self.least_Nm
-        stiffness = ARCSEC_PER_RAD / size
+        stiffness = _ARCSEC_PER_RAD / size
         own = stiffness, stiffness * uncertainty / size
         return replace(
             self, by="record", wind_up_arcsec=size * reach, uncertainty_arcsec=uncertainty * reach, stiffness_Nm_rad=own
@@ -203,21 +203,21 @@ class RecordedTorque:
         size = np.abs(trace.load)
         T_1, T_2 = catalogue_torques(drive)
         knees = np.array([0.0, T_1, T_2, T_2 + float(size.max())])
-        twist = np.cumsum([0.0, *(np.diff(knees) / np.array(stiffness, float))]) * ARCSEC_PER_RAD
+        twist = np.cumsum([0.0, *(np.diff(knees) / np.array(stiffness, float))]) * _ARCSEC_PER_RAD
         load = np.sign(trace.load) * np.interp(size, knees, twist)
-        sense = -1.0 if float(np.corrcoef(load, trace.error_arcsec)[0, 1]) < -CLEAR_SENSE else 1.0
+        sense = -1.0 if float(np.corrcoef(load, trace.error_arcsec)[0, 1]) < -_CLEAR_SENSE else 1.0
         span = float(np.ptp(load))
-        found = replace(self, by="catalogue", wind_up_arcsec=span, uncertainty_arcsec=CATALOGUE_SHARE * span)
+        found = replace(self, by="catalogue", wind_up_arcsec=span, uncertainty_arcsec=_CATALOGUE_SHARE * span)
         return replace(trace, error_arcsec=trace.error_arcsec - sense * load), found
 
 
-def tells_compliance(fit: TraceFit) -> bool:
+def _tells_compliance(fit: TraceFit) -> bool:
     """Whether the load of a fit's bins has a part that goes neither with its orders nor with its slow terms."""
     load = fit.bins.load
-    return float(np.std(fit.design.fitted(load)[1])) > LOAD_APART * float(np.std(load))
+    return float(np.std(fit.design.fitted(load)[1])) > _LOAD_APART * float(np.std(load))
 
 
-def with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None]:
+def _with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None]:
     """A fit whose orders change with the torque, where its bins show that they do, and the most that lines miss.
 
     That is the bend of the curve [arcsec] at the mean torque, by which a straight line misses it there, or a quarter of
@@ -228,7 +228,7 @@ def with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None
         with suppress(UntrustedError):
             trial = fit_orders(bins, fit.orders, replace(fit.design.slow, order_changes=changes))
             noise = max(float(np.linalg.norm(trial.at_torque(torque).order_root)) for torque in bins.torques)
-            if noise > CHANGE_TOLD * float(np.linalg.norm(fit.order_root)):
+            if noise > _CHANGE_TOLD * float(np.linalg.norm(fit.order_root)):
                 continue
             last = trial.combined(*[0.0] * changes, 1.0)
             if changes == 2:
@@ -241,7 +241,7 @@ def with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None
 
 
 @dataclass(frozen=True)
-class TorqueRange:
+class _TorqueRange:
     """F'_ior at a torque of a record [N*m], with its standard uncertainty [arcsec]."""
 
     M_g_Nm: float
@@ -274,7 +274,7 @@ class SweepResult:
     orders_of_cam: tuple[MeasuredOrder, ...]
     coverage: Coverage | None
     sources: tuple[UncertaintySource, ...]
-    torques: tuple[TorqueRange, ...] = ()
+    torques: tuple[_TorqueRange, ...] = ()
     torque_miss_arcsec: float | None = None
 
     @property
@@ -338,7 +338,7 @@ class Measurement:
     gearing: Gearing | None
     directions: tuple[SweepResult, ...]
     reversal: Reversal | None
-    lag: EncoderLag | None
+    lag: _EncoderLag | None
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     seed: int
@@ -393,7 +393,7 @@ def measure(
     Raises UsageError: a wrong argument; DataError: less than one cam turn in one direction; UntrustedError: orders that
     the record does not resolve, or an F'_ior that is not clear of its noise.
     """
-    require_drift(drift)
+    _require_drift(drift)
     gearing = gearing_of(drive, ratio)
     gearing = gearing and gearing.within(travel_deg)
     turns_ratio, is_travel = (gearing.ratio, gearing.travel is not None) if gearing else (USUAL_RATIO, False)
@@ -404,7 +404,7 @@ def measure(
         own = cleaned.one_way(sign)
         angles = own.by_sweep(own.cam_deg)
         longest = max((float(np.ptp(each)) / 360 * len(each) / (len(each) - 1) for each in angles), default=0.0)
-        if longest < SHORTEST_TURNS - 0.01:
+        if longest < _SHORTEST_TURNS - 0.01:
             if own.sweeps:
                 notes.append(f"{'growing' if sign > 0 else 'falling'} angles left out: {longest:.2g} of a cam turn")
             continue
@@ -412,15 +412,15 @@ def measure(
             own = cleaned.one_way(sign)
             declared = _declared(own, orders, notes)
             bins = bins_of(own, declared[-1])
-            slow = SlowTerms(DRIFTS[drift])
+            slow = SlowTerms(_DRIFTS[drift])
             if is_travel or not together:
                 slow = slow_terms(bins.span, turns_ratio, slow.degree, is_travel=is_travel)
             if not together:
-                slow = replace(slow, over=("speed",) * (trace.time_s is not None and speed_changes(bins)))
+                slow = replace(slow, over=("speed",) * (trace.time_s is not None and _speed_changes(bins)))
             fit = _fit(bins, declared, turns_ratio, slow, notes)
             loads = [] if own.load is None else own.by_sweep(own.load)
             if torque and torque.by != "catalogue" and torque.is_change(loads):
-                if tells_compliance(fit):
+                if _tells_compliance(fit):
                     slow = replace(slow, over=(*slow.over, "load"))
                     fit = _fit(bins, declared, turns_ratio, slow, notes)
                     torque = torque.fitted(*fit.slopes["load"])
@@ -428,7 +428,7 @@ def measure(
                     cleaned, torque = without
                     continue
                 else:
-                    warnings.append(WIND_UP_LEFT)
+                    warnings.append(_WIND_UP_LEFT)
             found = without_spikes(own, fit) or with_step(own, fit)
             if not found:
                 break
@@ -438,13 +438,13 @@ def measure(
         drift_left, miss = 0.0, None
         # a torque that changes within sweeps but goes with the output's turn changes the beats
         if torque and torque.is_change([bins.load]) and ("load" in fit.slopes or not torque.is_change(loads)):
-            fit, miss = with_order_changes(fit, seed)
+            fit, miss = _with_order_changes(fit, seed)
             if "load" in fit.slopes and len(fit.blocks) == 1:
-                warnings.append(CHANGES_LEFT)
+                warnings.append(_CHANGES_LEFT)
         if not together:  # a comparison looks for drift in the difference, and counts lines as noise
             fit, drift_left = _with_lines_or_drift(fit)
             if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
-                warnings.append(DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
+                warnings.append(_DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
                 fit = fit_orders(bins, fit.orders[~np.isin(fit.orders, fit.lines)], replace(fit.design.slow, degree=1))
                 fit, drift_left = _with_lines_or_drift(fit)
             elif drift_left:
@@ -453,7 +453,7 @@ def measure(
         result = _sweep_result(
             sign, own, fit, declared, drift_left, gearing, drive, stated or {}, seed, wind_up, may_be_noise, miss
         )
-        if not fit.unmodelled < UNMODELLED * result.range.value:
+        if not fit.unmodelled < _UNMODELLED * result.range.value:
             size = f"{fit.unmodelled:.2g}″"
             warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
         directions.append(result)
@@ -461,13 +461,13 @@ def measure(
         hint = "F'_ior is looked for over whole turns; check that the angle is that of the cam, and its unit"
         raise DataError(f"{trace.file}: less than one cam turn in one direction", hint)
     fits = [each.fit for each in directions]
-    parts = lost_by_sweeps(fits) if len(directions) == 2 and trace.time_s is not None else None
+    parts = _lost_by_sweeps(fits) if len(directions) == 2 and trace.time_s is not None else None
     lost, over_speed = parts or (None, None)
     per_ms = None
     if gearing and trace.time_s is not None:
         per_ms = 2e-3 * float(np.mean([np.median(np.abs(f.bins.speed)) for f in fits])) * TURN_ARCSEC / gearing.ratio
     reversal = _reversal(directions[0], directions[1], lost, per_ms) if len(directions) == 2 else None
-    lag = encoder_lag(fits, gearing.ratio, trace.sense, over_speed) if gearing else None
+    lag = _encoder_lag(fits, gearing.ratio, trace.sense, over_speed) if gearing else None
     directions.sort(key=lambda each: -each.range.value)
     notes, warnings = list(dict.fromkeys(notes)), list(dict.fromkeys(warnings))
     alone: tuple[SweepResult, ...] = ()
@@ -481,10 +481,10 @@ def measure(
     return replace(answer, alone=alone)
 
 
-def require_drift(kind: str) -> None:
+def _require_drift(kind: str) -> None:
     """Raise UsageError unless it is a kind of drift that can be taken off."""
-    if kind not in DRIFTS:
-        raise UsageError(f"invalid --drift {kind}: expected one of {', '.join(DRIFTS)}")
+    if kind not in _DRIFTS:
+        raise UsageError(f"invalid --drift {kind}: expected one of {', '.join(_DRIFTS)}")
 
 
 def _with_lines_or_drift(fit: TraceFit) -> tuple[TraceFit, float]:
@@ -498,12 +498,12 @@ def _declared(trace: MeasuredTrace, orders: Sequence[float] | None, notes: list[
     """Declared orders, refused where the steps of the angle do not resolve them, the default ones cut instead."""
     declared = orders or DEFAULT_ORDERS
     steps = np.concatenate(list(map(np.diff, trace.by_sweep(trace.cam_deg)))) / 360
-    highest = 1 / (STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
+    highest = 1 / (_STEPS_PER_PERIOD * float(np.quantile(np.abs(steps[steps != 0]), 0.75)))
     if declared[-1] <= highest:
         return declared
     kept = tuple(order for order in declared if order <= highest)
     if orders is not None or not kept:
-        message = f"steps of {360 / (STEPS_PER_PERIOD * highest):.3g}° are too long for order {declared[-1]:g}"
+        message = f"steps of {360 / (_STEPS_PER_PERIOD * highest):.3g}° are too long for order {declared[-1]:g}"
         raise UntrustedError(
             f"{trace.file}: {message}", f"up to {highest:.2g} can be declared: --orders", Fault.ORDERS_UNTOLD
         )
@@ -562,7 +562,7 @@ def _sweep_result(
     if not fit.design.slow.by_angle:
         slow = curve_of(fit.coefficients[np.tile(fit.is_slow, 2)], fit.orders[fit.is_slow], bins.turns)
     # a drift that was left in may be none at all; one that was taken off may be bent
-    drift = abs(drift_left) / 2 if len(fit.drift) != 1 else BENT * abs(float(fit.drift[0]))
+    drift = abs(drift_left) / 2 if len(fit.drift) != 1 else _BENT * abs(float(fit.drift[0]))
     drifting = (
         UncertaintySource("drift", drift / sqrt(3), "how straight it is, or whether it is one"),
         UncertaintySource(WIND_UP, wind_up, "stiffnesses of a catalogue, by which it was taken off"),
@@ -592,7 +592,7 @@ def _sweep_result(
         *drifting,
         *common,
     )
-    if trace.in_time and trace.step_arcsec > COARSE_STEP * extent.value:
+    if trace.in_time and trace.step_arcsec > _COARSE_STEP * extent.value:
         size = f"{trace.step_arcsec:.2g}″"
         message = f"the output is read in steps of {size} at even angles: what they round looks like error"
         raise UntrustedError(f"{trace.file}: {message}", "read both encoders by the clock", Fault.ORDERS_UNTOLD)
@@ -606,11 +606,13 @@ def _sweep_result(
     return SweepResult(
         sign, fit, grid, extent, revolution, cam, slope, float(np.ptp(slow)),
         float(np.ptp(trace.error_arcsec[rows] - drifted)), *order_tables(fit, declared, drive, gearing), visits,
-        sources, tuple(TorqueRange(torque, each.value, each.uncertainty) for torque, each in at_torques), torque_miss,
+        sources, tuple(_TorqueRange(torque, each.value, each.uncertainty) for torque, each in at_torques), torque_miss,
     )  # fmt: skip
 
 
-def _reversal(up: SweepResult, down: SweepResult, lost: ValueAndSpread | None, per_ms: float | None) -> Reversal | None:
+def _reversal(
+    up: SweepResult, down: SweepResult, lost: _ValueAndSpread | None, per_ms: float | None
+) -> Reversal | None:
     """Difference of the two directions at the angles that both have visited; None if there are none.
 
     lost: part of the levels by the direction alone, where it is known; per_ms: change by a ms of lag of the
@@ -666,7 +668,7 @@ class Reading(ClosedRecord, TraceForm):
         super().require_sound()
         parse_stated(self.budget)
         parse_orders(self.orders or None)
-        require_drift(self.drift)
+        _require_drift(self.drift)
 
     def measured(self, file: str, drive: Drive | None, ratio: float | None = None, **how: Any) -> Measurement:
         """Results of a record of a drive, or of one of a ratio; how: more arguments of `measure`.

@@ -21,29 +21,29 @@ from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive
 
-FULL_CYCLE_DEG = 720.0  # of the output, at most
-LEAST_RATIO, GREATEST_RATIO = 10.0, 1000.0
-RATIO_ROUNDING = 1e-9
+_FULL_CYCLE_DEG = 720.0  # of the output, at most
+_LEAST_RATIO, _GREATEST_RATIO = 10.0, 1000.0
+_RATIO_ROUNDING = 1e-9
 FULL_SHARE = 0.95  # share from which the cycle counts as visited
 DEFAULT_ORDERS = tuple(float(order) for order in range(1, 13))
-HIGHEST_ORDER = 200.0
-BEATS = 6
-SLOW_ORDERS, SLOW_PER_CAM_TURN = 12, 0.2  # periods of slow terms in a turn, at most: of the output and of the cam
+_HIGHEST_ORDER = 200.0
+_BEATS = 6
+_SLOW_ORDERS, _SLOW_PER_CAM_TURN = 12, 0.2  # periods of slow terms in a turn, at most: of the output and of the cam
 USUAL_RATIO = 100.0  # assumed for the width of the beats where none is known
-DRIFTING = 4.0  # cam turns: from here on one order to either side stands for beats that change the error slowly
-SIZE_ITERATIONS = 8  # of the size of beats that a record leaves open
-UNSEEN_FACTOR = 2.5  # ovals of both wheels cancel more often than beats that are drawn: found with solved cycles
+_DRIFTING = 4.0  # cam turns: from here on one order to either side stands for beats that change the error slowly
+_SIZE_ITERATIONS = 8  # of the size of beats that a record leaves open
+_UNSEEN_FACTOR = 2.5  # ovals of both wheels cancel more often than beats that are drawn: found with solved cycles
 WHOLE_TURN = 0.97  # of an output turn: a record that has its beats
-TRAVEL_GAP = 0.6  # of the resolution, between orders of a travel
-TRAVEL_RIDGE = 1e-7  # of the normal equations: in the travel, the curve moves by less than its noise
-LINE_CAUSE = "none of the orders, or not told apart from one: ball pass, cage, rig"
-BEAT_CAUSE = "beats of an order with the output, or a line: part of an output turn does not tell them apart"
+_TRAVEL_GAP = 0.6  # of the resolution, between orders of a travel
+_TRAVEL_RIDGE = 1e-7  # of the normal equations: in the travel, the curve moves by less than its noise
+_LINE_CAUSE = "none of the orders, or not told apart from one: ball pass, cage, rig"
+_BEAT_CAUSE = "beats of an order with the output, or a line: part of an output turn does not tell them apart"
 LINE_WIDTH = 1.5  # of the resolution, to either side: a wave's own peak
-RIG_CAUSES = {  # parts of the rig that repeat so often in a turn of the output
+_RIG_CAUSES = {  # parts of the rig that repeat so often in a turn of the output
     1.0: "once per output turn: also encoder graduation and coupling, gravity",
     2.0: "twice per output turn: also encoder graduation and coupling",
 }
-CAM_CAUSE = "once per cam turn: also the cam's encoder"
+_CAM_CAUSE = "once per cam turn: also the cam's encoder"
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Gearing:
 
     def within(self, travel_deg: float | None) -> Gearing:
         """The same of a drive whose output turns through so many degrees; None for the full cycle."""
-        travel = (travel_deg or FULL_CYCLE_DEG) / 360 * self.ratio
+        travel = (travel_deg or _FULL_CYCLE_DEG) / 360 * self.ratio
         return replace(self, travel=travel if travel < self.cycle else None)
 
     @property
@@ -102,10 +102,10 @@ def gearing_of(drive: Drive | None, ratio: float | None) -> Gearing | None:
     if ratio is None:
         return None
     ratio = abs(ratio)
-    doubled = round(2 * ratio) if ratio <= GREATEST_RATIO else 0
-    if not LEAST_RATIO <= ratio <= GREATEST_RATIO or abs(2 * ratio - doubled) > RATIO_ROUNDING:
+    doubled = round(2 * ratio) if ratio <= _GREATEST_RATIO else 0
+    if not _LEAST_RATIO <= ratio <= _GREATEST_RATIO or abs(2 * ratio - doubled) > _RATIO_ROUNDING:
         hint = "half the number of teeth of the wheel that turns, such as 100 or 99.5"
-        span = f"from {LEAST_RATIO:g} to {GREATEST_RATIO:g}"
+        span = f"from {_LEAST_RATIO:g} to {_GREATEST_RATIO:g}"
         raise UsageError(f"invalid --ratio {ratio:g}: expected a multiple of 0.5 {span}", hint)
     return Gearing(ratio, doubled // 2 if doubled % 2 == 0 else doubled)
 
@@ -141,8 +141,8 @@ def parse_orders(text: str | None) -> tuple[float, ...] | None:
         if match is None:
             raise UsageError(f"invalid --orders {text}: expected orders", 'like "1-12" or "1,2,4"')
         first, last = float(match[1]), float(match[2] or match[1])
-        if not 0 < first <= last <= HIGHEST_ORDER or (match[2] and not first.is_integer()):
-            raise UsageError(f"invalid --orders {text}: expected rising orders above 0, up to {HIGHEST_ORDER:g}")
+        if not 0 < first <= last <= _HIGHEST_ORDER or (match[2] and not first.is_integer()):
+            raise UsageError(f"invalid --orders {text}: expected rising orders above 0, up to {_HIGHEST_ORDER:g}")
         orders.update(np.arange(first, last + 0.5).tolist() if match[2] else [first])
     return tuple(sorted(orders))
 
@@ -154,11 +154,11 @@ def slow_terms(turns: float, ratio: float, degree: int, *, is_travel: bool = Fal
     both, unless the record is all of the travel: then slow terms are error, and all orders are those of whole turns.
     """
     if is_travel:
-        return SlowTerms(degree, ridge=TRAVEL_RIDGE)
+        return SlowTerms(degree, ridge=_TRAVEL_RIDGE)
     part = turns / ratio
-    if turns < DRIFTING or part >= WHOLE_TURN:
+    if turns < _DRIFTING or part >= WHOLE_TURN:
         return SlowTerms(degree)
-    return SlowTerms(round(2 * min(SLOW_ORDERS * part, SLOW_PER_CAM_TURN * turns)) + 2, by_angle=True)
+    return SlowTerms(round(2 * min(_SLOW_ORDERS * part, _SLOW_PER_CAM_TURN * turns)) + 2, by_angle=True)
 
 
 def order_grid(
@@ -177,13 +177,13 @@ def order_grid(
     whether they are those of whole turns, or nearer than the record resolves: its curve has no period then.
     """
     base = 1 / ratio
-    width = BEATS * base
+    width = _BEATS * base
     if is_travel:
-        step = max(base, TRAVEL_GAP / turns)
+        step = max(base, _TRAVEL_GAP / turns)
         width = step * np.ceil(width / step - 1e-9)
     else:
         step = base if turns * base >= WHOLE_TURN else 1 / turns
-    count = max(int(width / step + 1e-9), int(turns >= DRIFTING)) if beats else 0
+    count = max(int(width / step + 1e-9), int(turns >= _DRIFTING)) if beats else 0
     around = np.arange(-count, count + 1) * step
     every = np.concatenate([around[around > 0] if slow else [], *(order + around for order in declared)])
     every = np.sort(every[every > 0])
@@ -202,7 +202,7 @@ def order_tables(
     is_part = span < WHOLE_TURN * ratio
     fitted = orders[~np.isin(orders, fit.lines)]
     width = float(np.diff(fitted).min()) / 2 if len(fitted) > 1 else 0.5
-    is_beat = is_part & (distance(fit.lines, np.asarray(declared)) <= BEATS / ratio + LINE_WIDTH / span)
+    is_beat = is_part & (distance(fit.lines, np.asarray(declared)) <= _BEATS / ratio + LINE_WIDTH / span)
     causes: list[list[tuple[int, str]]] = [[] for _ in orders]
     for (k_g, k_b), (order, words) in (known_causes(drive) if drive else {}).items():
         place = int(np.abs(orders - order).argmin())
@@ -214,12 +214,12 @@ def order_tables(
         words = [text for degree, text in known if degree == min(known)[0]]
         if gearing:
             reach = min(width * ratio, 0.5)
-            words += [text for often, text in RIG_CAUSES.items() if (abs(orders[own] * ratio - often) < reach).any()]
-            words += [CAM_CAUSE] * bool((abs(orders[own] - 1) < 1e-9).any())
+            words += [text for often, text in _RIG_CAUSES.items() if (abs(orders[own] * ratio - often) < reach).any()]
+            words += [_CAM_CAUSE] * bool((abs(orders[own] - 1) < 1e-9).any())
         if np.isin(orders[own], fit.lines[is_beat]).any():
-            words.append(BEAT_CAUSE)
+            words.append(_BEAT_CAUSE)
         elif np.isin(orders[own], fit.lines).any():
-            words.append(LINE_CAUSE)
+            words.append(_LINE_CAUSE)
         return "; ".join(dict.fromkeys(words)) or (NO_CAUSE if drive else "")
 
     table = [
@@ -229,19 +229,19 @@ def order_tables(
     together = []
     for order in declared:
         off = np.abs(orders - order)
-        near = off <= np.minimum(BEATS / ratio, np.diff(declared).min(initial=1.0) / 2) + 1e-9
+        near = off <= np.minimum(_BEATS / ratio, np.diff(declared).min(initial=1.0) / 2) + 1e-9
         if not len(own := np.flatnonzero(near & ~fit.is_slow)):
             continue
         joint = MeasuredOrder(order, *fit.joint_wave(own)[1:], "")
         place = next((k for k, group in enumerate(fit.groups) if off.argmin() in group), 0)
         if is_part:
-            widened = over_whole_turns(fit, own, joint, ratio)
-            joint, table[place] = widened(joint, BEATS), widened(table[place], 0)
+            widened = _over_whole_turns(fit, own, joint, ratio)
+            joint, table[place] = widened(joint, _BEATS), widened(table[place], 0)
         together.append(replace(joint, cause=table[place].cause))
     return tuple(table), tuple(together)
 
 
-def over_whole_turns(
+def _over_whole_turns(
     fit: TraceFit, own: OrderIndices, joint: MeasuredOrder, ratio: float
 ) -> Callable[[MeasuredOrder, int], MeasuredOrder]:
     """Orders of a part of an output turn with the uncertainty of their amplitude over whole turns, with so many beats.
@@ -251,14 +251,14 @@ def over_whole_turns(
     order itself and those further off smaller by half from one to the next; the coefficients of the record are B c
     and noise. Their common size is found by expectation and maximisation.
     """
-    away = np.tile(np.arange(-BEATS, BEATS + 1), 2)
+    away = np.tile(np.arange(-_BEATS, _BEATS + 1), 2)
     pair = np.concatenate([own, own + len(fit.orders)])
     beats, turns = joint.per_cam_rev + away[: len(away) // 2] / ratio, fit.bins.turns
     record = fit.design.project(lambda rows: order_columns(turns[rows], beats))[pair]
     noise = fit.factor[pair] @ fit.factor[pair].T
     share = 4.0 ** -np.maximum(np.abs(away) - 1.0, 0)
     variance = joint.amplitude_arcsec**2 / share.sum() + np.trace(noise)
-    for _ in range(SIZE_ITERATIONS):
+    for _ in range(_SIZE_ITERATIONS):
         prior = record * (variance * share)
         gain = np.linalg.lstsq(prior @ record.T + noise, prior, rcond=None)[0].T
         mean, covariance = gain @ fit.coefficients[pair], np.diag(variance * share) - gain @ prior
@@ -271,7 +271,7 @@ def over_whole_turns(
         centre, spread = mean[kept], covariance[kept][:, kept]
         size = float(np.sqrt(centre @ centre + np.trace(spread)))
         scatter = float(np.sqrt(2 * np.trace(spread @ spread) + 4 * centre @ spread @ centre)) / (2 * size)
-        room = UNSEEN_FACTOR * student * np.hypot(size - order.amplitude_arcsec, scatter)
+        room = _UNSEEN_FACTOR * student * np.hypot(size - order.amplitude_arcsec, scatter)
         uncertainty = float(np.hypot(order.uncertainty_arcsec, room))
         if uncertainty > order.amplitude_arcsec:
             return replace(order, is_of_record=True)

@@ -28,20 +28,20 @@ STATED = {  # sources that a single record cannot show
     "temperature": "temperature of drive and rig: operation.dT, known only so well",
 }
 WIND_UP = "wind-up"
-POINTS_PER_PERIOD = 16  # points in a period of the highest order
+_POINTS_PER_PERIOD = 16  # points in a period of the highest order
 GAP_PERIODS = 0.5  # periods of the highest declared order: between readings as near as that the curve is followed
-BRIDGED_TURNS = 1 / 8  # of the cam: angles between readings further apart were not visited
-BRIDGED_IN_CYCLE = 1 / 2  # the same of whole output turns, whose other turns of the cam show these angles too
-BRIDGED_SPREAD = 2.0  # times the usual spread of the curve by noise: between readings it is as well known
-SPREAD_PLACES = 200  # readings, whose spread is the usual one
-SPREAD_FACTOR = 1.15
+_BRIDGED_TURNS = 1 / 8  # of the cam: angles between readings further apart were not visited
+_BRIDGED_IN_CYCLE = 1 / 2  # the same of whole output turns, whose other turns of the cam show these angles too
+_BRIDGED_SPREAD = 2.0  # times the usual spread of the curve by noise: between readings it is as well known
+_SPREAD_PLACES = 200  # readings, whose spread is the usual one
+_SPREAD_FACTOR = 1.15
 BIAS_SHARE = 1 / 3
-TURN_PARTS = 24  # of a turn, in steps of which single turns begin
-SLOPE_ENDS = 1.0  # turns of the cam, at the ends of a travel, whose slope noise hides
-SLOPE_DRAWS = 60  # of the bootstrap, for a slope
-SHRINK = 2.0  # times the power of noise, taken off the power of each order
-HIGHEST_IMAGE = 30.0  # per cam turn: of orders that may be the image of another; ball passes lie below
-CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be shrunk one by one
+_TURN_PARTS = 24  # of a turn, in steps of which single turns begin
+_SLOPE_ENDS = 1.0  # turns of the cam, at the ends of a travel, whose slope noise hides
+_SLOPE_DRAWS = 60  # of the bootstrap, for a slope
+_SHRINK = 2.0  # times the power of noise, taken off the power of each order
+_HIGHEST_IMAGE = 30.0  # per cam turn: of orders that may be the image of another; ball passes lie below
+_CORRELATED = 1e3  # condition of the normal equations: beyond, orders cannot be shrunk one by one
 
 
 @dataclass(frozen=True)
@@ -143,10 +143,10 @@ def visited_angles(fit: TraceFit) -> tuple[Array, int]:
     turns BRIDGED_IN_CYCLE) where the fit knows the curve between about as surely as at the readings.
     """
     slow = fit.design.slow
-    longest = BRIDGED_TURNS if slow.by_angle or slow.ridge else BRIDGED_IN_CYCLE
+    longest = _BRIDGED_TURNS if slow.by_angle or slow.ridge else _BRIDGED_IN_CYCLE
     bins, wide = fit.bins, GAP_PERIODS / float(fit.orders[~np.isin(fit.orders, fit.lines)][-1])
-    per_turn = POINTS_PER_PERIOD * int(np.ceil(fit.orders[-1]))
-    usual = float(np.median(_spread(fit, bins.turns[:: max(1, len(bins) // SPREAD_PLACES)])))
+    per_turn = _POINTS_PER_PERIOD * int(np.ceil(fit.orders[-1]))
+    usual = float(np.median(_spread(fit, bins.turns[:: max(1, len(bins) // _SPREAD_PLACES)])))
     visited = []
     for index in range(bins.sweeps):
         turns = bins.turns[bins.sweep == index]
@@ -154,7 +154,7 @@ def visited_angles(fit: TraceFit) -> tuple[Array, int]:
         told = gaps <= wide
         bridged = np.flatnonzero(~told & (gaps <= longest))
         if len(bridged):
-            told[bridged] = _spread(fit, turns[bridged] + gaps[bridged] / 2) <= BRIDGED_SPREAD * usual
+            told[bridged] = _spread(fit, turns[bridged] + gaps[bridged] / 2) <= _BRIDGED_SPREAD * usual
         grid = np.arange(np.ceil(turns[0] * per_turn), np.floor(turns[-1] * per_turn) + 1)
         after = np.clip(np.searchsorted(turns, grid / per_turn), 1, len(turns) - 1)
         visited.append(grid[told[after - 1]])
@@ -176,10 +176,10 @@ def image_change(fit: TraceFit, turns: Array) -> float:
     """
     rate, start, evenness = even_readings(fit.bins)
     image = rate - fit.orders
-    hidden = (image > fit.orders) & (image <= HIGHEST_IMAGE)
+    hidden = (image > fit.orders) & (image <= _HIGHEST_IMAGE)
     if evenness < EVEN or not hidden.any():
         return 0.0
-    turns = np.concatenate([turns, turns + 1 / (2 * POINTS_PER_PERIOD * fit.orders[-1])])  # images are finer
+    turns = np.concatenate([turns, turns + 1 / (2 * _POINTS_PER_PERIOD * fit.orders[-1])])  # images are finer
     each = np.unique(np.rint(fit.orders[hidden]))
     taken = np.column_stack([hidden, *(hidden & (np.rint(fit.orders) == order) for order in each)])
     turned = (fit.coefficients.reshape(2, -1).T @ [1, -1j] * np.exp(2j * np.pi * rate * start)).conj()[:, None] * taken
@@ -205,12 +205,12 @@ def ranges_of(
     own = np.where(np.tile(line, 2), 0.0, fit.coefficients)
     curves = np.concatenate([np.stack([fit.coefficients, own, best], axis=1), best[:, None] + noise], axis=1)
     slow = np.tile(fit.is_slow, 2)
-    cosines, sines = curves[:, [0, 0, *range(2, 3 + SLOPE_DRAWS)]].reshape(2, len(fit.orders), -1)
+    cosines, sines = curves[:, [0, 0, *range(2, 3 + _SLOPE_DRAWS)]].reshape(2, len(fit.orders), -1)
     slopes = (2 * np.pi * np.tile(fit.orders, 2))[:, None] * np.concatenate([sines, -cosines])
     steepest = np.zeros(slopes.shape[1])
-    inner = np.minimum(turns - turns[0], turns[-1] - turns) >= SLOPE_ENDS * bool(fit.design.slow.ridge)
+    inner = np.minimum(turns - turns[0], turns[-1] - turns) >= _SLOPE_ENDS * bool(fit.design.slow.ridge)
     lines = 2 * sum(fit.wave(own)[1] for own in fit.groups if line[own[0]]) if whole else 0.0
-    part = np.floor(turns * TURN_PARTS + 1e-6).astype(np.int64)
+    part = np.floor(turns * _TURN_PARTS + 1e-6).astype(np.int64)
     part -= part[0]
     shape = int(part[-1]) + 1, curves.shape[1]
     high, low, cam_high, cam_low = (np.full(size, end) for size in (shape, shape[1]) for end in (-np.inf, np.inf))
@@ -229,7 +229,7 @@ def ranges_of(
     def extents(parts: slice) -> Array:
         return np.asarray(high[parts].max(axis=0) - low[parts].min(axis=0))
 
-    turn = np.max([extents(slice(k, k + TURN_PARTS)) for k in range(len(high))], axis=0)
+    turn = np.max([extents(slice(k, k + _TURN_PARTS)) for k in range(len(high))], axis=0)
     return (
         _range(extents(slice(None)), lines, others[0]),
         _range(turn, lines, others[1]),
@@ -243,15 +243,15 @@ def _kept_shares(fit: TraceFit) -> Array:
     noise = (fit.factor**2).sum(axis=1).reshape(2, -1).sum(axis=0)  # of each order, arcsec^2
     power = fit.amplitude**2
     if fit.design.slow.ridge:
-        turns = fit.bins.turns[:: max(1, len(fit.bins) // SPREAD_PLACES)]
+        turns = fit.bins.turns[:: max(1, len(fit.bins) // _SPREAD_PLACES)]
         columns, cluster = order_columns(turns, fit.orders), np.rint(fit.orders)
         for order in np.unique(cluster):
             own = np.tile(cluster == order, 2)
             power[cluster == order] = np.mean((columns[:, own] @ fit.coefficients[own]) ** 2)
             noise[cluster == order] = np.mean(((columns[:, own] @ fit.factor[own]) ** 2).sum(axis=1))
-    elif fit.design.condition > CORRELATED:
+    elif fit.design.condition > _CORRELATED:
         return np.ones(len(power))
-    return np.asarray(np.maximum(0.0, 1 - SHRINK * noise / np.maximum(power, 1e-300)))
+    return np.asarray(np.maximum(0.0, 1 - _SHRINK * noise / np.maximum(power, 1e-300)))
 
 
 def _range(extents: Array, lines: float, others: float) -> Range:
@@ -260,5 +260,5 @@ def _range(extents: Array, lines: float, others: float) -> Range:
     lines: range that they add where their extremes meet those of the curve [arcsec]; others: see Range.
     """
     (fitted, own, without), drawn = extents[:3].tolist(), extents[3:]
-    bias, spread = max(0.0, float(drawn.mean()) - without), SPREAD_FACTOR * float(drawn.std(ddof=1))
+    bias, spread = max(0.0, float(drawn.mean()) - without), _SPREAD_FACTOR * float(drawn.std(ddof=1))
     return Range(fitted, bias, spread, max(0.0, own + lines - fitted) if lines else 0.0, others)

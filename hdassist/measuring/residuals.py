@@ -38,34 +38,34 @@ from hdassist.model.geometry import Array
 from hdassist.readers.table import shortened
 from hdassist.readers.trace import MeasuredTrace
 
-LINE_FALSE_ALARM = 0.01  # of a record without lines
-PROBES_PER_PLACE = 2.5  # places probed, for each resolved place, so that peaks between these are found
-NEIGHBOURHOOD = 32  # resolved places on each side that stand for the noise
-FEWEST_NEIGHBOURS = 2  # of them
-CLOSEST_ORDERS = 0.4  # of the resolution: no order is fitted nearer to another
-FEWEST_PERIODS = 3.0  # periods in the record: below, it drifts
-HIGHEST_LINE = 4.0  # times the highest order: beyond, averages over bins make lines smaller
-SMALLEST_LINE = 0.01  # of the greatest amplitude: a smaller line is left in the noise
-MAX_LINES = 8  # lines
-ORDER_ITERATIONS = 2  # of Gauss and Newton for the order of a line
-SPIKE_SIGMAS = 6.0  # robust standard deviations of the readings around the fit
-SPIKE_RANGE_SHARE = 0.1  # of the fitted curve: a smaller spike has no effect
-SPIKE_SPARSE_SHARE = 0.5  # the same, where a reading beside it is further off than half a period of the highest order
-LONGEST_SPIKE = 2  # readings: a longer one may be the drive
-BESIDE_SPIKE = 7  # readings around one, of whose departures the median is taken
-TO_SIGMA = 1.4826  # standard deviation of normal readings over their median departure
-MAX_SPIKE_SHARE = 1 / 20  # of the readings: with more of them the rig is at fault
-NAMED_LINES = 3  # lines in a message
-STEP_TURNS = 0.5  # of the cam, to each side of a step
-FEWEST_BESIDE_STEP = 8  # readings there
-SHARP = 0.7  # of a step: what a quarter of the readings beside it show, at least
-STEP_SIGMAS = 8.0  # robust standard deviations of such differences
-STEP_RANGE_SHARE = 0.1  # of the fitted curve: a smaller step is left to the noise
-MOST_BREAKS = 3  # of more the rig is at fault, or the drive
+_LINE_FALSE_ALARM = 0.01  # of a record without lines
+_PROBES_PER_PLACE = 2.5  # places probed, for each resolved place, so that peaks between these are found
+_NEIGHBOURHOOD = 32  # resolved places on each side that stand for the noise
+_FEWEST_NEIGHBOURS = 2  # of them
+_CLOSEST_ORDERS = 0.4  # of the resolution: no order is fitted nearer to another
+_FEWEST_PERIODS = 3.0  # periods in the record: below, it drifts
+_HIGHEST_LINE = 4.0  # times the highest order: beyond, averages over bins make lines smaller
+_SMALLEST_LINE = 0.01  # of the greatest amplitude: a smaller line is left in the noise
+_MAX_LINES = 8  # lines
+_ORDER_ITERATIONS = 2  # of Gauss and Newton for the order of a line
+_SPIKE_SIGMAS = 6.0  # robust standard deviations of the readings around the fit
+_SPIKE_RANGE_SHARE = 0.1  # of the fitted curve: a smaller spike has no effect
+_SPIKE_SPARSE_SHARE = 0.5  # the same, where a reading beside it is further off than half a period of the highest order
+_LONGEST_SPIKE = 2  # readings: a longer one may be the drive
+_BESIDE_SPIKE = 7  # readings around one, of whose departures the median is taken
+_TO_SIGMA = 1.4826  # standard deviation of normal readings over their median departure
+_MAX_SPIKE_SHARE = 1 / 20  # of the readings: with more of them the rig is at fault
+_NAMED_LINES = 3  # lines in a message
+_STEP_TURNS = 0.5  # of the cam, to each side of a step
+_FEWEST_BESIDE_STEP = 8  # readings there
+_SHARP = 0.7  # of a step: what a quarter of the readings beside it show, at least
+_STEP_SIGMAS = 8.0  # robust standard deviations of such differences
+_STEP_RANGE_SHARE = 0.1  # of the fitted curve: a smaller step is left to the noise
+_MOST_BREAKS = 3  # of more the rig is at fault, or the drive
 
 
 @dataclass(frozen=True)
-class Peak:
+class _Peak:
     """A peak of the residuals: its order per cam turn, amplitude [arcsec], and how often noise has such a one."""
 
     order: float
@@ -77,10 +77,10 @@ def with_lines(fit: TraceFit) -> TraceFit:
     """A fit with the significant lines of its residuals, as far as the readings resolve them."""
     bins, orders = fit.bins, fit.orders
     rate, _, evenness = even_readings(bins)
-    finest = min(HIGHEST_LINE * float(orders[-1]), rate / 2 if evenness > EVEN else np.inf)
-    while len(fit.lines) < MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
-        peak = highest_peak(fit, finest)
-        if peak is None or peak.chance > LINE_FALSE_ALARM or peak.amplitude < SMALLEST_LINE * fit.amplitude.max():
+    finest = min(_HIGHEST_LINE * float(orders[-1]), rate / 2 if evenness > EVEN else np.inf)
+    while len(fit.lines) < _MAX_LINES and len(bins) >= BINS_PER_COLUMN * (fit.design.columns + 2):
+        peak = _highest_peak(fit, finest)
+        if peak is None or peak.chance > _LINE_FALSE_ALARM or peak.amplitude < _SMALLEST_LINE * fit.amplitude.max():
             break
         try:
             fit = _settled(fit, orders, peak.order)
@@ -89,7 +89,7 @@ def with_lines(fit: TraceFit) -> TraceFit:
     return fit
 
 
-def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
+def _highest_peak(fit: TraceFit, highest: float) -> _Peak | None:
     """The peak of the residuals, up to an order, that stands out most from its neighbours; None: there is no room."""
     bins = fit.bins
     variance = float((bins.weight * fit.residual**2).mean())
@@ -100,7 +100,7 @@ def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
     per_probe = bins.per_turn * bins.span / len(probes) / 2  # resolved places for each probe
     free = (distance(probes, fit.orders) >= RESOLVED_GAP * resolution) & (probes <= highest)
     free &= probes >= fit.design.slow.periods * resolution
-    if not (free & (probes >= FEWEST_PERIODS * resolution)).any():
+    if not (free & (probes >= _FEWEST_PERIODS * resolution)).any():
         return None
     place, tail = _least_likely(probes[free], power[free], power[free], resolution, per_probe)
     order = float(probes[free][place])
@@ -109,9 +109,9 @@ def highest_peak(fit: TraceFit, highest: float) -> Peak | None:
     _, others = residual_power(bins, fit.residual - own @ pair, variance)
     near = np.abs(probes[free] - order) < LINE_WIDTH * resolution
     _, alone = _least_likely(probes[free], np.where(near, power[free], 0.0), others[free], resolution, per_probe)
-    chance = PROBES_PER_PLACE * int(free.sum()) * per_probe * float(np.exp(min(tail, alone)))
+    chance = _PROBES_PER_PLACE * int(free.sum()) * per_probe * float(np.exp(min(tail, alone)))
     top = 2 * np.sqrt(power[free][place] * variance * float((bins.weight**2).sum())) / float(bins.weight.sum())
-    return Peak(order, float(top), chance)
+    return _Peak(order, float(top), chance)
 
 
 def _least_likely(probes: Array, power: Array, others: Array, resolution: float, per_probe: float) -> tuple[int, float]:
@@ -120,17 +120,17 @@ def _least_likely(probes: Array, power: Array, others: Array, resolution: float,
     per_probe: resolved places for each of them.
     """
     total = np.concatenate([[0.0], np.cumsum(others)])
-    reach, at = max(1, int(NEIGHBOURHOOD / per_probe)), np.arange(len(probes))
+    reach, at = max(1, int(_NEIGHBOURHOOD / per_probe)), np.arange(len(probes))
     below, above = (np.searchsorted(probes, probes + side * resolution) for side in (-LINE_WIDTH, LINE_WIDTH))
     sides = ((np.maximum(at - reach, 0), below), (above, np.minimum(at + reach, len(probes))))
     tails = []
     for first, last in sides:
         places = np.maximum(last - first, 0) * per_probe
         ratio = power / np.maximum((total[np.maximum(first, last)] - total[first]) * per_probe, 1e-300)
-        tails.append(np.where(places >= FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
+        tails.append(np.where(places >= _FEWEST_NEIGHBOURS, -places * np.log1p(ratio), 0.0))
     # above the last place there is no neighbour, and no more noise than below
     tail = np.where(at + reach < len(probes), np.max(tails, axis=0), tails[0])
-    tail = np.where(probes >= FEWEST_PERIODS * resolution, tail, np.inf)
+    tail = np.where(probes >= _FEWEST_PERIODS * resolution, tail, np.inf)
     best = int(tail.argmin())
     return best, float(tail[best])
 
@@ -146,7 +146,7 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     held = fit.unresolved[np.searchsorted(fit.orders, fit.lines)]
     with suppress(UntrustedError):  # it came to where an order is
         trial = fit_orders(bins, orders, slow, np.append(fit.lines, order))
-        for _ in range(ORDER_ITERATIONS):
+        for _ in range(_ORDER_ITERATIONS):
             free = ~np.isin(trial.lines, fit.lines[held])
             a, b = trial.coefficients.reshape(2, -1)[:, np.searchsorted(trial.orders, trial.lines)]
             phase = (2 * np.pi) * bins.turns[:, None] * trial.lines
@@ -158,7 +158,9 @@ def _settled(fit: TraceFit, orders: Array, order: float) -> TraceFit:
     every = fit.orders
     gaps = np.diff(every) < 2 * RESOLVED_GAP * resolution
     places = np.concatenate([(every[1:] + every[:-1])[gaps] / 2, every - resolution / 2, every + resolution / 2])
-    places = np.unique(places[(np.abs(places - order) < 0.5) & (distance(places, every) > CLOSEST_ORDERS * resolution)])
+    places = np.unique(
+        places[(np.abs(places - order) < 0.5) & (distance(places, every) > _CLOSEST_ORDERS * resolution)]
+    )
     if not len(places):
         raise UntrustedError("no room for a line", "")
     pairs = [fit.beside(order_columns(bins.turns, place[None])) for place in places]
@@ -172,7 +174,7 @@ def with_step(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, str] 
     A step is the difference of the means over STEP_TURNS before and behind a reading, far above that of all readings,
     and no less over a quarter of that, where a slope would be.
     """
-    if len(trace.breaks) == MOST_BREAKS:
+    if len(trace.breaks) == _MOST_BREAKS:
         return None
     bins, fitted = fit.bins, fit.curve(fit.bins.turns)
     sizes, rows = [], []
@@ -180,21 +182,21 @@ def with_step(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, str] 
         own = bins.sweep == k
         turns, error = trace.cam_deg[sweep.rows] / 360, trace.error_arcsec[sweep.rows]
         apart = error - np.interp(turns, bins.turns[own], fitted[own])
-        reach = int(STEP_TURNS * len(turns) / max(float(np.ptp(turns)), STEP_TURNS))
-        if reach < FEWEST_BESIDE_STEP or len(turns) < 4 * reach:
+        reach = int(_STEP_TURNS * len(turns) / max(float(np.ptp(turns)), _STEP_TURNS))
+        if reach < _FEWEST_BESIDE_STEP or len(turns) < 4 * reach:
             continue
         total, at = np.cumsum(np.append(0.0, apart)), np.arange(reach, len(turns) - reach)
-        near = max(reach // 4, FEWEST_BESIDE_STEP)
+        near = max(reach // 4, _FEWEST_BESIDE_STEP)
         far, close = ((total[at + r] - 2 * total[at] + total[at - r]) / r for r in (reach, near))
-        sizes.append(np.where(close / np.where(far, far, 1.0) > SHARP, far, 0.0))
+        sizes.append(np.where(close / np.where(far, far, 1.0) > _SHARP, far, 0.0))
         rows.append(sweep.start + at)
     if not sizes:
         return None
     size, row = np.concatenate(sizes), np.concatenate(rows)
-    usual = TO_SIGMA * float(np.median(np.abs(size[size != 0]))) if size.any() else 0.0
+    usual = _TO_SIGMA * float(np.median(np.abs(size[size != 0]))) if size.any() else 0.0
     place = int(np.abs(size).argmax())
     step, line = float(size[place]), int(trace.line[row[place]])
-    if abs(step) < max(STEP_SIGMAS * usual, STEP_RANGE_SHARE * float(np.ptp(fitted))) or line in trace.breaks:
+    if abs(step) < max(_STEP_SIGMAS * usual, _STEP_RANGE_SHARE * float(np.ptp(fitted))) or line in trace.breaks:
         return None
     there = trace.cam_deg[row[place]] / 360
     k = next(k for k, each in enumerate(trace.sweeps) if each.start <= row[place] < each.stop)
@@ -222,16 +224,16 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, 
         for k, (cam, error) in enumerate(moves)
     ]
     size = np.abs(np.concatenate(apart))
-    beside = np.concatenate([np.abs(each - median_filter(each, BESIDE_SPIKE, mode="mirror")) for each in apart])
+    beside = np.concatenate([np.abs(each - median_filter(each, _BESIDE_SPIKE, mode="mirror")) for each in apart])
     # a spike draws the fit to it, and so its neighbours off: only the farthest are looked at
-    noise = TO_SIGMA * float(np.median(size))
-    far = size > max(SPIKE_SIGMAS * noise, SPIKE_RANGE_SHARE * float(np.ptp(fitted)), float(size.max()) / 2)
-    short = far & ~binary_opening(far, np.ones(LONGEST_SPIKE + 1))
+    noise = _TO_SIGMA * float(np.median(size))
+    far = size > max(_SPIKE_SIGMAS * noise, _SPIKE_RANGE_SHARE * float(np.ptp(fitted)), float(size.max()) / 2)
+    short = far & ~binary_opening(far, np.ones(_LONGEST_SPIKE + 1))
     # the misfit, greatest at the ends of a record, is smooth where rows are many, and comes near others as great
-    short &= beside > np.maximum(size / 2, SPIKE_SIGMAS * TO_SIGMA * np.median(beside))
+    short &= beside > np.maximum(size / 2, _SPIKE_SIGMAS * _TO_SIGMA * np.median(beside))
     turns = trace.cam_deg[rows] / 360
     gaps = np.maximum(np.abs(np.diff(turns, append=turns[-1])), np.abs(np.diff(turns, prepend=turns[0])))
-    short &= size > np.where(gaps > 1 / (2 * fit.orders[-1]), SPIKE_SPARSE_SHARE * np.ptp(fitted), 0.0)
+    short &= size > np.where(gaps > 1 / (2 * fit.orders[-1]), _SPIKE_SPARSE_SHARE * np.ptp(fitted), 0.0)
     turn = np.floor(turns - turns.min()).astype(np.int64) + 1
     greatest = np.zeros(turn.max() + 2)  # of the others in each turn of the cam
     np.maximum.at(greatest, turn, np.where(short, 0.0, size))
@@ -239,13 +241,13 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, 
     spikes = np.flatnonzero(short & (size > 2 * others))
     if not len(spikes):
         return None
-    lines = shortened(trace.line[rows[spikes]].tolist(), NAMED_LINES)
+    lines = shortened(trace.line[rows[spikes]].tolist(), _NAMED_LINES)
     words = f"lines {lines}: {size[spikes].max():.3g}″ off the others"
-    if len(spikes) > MAX_SPIKE_SHARE * len(rows):
+    if len(spikes) > _MAX_SPIKE_SHARE * len(rows):
         hint = "check the encoders' cables and counters"
         raise UntrustedError(f"{trace.file}: {words}: too many to leave out", hint, Fault.ORDERS_UNTOLD)
     inside = np.concatenate([np.minimum(np.arange(len(each)), np.arange(len(each))[::-1]) for each in apart])
-    if not trace.robust and (inside[spikes] >= LONGEST_SPIKE).any():  # a shaft that turns back has play and a lag
+    if not trace.robust and (inside[spikes] >= _LONGEST_SPIKE).any():  # a shaft that turns back has play and a lag
         hint = "check the encoders' cables and counters, or leave out these rows: --robust"
         raise UntrustedError(f"{trace.file}: {words}, no readings of a shaft", hint, Fault.ORDERS_UNTOLD)
     words += f", left out; else the curve would span {np.ptp(fit.curve(bins.turns)):.1f}″"

@@ -30,7 +30,7 @@ FREEDOMS = (
     "cam x",
     "cam y",
 )
-RIGID, FLEX, ROTATION, RING, CAM = slice(0, 2), slice(2, 4), 4, slice(5, 7), slice(7, 9)
+_RIGID, _FLEX, ROTATION, _RING, CAM = slice(0, 2), slice(2, 4), 4, slice(5, 7), slice(7, 9)
 # of the teeth's deviations beyond the first, of which only even ones go on: odd ones nearly cancel on two opposite
 # zones. The mesh averages what is beyond the last one: of a micrometre's effect two thirds are left of order 16, half
 # of 20, a fifth of 32
@@ -174,7 +174,7 @@ class ContactSystems:
         self._face = Face.of(drive)
         self._bore = 2 * np.pi * np.arange(drive.numerics.n_2) / drive.numerics.n_2
         n = len(self._bore)
-        self._nodes = _Part(_between(FLEX, RING, self._bore), np.zeros(n), np.full(n, drive.contact.c_bore))
+        self._nodes = _Part(_between(_FLEX, _RING, self._bore), np.zeros(n), np.full(n, drive.contact.c_bore))
         self._flexspline: dict[float, tuple[Flanks, Array, _Part]] = {}
         self._ring: dict[float, tuple[Array, Array, _Part]] = {}
 
@@ -192,7 +192,7 @@ class ContactSystems:
         if beta not in self._ring:
             balls = 2 * np.pi * (np.arange(drive.bearing.N) + beta) / drive.bearing.N
             gaps = drive.bearing.g_b * 1e-3 - geometry.W_0 * np.cos(2 * balls)
-            part = _Part(_between(RING, CAM, balls), gaps, np.full(len(balls), drive.contact.c_ball))
+            part = _Part(_between(_RING, CAM, balls), gaps, np.full(len(balls), drive.contact.c_ball))
             ring = outer_ring(drive, geometry)
             compliance = _compliance_of(ring, np.vstack([-ring.radial(bore), ring.radial(balls)]))
             self._ring[beta] = balls, compliance, part
@@ -203,7 +203,7 @@ class ContactSystems:
         D[: len(flexspline), : len(flexspline)] = flexspline
         D[inside:, inside:] += of_ring  # both see the bore
         parts, supports = (at_flanks, self._nodes, at_balls), np.zeros(len(FREEDOMS))
-        supports[RIGID], supports[FLEX] = drive.supports.C_1, drive.supports.C_2
+        supports[_RIGID], supports[_FLEX] = drive.supports.C_1, drive.supports.C_2
         supports[CAM] = drive.number("supports.C_3")
         return ContactSystem(
             geometry=geometry,
@@ -244,7 +244,7 @@ def _between(inner: slice, outer: slice, theta: Array) -> Array:
 def _flank_part(geometry: Geometry, flanks: Flanks, face: Face) -> _Part:
     s_cos, pairs = flanks.side * np.cos(flanks.alpha), len(flanks.theta) // len(face.fall)
     G = np.zeros((len(flanks.theta), len(FREEDOMS)))
-    G[:, RIGID], G[:, FLEX] = _normal(flanks), -_normal(flanks)
+    G[:, _RIGID], G[:, _FLEX] = _normal(flanks), -_normal(flanks)
     # r_m + h_c, not rho: the flexspline slides through a held shape
     G[:, ROTATION] = -s_cos * (geometry.r_m + flanks.h_c)
     w, v, chi = nominal_shape(flanks.theta, geometry.W_0, geometry.r_m)

@@ -28,7 +28,7 @@ from hdassist.model.geometry import Array
 from hdassist.model.kinematics import States
 from hdassist.preset.fields import CAM_OFFSETS, DEVIATIONS, IN_TEETH, Deviation, Drive, Part
 
-MARK_TO_PHASE = {"xi": 0.0, "runout": 180.0, "pitch": -90.0}  # deg: a mark is not a phase
+_MARK_TO_PHASE = {"xi": 0.0, "runout": 180.0, "pitch": -90.0}  # deg: a mark is not a phase
 
 Waves = dict[tuple[int, str, int], Array]
 
@@ -38,7 +38,7 @@ def tooth_phases(drive: Drive) -> tuple[float, float]:
 
     Of a run-out, the phase of its tangential part.
     """
-    turn = MARK_TO_PHASE[drive.mounting.mark_kind]
+    turn = _MARK_TO_PHASE[drive.mounting.mark_kind]
     return float(np.radians(drive.number("phases.xi_g") + turn)), float(np.radians(drive.number("phases.xi_b") + turn))
 
 
@@ -118,7 +118,7 @@ def waves_of(value: Callable[[str], Array | float], drive: Drive) -> Waves:
     that is no deviation.
     """
     waves, mark_kind = Waves(), drive.mounting.mark_kind
-    mark = 0.0 if mark_kind == "runout" else MARK_TO_PHASE[mark_kind]
+    mark = 0.0 if mark_kind == "runout" else _MARK_TO_PHASE[mark_kind]
     for each in DEVIATIONS:
         column, size = column_of(each, mark_kind), np.asarray(value(each.size)) * factor_of(each, drive) * 1e-3
         if size.any() or column in (TEETH, CAM_COLUMNS):
@@ -195,7 +195,7 @@ def _at_teeth(deviation: Array, tooth: NDArray[np.int64], turned: Array, z: int)
 #
 
 
-MAJOR = 90.0  # deg from x: the major axis of the cam at phi_h = 0, where tooth 0 stands
+_MAJOR = 90.0  # deg from x: the major axis of the cam at phi_h = 0, where tooth 0 stands
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,7 +265,7 @@ class MeasuredTeeth:
                 continue
             if len(wheel.pitch.deviation) != z:
                 raise UsageError(f"a wheel of {z} teeth needs {z} deviations, not {len(wheel.pitch.deviation)}")
-            teeth = (wheel.mark_deg - MAJOR) / 360 * z
+            teeth = (wheel.mark_deg - _MAJOR) / 360 * z
             found[name] = np.roll(wheel.pitch.deviation, round(teeth))
             angle = f"phases.phi_h{name}"
             turned[angle] = drive.number(angle) - (teeth - round(teeth)) * 360 / z

@@ -23,13 +23,13 @@ from hdassist.errors import Fault, UntrustedError
 from hdassist.preset.fields import Drive
 
 FLANK_SAMPLES = 401  # heights tried on each flank by default; 4001 move no gap of the shipped presets by 1e-9 mm
-EVERY = 20  # of them looked at first
-RADIUS_ROUNDS = 60  # of a search for a radius, which gains a factor of about 50 a round, at most
-RADIUS_CONVERGED = 1e-15  # of a radius, its last change
-ACTIVE_ROOT = 0.2  # modules above the root where the fillet ends and the active flank begins
+_EVERY = 20  # of them looked at first
+_RADIUS_ROUNDS = 60  # of a search for a radius, which gains a factor of about 50 a round, at most
+_RADIUS_CONVERGED = 1e-15  # of a radius, its last change
+_ACTIVE_ROOT = 0.2  # modules above the root where the fillet ends and the active flank begins
 
 
-def involute(alpha: Array | float) -> Array:
+def _involute(alpha: Array | float) -> Array:
     """Involute function tan(alpha) - alpha [rad] of a pressure angle [rad]."""
     return np.asarray(np.tan(alpha) - alpha)
 
@@ -54,8 +54,8 @@ class Wheel:
 
     def half_angle(self, radius: Array) -> Array:
         """Half angle psi [rad] of an external tooth, and of an internal wheel's space, at radii [mm]."""
-        at_base = (np.pi / 2 + 2 * self.x * np.tan(self.alpha)) / self.z + involute(self.alpha)
-        return np.asarray(at_base - involute(self.pressure_angle(radius)))
+        at_base = (np.pi / 2 + 2 * self.x * np.tan(self.alpha)) / self.z + _involute(self.alpha)
+        return np.asarray(at_base - _involute(self.pressure_angle(radius)))
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Geometry:
     r_raceway: float  # its raceway
     W_0: float
     j_n: float
-    curve: NominalCurve
+    curve: _NominalCurve
 
     @classmethod
     def of(cls, drive: Drive) -> Geometry:
@@ -153,8 +153,8 @@ def flank_candidates(geometry: Geometry, tau: float = 0.0, samples: int = FLANK_
         return np.broadcast_to(samples, gap.shape)[rows, least], gap[rows, least], rho[rows, least], r_y[rows, least]
 
     # the gap has one valley along a flank, or none but its ends: every 20th sample, then those around the least
-    coarse, *_ = least_at(np.unique(np.append(np.arange(0, samples, EVERY), samples - 1)))
-    _, gap, rho, r_y = least_at(np.clip(coarse[:, None] + np.arange(-EVERY, EVERY + 1), 0, samples - 1))
+    coarse, *_ = least_at(np.unique(np.append(np.arange(0, samples, _EVERY), samples - 1)))
+    _, gap, rho, r_y = least_at(np.clip(coarse[:, None] + np.arange(-_EVERY, _EVERY + 1), 0, samples - 1))
     return Flanks(
         tooth=tooth,
         zone=zone,
@@ -167,7 +167,7 @@ def flank_candidates(geometry: Geometry, tau: float = 0.0, samples: int = FLANK_
 
 
 def flank_point(
-    geometry: Geometry, r_y: Array, theta: Array, side: Array, shape: Shape | None = None
+    geometry: Geometry, r_y: Array, theta: Array, side: Array, shape: _Shape | None = None
 ) -> tuple[Array, Array]:
     """Polar place (rho [mm], phi [rad]) of the flank point at tooth radius r_y of the tooth at theta.
 
@@ -183,7 +183,7 @@ def flank_point(
 
 
 def flank_gap(
-    geometry: Geometry, r_y: Array, theta: Array, zone: NDArray[np.int64], side: Array, shape: Shape | None = None
+    geometry: Geometry, r_y: Array, theta: Array, zone: NDArray[np.int64], side: Array, shape: _Shape | None = None
 ) -> tuple[Array, Array]:
     """Gap [mm] of flank points to the facing flank of the rigid wheel, and their radius rho [mm].
 
@@ -198,20 +198,20 @@ def flank_gap(
 
 
 def _lowest_active_radius(
-    geometry: Geometry, theta: Array, side: Array, shape: Shape
+    geometry: Geometry, theta: Array, side: Array, shape: _Shape
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Least r_y of each active flank: above the fillet, and at or above the tip circle of the rigid wheel."""
-    low = np.full_like(theta, max(geometry.r_f + ACTIVE_ROOT * geometry.flexspline.m, geometry.flexspline.base_radius))
+    low = np.full_like(theta, max(geometry.r_f + _ACTIVE_ROOT * geometry.flexspline.m, geometry.flexspline.base_radius))
     high = np.full_like(theta, geometry.r_ag)
     reaches = flank_point(geometry, high, theta, side, shape)[0] >= geometry.r_ab
     inside = flank_point(geometry, low, theta, side, shape)[0] >= geometry.r_ab
     radius = high
-    for _ in range(RADIUS_ROUNDS):
+    for _ in range(_RADIUS_ROUNDS):
         before, radius = (
             radius,
             np.clip(radius + geometry.r_ab - flank_point(geometry, radius, theta, side, shape)[0], low, high),
         )
-        if np.max(np.abs(radius - before)) <= RADIUS_CONVERGED * geometry.r_ag:
+        if np.max(np.abs(radius - before)) <= _RADIUS_CONVERGED * geometry.r_ag:
             break
     return np.where(inside, low, radius), reaches
 
@@ -220,16 +220,16 @@ def _lowest_active_radius(
 
 
 Array = NDArray[np.float64]
-NominalCurve = Literal["linear", "inextensible"]
-Shape = tuple[Array, Array, Array]
+_NominalCurve = Literal["linear", "inextensible"]
+_Shape = tuple[Array, Array, Array]
 
-HARMONICS = 32  # that the arc length is sampled for
-KEPT = 8  # of them: the eighth is below 1e-16 of the first for any wave a drive could have
-ANGLE_ROUNDS = 50  # of a fixed-point iteration that gains a factor W_0/r_m a round, at most
-ANGLE_CONVERGED = 1e-15  # rad, the last change of an angle
+_HARMONICS = 32  # that the arc length is sampled for
+_KEPT = 8  # of them: the eighth is below 1e-16 of the first for any wave a drive could have
+_ANGLE_ROUNDS = 50  # of a fixed-point iteration that gains a factor W_0/r_m a round, at most
+_ANGLE_CONVERGED = 1e-15  # rad, the last change of an angle
 
 
-def nominal_shape(theta: Array, W_0: float, r_m: float, curve: NominalCurve = "linear") -> Shape:
+def nominal_shape(theta: Array, W_0: float, r_m: float, curve: _NominalCurve = "linear") -> _Shape:
     """Shape (w, v, chi) of the rim on a cam of wave W_0 [mm], mid-line radius r_m [mm].
 
     linear: the bending mode n = 2 of a ring, w = W_0 cos 2 theta. inextensible: the closed curve
@@ -244,14 +244,14 @@ def nominal_shape(theta: Array, W_0: float, r_m: float, curve: NominalCurve = "l
     return w, v, chi
 
 
-def _inextensible(theta: Array, W_0: float, r_m: float) -> Shape:
+def _inextensible(theta: Array, W_0: float, r_m: float) -> _Shape:
     r_0, wave, ripple = _closed_curve(W_0, r_m)
-    k = 2 * np.arange(1, KEPT + 1)
+    k = 2 * np.arange(1, _KEPT + 1)
     phi = np.asarray(theta, dtype=float)
-    for _ in range(ANGLE_ROUNDS):
+    for _ in range(_ANGLE_ROUNDS):
         # arc length r_m theta = r_m phi + sum of ripple sin(k phi)
         before, phi = phi, theta - np.sin(phi[..., None] * k) @ ripple / r_m
-        if np.max(np.abs(phi - before), initial=0) < ANGLE_CONVERGED:
+        if np.max(np.abs(phi - before), initial=0) < _ANGLE_CONVERGED:
             break
     radius, slope = r_0 + wave * np.cos(2 * phi), -2 * wave * np.sin(2 * phi)
     return radius - r_m, r_m * (phi - theta), -np.arctan2(slope, radius)
@@ -260,26 +260,26 @@ def _inextensible(theta: Array, W_0: float, r_m: float) -> Shape:
 @cache
 def _closed_curve(W_0: float, r_m: float) -> tuple[float, float, Array]:
     """Mean radius and wave of the inextensible curve [mm], and the sine series of its arc length [mm]."""
-    phi = np.pi * np.arange(2 * HARMONICS) / (2 * HARMONICS)  # a half turn, its period
+    phi = np.pi * np.arange(2 * _HARMONICS) / (2 * _HARMONICS)  # a half turn, its period
     shrink = 0.0
-    for _ in range(ANGLE_ROUNDS):
+    for _ in range(_ANGLE_ROUNDS):
         r_0, wave = r_m - shrink, W_0 + shrink
         speed = np.hypot(r_0 + wave * np.cos(2 * phi), 2 * wave * np.sin(2 * phi))
         excess = float(speed.mean()) - r_m
         shrink += excess
-        if abs(excess) < ANGLE_CONVERGED * r_m:
+        if abs(excess) < _ANGLE_CONVERGED * r_m:
             break
-    series = np.fft.rfft(speed).real / HARMONICS
-    return r_0, wave, series[1 : KEPT + 1] / (2 * np.arange(1, KEPT + 1))
+    series = np.fft.rfft(speed).real / _HARMONICS
+    return r_0, wave, series[1 : _KEPT + 1] / (2 * np.arange(1, _KEPT + 1))
 
 
 #
 
 
-PER_UM = 1e3  # um in a mm
+_PER_UM = 1e3  # um in a mm
 # width of the strip at the far edge over that at the open edge, of many strips: with five of them K1 is met to 1 % and
 # F'_ior to 5 %, where strips that widen evenly (edges at b_w (k/n)^2) miss F'_ior by up to 12 %
-WIDENING = 14.0
+_WIDENING = 14.0
 
 
 @dataclass(frozen=True)
@@ -303,8 +303,8 @@ class Face:
         n, shell = drive.numerics.stations, drive.flexspline
         if n == 1:
             return cls(fall=np.zeros(1), compliance=np.array([drive.contact.c_t]))
-        edges = shell.b_w * (WIDENING ** (np.arange(n + 1) / n) - 1) / (WIDENING - 1)
+        edges = shell.b_w * (_WIDENING ** (np.arange(n + 1) / n) - 1) / (_WIDENING - 1)
         middle, width = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
         # the cam's W_0 acts at mid-face
         fall = middle / (shell.l - shell.b_w / 2)
-        return cls(fall=fall, compliance=1 / (drive.contact.k_face * PER_UM * width))
+        return cls(fall=fall, compliance=1 / (drive.contact.k_face * _PER_UM * width))

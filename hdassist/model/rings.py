@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hdassist.model.geometry import Array, Geometry
 from hdassist.preset.fields import Drive
 
-EDGE_ZONE = 2 * 1.285  # the edge of a shell stiffens the hoop over sqrt(r h)/EDGE_ZONE (nu = 0.3)
+_EDGE_ZONE = 2 * 1.285  # the edge of a shell stiffens the hoop over sqrt(r h)/_EDGE_ZONE (nu = 0.3)
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def flexspline_ring(drive: Drive, geometry: Geometry) -> Ring:
     rim, length = drive.flexspline, drive.flexspline.l - drive.flexspline.b_w
     D = E * rim.h_3**3 / (12 * (1 - nu**2))
     inertia = rim.k_t * rim.b_w * rim.h_1**3 / 12 + D * length / 3 / E
-    area = rim.b_w * rim.h_1 + rim.h_3 * float(np.sqrt(r * rim.h_3)) / EDGE_ZONE
+    area = rim.b_w * rim.h_1 + rim.h_3 * float(np.sqrt(r * rim.h_3)) / _EDGE_ZONE
     ring = plain_ring(E, area, inertia, r, drive.numerics.n_max)
     n = ring.order[1:]
     twist = 2 * np.pi * D * (1 - nu) * (n**2 - 1.0) ** 2 / (n**2 * r * length)

@@ -15,17 +15,17 @@ from hdassist.model.geometry import Geometry, flank_candidates
 from hdassist.preset.fields import Drive, field_table, sections
 from hdassist.preset.rules import Conflict, field_conflicts
 
-MAX_THICKNESS = 0.2  # of its radius: beyond that the theory of thin rings does not hold
+_MAX_THICKNESS = 0.2  # of its radius: beyond that the theory of thin rings does not hold
 MAX_OVERLAP = 0.1  # modules that nominal teeth may overlap: the rings give way by some of it
 
-PROFILES = ("gears.m", "gears.z_g", "gears.z_b", "gears.x_g", "gears.x_b", "gears.h_a")
-TIPS = (*PROFILES, "cam.W_0")
-ROOTS = (*PROFILES, "gears.h_f", "cam.W_0")
-FLANKS = (*PROFILES, "gears.alpha")
-WARMTH = ("material.alpha_T", "operation.dT")
-MESH_FIELDS = (*ROOTS, *WARMTH, "flexspline.h_1", "gears.alpha", "gears.j_n", "numerics.nominal_curve")
-RIM_FIELDS = ("gears.m", "gears.z_g", "gears.x_g", "gears.h_f", "flexspline.h_1")
-BEARING_FIELDS = (*RIM_FIELDS, "bearing.ring_h", "bearing.d_ball", "bearing.N")
+_PROFILES = ("gears.m", "gears.z_g", "gears.z_b", "gears.x_g", "gears.x_b", "gears.h_a")
+_TIPS = (*_PROFILES, "cam.W_0")
+_ROOTS = (*_PROFILES, "gears.h_f", "cam.W_0")
+_FLANKS = (*_PROFILES, "gears.alpha")
+_WARMTH = ("material.alpha_T", "operation.dT")
+_MESH_FIELDS = (*_ROOTS, *_WARMTH, "flexspline.h_1", "gears.alpha", "gears.j_n", "numerics.nominal_curve")
+_RIM_FIELDS = ("gears.m", "gears.z_g", "gears.x_g", "gears.h_f", "flexspline.h_1")
+BEARING_FIELDS = (*_RIM_FIELDS, "bearing.ring_h", "bearing.d_ball", "bearing.N")
 
 
 def first_conflict(drive: Drive) -> Conflict | None:
@@ -41,7 +41,7 @@ def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, 
     Result: each conflict with the paths of the fields that its rule has looked at.
     """
     yield from field_conflicts(values)
-    if not {*MESH_FIELDS, "bearing.ring_h"} <= values.keys():
+    if not {*_MESH_FIELDS, "bearing.ring_h"} <= values.keys():
         return
     meshes = values["gears.z_b"] - values["gears.z_g"] == 2  # other teeth have no such rule
     tables: dict[str, dict[str, Any]] = {section: {} for section, _ in sections()}
@@ -54,11 +54,11 @@ def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, 
         if meshes or "gears.z_b" not in paths:
             yield from ((conflict, paths) for conflict in rule(geometry))
     if {"bearing.d_ball", "bearing.N"} <= values.keys():
-        fits = bearing_fits(geometry, values["bearing.d_ball"], values["bearing.N"])
+        fits = _bearing_fits(geometry, values["bearing.d_ball"], values["bearing.N"])
         yield from ((conflict, BEARING_FIELDS) for conflict in fits)
 
 
-def teeth_reach(geometry: Geometry) -> Iterator[Conflict]:
+def _teeth_reach(geometry: Geometry) -> Iterator[Conflict]:
     """At the major axis the tips of the flexspline reach behind the tips of the rigid wheel."""
     tip, other = geometry.r_ag, geometry.r_ab
     if tip + geometry.W_0 <= other:
@@ -69,7 +69,7 @@ def teeth_reach(geometry: Geometry) -> Iterator[Conflict]:
         )  # fmt: skip
 
 
-def tips_come_free(geometry: Geometry) -> Iterator[Conflict]:
+def _tips_come_free(geometry: Geometry) -> Iterator[Conflict]:
     """At the minor axis the tips pass each other."""
     tip, other = geometry.r_ag, geometry.r_ab
     if tip - geometry.W_0 >= other:
@@ -80,7 +80,7 @@ def tips_come_free(geometry: Geometry) -> Iterator[Conflict]:
         )  # fmt: skip
 
 
-def roots_have_room(geometry: Geometry) -> Iterator[Conflict]:
+def _roots_have_room(geometry: Geometry) -> Iterator[Conflict]:
     """At the major axis no tip runs into the root of the other wheel."""
     to_rigid, to_flexspline = geometry.r_fb - geometry.r_ag, geometry.r_ab - geometry.r_f
     for wheel, other, room, tip, root in (
@@ -94,7 +94,7 @@ def roots_have_room(geometry: Geometry) -> Iterator[Conflict]:
             )  # fmt: skip
 
 
-def flanks_exist(geometry: Geometry) -> Iterator[Conflict]:
+def _flanks_exist(geometry: Geometry) -> Iterator[Conflict]:
     """The tips lie outside the base circles, and no tooth is pointed."""
     for path, words, wheel, tip, least, most in (
         ("gears.x_g", "flexspline", geometry.flexspline, geometry.r_ag, 0.0, np.inf),
@@ -110,10 +110,10 @@ def flanks_exist(geometry: Geometry) -> Iterator[Conflict]:
             yield Conflict(path, f"the teeth of the {words} are pointed", "", "another profile shift, or lower teeth")
 
 
-def teeth_mesh(geometry: Geometry) -> Iterator[Conflict]:
+def _teeth_mesh(geometry: Geometry) -> Iterator[Conflict]:
     """Nowhere between the axes do the nominal flanks and tips of the two wheels run through each other."""
     wheels = (geometry.flexspline.base_radius, geometry.r_ag), (geometry.rigid.base_radius, geometry.r_ab)
-    coarse = (teeth_reach, tips_come_free, roots_have_room, rim_is_thin)
+    coarse = (_teeth_reach, _tips_come_free, _roots_have_room, _rim_is_thin)
     if any(base >= tip for base, tip in wheels) or any(any(rule(geometry)) for rule in coarse):
         return  # faults of the other rules
     try:
@@ -131,9 +131,9 @@ def teeth_mesh(geometry: Geometry) -> Iterator[Conflict]:
         )  # fmt: skip
 
 
-def rim_is_thin(geometry: Geometry) -> Iterator[Conflict]:
+def _rim_is_thin(geometry: Geometry) -> Iterator[Conflict]:
     """The rim is a thin ring."""
-    h_1, most = 2 * (geometry.r_f - geometry.r_m), MAX_THICKNESS * geometry.r_f
+    h_1, most = 2 * (geometry.r_f - geometry.r_m), _MAX_THICKNESS * geometry.r_f
     if h_1 > most:
         yield Conflict(
             "flexspline.h_1", f"too thick for a rim with a root radius of {geometry.r_f:.4g} mm",
@@ -141,15 +141,15 @@ def rim_is_thin(geometry: Geometry) -> Iterator[Conflict]:
         )  # fmt: skip
 
 
-def bearing_fits(geometry: Geometry, d_ball: float | None, N: int) -> Iterator[Conflict]:
+def _bearing_fits(geometry: Geometry, d_ball: float | None, N: int) -> Iterator[Conflict]:
     """Outer ring and balls have room in the bore."""
     raceway, ring_h = geometry.r_raceway, 2 * (geometry.r_ring - geometry.r_raceway)
     bore = raceway + ring_h
-    if ring_h > MAX_THICKNESS * bore:
+    if ring_h > _MAX_THICKNESS * bore:
         if bore > 0:
             yield Conflict(
                 "bearing.ring_h", f"too thick for a bore with a radius of {bore:.4g} mm",
-                f"{ring_h:g} mm", f"at most {MAX_THICKNESS * bore:.3g} mm",
+                f"{ring_h:g} mm", f"at most {_MAX_THICKNESS * bore:.3g} mm",
             )  # fmt: skip
     elif d_ball is not None:
         share = float(np.sin(np.pi / N))
@@ -163,10 +163,10 @@ def bearing_fits(geometry: Geometry, d_ball: float | None, N: int) -> Iterator[C
 
 
 MODEL_RULES: dict[Callable[[Geometry], Iterator[Conflict]], tuple[str, ...]] = {
-    teeth_reach: TIPS,
-    tips_come_free: TIPS,
-    roots_have_room: ROOTS,
-    flanks_exist: FLANKS,
-    teeth_mesh: MESH_FIELDS,
-    rim_is_thin: RIM_FIELDS,
+    _teeth_reach: _TIPS,
+    _tips_come_free: _TIPS,
+    _roots_have_room: _ROOTS,
+    _flanks_exist: _FLANKS,
+    _teeth_mesh: _MESH_FIELDS,
+    _rim_is_thin: _RIM_FIELDS,
 }

@@ -57,13 +57,13 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.through_cvxpy import CrossCheck
 from hdassist.verdict import SURE
 
-FORESEEN_VALUES = 6  # measured values of which the gain is foreseen before any
-DOUBTED = 0.5  # probability from which on a value is taken for misread
+_FORESEEN_VALUES = 6  # measured values of which the gain is foreseen before any
+_DOUBTED = 0.5  # probability from which on a value is taken for misread
 UNSHOWN_VALUES = 0.95  # probability of curves that no drive made, from which on the preset is doubted
 
 
 @dataclass(frozen=True)
-class Verification:
+class _Verification:
     """A value measured after an advice, in the hole that the wheel stands in, beside its prediction [arcsec].
 
     mean_arcsec, and 2.5 % and 97.5 % quantiles, from the values before it; back_to, the value in whose hole the
@@ -110,7 +110,7 @@ class Advice:
     sure: float = SURE
     worth: float = WORTH
     compensated: tuple[str, Decision] | None = None
-    verification: Verification | None = None
+    verification: _Verification | None = None
     fault: str = ""
 
     @property
@@ -227,7 +227,7 @@ class Advice:
     def suspected(self) -> Trial | None:
         """The value without which the others are the most probable, where one is more probably misread than not."""
         misread = self.after.misread if self.after else np.zeros(0)
-        return self.trials[int(np.argmax(misread))] if misread.sum() > DOUBTED else None
+        return self.trials[int(np.argmax(misread))] if misread.sum() > _DOUBTED else None
 
     @property
     def contradicted(self) -> tuple[str, float, float] | None:
@@ -353,7 +353,7 @@ def advise_after(
     after = posterior_of(near, every, [*positions, 0.0])
     found = after.decision(torques, limits_left(drive, torques), cost)
     noise, likelier = after.noise * setup.noise_arcsec, None
-    if after.by_values > UNSHOWN_VALUES or after.misread.sum() > DOUBTED:
+    if after.by_values > UNSHOWN_VALUES or after.misread.sum() > _DOUBTED:
         likelier = likelier_torque(whole, every)
         others = sorted({*other_torques} - {*whole.F_ior_by_torque})
         if not likelier and others and after.by_values > UNSHOWN_VALUES:
@@ -379,11 +379,11 @@ def _value(
     if len(decision.rotations_deg) < 2:
         return None
     noise = np.full(len(decision.sample_weights), setup.noise_arcsec) if noise is None else noise
-    steps, first = (3, ()) if count else (FORESEEN_VALUES, _thirds(decision.rotations_deg))
+    steps, first = (3, ()) if count else (_FORESEEN_VALUES, _thirds(decision.rotations_deg))
     return value_of_measurement(decision, measurable, noise, steps=steps, first=first, seed=seed)
 
 
-def _verified(advice: Advice, outcome: Trial) -> Verification:
+def _verified(advice: Advice, outcome: Trial) -> _Verification:
     """The outcome of an advice beside what the values before it predict, and where to go back to."""
     after, found, before = advice.after, advice.decision, advice.trials[:-1]
     assert after
@@ -408,7 +408,7 @@ def _verified(advice: Advice, outcome: Trial) -> Verification:
     others = [each for each in reversed(before) if each.rotation_deg != outcome.rotation_deg]
     least = min(others, key=loss, default=outcome)
     back = least if loss(least) + found.cost < loss(outcome) else None
-    return Verification(outcome, float(predicted.mean()), low, high, back)
+    return _Verification(outcome, float(predicted.mean()), low, high, back)
 
 
 def _of_preset(drive: Drive, setup: TrialSetup, given: Sequence[Trial | None]) -> list[Trial]:

@@ -27,16 +27,16 @@ LEAST_GAIN = 0.01  # of F'_ior: a smaller one is not worth a turn, nor makes a h
 WORTH = 0.02  # of F'_ior: gain of one more value below which measuring stops
 FEWEST_VALUES = 4  # measured values before which it never stops
 
-OUTCOMES = 9  # of a further value that are looked at in each hole
-LOOKED_AT = 512  # samples by which further values are judged
-FUTURES = 64  # drives that further values are played through with
-MOST_CANDIDATES = 24  # holes that a further value may be measured in
+_OUTCOMES = 9  # of a further value that are looked at in each hole
+_LOOKED_AT = 512  # samples by which further values are judged
+_FUTURES = 64  # drives that further values are played through with
+_MOST_CANDIDATES = 24  # holes that a further value may be measured in
 
 Word = Literal["TURN", "LEAVE", "BEST_BET", "ANY_HOLE"]
 
 
 @dataclass(frozen=True)
-class Action:
+class _Action:
     """Mounting the wheel in one hole: F'_ior [arcsec] at each torque, and how good that is beside other holes.
 
     expected_loss against the best hole, as a share of F'_ior there; probability_good, to lose less than GOOD;
@@ -229,10 +229,10 @@ class Decision:
             return "BEST_BET"
         return "LEAVE" if self.best == self.stay else "TURN"
 
-    def action(self, place: int) -> Action:
+    def action(self, place: int) -> _Action:
         """One of the holes with all that is known of it."""
         kept = self.probability_kept
-        return Action(
+        return _Action(
             self.rotations_deg[place],
             {name: self.quantile(share, place) for name, share in (("p5", 0.05), ("p50", 0.5), ("p95", 0.95))},
             float(self.expected_loss[place]), float(self.probability_good[place]), self.probability_better(place),
@@ -289,31 +289,31 @@ def value_of_measurement(
     standard deviation of a value, shape (samples,); steps, further values; first, rotations [deg] that are measured in
     any case before others.
     """
-    rng, rows = np.random.default_rng(seed), even_rows(decision.sample_weights, LOOKED_AT)
+    rng, rows = np.random.default_rng(seed), even_rows(decision.sample_weights, _LOOKED_AT)
     losses, noise, count = decision.losses[rows], noise_arcsec[rows], len(decision.rotations_deg)
     F_ior = np.hstack([each[rows] for each in measured_arcsec.values()])  # (samples, torques x holes)
     served_arcsec = decision.served[rows] * F_ior[:, :count].mean(axis=1, keepdims=True)  # of one torque F'_ior itself
-    holes = np.linspace(0, count, min(count, MOST_CANDIDATES), endpoint=False).astype(int)
+    holes = np.linspace(0, count, min(count, _MOST_CANDIDATES), endpoint=False).astype(int)
     candidates = np.add.outer(np.arange(0, F_ior.shape[1], count), holes).ravel()
-    off = rng.permutation(ndtri((np.arange(LOOKED_AT) + 0.5) / LOOKED_AT))
+    off = rng.permutation(ndtri((np.arange(_LOOKED_AT) + 0.5) / _LOOKED_AT))
     true = F_ior[:, candidates].T  # (candidates, samples)
     values = true + noise * off
     order = np.argsort(values, axis=1)
 
     def gains(weights: Array) -> Array:
         """Expected gain of a value in each candidate [share of F'_ior], shape (candidates,)."""
-        below, levels = weights[order].cumsum(axis=1), (np.arange(OUTCOMES) + 0.5) / OUTCOMES
+        below, levels = weights[order].cumsum(axis=1), (np.arange(_OUTCOMES) + 0.5) / _OUTCOMES
         picked = [row[np.searchsorted(w, levels * w[-1])] for row, w in zip(order, below, strict=True)]
         outcomes = np.take_along_axis(values, np.array(picked), axis=1)[..., None]
         density = np.exp(-0.5 * ((outcomes - true[:, None]) / noise) ** 2) / noise * weights
         after = density @ losses / np.maximum(density.sum(axis=2, keepdims=True), 1e-300)
         return np.asarray((after[..., np.argmin(weights @ losses)] - after.min(axis=2)).mean(axis=1))
 
-    even = np.full(LOOKED_AT, 1 / LOOKED_AT)
+    even = np.full(_LOOKED_AT, 1 / _LOOKED_AT)
     forced = [int(np.argmin(abs((np.array(decision.rotations_deg) - r + 180) % 360 - 180))) for r in first]
     following = [*forced, int(candidates[np.argmax(gains(even))])][:1] + forced[1:]
-    every, further = list[list[float]](), even_rows(even, FUTURES)
-    for truth in range(LOOKED_AT):
+    every, further = list[list[float]](), even_rows(even, _FUTURES)
+    for truth in range(_LOOKED_AT):
         weights = even.copy()
         weights[truth] = 0  # the drive is none of its samples
         expected = [served_arcsec[truth, np.argmin(weights @ losses)]]
@@ -334,7 +334,7 @@ def value_of_measurement(
     return MeasurementValue(decision.rotations_deg[hole], list(measured_arcsec)[torque], tuple(expected))
 
 
-def as_measured(decision: Decision, number: int = LOOKED_AT, seed: int = 0) -> Decision:
+def as_measured(decision: Decision, number: int = _LOOKED_AT, seed: int = 0) -> Decision:
     """The decision over drives like the samples, as belief/evidence.py has them: another scale, and a smooth misfit.
 
     Samples of a belief are drives of the model; what is measured differs from those. Where no hole can be told from

@@ -24,7 +24,7 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.through_cvxpy import CrossCheck
 
-FREE_STEP = 5.0  # deg between positions where the seat has no holes
+_FREE_STEP = 5.0  # deg between positions where the seat has no holes
 LEAST_STEP = 0.01  # deg between positions: 36 000 of them
 
 
@@ -124,14 +124,14 @@ def bare(rotation_deg: float, holes: int) -> str:
     return f"{rotation_deg:g}" if hole is None else f"{hole}"
 
 
-def usable_positions(holes: int, allowed: Sequence[int] | str, free_step: float = FREE_STEP) -> list[float]:
+def usable_positions(holes: int, allowed: Sequence[int] | str, free_step: float = _FREE_STEP) -> list[float]:
     """Turns of the fixed wheel [deg] that may be chosen: the usable holes, or steps [deg] where the angle is free."""
     if not holes:
         return [free_step * k for k in range(round(360 / free_step))]
     return [360 * k / holes for k in range(holes) if allowed == "all" or k in allowed]
 
 
-def seat_positions(drive: Drive, free_step: float = FREE_STEP) -> list[float]:
+def seat_positions(drive: Drive, free_step: float = _FREE_STEP) -> list[float]:
     """Turns of the fixed wheel [deg] to try: those that may be chosen, and 0, where the wheel stands."""
     return sorted({0.0, *usable_positions(drive.mounting.holes, drive.mounting.allowed, free_step)})
 
@@ -154,9 +154,9 @@ def phase_deg(drive: Drive, measured: MeasuredTeeth | None = None, rotation_deg:
     return float(np.mod(round(float(phase) + rotation_deg, 9), 360.0))
 
 
-SAMPLED_STATES = 1  # random states solved again at each position, besides those of the extremes
-SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
-POSITIONS_A_TASK = 3  # positions that one task searches
+_SAMPLED_STATES = 1  # random states solved again at each position, besides those of the extremes
+_SEARCH_TOLERANCE = 0.01  # arcsec that a search may miss where every state is solved
+_POSITIONS_A_TASK = 3  # positions that one task searches
 HOLES = 24  # positions of which every state is solved
 
 
@@ -168,10 +168,10 @@ def is_searched(drive: Drive, positions: int, *, drawn: bool, measured: Measured
     return (drawn or positions > HOLES) and not measured and searchable(drive)
 
 
-CrossChecks = list[Future[list[CrossCheck]]]  # under way
+_CrossChecks = list[Future[list[CrossCheck]]]  # under way
 
 
-def checked_curve(curve: MountingCurve, checks: CrossChecks) -> MountingCurve:
+def checked_curve(curve: MountingCurve, checks: _CrossChecks) -> MountingCurve:
     """The curve with its cross-checks, once they are done. Raises UntrustedError where two solvers disagree."""
     return replace(curve, cross_checks=tuple(check for some in checks for check in some.result()))
 
@@ -197,7 +197,7 @@ def begun_curve(
     measured: MeasuredTeeth | None = None,
     drawn: bool = False,
     run: Run = Run(),
-) -> tuple[MountingCurve, CrossChecks]:
+) -> tuple[MountingCurve, _CrossChecks]:
     """F'_ior over the full cycle at each torque [N*m] and each rotation [deg] of the fixed wheel.
 
     Its cross-checks go on beside what follows. Of up to HOLES positions every state is solved. Of more, or where
@@ -222,7 +222,7 @@ def begun_curve(
     )  # fmt: skip
     if not is_searched(drive, len(rotations_deg), drawn=drawn, measured=measured):
         return _solved(curve, every, there, wheels, run)
-    groups = [rotations_deg[k : k + POSITIONS_A_TASK] for k in range(0, len(rotations_deg), POSITIONS_A_TASK)]
+    groups = [rotations_deg[k : k + _POSITIONS_A_TASK] for k in range(0, len(rotations_deg), _POSITIONS_A_TASK)]
     found, proof = [], EMPTY
     for values, states in run.map(partial(_searched, drive, curve.torques), groups):
         found.append(values)
@@ -231,7 +231,7 @@ def begun_curve(
     curve = replace(curve, F_ior_arcsec=np.hstack(found), every_state=~every, certificate=proof)
     decisive = np.isin(rotations_deg, [0, curve.recommended.rotation_deg]) & every
     proven, checks = _solved(curve, decisive, there, wheels, run)
-    if np.abs(proven.F_ior_arcsec - curve.F_ior_arcsec).max() > SEARCH_TOLERANCE:
+    if np.abs(proven.F_ior_arcsec - curve.F_ior_arcsec).max() > _SEARCH_TOLERANCE:
         proven, more = _solved(proven, ~decisive, there, wheels, run)
         checks += more
     return proven, checks
@@ -243,7 +243,7 @@ def _solved(
     there: Sequence[Drive],
     wheels: Sequence[MeasuredTeeth | None],
     run: Run,
-) -> tuple[MountingCurve, CrossChecks]:
+) -> tuple[MountingCurve, _CrossChecks]:
     """A curve with every state solved at some places, shape (torques, rotations); some are being solved again.
 
     Arguments: there, drives with the wheel turned, and their measured wheels.
@@ -271,4 +271,4 @@ def _searched(drive: Drive, torques: Sequence[float], rotations: Sequence[float]
 def _error(drive: Drive, teeth: ToothDeviations | None, M_g: float, run: Run) -> tuple[float, KinematicError]:
     """F'_ior [arcsec], and the error at the states that another solver is to solve again, with the proof of all."""
     error = kinematic_error(drive, M_g, teeth=teeth, run=replace(run, progress=None, cross_check=None))
-    return error.F_ior_arcsec, error.sampled(SAMPLED_STATES, run.seed)
+    return error.F_ior_arcsec, error.sampled(_SAMPLED_STATES, run.seed)

@@ -64,7 +64,7 @@ from hdassist.readers.trace import LARGEST_ERROR
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
 
-LEAST_NOISE = 1e-3  # arcsec
+_LEAST_NOISE = 1e-3  # arcsec
 TRIAL_HINT = "like 120=17.3 (deg) or h4=17.3 (hole): F'_ior in arcsec, with a point; or h4=run.csv, a record"
 
 
@@ -87,14 +87,14 @@ def read_trial(text: str, holes: int, allowed: Sequence[int] | str = "all") -> T
     Raises UsageError for all else.
     """
     where, _, value = text.lower().partition("=")
-    (rotation, M_g), F_ior = read_trial_position(where, text, holes, allowed), number_of(value)
+    (rotation, M_g), F_ior = _read_trial_position(where, text, holes, allowed), number_of(value)
     if not 0 < F_ior <= LARGEST_ERROR:
         wanted = f"expected F'_ior in arcsec, as {where}=17.3, or the file of a record, as {where}=run.csv"
         raise UsageError(f"invalid trial {shown(text)!r}: {wanted}", TRIAL_HINT)
     return Trial(rotation, F_ior, M_g=M_g)
 
 
-def read_trial_position(
+def _read_trial_position(
     name: str, text: str, holes: int, allowed: Sequence[int] | str = "all"
 ) -> tuple[float, float | None]:
     """Turn [deg] and torque [N*m] of the position in a trial's text: degrees or a hole of the seat, and @80 or none.
@@ -103,7 +103,7 @@ def read_trial_position(
     """
     where, at, torque = name.partition("@")
     M_g = number_of(torque) if at else None
-    if M_g is not None and not is_torque(M_g):
+    if M_g is not None and not _is_torque(M_g):
         raise UsageError(f"invalid trial {shown(text)!r}: expected HOLE@TORQUE=VALUE, N·m", TRIAL_HINT)
     rotation = turn_of(where, holes)
     if rotation != rotation and not (where.startswith("h") and where[1:].isdecimal()):
@@ -131,7 +131,7 @@ def read_trial_or_record(
     where, _, file = text.partition("=")
     if not (re.search(r"[/\\]|\.[A-Za-z]", file) or (isnan(number_of(file)) and os.path.lexists(file))):
         return read_trial(text, drive.mounting.holes, allowed)
-    rotation, M_g = read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
+    rotation, M_g = _read_trial_position(where.lower(), text, drive.mounting.holes, allowed)
     greatest = reading.measured(file, drive, seed=seed).directions[0]
     if greatest.is_bound and (covered := greatest.coverage):
         turns, cycle = covered.cam_turns, covered.cam_turns / covered.share
@@ -139,23 +139,23 @@ def read_trial_or_record(
             f"{file}: {turns:.3g} of the {cycle:g} cam turns of the full cycle: F'_ior is a lower bound, and no trial",
             "record the full cycle in one direction",
         )
-    return Trial(rotation, greatest.range.value, M_g=M_g, noise_arcsec=max(greatest.uncertainty_arcsec, LEAST_NOISE))
+    return Trial(rotation, greatest.range.value, M_g=M_g, noise_arcsec=max(greatest.uncertainty_arcsec, _LEAST_NOISE))
 
 
-Places = NDArray[np.int64]
+_Places = NDArray[np.int64]
 Point = tuple[float, float]  # a position of the wheel [deg] and a torque [N*m]
 
-WIDEST_SIZE = 2.0  # a size without an uncertainty may be so many times the preset's
-NOISE_SPREAD = 0.56  # of the logarithm of the noise over the stated one: within a third and three times with 95 %
-LOG_NOISES = {noise: -0.5 * (np.log(noise) / NOISE_SPREAD) ** 2 for noise in 2.0 ** (np.arange(-2, 5) / 2)}
-POSTERIOR_DRAWS = 2048
+_WIDEST_SIZE = 2.0  # a size without an uncertainty may be so many times the preset's
+_NOISE_SPREAD = 0.56  # of the logarithm of the noise over the stated one: within a third and three times with 95 %
+LOG_NOISES = {noise: -0.5 * (np.log(noise) / _NOISE_SPREAD) ** 2 for noise in 2.0 ** (np.arange(-2, 5) / 2)}
+_POSTERIOR_DRAWS = 2048
 LIKELIEST = 4096  # samples that are looked at closer
-FAR_LIKELIER = 100.0  # times as probable: a torque is taken for that at which values were measured
-COMPARED = 16  # drives with a table of one system, to see its error
-FREE_SHARE = 0.5  # probability before any value that no drive of the preset shows them
-FREE_CURVES, FREE_ORDERS = 256, 4  # curves of no drive, and times that their waves go around the seat
-FREE_LEVEL, NEAR_LEVEL = 1.0, 0.3  # standard deviation of the logarithm of their level, and of those that are drawn
-OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
+_FAR_LIKELIER = 100.0  # times as probable: a torque is taken for that at which values were measured
+_COMPARED = 16  # drives with a table of one system, to see its error
+_FREE_SHARE = 0.5  # probability before any value that no drive of the preset shows them
+_FREE_CURVES, _FREE_ORDERS = 256, 4  # curves of no drive, and times that their waves go around the seat
+_FREE_LEVEL, _NEAR_LEVEL = 1.0, 0.3  # standard deviation of the logarithm of their level, and of those that are drawn
+_OPEN = 40.0  # deg: a direction whose standard deviation is more is not known
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ class TrialSetup:
     others: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        if not (is_torque(self.M_g) and 1e-6 <= self.noise_arcsec <= 1e6):
+        if not (_is_torque(self.M_g) and 1e-6 <= self.noise_arcsec <= 1e6):
             stated = f"{self.M_g:g} N·m, noise {self.noise_arcsec:g}″"
             wanted = "expected a torque up to 1e7 N*m but 0, and a noise above 0"
             raise UsageError(f"invalid trials: {stated}: {wanted}", "--trial-torque 80")
@@ -181,7 +181,7 @@ class TrialSetup:
         return trial.rotation_deg, self.M_g if trial.M_g is None else trial.M_g
 
 
-def is_torque(M_g: float) -> bool:
+def _is_torque(M_g: float) -> bool:
     """Whether F'_ior can be measured at a torque [N*m]: beyond that, squares are no numbers."""
     return 0 < abs(M_g) <= 1e7
 
@@ -203,7 +203,7 @@ class TableSampling:
     @property
     def of_one_system(self) -> TableSampling:
         """As many samples where only deviations are unknown, from a finer table."""
-        table = TableEffort(self.systems * self.table.deviations, Mesh(), min(COMPARED, self.systems))
+        table = TableEffort(self.systems * self.table.deviations, Mesh(), min(_COMPARED, self.systems))
         return replace(self, systems=1, table=table)
 
 
@@ -236,11 +236,11 @@ class HoleSamples:
         return {M_g: float(np.median(F_ior / self.F_ior_arcsec)) for M_g, F_ior in self.F_ior_by_torque.items()}
 
     @property
-    def possible(self) -> Places:
+    def possible(self) -> _Places:
         """Flat places among samples and directions that weigh anything."""
         return np.flatnonzero(self.weight)
 
-    def at(self, points: Sequence[Point], places: Places) -> Array:
+    def at(self, points: Sequence[Point], places: _Places) -> Array:
         """F'_ior [arcsec] with the wheel turned at torques, shape (places, points): that of directions less by as much.
 
         Argument: flat places among samples and directions.
@@ -258,7 +258,7 @@ class HoleSamples:
         same_torque = np.equal.outer(torques, torques)
         return np.asarray(kernel(turns, turns) * same_torque * np.multiply.outer(levels, levels))
 
-    def mean(self, places: Places) -> Array:
+    def mean(self, places: _Places) -> Array:
         """Mean F'_ior of samples over all directions [arcsec], shape (places,)."""
         return np.asarray(self.F_ior_arcsec.mean(axis=1)[places // self.weight.shape[1]])
 
@@ -294,7 +294,7 @@ class HoleSamples:
         Their level is lognormal about that of the samples, their waves over the seat are as large as those of the
         samples: another drive is as smooth. They are drawn about as high as the values, and weighed for that.
         """
-        rng, shape = np.random.default_rng([self.seed, 3]), (FREE_CURVES, 1)
+        rng, shape = np.random.default_rng([self.seed, 3]), (_FREE_CURVES, 1)
         log_F, share = np.log(self.F_ior_arcsec), self.weight.sum(axis=1)
         count = log_F.shape[1]
         waves = np.sqrt(share @ np.square(2 / count * np.abs(np.fft.rfft(log_F))))  # amplitudes, root mean square
@@ -302,15 +302,15 @@ class HoleSamples:
         levels = [self.levels[self.setup.point(each)[1]] for each in trials]
         log = (
             np.log(np.mean([t.F_ior_arcsec / level for t, level in zip(trials, levels, strict=True)]))
-            + NEAR_LEVEL * off
+            + _NEAR_LEVEL * off
         )
-        density = NEAR_LEVEL / FREE_LEVEL * np.exp((off**2 - ((log - level) / FREE_LEVEL) ** 2) / 2)
-        for order in range(1, FREE_ORDERS + 1):
+        density = _NEAR_LEVEL / _FREE_LEVEL * np.exp((off**2 - ((log - level) / _FREE_LEVEL) ** 2) / 2)
+        for order in range(1, _FREE_ORDERS + 1):
             turn = order * 2 * np.pi * (np.arange(count) / count + rng.random(shape))
             log = log + waves[order] * rng.standard_normal(shape) * np.cos(turn)
         F_ior = {M_g: np.vstack([of, self.levels[M_g] * np.exp(log)]) for M_g, of in self.F_ior_by_torque.items()}
         values = {path: np.vstack([of, np.full(log.shape, np.nan)]) for path, of in self.values.items()}
-        weight = np.vstack([(1 - FREE_SHARE) * self.weight, FREE_SHARE / log.size * density * np.ones(count)])
+        weight = np.vstack([(1 - _FREE_SHARE) * self.weight, _FREE_SHARE / log.size * density * np.ones(count)])
         return replace(self, F_ior_by_torque=F_ior, weight=weight, values=values)
 
 
@@ -324,7 +324,7 @@ class HolePosterior:
     """
 
     samples: HoleSamples
-    places: Places
+    places: _Places
     misfit: Array
     noise: Array
     scale: Array
@@ -353,7 +353,7 @@ class HolePosterior:
     def facing(self) -> tuple[float, float] | tuple[None, None]:
         """Direction of the standing offset and its standard deviation [deg]; None where it is open."""
         mean = np.exp(1j * np.radians(self.offset[1])).mean() if len(self.offset[1]) else 0j
-        if not (length := abs(mean)) or (spread := float(np.degrees(np.sqrt(-2 * np.log(length))))) > OPEN:
+        if not (length := abs(mean)) or (spread := float(np.degrees(np.sqrt(-2 * np.log(length))))) > _OPEN:
             return None, None
         return float(np.degrees(np.angle(mean)) % 360), spread
 
@@ -381,7 +381,7 @@ def posterior_of(
         samples.read_error,
     )  # fmt: skip
     weight = softmax(np.log(samples.weight.ravel()[possible]) + log)  # shape (kinds, places)
-    at = np.searchsorted(np.cumsum(weight), (np.arange(POSTERIOR_DRAWS) + 0.5) / POSTERIOR_DRAWS)
+    at = np.searchsorted(np.cumsum(weight), (np.arange(_POSTERIOR_DRAWS) + 0.5) / _POSTERIOR_DRAWS)
     kind, row = np.divmod(np.minimum(at, weight.size - 1), weight.shape[1])
     places = possible[row]
     misfit, noise = np.array([(each.misfit, each.noise) for each in kinds])[kind].T  # shape (draws,) each
@@ -415,7 +415,7 @@ def likelier_torque(samples: HoleSamples, trials: Sequence[Trial]) -> float | No
         for M_g in samples.F_ior_by_torque
     }
     likeliest = max(log_probability, key=log_probability.__getitem__)
-    is_far = log_probability[likeliest] > log_probability[stated] + np.log(FAR_LIKELIER)
+    is_far = log_probability[likeliest] > log_probability[stated] + np.log(_FAR_LIKELIER)
     return likeliest if is_far and not others else None
 
 
@@ -498,15 +498,15 @@ def open_prior(drive: Drive) -> DrivePrior:
     if size not in known and not drive.number(size) > 0:
         raise UsageError(
             f"unknown size of the cam offset: {size}",
-            f"--set {size}=80 says that up to {WIDEST_SIZE:g} times 80 um are likely",
+            f"--set {size}=80 says that up to {_WIDEST_SIZE:g} times 80 um are likely",
         )
     pairs = [(size, direction)]
     if drive.number(own) or any(path not in (size, direction) for path in drive.uncertainty):
         pairs.append((own, "phases.phi_hh"))
     for group, turn in pairs:
-        reason = f"open in trials: up to {WIDEST_SIZE:g} times the preset's"
+        reason = f"open in trials: up to {_WIDEST_SIZE:g} times the preset's"
         if group not in known:
-            most = WIDEST_SIZE * drive.number(group)
+            most = _WIDEST_SIZE * drive.number(group)
             known[group] = FieldPrior(group, "even", 0.0, most, owner_of(drive, group), group, reason)
         if turn not in known:
             known[turn] = FieldPrior(turn, "even", 0.0, 360.0, owner_of(drive, turn), group, "any direction")

@@ -28,19 +28,19 @@ from hdassist.terminal.words import WHEEL_WORDS, again, samples_words
 from hdassist.verdict import GUARD, SEVERITY, percent_text, worst_exit_code
 from hdassist.version import __version__
 
-RULE_WORDS = {
+_RULE_WORDS = {
     "guard": f"guard bands of {GUARD:g} u on each side of a limit",
     "simple": "simple acceptance up to a limit",
 }
-CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # of CSV
+_CHECK_FIGURES: Quantities[DecidedCheck | None] = tuple(  # of CSV
     Quantity(name)
     for name in (
         *(each.name for each in fields(DecidedCheck) if each.name not in ("unstated", "belief")),
         *(f"belief.{each.name}" for each in fields(Belief)),
     )
 )
-FIGURES_HEAD = ",".join(("serial", "preset", *(figure.key for figure in CHECK_FIGURES), "exit_code", "error", ""))
-NAMED_CHECKS = 2  # reasons below the verdict
+FIGURES_HEAD = ",".join(("serial", "preset", *(figure.key for figure in _CHECK_FIGURES), "exit_code", "error", ""))
+_NAMED_CHECKS = 2  # reasons below the verdict
 
 
 def number(value: float, limit: Limit) -> str:
@@ -66,24 +66,24 @@ def _range(check: DecidedCheck, belief: Belief) -> str:
     return f"{number(belief.p5, check)} to {number(belief.p95, check)}"
 
 
-def bound(limit: Limit) -> str:
+def _bound(limit: Limit) -> str:
     """A limit with its sign."""
     return f"{'≤' if limit.check.upper else '≥'} {limit.limit:.6g}"
 
 
-def shown_label(check: DecidedCheck) -> str:
+def _shown_label(check: DecidedCheck) -> str:
     """Label of a check; a predicted F'_ior has the self error on top, which a measured one contains."""
     adds = check.check is F_IOR and check.basis == "predicted"
     return check.label.replace("F'_ior", "F'_ior + self error") if adds else check.label
 
 
-DECISION_COLUMNS: Quantities[DecidedCheck] = (
-    Quantity("check", value=lambda d: f"{shown_label(d)},{_unit(d).replace('″', ' ″')}"),
+_DECISION_COLUMNS: Quantities[DecidedCheck] = (
+    Quantity("check", value=lambda d: f"{_shown_label(d)},{_unit(d).replace('″', ' ″')}"),
     Quantity("verdict", digits=str),
     Quantity("value", value=_value),
     Quantity("expanded_uncertainty", "± (k=2)", value=_beside("expanded_uncertainty")),
     Quantity("range", "5 to 95 %", value=lambda d: d.belief and _range(d, d.belief)),
-    Quantity("limit", value=bound),
+    Quantity("limit", value=_bound),
     Quantity("margin", value=_beside("margin")),
     Quantity("guard", value=lambda d: _beside("guard")(d) if d.guard else None),
     Quantity("kept", value=lambda d: d.belief and f"{100 * d.belief.probability:.0f} %"),
@@ -92,12 +92,12 @@ DECISION_COLUMNS: Quantities[DecidedCheck] = (
 
 def accept_report(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) -> Report:
     """An acceptance of a drive; predictions, those of the model, None without any."""
-    found = by_severity(shown_checks(answer))
+    found = _by_severity(_shown_checks(answer))
     worst = [check for check in found if check.verdict == found[0].verdict]
     reasons = [
-        f"{shown_label(each)}: {each.reason}" if each.reason else sentence(each) for each in worst[:NAMED_CHECKS]
+        f"{_shown_label(each)}: {each.reason}" if each.reason else _sentence(each) for each in worst[:_NAMED_CHECKS]
     ]
-    reasons[-1] += f"; {len(worst) - NAMED_CHECKS} more" if len(worst) > NAMED_CHECKS else ""
+    reasons[-1] += f"; {len(worst) - _NAMED_CHECKS} more" if len(worst) > _NAMED_CHECKS else ""
     return Report(
         command="accept",
         drive=drive,
@@ -131,7 +131,7 @@ def _more_facts(answer: AcceptAnswer, predictions: Predictions | None) -> Iterat
     yield "files", "\n".join(f"{file}: sha256 {sha256[:12]}" for file, sha256 in hashes.items())
 
 
-def shown_checks(answer: AcceptAnswer) -> list[DecidedCheck]:
+def _shown_checks(answer: AcceptAnswer) -> list[DecidedCheck]:
     """Checks of an answer, stiffnesses and torques in the unit in which options give their limit."""
     given = [LimitText.parse(text, "--limit") for text in (answer.request.limits if answer.request else ())]
     units = {each.field: each.text.lstrip("+-.0123456789 eE") for each in given}
@@ -145,7 +145,7 @@ def _in_unit(check: DecidedCheck, unit: str) -> DecidedCheck:
     return replace(check, unit=unit, **{name: (found := getattr(check, name)) and found / size for name in names})
 
 
-def by_severity(checks: Iterable[DecidedCheck]) -> list[DecidedCheck]:
+def _by_severity(checks: Iterable[DecidedCheck]) -> list[DecidedCheck]:
     """Checks by their verdict, the worst first, and those of a verdict by their room to the limit, the least first."""
     return sorted(checks, key=lambda each: (SEVERITY.index(each.verdict), (each.margin or 0.0) / each.limit))
 
@@ -155,15 +155,15 @@ def _tables(answer: AcceptAnswer) -> Iterator[Table]:
     assert answer.rule is not None
     teeth = ", ".join(f"{WHEEL_WORDS[wheel.wheel]} ({shown(wheel.file)})" for wheel in answer.pitch)
     titles = {
-        "measured": f"measured: {RULE_WORDS[answer.rule.measured]}",
-        "stated": f"measured otherwise: {RULE_WORDS[answer.rule.measured]}",
+        "measured": f"measured: {_RULE_WORDS[answer.rule.measured]}",
+        "stated": f"measured otherwise: {_RULE_WORDS[answer.rule.measured]}",
         "predicted": f"predicted: PASS from {100 * answer.rule.sure:g} % probability; "
         "no decision on conformity" + (f"; measured teeth: {teeth}" if teeth else ""),
     }
     for basis, title in titles.items():
-        checks = [check for check in shown_checks(answer) if (check.basis or "measured") == basis]
+        checks = [check for check in _shown_checks(answer) if (check.basis or "measured") == basis]
         less = "margin" if any(check.belief for check in checks) else ""  # a probability stands in its place
-        columns = [q for q in DECISION_COLUMNS if q.key != less and {*map(q.text, checks)} - {NO_VALUE}]
+        columns = [q for q in _DECISION_COLUMNS if q.key != less and {*map(q.text, checks)} - {NO_VALUE}]
         yield Table.by_row(title, columns, checks)
 
 
@@ -173,20 +173,20 @@ def _facts(answer: AcceptAnswer, predictions: Predictions | None, drive: Drive) 
         yield steps_fact(predictions)
     codes = " ".join(dict.fromkeys(note.code for note in answer.remarks))
     yield "remarks", f"hdassist explain {codes}" if codes else ""
-    first = by_severity(answer.checks)[0]
+    first = _by_severity(answer.checks)[0]
     measured = first.basis == "predicted" and first.verdict != "FAIL"
-    yield "next", f"{again('accept', drive)} {first.option}" if measured else to_explain(answer.checks)
+    yield "next", f"{again('accept', drive)} {first.option}" if measured else _to_explain(answer.checks)
 
 
-def sentence(check: DecidedCheck) -> str:
+def _sentence(check: DecidedCheck) -> str:
     """A check in words: value, uncertainty or range, limit, margin and the guard that it needs, how it is known."""
-    cells = {quantity.key: quantity.of(check) for quantity in DECISION_COLUMNS}
+    cells = {quantity.key: quantity.of(check) for quantity in _DECISION_COLUMNS}
     if not cells["value"]:
-        return f"{shown_label(check)}: no value, limit {bound(check)}{_unit(check)}"
+        return f"{_shown_label(check)}: no value, limit {_bound(check)}{_unit(check)}"
     spread = f" ± {cells['expanded_uncertainty']}" if cells["expanded_uncertainty"] else ""
     value = cells["value"] + spread + (f" ({cells['range']})" if cells["range"] else "")
     rest = [f"{name} {cells[name]}" for name in ("limit", "margin", "guard", "kept") if cells[name]]
-    return ", ".join(filter(None, (f"{shown_label(check)}: {value}{_unit(check)}", *rest, check.basis)))
+    return ", ".join(filter(None, (f"{_shown_label(check)}: {value}{_unit(check)}", *rest, check.basis)))
 
 
 def _unit(check: DecidedCheck) -> str:
@@ -194,14 +194,14 @@ def _unit(check: DecidedCheck) -> str:
     return "″" if check.unit == "arcsec" else f" {check.unit.replace('*', '·')}"
 
 
-def is_open(check: DecidedCheck) -> bool:
+def _is_open(check: DecidedCheck) -> bool:
     """Whether a prediction leaves a check open, so that measuring decides it."""
     return check.verdict == "INCONCLUSIVE" and check.basis == "predicted"
 
 
-def to_explain(checks: Iterable[DecidedCheck]) -> str:
+def _to_explain(checks: Iterable[DecidedCheck]) -> str:
     """The command that explains failed checks, or measured ones that are open; empty without any."""
-    codes = [each.code for each in checks if each.verdict in ("FAIL", "INCONCLUSIVE") and not is_open(each)]
+    codes = [each.code for each in checks if each.verdict in ("FAIL", "INCONCLUSIVE") and not _is_open(each)]
     return f"hdassist explain {' '.join(dict.fromkeys(codes))}" if codes else ""
 
 
@@ -238,8 +238,8 @@ def lot_report(lot: Lot, answers: Sequence[AcceptAnswer]) -> Report:
 def _deciding(answer: AcceptAnswer) -> str:
     """The check that decides, the worst one with the least room, and why it is not plain; or the first error."""
     if not answer.error:
-        worst = by_severity(shown_checks(answer))[0]
-        return "; ".join(filter(None, (sentence(worst), worst.reason)))
+        worst = _by_severity(_shown_checks(answer))[0]
+        return "; ".join(filter(None, (_sentence(worst), worst.reason)))
     first, *more = answer.error.message.splitlines()
     return first + (f" (and {len(more)} more)" if more else "")
 
@@ -249,7 +249,7 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
     remarks = Counter(code for answer in answers for code in {remark.code for remark in answer.remarks})
     yield "remarks", "; ".join(f"{code}: {_drives(remarks[code])}" for code in sorted(remarks))
     checks = sorted((check for answer in answers for check in answer.checks), key=lambda check: check.code)
-    open_ = sorted({check.label for check in checks if is_open(check)})
+    open_ = sorted({check.label for check in checks if _is_open(check)})
     yield "measure", f"{'; '.join(open_)}: open by its prediction" if open_ else ""
     beyond = [
         (each, check) for each in answers for check in each.checks if check.check is F_IOR and check.verdict == "FAIL"
@@ -260,7 +260,7 @@ def _lot_facts(answers: Sequence[AcceptAnswer]) -> Iterator[Fact]:
         preset = first.request.preset if first.request else first.preset.name
         more = f"; {len(beyond) - 1} more" * (len(beyond) > 1)
         yield "turn it", f"{title(first)}: {again('mount', None, *value, *torque).replace('PRESET', preset)}{more}"
-    yield "next", to_explain(checks)
+    yield "next", _to_explain(checks)
 
 
 def _drives(count: int) -> str:
@@ -306,7 +306,7 @@ def csv(answers: Sequence[AcceptAnswer]) -> str:
         {
             "serial": answer.serial,
             "preset": answer.preset.name,
-            **{figure.key: figure.of(check) for figure in CHECK_FIGURES},
+            **{figure.key: figure.of(check) for figure in _CHECK_FIGURES},
             "exit_code": answer.exit_code,
             "error": answer.error and answer.error.message,
             **provenance(answer),
@@ -318,7 +318,7 @@ def csv(answers: Sequence[AcceptAnswer]) -> str:
 
 
 SUITES_HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<!-- hdassist accept -->\n'
-COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
+_COUNTED = {"tests": "testcase", "failures": "failure", "errors": "error", "skipped": "skipped"}
 
 
 def junit(name: str, answers: Sequence[AcceptAnswer], lot_sha256: str = "") -> str:
@@ -335,7 +335,7 @@ def junit(name: str, answers: Sequence[AcceptAnswer], lot_sha256: str = "") -> s
         _suite(root, answer, lot_sha256)
     for element in (*root, root):
         kinds = Counter(inner.tag for inner in element.iter())
-        counted = {key: str(kinds[tag]) for key, tag in COUNTED.items() if element is not root or key != "skipped"}
+        counted = {key: str(kinds[tag]) for key, tag in _COUNTED.items() if element is not root or key != "skipped"}
         element.attrib.update(counted)
     indent(root)
     return SUITES_HEAD + tostring(root, encoding="unicode") + "\n"
@@ -363,12 +363,12 @@ def _suite(root: Element, answer: AcceptAnswer, lot_sha256: str) -> None:
         message = f"{answer.status}: {error.message.splitlines()[0]}"
         case("no answer", "error", message, error.code or "INTERNAL", error.message, hint, code)
     for check in answer.checks:
-        words = f"{check.verdict}: {sentence(check)}"
+        words = f"{check.verdict}: {_sentence(check)}"
         because = f"because: {check.reason}" if check.reason else ""
         if check.verdict == "PASS":
             case(check.label, "system-out", "", "", words, because)
         else:
-            todo = f"measure it, {check.option}" if is_open(check) else f"hdassist explain {check.code}"
+            todo = f"measure it, {check.option}" if _is_open(check) else f"hdassist explain {check.code}"
             case(check.label, "failure", words, str(check.verdict), words, because, f"what to do: {todo}")
     for label in answer.left_out:
         case(label, "skipped", "not tested: nothing was measured", "")

@@ -85,11 +85,11 @@ def seat_of(advice: Advice, say: Texts, goal: Position | None, pointers: Sequenc
     return Seat(say("seat.title"), holes, first, turned, tuple(drawn), tuple(pointers), barred, legend)
 
 
-WARNINGS = 4  # that a card has room for
-LETTERS_OF_WARNINGS = 240  # of one of them
+_WARNINGS = 4  # that a card has room for
+_LETTERS_OF_WARNINGS = 240  # of one of them
 WHEELS = {"b": "rigid", "g": "flexspline"}
-DIGITS = 12  # of a SHA-256
-CARD_TRIALS = 8  # that a card has room for
+_DIGITS = 12  # of a SHA-256
+_CARD_TRIALS = 8  # that a card has room for
 
 
 @dataclass(frozen=True)
@@ -237,15 +237,15 @@ def warnings_of(drive: Drive, say: Texts) -> tuple[str, ...]:
 
 
 def _warnings(found: Sequence[str], say: Texts) -> Iterator[str]:
-    yield from map(_cut, found[:WARNINGS])
-    if len(found) > WARNINGS:
-        yield say("warnings.more", count=len(found) - WARNINGS)
+    yield from map(_cut, found[:_WARNINGS])
+    if len(found) > _WARNINGS:
+        yield say("warnings.more", count=len(found) - _WARNINGS)
 
 
 def _foot(advice: Advice, say: Texts, made: date) -> Iterator[str]:
     drive = advice.drive
     by_torque = dict[float, list[str]]()
-    for trial in advice.trials[:CARD_TRIALS]:
+    for trial in advice.trials[:_CARD_TRIALS]:
         where = place_at(trial.rotation_deg, hole_of(trial.rotation_deg, drive.mounting.holes), say)
         words = say("foot.trial", where=where, value=say.number(trial.F_ior_arcsec))
         by_torque.setdefault(advice.torque_of(trial), []).append(words)
@@ -253,10 +253,10 @@ def _foot(advice: Advice, say: Texts, made: date) -> Iterator[str]:
         (first, words), *others = ((say.torque(M_g), "; ".join(words)) for M_g, words in by_torque.items())
         yield say("foot.trials", torque=first, trials="; ".join([words, *(": ".join(each) for each in others)]))
     yield say("foot.source")
-    digest = drive.origin.sha256[:DIGITS]
+    digest = drive.origin.sha256[:_DIGITS]
     yield say("foot.origin", version=__version__, name=drive.name, digest=digest, date=say.date(made))
     for name, measured in advice.measured.by_name.items() if advice.measured else ():
-        file, digest = shown(measured.pitch.file), measured.pitch.sha256[:DIGITS]
+        file, digest = shown(measured.pitch.file), measured.pitch.sha256[:_DIGITS]
         yield say("foot.measured", wheel=say(f"wheel.{WHEELS[name]}"), file=file, digest=digest)
     if drive.origin.overrides:
         yield say("foot.overrides", values=_cut(", ".join(drive.origin.overrides)))
@@ -264,4 +264,4 @@ def _foot(advice: Advice, say: Texts, made: date) -> Iterator[str]:
 
 def _cut(text: str) -> str:
     """As much of a text as a card has room for."""
-    return text if len(text) <= LETTERS_OF_WARNINGS else f"{text[:LETTERS_OF_WARNINGS].rstrip()}..."
+    return text if len(text) <= _LETTERS_OF_WARNINGS else f"{text[:_LETTERS_OF_WARNINGS].rstrip()}..."

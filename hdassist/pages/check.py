@@ -49,7 +49,7 @@ from hdassist.terminal.words import (
 from hdassist.verdict import Verdict
 
 _ANGLES = ("phi_h", "phi_g", "phi_b")
-UNKNOWN_AT_ZERO = "F_ior_shown_arcsec, at_max and at_min take what is not known as 0"
+_UNKNOWN_AT_ZERO = "F_ior_shown_arcsec, at_max and at_min take what is not known as 0"
 
 
 def _angle_deg(end: str, angle: str, point: OperatingPoint) -> float | None:
@@ -74,8 +74,8 @@ POINT_QUANTITIES = quantity_table(
     **{f"{end}.{angle}": partial(_angle_deg, end, angle) for end in ("at_max", "at_min") for angle in _ANGLES},
 )
 BELIEF = quantity_table("check.belief")
-MONTE_CARLO = quantity_table("check.monte_carlo", **{f"error_{p}": partial(_percentile_error, p) for p in (5, 50, 95)})
-OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of the unknown inputs too
+_MONTE_CARLO = quantity_table("check.monte_carlo", **{f"error_{p}": partial(_percentile_error, p) for p in (5, 50, 95)})
+_OVER_BELIEF = {"F_ior_arcsec", "F_ior_upper_arcsec", "verdict"}  # of the unknown inputs too
 
 _ON_PAGE = quantity_table(
     "check.page",
@@ -87,7 +87,7 @@ _ON_PAGE = quantity_table(
 def check_report(check: DesignCheck, seed: int) -> Report:
     """A design check; seed, of its sample that was solved again."""
     least_sure = check.points[check.least_sure]
-    first = spread_curve(check, check.samples) if check.samples and check.prior else error_curve(check, least_sure)
+    first = _spread_curve(check, check.samples) if check.samples and check.prior else _error_curve(check, least_sure)
     others = [point for point in check.points if check.samples or point is not least_sure]
     k, fixed = Kinematics.of(check.drive), wheel(check.drive)
     return Report(
@@ -95,13 +95,13 @@ def check_report(check: DesignCheck, seed: int) -> Report:
         drive=check.drive,
         head=f"{check.drive.name}, {k.z_g}/{k.z_b} teeth, {fixed} fixed{heading(check.measured)}",
         verdict=str(check.verdict),
-        why=tuple(filter(None, map(verdict_reason, check.points))) or tuple(_undrawn(check)),
+        why=tuple(filter(None, map(_verdict_reason, check.points))) or tuple(_undrawn(check)),
         blocks=(F_ior_table(check), Facts.of(_facts(check)), first),
         details=(
             steps_table(check),
             *error_tables(check),
             Facts.of(check_facts(check)),
-            *(error_curve(check, each) for each in others),
+            *(_error_curve(check, each) for each in others),
         ),
         certificate=check.certificate,
         cross_checks=check.cross_checks,
@@ -128,7 +128,7 @@ def F_ior_table(check: DesignCheck) -> Table:
     return Table.by_row(title, _ON_PAGE, check.points)
 
 
-def verdict_reason(point: OperatingPoint) -> str:
+def _verdict_reason(point: OperatingPoint) -> str:
     """Why the verdict at a torque is as it is; empty where there is no limit, or no probability."""
     if not (found := point.probability):
         return ""
@@ -192,7 +192,7 @@ def fitted_words(prior: DrivePrior) -> str:
     return f"identified, as fitted: {', '.join(paths[:3])}{more}" if paths else ""
 
 
-def error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
+def _error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
     """The error over the full cycle at a torque: of the drive, or of one near the median of what it may be."""
     assert point.error
     zero = ", unknown as 0" * bool(check.unknown and not check.samples)
@@ -206,7 +206,7 @@ def error_curve(check: DesignCheck, point: OperatingPoint) -> Curve:
     )
 
 
-def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
+def _spread_curve(check: DesignCheck, samples: Samples) -> Curve:
     """Percentiles of F'_ior over samples, at the torque that is least sure."""
     point = check.points[check.least_sure]
     held = "" if point.left_arcsec is None else "; line: limit less self error"
@@ -221,25 +221,25 @@ def spread_curve(check: DesignCheck, samples: Samples) -> Curve:
 
 def error_tables(check: DesignCheck) -> Iterator[Table]:
     """All figures of the error by torque, and of the drive's geometry."""
-    torque, *others = (q for q in POINT_QUANTITIES if q.key not in OVER_BELIEF)
+    torque, *others = (q for q in POINT_QUANTITIES if q.key not in _OVER_BELIEF)
     still = "phi_b" if Kinematics.of(check.drive).fixed == "rigid" else "phi_g"
     shown = [q for q in others if still not in q.key]
     of = ", of a drive near the median" if check.samples else ", unknown as 0" * bool(check.unknown)
     yield Table.by_column("over the full cycle" + of, (torque, *shown), check.points)
-    yield Table.by_column("F'_ior over all that is not known exactly", (torque, *BELIEF, *MONTE_CARLO), check.points)
+    yield Table.by_column("F'_ior over all that is not known exactly", (torque, *BELIEF, *_MONTE_CARLO), check.points)
 
 
 def _values(check: DesignCheck, seed: int) -> Json:
     k = Kinematics.of(check.drive)
     return {
-        "warnings": [*check.warnings, *[UNKNOWN_AT_ZERO] * bool(check.unknown and not check.samples)],
+        "warnings": [*check.warnings, *[_UNKNOWN_AT_ZERO] * bool(check.unknown and not check.samples)],
         "kinematics": {
             "u_hg" if k.fixed == "rigid" else "u_hb": k.u,
             **attributes(k, "fixed", "cycle_states", "cycle_cam_revolutions"),
         },
         "pitch": pitch_object(check.measured),
         "operating_points": as_objects(
-            (*POINT_QUANTITIES, *BELIEF, *MONTE_CARLO, Quantity("held_arcsec")), check.points
+            (*POINT_QUANTITIES, *BELIEF, *_MONTE_CARLO, Quantity("held_arcsec")), check.points
         ),
         "unknown": unknown_objects(check.unknown),
         "identified_as_exact": check.prior.fitted if check.prior else [],
@@ -262,8 +262,8 @@ def _line(check: DesignCheck) -> str:
     )
 
 
-SHOWN_STEPS = 3  # on a short page
-COUPLING_ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
+_SHOWN_STEPS = 3  # on a short page
+_COUPLING_ANSWERS = {"oldham": "Oldham coupling", "solid": "solid hub"}
 
 
 def steps_table(check: DesignCheck) -> Table:
@@ -272,7 +272,7 @@ def steps_table(check: DesignCheck) -> Table:
         return Table("", (), ())
     point, words, now = _before_steps(check)
     heads = ("what would it take", f"{words.partition(',')[0]} then")
-    rows = tuple((step_words(each, check.drive), outcome_words(each, point)) for each in check.steps)
+    rows = tuple((_step_words(each, check.drive), _outcome_words(each, point)) for each in check.steps)
     return Table(f"{words} at {point.M_g:g} N·m, now {now}", heads, rows)
 
 
@@ -282,9 +282,9 @@ def steps_fact(check: DesignCheck) -> Fact:
         return "steps", ""
     point, words, now = _before_steps(check)
     lines = [f"{words} at {point.M_g:g} N·m, now {now}; what it would take:"]
-    for each in check.steps[:SHOWN_STEPS]:
-        step = step_words(each, check.drive).removesuffix(" (cam.coupling)")
-        lines.append(f"{step.removesuffix('?')}{'?' if step.endswith('?') else ':'} {outcome_words(each, point)}")
+    for each in check.steps[:_SHOWN_STEPS]:
+        step = _step_words(each, check.drive).removesuffix(" (cam.coupling)")
+        lines.append(f"{step.removesuffix('?')}{'?' if step.endswith('?') else ':'} {_outcome_words(each, point)}")
     return "steps", "\n".join(lines)
 
 
@@ -298,7 +298,7 @@ def _before_steps(check: DesignCheck) -> tuple[OperatingPoint, str, str]:
     return point, f"F'_ior + self error, limit {point.limit_arcsec:g}″,", f"{point.F_ior_upper_arcsec:.1f}″"
 
 
-def step_words(step: Step, drive: Drive) -> str:
+def _step_words(step: Step, drive: Drive) -> str:
     """A step in words, the field or the command behind it in brackets."""
     holes = drive.mounting.holes
     if step.kind == "question":
@@ -317,13 +317,13 @@ def step_words(step: Step, drive: Drive) -> str:
     }[step.kind]
 
 
-def outcome_words(step: Step, point: OperatingPoint) -> str:
+def _outcome_words(step: Step, point: OperatingPoint) -> str:
     """The outcome of a step at a torque, or with each answer to a question."""
     if step.kind != "question":
         return _value(step.outcomes[0], point)
     unit = "" if step.of == "cam.coupling" else f" {field_unit(step.of)}"
     return ", ".join(
-        f"{COUPLING_ANSWERS.get(each.answer) or each.answer + unit} {_value(each, point)}" for each in step.outcomes
+        f"{_COUPLING_ANSWERS.get(each.answer) or each.answer + unit} {_value(each, point)}" for each in step.outcomes
     )
 
 

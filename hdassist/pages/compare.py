@@ -38,9 +38,9 @@ from hdassist.terminal.words import again, named, not_known, on_what
 from hdassist.variants import DriveChanges, DrivesComparison, DriveSheet, ErrorChange
 
 _PLOTTED_ROWS = 4
-PLOTTED_TURNS = 1.0  # of the cam, to either side of the largest difference
-TABLED_ORDERS = 12  # the greatest
-SHORT_PAGE = 5  # numbers on a short page
+_PLOTTED_TURNS = 1.0  # of the cam, to either side of the largest difference
+_TABLED_ORDERS = 12  # the greatest
+_SHORT_PAGE = 5  # numbers on a short page
 _VERDICT_WORDS = {
     "agrees": "agrees, no change of the preset is needed",
     "mirrored": "mirrored, the file fits clearly better read the other way round",
@@ -49,7 +49,7 @@ _VERDICT_WORDS = {
     "unexplained": "unexplained",
 }
 
-COMPARED_NUMBERS = quantity_table(
+_COMPARED_NUMBERS = quantity_table(
     "compare.numbers",
     predicted_range=lambda result: float(np.ptp(result.predicted_curve)),
     largest_deg=lambda result: 360 * result.largest[1],
@@ -69,14 +69,14 @@ def _amplitude(found: OrderAmplitude) -> str:
     return _plus_minus(found.amplitude_arcsec, found.uncertainty_arcsec, 2)
 
 
-COMPARED_ORDERS = quantity_table("compare.orders", amplitude=_amplitude)
-FILE: Quantity[Comparison] = Quantity("file", value="measurement.trace.file")
+_COMPARED_ORDERS = quantity_table("compare.orders", amplitude=_amplitude)
+_FILE: Quantity[Comparison] = Quantity("file", value="measurement.trace.file")
 
 
 def comparison_report(result: Comparison) -> Report:
     """A measured trace over the predicted one."""
     trace, bins = result.measurement.trace, result.sweep.bins
-    numbers = [replace(quantity, unit="") for quantity in COMPARED_NUMBERS[:SHORT_PAGE]]
+    numbers = [replace(quantity, unit="") for quantity in _COMPARED_NUMBERS[:_SHORT_PAGE]]
     return Report(
         command="compare",
         drive=result.drive,
@@ -84,7 +84,11 @@ def comparison_report(result: Comparison) -> Report:
         verdict=_VERDICT_WORDS[result.conclusion.kind],
         why=(_why(result),),
         blocks=(Table.by_row("", numbers, [result]), Facts.of(_facts(result)), _curves(result)),
-        details=(Table.by_column("", (FILE, *COMPARED_NUMBERS), [result]), *_tables(result), Facts.of(_starts(result))),
+        details=(
+            Table.by_column("", (_FILE, *_COMPARED_NUMBERS), [result]),
+            *_tables(result),
+            Facts.of(_starts(result)),
+        ),
         certificate=result.certificate,
         values=_values(result),
         csv=csv_columns(
@@ -184,7 +188,7 @@ def _curves(result: Comparison) -> Curve:
     """Both curves around the largest difference."""
     bins, worst = result.sweep.bins, result.largest[1]
     sweep = bins.sweep == bins.sweep[abs(bins.turns - worst).argmin()]
-    shown = sweep & (abs(bins.turns - worst) <= PLOTTED_TURNS)
+    shown = sweep & (abs(bins.turns - worst) <= _PLOTTED_TURNS)
     predicted = result.predicted_arcsec[shown]
     return Curve(
         bins.turns[shown], predicted + result.residual_arcsec[shown],
@@ -196,9 +200,9 @@ def _curves(result: Comparison) -> Curve:
 def _tables(result: Comparison) -> Iterator[Table]:
     """The greatest orders, and all fits."""
     by_size = sorted(result.orders, key=lambda p: -max(p.measured.amplitude_arcsec, p.predicted.amplitude_arcsec))
-    shown = sorted(by_size[:TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
-    title = f"amplitude·cos(order·angle + phase), ″ and deg: the {TABLED_ORDERS} greatest of {len(result.orders)}"
-    yield Table.by_row(title, COMPARED_ORDERS, shown)
+    shown = sorted(by_size[:_TABLED_ORDERS], key=lambda pair: pair.per_cam_rev)
+    title = f"amplitude·cos(order·angle + phase), ″ and deg: the {_TABLED_ORDERS} greatest of {len(result.orders)}"
+    yield Table.by_row(title, _COMPARED_ORDERS, shown)
     if result.singles:
         title = (
             "deviations fitted alone, the best first, and together; ±: standard; left: chi-square per degree of freedom"
@@ -239,7 +243,7 @@ def _values(result: Comparison) -> Json:
         "notes": list(result.measurement.notes),
         "M_g_Nm": result.M_g,
         "place": place,
-        **as_object(COMPARED_NUMBERS, result),
+        **as_object(_COMPARED_NUMBERS, result),
         "orders": [asdict(pair) for pair in result.orders],
         "finding": {
             "kind": result.conclusion.kind,
@@ -254,10 +258,10 @@ def _values(result: Comparison) -> Json:
     }
 
 
-NAMED_PATHS = 6  # in a line
+_NAMED_PATHS = 6  # in a line
 _NO_ERROR = 1e-9  # arcsec
-LARGEST_SHARE = 100.0  # of F'_ior of A: a greater one says that A has hardly any error
-DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "better")
+_LARGEST_SHARE = 100.0  # of F'_ior of A: a greater one says that A has hardly any error
+_DRIVE_HEADS = ("", "torque", "as built", "mounted best", "against A", "better")
 
 
 def drives_report(result: DrivesComparison, seed: int) -> Report:
@@ -273,7 +277,7 @@ def drives_report(result: DrivesComparison, seed: int) -> Report:
         blocks=(
             Table(
                 "F'_ior, ″: median (5 to 95 %); against A: of the medians; better: probability of less",
-                DRIVE_HEADS,
+                _DRIVE_HEADS,
                 tuple(_drive_rows(result)),
             ),
             Facts.of(_drives_facts(result)),
@@ -301,7 +305,7 @@ def sheet_warnings(sheet: DriveSheet) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*sheet.check.warnings, *mount_warnings(sheet.advice), *stiff)))
 
 
-def F_ior_words(point: OperatingPoint, digits: str = ".2f") -> str:
+def _F_ior_words(point: OperatingPoint, digits: str = ".2f") -> str:
     """F'_ior [arcsec] at a torque, the median with its 5th and 95th percentile where inputs are unknown."""
     found = point.belief
     return f"{point.F_ior_or_error:{digits}}" + (f" ({found.p5:{digits}}-{found.p95:{digits}})" if found else "")
@@ -321,7 +325,7 @@ def _drive_rows(result: DrivesComparison) -> Iterator[tuple[str, ...]]:
             better = NO_VALUE if odds is None else f"{100 * odds:.0f} %"
             best, point = sheet.advice.chosen, sheet.check.points[k]
             mounted = f"{best.F_ior_arcsec[k]:.1f}, {hole_place(best)}"
-            yield letter, f"{point.M_g:g} N·m", F_ior_words(point, ".1f"), mounted, change, better
+            yield letter, f"{point.M_g:g} N·m", _F_ior_words(point, ".1f"), mounted, change, better
 
 
 def _most_by(result: DrivesComparison, changes: DriveChanges) -> str:
@@ -337,7 +341,7 @@ def _change(result: DrivesComparison, sheet: DriveSheet, changes: DriveChanges, 
     share = sheet.check.points[k].F_ior_or_error / max(before, _NO_ERROR) - 1
     if sense == NOT_KNOWN and changes.probability_better[k] is None:
         return "open"
-    return sense if sense == "the same" else "more" if share > LARGEST_SHARE else f"{100 * share:+.0f} %"
+    return sense if sense == "the same" else "more" if share > _LARGEST_SHARE else f"{100 * share:+.0f} %"
 
 
 def _loads(result: DrivesComparison) -> list[str]:
@@ -402,8 +406,8 @@ def _drives_facts(result: DrivesComparison) -> Iterator[Fact]:
 
 def _some(paths: Sequence[str]) -> str:
     """The first of some paths, and how many more there are."""
-    more = f" and {len(paths) - NAMED_PATHS} more" if len(paths) > NAMED_PATHS else ""
-    return ", ".join(dict.fromkeys(paths[:NAMED_PATHS])) + more
+    more = f" and {len(paths) - _NAMED_PATHS} more" if len(paths) > _NAMED_PATHS else ""
+    return ", ".join(dict.fromkeys(paths[:_NAMED_PATHS])) + more
 
 
 def _drives_values(result: DrivesComparison, seed: int) -> Json:

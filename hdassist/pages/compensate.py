@@ -25,8 +25,8 @@ from hdassist.terminal.words import again
 from hdassist.verdict import Verdict
 
 UNPROVEN = "no real drive has been corrected with this yet: record the first one corrected"
-TOLD_NOISE_CYCLES = 1.5  # full cycles in a record that tells its noise
-OTHER_DIRECTION = "other_direction_arcsec"  # whose torque has rows of its own
+_TOLD_NOISE_CYCLES = 1.5  # full cycles in a record that tells its noise
+_OTHER_DIRECTION = "other_direction_arcsec"  # whose torque has rows of its own
 _SHORT_FORM = "output turn, 256 points"  # that many controllers keep
 
 
@@ -112,7 +112,7 @@ def _columns(result: Correction) -> dict[str, Array]:
     if not result.chosen.form.each_load:
         return correction_columns(result.correction)
     tables = [correction_columns(each) for each in result.corrections.values()]
-    joined = {name: np.concatenate([each[name] for each in tables]) for name in tables[0] if name != OTHER_DIRECTION}
+    joined = {name: np.concatenate([each[name] for each in tables]) for name in tables[0] if name != _OTHER_DIRECTION}
     return {"M_g_Nm": np.repeat([*result.corrections], len(next(iter(tables[0].values())))), **joined}
 
 
@@ -170,7 +170,7 @@ def _record_facts(result: Correction) -> Iterator[Fact]:
         yield "record", f"at {recorded} N·m, {words}"
     elif recorded:
         yield "record", f"at {recorded} N·m, whose angles the correction has"
-    if not result.drive and turns[0] < TOLD_NOISE_CYCLES * cycle:
+    if not result.drive and turns[0] < _TOLD_NOISE_CYCLES * cycle:
         yield "noise", "one cycle does not tell it from error: the upper end of what is left has all of it"
         yield "measure", "the cycle twice or more: noise averages out, error does not"
 

@@ -38,7 +38,7 @@ from hdassist.terminal.words import again, heading, not_known, on_what
 from hdassist.verdict import worst_exit_code
 
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 2  # with --details and without, the greatest
-MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
+_MANY_TURNS = 8  # cam turns from which on a curve is a block, and its envelope is drawn
 
 ORDER_QUANTITIES = quantity_table("trace.orders")
 
@@ -129,31 +129,31 @@ def _along_words(along: ErrorAlong | None) -> str:
 
 def curve_of_turns(turns: Series, error: Series, words: str) -> Curve:
     """The error over cam turns; words: of the error, with its unit."""
-    over = float(np.ptp(turns) > MANY_TURNS)
+    over = float(np.ptp(turns) > _MANY_TURNS)
     around = ": least and greatest around each cam turn" if over else ""
     return Curve(turns, error, x_label="cam angle, turns", y_label=f"{words}{around}", over=over, rows=4)
 
 
-ARCMIN = pi / 10800  # rad
+_ARCMIN = pi / 10800  # rad
 
 
 def _scaled(stiffness: float) -> str:
     return f"{stiffness / 1e4:.3g}"
 
 
-def percent_off(percent: float) -> str:
+def _percent_off(percent: float) -> str:
     """How far a value is off another one, in per cent of that."""
     return f"{percent:+z.0f} %"
 
 
-WHOLE_QUANTITIES, SEGMENT_QUANTITIES = quantity_table("stiffness.whole"), quantity_table("stiffness.segments")
+WHOLE_QUANTITIES, _SEGMENT_QUANTITIES = quantity_table("stiffness.whole"), quantity_table("stiffness.segments")
 _SEGMENT_COLUMNS = quantity_table(
     "stiffness.page",
     symbol=lambda name: name.replace("_", ""),
     span=lambda segment: f"{segment.start:.4g} to {segment.end:.4g}",
     scaled=_scaled,
-    percent_off=percent_off,
-    by_arcmin=lambda beside: beside.segment.stiffness * ARCMIN,
+    percent_off=_percent_off,
+    by_arcmin=lambda beside: beside.segment.stiffness * _ARCMIN,
 )
 
 
@@ -177,7 +177,7 @@ def stiffness_report(drive: Drive, found: Stiffness) -> Report:
         values={
             **as_object(WHOLE_QUANTITIES, found),
             "catalogue": stiffness_object(drive.catalogue, found),
-            **{name: as_objects(SEGMENT_QUANTITIES, side) for name, side in sides.items()},
+            **{name: as_objects(_SEGMENT_QUANTITIES, side) for name, side in sides.items()},
             "curve": curve,
         },
         csv=csv_columns(**curve),
@@ -203,23 +203,23 @@ def _facts(drive: Drive, found: Stiffness) -> Iterator[Fact]:
     ends = f"±{100 * LOST_MOTION_SHARE:.0f} % of {found.rated:g} N·m"
     yield "lost motion", f"{found.lost_motion_arcsec:.2f}″ between {ends}; play {found.play_arcsec:.2f}″"
     theirs = drive.catalogue.lost_motion
-    percent = percent_off(off(found.lost_motion_arcsec, theirs) or 0.0)
+    percent = _percent_off(off(found.lost_motion_arcsec, theirs) or 0.0)
     yield "  catalogue", f"{theirs:g}″, with friction; ours is off by {percent}" if theirs else ""
     yield "assumed", on_what(drive)
     yield "next", again("check", drive)
 
 
-ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")
+_ROW_COLUMNS = ("M_g_Nm", "F_ior_arcsec", "max_residual", "reason")
 
 
 def columns(sweep: Sweep) -> list[str]:
     """Names of the columns of the rows: a field in its own unit, then the result."""
-    return [*(axis.path for axis in sweep.varied), *ROW_COLUMNS]
+    return [*(axis.path for axis in sweep.varied), *_ROW_COLUMNS]
 
 
 def cells(record: SweepRow) -> list[Any]:
     """A record as a row of those columns."""
-    return [*record.values.values(), *attributes(record, *ROW_COLUMNS).values()]
+    return [*record.values.values(), *attributes(record, *_ROW_COLUMNS).values()]
 
 
 def sweep_report(swept: Swept, records: Iterable[SweepRow]) -> Report:

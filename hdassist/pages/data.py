@@ -15,8 +15,8 @@ from hdassist.verdict import Verdict
 if TYPE_CHECKING:
     from hdassist.calibration import Calibration, Fit, Targets
 
-UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
-NOTE = "fitted targets are no evidence for the model: targets that were not fitted are"
+_UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
+_NOTE = "fitted targets are no evidence for the model: targets that were not fitted are"
 
 
 def calibrate_report(result: Calibration, written: str | None = None) -> Report:
@@ -47,7 +47,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
                 "values, half width of their interval, bounds", quantity_table("calibrate.values"), result.values
             ),
             Table("targets", ("target", "unit", "wanted", "found", "off, tolerances", ""), tuple(rows)),
-            Facts((("note", NOTE), ("next", next_))),
+            Facts((("note", _NOTE), ("next", next_))),
         ),
         details=(Table("sets of values that were kept", heads, tuple(kept)),),
         values={
@@ -77,7 +77,7 @@ def _warnings(result: Calibration) -> Iterator[str]:
         yield from unknown_notes(result.drive)
     if result.shortfall:
         yield f"targets are missed: {result.shortfall}; the values are the nearest that were found, and no preset"
-    if open_ := [each.path for each in result.values if each.determined < UNDETERMINED]:
+    if open_ := [each.path for each in result.values if each.determined < _UNDETERMINED]:
         yield f"the targets do not determine {', '.join(open_)}"
     for a, b, correlation in result.indistinct:
         yield f"the targets cannot tell {a} and {b} apart (correlation {correlation:+.2f})"
@@ -94,7 +94,7 @@ def _set_object(targets: Targets, fit: Fit) -> Json:
     }
 
 
-KIND_TITLES = {
+_KIND_TITLES = {
     "error": "errors",
     "quantity or word": "quantities and words",
     "symbol": "symbols",
@@ -127,6 +127,6 @@ def _entry_facts(entry: Entry) -> Facts:
 def _all_names() -> Iterator[ReportSection]:
     """The names of all there is, by kind."""
     yield ReportSection("checks and remarks", (Facts.of((item.code, item.words) for item in CODES.values()),))
-    for kind, title in KIND_TITLES.items():
+    for kind, title in _KIND_TITLES.items():
         names = ", ".join(entry.names[0] for entry in entries() if entry.kind == kind)
         yield ReportSection(title, (Paragraph(names),))

@@ -49,27 +49,27 @@ from hdassist.terminal.words import again
 
 _NAMED_SLOW = 0.1  # of F'_ior: least slow terms in a line
 _LISTED_ORDERS, _NAMED_ORDERS = 12, 3  # in the table, and in a line: the greatest
-DIRECTION_NAMES = {1: "growing", -1: "falling"}
+_DIRECTION_NAMES = {1: "growing", -1: "falling"}
 
 
-def ends_text(interval: Sequence[float]) -> str:
+def _ends_text(interval: Sequence[float]) -> str:
     """The ends of an interval as tables show them."""
     return "{:.2f} to {:.2f}".format(*interval)
 
 
-_FORMATS: dict[str, Any] = {"direction_name": DIRECTION_NAMES.__getitem__, "ends": ends_text}  # of quantities
-ORDER_COLUMNS = quantity_table("measure.orders", cause_or_none=lambda order: order.cause or None)
+FORMATS: dict[str, Any] = {"direction_name": _DIRECTION_NAMES.__getitem__, "ends": _ends_text}  # of quantities
+_ORDER_COLUMNS = quantity_table("measure.orders", cause_or_none=lambda order: order.cause or None)
 _CYCLE, _BUDGET = quantity_table("measure.cycle"), quantity_table("measure.budget")
-SWEEP_QUANTITIES = quantity_table(
+_SWEEP_QUANTITIES = quantity_table(
     "measure.sweep",
     yes_or_no={True: "yes", False: "no"}.__getitem__,
     percent=lambda share: f"{100 * share:.1f}",
     rows=lambda sweep: int(sweep.bins.rows.sum()),
     drift=lambda sweep: 0.0 if sweep.is_part else float(sweep.fit.drift.sum()),
     residual_rms=lambda sweep: float(np.std(sweep.fit.residual)),
-    **_FORMATS,
+    **FORMATS,
 )
-_ON_PAGE = quantity_table("measure.page", percent_sign=lambda share: f"{100 * share:.1f} %", **_FORMATS)
+_ON_PAGE = quantity_table("measure.page", percent_sign=lambda share: f"{100 * share:.1f} %", **FORMATS)
 
 
 def measure_report(
@@ -98,7 +98,7 @@ def measure_report(
         ),
         details=(
             Table.by_column("full cycle", _CYCLE, [gearing] if gearing else []),
-            Table.by_column("all numbers", SWEEP_QUANTITIES, result.directions),
+            Table.by_column("all numbers", _SWEEP_QUANTITIES, result.directions),
             *(block for each in result.directions for block in _details(each)),
             *map(_curve, others),
             Facts.of([("slope", slope_words(*slope, None))] if (slope := result.slope_arcsec_per_deg) else []),
@@ -243,14 +243,14 @@ def _slow(found: SweepResult) -> str:
 def _curve(found: SweepResult) -> Curve:
     """The error in the first sweep of a direction, without the parts taken off."""
     first = found.bins.sweep == 0
-    words = f"error, ″, {DIRECTION_NAMES[found.direction]} cam angle"
+    words = f"error, ″, {_DIRECTION_NAMES[found.direction]} cam angle"
     turns = found.bins.turns[first]
     return curve_of_turns(turns, found.fit.error[first], words)
 
 
 def _details(found: SweepResult) -> Iterator[ReportSection]:
     """Orders and budget of uncertainty of a direction."""
-    shown = ORDER_COLUMNS[:5] if any(order.cause for order in found.orders) else ORDER_COLUMNS[:4]
+    shown = _ORDER_COLUMNS[:5] if any(order.cause for order in found.orders) else _ORDER_COLUMNS[:4]
     greatest = sorted(found.orders, key=lambda o: -o.amplitude_arcsec)[:_LISTED_ORDERS]
     title = f"orders: amplitude·cos(order·angle + phase), the {len(greatest)} greatest of {len(found.orders)}"
     orders = Table.by_row(title, shown, sorted(greatest, key=lambda o: o.per_cam_rev))
@@ -261,15 +261,15 @@ def _details(found: SweepResult) -> Iterator[ReportSection]:
     title = f"standard uncertainty of F'_ior; 95 %: k = {COVERAGE_FACTOR:g}"
     budget = Table.by_row(title, _BUDGET, [*found.sources, together])
     title = "orders of the cam, each with its beats"
-    together_with_beats = Table.by_row(title, (*ORDER_COLUMNS[:3], *shown[4:]), found.orders_of_cam)
-    yield ReportSection(f"{DIRECTION_NAMES[found.direction]} cam angle", (together_with_beats, orders, budget))
+    together_with_beats = Table.by_row(title, (*_ORDER_COLUMNS[:3], *shown[4:]), found.orders_of_cam)
+    yield ReportSection(f"{_DIRECTION_NAMES[found.direction]} cam angle", (together_with_beats, orders, budget))
 
 
 def _sweep(found: SweepResult) -> Json:
     """One direction as a JSON object."""
     return {
-        **as_object(SWEEP_QUANTITIES, found),
-        **{name: as_objects(ORDER_COLUMNS, getattr(found, name)) for name in ("orders", "orders_of_cam", "lines")},
+        **as_object(_SWEEP_QUANTITIES, found),
+        **{name: as_objects(_ORDER_COLUMNS, getattr(found, name)) for name in ("orders", "orders_of_cam", "lines")},
         "budget": as_objects(_BUDGET, found.sources),
         "torques": [asdict(each) for each in found.torques],
         "torque_miss_arcsec": found.torque_miss_arcsec,
@@ -316,7 +316,7 @@ def joint_lines(reports: Sequence[Report], results: Sequence[Measurement]) -> li
         found = next(measured).directions[0]
         share = f"{100 * found.coverage.share:.1f}" if found.coverage else NO_VALUE
         value = f"{'at least ' * found.is_bound}{found.range.value:.2f}"
-        rows.append((str(report.values["joint"]), value, ends_text(found.interval_arcsec), share))
+        rows.append((str(report.values["joint"]), value, _ends_text(found.interval_arcsec), share))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
@@ -329,9 +329,9 @@ def _interval(found: StatedQuantity) -> list[float] | None:
     return None if found.uncertainty_arcsec is None else [max(0.0, found.arcsec - reach), found.arcsec + reach]
 
 
-_QUANTITIES = quantity_table("bench.stated", interval=_interval, **_FORMATS)
+_QUANTITIES = quantity_table("bench.stated", interval=_interval, **FORMATS)
 _STATED_COLUMNS = quantity_table(
-    "bench.page", words=lambda found: _CHECKS[found.name].words, interval=_interval, **_FORMATS
+    "bench.page", words=lambda found: _CHECKS[found.name].words, interval=_interval, **FORMATS
 )
 _PLACES = quantity_table("bench.places")
 _SEEN_RANGE = quantity_table(
@@ -411,11 +411,11 @@ def _expanded(found: StatedQuantity) -> float:
     return COVERAGE_FACTOR * (found.uncertainty_arcsec or 0.0)
 
 
-ENTRY_COLUMNS = quantity_table(
+_ENTRY_COLUMNS = quantity_table(
     "archive.entries",
     F_ior=lambda entry: f"≥ {entry.low_arcsec:.2f}" if entry.F_ior_is_lower_bound else f"{entry.F_ior_arcsec:.2f}",
-    interval=lambda entry: ends_text((entry.low_arcsec, entry.high_arcsec)),
-    **_FORMATS,
+    interval=lambda entry: _ends_text((entry.low_arcsec, entry.high_arcsec)),
+    **FORMATS,
 )
 
 
@@ -432,7 +432,7 @@ def history_report(serial: str, archive: str, entries: Sequence[ArchiveEntry]) -
         verdict=verdict,
         why=tuple(map(_sentence, found)),
         blocks=(
-            Table.by_row("F'_ior in ″, torque in N·m", ENTRY_COLUMNS, entries),
+            Table.by_row("F'_ior in ″, torque in N·m", _ENTRY_COLUMNS, entries),
             Facts.of(_history_facts(entries)),
             *(_history_curve(each) for each in sorted(found, key=lambda each: -len(each.entries))[:1]),
         ),
@@ -445,8 +445,8 @@ def history_report(serial: str, archive: str, entries: Sequence[ArchiveEntry]) -
 def _sentence(found: DriveHistory) -> str:
     """The change of a history in words."""
     values, (first, *_) = [each.F_ior_arcsec for each in found.entries], found.entries
-    hole, torque = (quantity.text(first) for quantity in ENTRY_COLUMNS[1:3])
-    where = f"hole {hole}, {torque} N·m, {DIRECTION_NAMES[first.direction]} cam angle"
+    hole, torque = (quantity.text(first) for quantity in _ENTRY_COLUMNS[1:3])
+    where = f"hole {hole}, {torque} N·m, {_DIRECTION_NAMES[first.direction]} cam angle"
     spread = f"unchanged drives spread so in {100 * found.probability:.2g} % of cases"
     return f"{where}: {min(values):.2f} to {max(values):.2f}″; {spread}"
 

@@ -46,14 +46,14 @@ from hdassist.terminal.words import Texts, again, heading, influence_words, prob
 from hdassist.verdict import Verdict
 
 WORDS = {"TURN": "TURN", "LEAVE": "LEAVE", "BEST_BET": "BEST BET", "ANY_HOLE": "ANY HOLE"}
-NO_HOLE_BETTER = {
+_NO_HOLE_BETTER = {
     "floating": "the cam aligns itself (its support has a stiffness of 0), so no offset of it is felt",
     "standing": "nothing that stands still with the seat is off",
     "turning": "the wheel has no deviation that could be turned",
 }
-ROWS = 3  # holes on the first screen beside the present and the worst one
-APART = 3.0  # standard deviations by which values of one hole may differ without a remark
-LEVELS = {"p5": 0.05, "p50": 0.5, "p95": 0.95}
+_ROWS = 3  # holes on the first screen beside the present and the worst one
+_APART = 3.0  # standard deviations by which values of one hole may differ without a remark
+_LEVELS = {"p5": 0.05, "p50": 0.5, "p95": 0.95}
 
 
 def mount_report(
@@ -68,7 +68,7 @@ def mount_report(
     Arguments: seed, of its samples; carded, whether a card is written; sure, probability that was asked for: a choice
     that is less sure ends with code 6.
     """
-    drive, figures = advice.drive, list[Figure](position_curves(advice))
+    drive, figures = advice.drive, list[Figure](_position_curves(advice))
     say = ENGLISH.variant("trials") if advice.trials else ENGLISH
     figures.append(seat_of(advice, say, advice.chosen))
     count, checked = len(advice.trials), advice.verification
@@ -77,7 +77,7 @@ def mount_report(
         torques = " and ".join(f"{M_g:g}" for M_g in advice.torques_of_values)
         where = f"{count} value{'s' * (count > 1)}{_spread(advice.trials, advice.setup)} at {torques} N·m"
     found, short = advice.decision, Verdict.INCONCLUSIVE.exit_code
-    rows = dict.fromkeys((*found.ranked[:ROWS], *(() if found.stay is None else (found.stay,)), found.ranked[-1]))
+    rows = dict.fromkeys((*found.ranked[:_ROWS], *(() if found.stay is None else (found.stay,)), found.ranked[-1]))
     back = checked and checked.back_to
     word = ("GO BACK" if back else "KEEP") if checked else WORDS[advice.word]
     to_deg = (checked.back_to or checked.trial).rotation_deg if checked else advice.chosen.rotation_deg
@@ -87,9 +87,9 @@ def mount_report(
         head=f"{drive.name}, {where}",
         verdict=f"{word}, {_hole(advice, to_deg)}",
         why=tuple(filter(None, _why(advice))),
-        blocks=(positions_table(advice, list(rows)), Facts.of(_facts(advice, carded=carded)), *figures[:1]),
+        blocks=(_positions_table(advice, list(rows)), Facts.of(_facts(advice, carded=carded)), *figures[:1]),
         details=(
-            *figures[1:], positions_table(advice, range(len(found.rotations_deg)), "all holes"),
+            *figures[1:], _positions_table(advice, range(len(found.rotations_deg)), "all holes"),
             Facts.of(_more_facts(advice)),
         ),
         certificate=advice.certificate,
@@ -136,7 +136,7 @@ def _warnings_of_values(advice: Advice) -> Iterator[str]:
         for b in advice.trials[:k]:
             noise = float(np.linalg.norm(after.samples.noise((a, b))))
             alike = advice.setup.point(a) == advice.setup.point(b)
-            if alike and abs(a.F_ior_arcsec - b.F_ior_arcsec) > APART * noise:
+            if alike and abs(a.F_ior_arcsec - b.F_ior_arcsec) > _APART * noise:
                 values = f"{_where(advice, a.rotation_deg)}: {b.F_ior_arcsec:g} and {a.F_ior_arcsec:g}″"
                 yield f"{values} differ by more than a noise of {advice.setup.noise_arcsec:g} makes likely"
 
@@ -177,7 +177,7 @@ def instruction_of(advice: Advice) -> str:
         order = f"With {advice.compensated[0]} no hole is better than another by what is left. By F'_ior: {order}"
     if advice.word != "ANY_HOLE":
         return order
-    if why := NO_HOLE_BETTER.get(advice.no_hole_better):
+    if why := _NO_HOLE_BETTER.get(advice.no_hole_better):
         return f"No hole is better than another: {why}. {order}"
     why = ": the direction that decides is not known" if advice.decision.all_alike else " by 1 %"
     return f"No hole is expected to be better than another{why}. {order}"
@@ -187,11 +187,11 @@ def _why(advice: Advice) -> Iterator[str]:
     """The order, how sure it is, and the next measurement."""
     yield instruction_of(advice)
     if not advice.verification:
-        yield sure_words(advice)
+        yield _sure_words(advice)
         yield next_value_words(advice)
 
 
-def sure_words(advice: Advice) -> str:
+def _sure_words(advice: Advice) -> str:
     """How sure the choice is; empty where no hole can be told from another."""
     found = advice.decision
     if advice.word == "ANY_HOLE":
@@ -298,7 +298,7 @@ def _more_facts(advice: Advice) -> Iterator[Fact]:
         yield "unknown", unknown_names(advice.unknown)
 
 
-def positions_table(advice: Advice, places: Sequence[int], title: str = "") -> Table:
+def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> Table:
     """Some holes, by their places: F'_ior, median and range over samples, and how good each is."""
     found, rows = advice.decision, []
     names = {found.ranked[-1]: "worst", found.stay: _standing(advice), found.best: "best"}
@@ -333,14 +333,14 @@ def _standing(advice: Advice) -> str:
     return "first" if advice.trials else "now"
 
 
-def position_curves(advice: Advice) -> Iterator[Curve]:
+def _position_curves(advice: Advice) -> Iterator[Curve]:
     """F'_ior over positions of the wheel at each torque: drive as given, ranges over samples, values, limit."""
     found, holes, curve = advice.decision, advice.drive.mounting.holes, advice.curve
     per, sampled = 360 / holes if holes else 1.0, found.is_sampled
     turns = np.array(found.rotations_deg)
     if (len(turns) < 2 and (not curve or len(curve.rotation_deg) < 2)) or advice.no_hole_better == "standing":
         return
-    ends = [np.array([found.quantile(level, place) for place in range(len(turns))]) for level in LEVELS.values()]
+    ends = [np.array([found.quantile(level, place) for place in range(len(turns))]) for level in _LEVELS.values()]
     now, next_words = _standing(advice), "next"
     marked = {now: advice.current, "best": advice.chosen}
     if advice.next and advice.word != "ANY_HOLE" and advice.next.rotation_deg == marked["best"].rotation_deg:
@@ -381,7 +381,7 @@ def _values(advice: Advice, seed: int) -> Json:
     value, checked, setup = advice.value, advice.verification, advice.setup
     probability = found.probability if found.is_sampled else None
     now = [
-        {"M_g_Nm": M_g, **dict(zip(LEVELS, found.range_of(F_ior), strict=True))}
+        {"M_g_Nm": M_g, **dict(zip(_LEVELS, found.range_of(F_ior), strict=True))}
         for M_g, F_ior in zip(advice.torques, found.now_arcsec, strict=True)
     ]
     spans = [found.range_of(each.max(axis=1) / each.min(axis=1))[::2] for each in found.F_ior_arcsec]
@@ -407,7 +407,7 @@ def _values(advice: Advice, seed: int) -> Json:
         "worth": [{"values": count, "F_ior_arcsec": F_ior} for count, F_ior in advice.worths],
         "suspected": advice.suspected and _trial(advice, advice.suspected),
         "order": "turn" if advice.turn else "leave",
-        "gain": dict(zip(LEVELS, advice.gain_range, strict=True)),
+        "gain": dict(zip(_LEVELS, advice.gain_range, strict=True)),
         "to_try": advice.to_try if advice.next and not advice.trials else [],
         "influence": influence_objects(advice.influences),
         "samples": samples_object(advice.samples),
@@ -458,7 +458,7 @@ def _compensated(advice: Advice) -> Json | None:
         return None
     form, found = advice.compensated
     places = range(len(found.rotations_deg))
-    left = {name: [found.quantile(level, each) for each in places] for name, level in LEVELS.items()}
+    left = {name: [found.quantile(level, each) for each in places] for name, level in _LEVELS.items()}
     order = "none" if not advice.correction else "turn" if advice.turn else "leave"
     return {"form": form, "order": order, "rotation_deg": found.rotations_deg, "left_arcsec": left}
 

@@ -26,7 +26,7 @@ from hdassist.terminal.words import more_draws, preset_argument
 from hdassist.verdict import Verdict
 
 _LARGE_LINE = 0.1  # of the variance
-DRAWN_GROUPS = 36  # of numbers of positions: more of them are drawn over each other
+_DRAWN_GROUPS = 36  # of numbers of positions: more of them are drawn over each other
 _ENOUGH_WORDS = {Verdict.PASS: "yes", Verdict.FAIL: "no", Verdict.INCONCLUSIVE: "open"}
 
 
@@ -34,15 +34,15 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f}" if share >= 0.1 else f"{100 * share:.1f}"
 
 
-PLAN_QUANTITIES = quantity_table(
+_PLAN_QUANTITIES = quantity_table(
     "plan.tests",
     percent_seen=_percent,
     enough=lambda judged: _ENOUGH_WORDS[judged.verdict],
     step_deg=lambda judged: 360 * judged.plan.step_turns,
 )
-LINE_QUANTITIES = quantity_table("plan.lines", percent_seen=_percent)
-TEST_QUANTITIES = quantity_table("plan.run", readings=lambda test: len(_approaches(test)[0]))
-LISTED_READINGS = 96  # on a sheet: of more the file has the list
+_LINE_QUANTITIES = quantity_table("plan.lines", percent_seen=_percent)
+_TEST_QUANTITIES = quantity_table("plan.run", readings=lambda test: len(_approaches(test)[0]))
+_LISTED_READINGS = 96  # on a sheet: of more the file has the list
 
 
 def plan_report(choice: PlanChoice) -> Report:
@@ -77,14 +77,14 @@ def plan_report(choice: PlanChoice) -> Report:
         verdict=answer,
         why=tuple(_why(choice, F_ior)),
         blocks=(
-            Table.by_row("", PLAN_QUANTITIES[: 7 if limit else 5], choice.judged),
+            Table.by_row("", _PLAN_QUANTITIES[: 7 if limit else 5], choice.judged),
             Facts.of(facts),
             seen_curve(choice),
         ),
         details=(
             Table.by_row(
                 f"lines of the error as {first.name} show them; share: of its mean square",
-                LINE_QUANTITIES,
+                _LINE_QUANTITIES,
                 choice.lines,
             ),
         ),
@@ -95,15 +95,15 @@ def plan_report(choice: PlanChoice) -> Report:
             "F_ior_arcsec": dict(zip(("p5", "p50", "p95"), F_ior, strict=True)),
             "beyond_limit": drives.beyond and vars(drives.beyond),
             "verdict": str(choice.verdict),
-            "plans": as_objects(PLAN_QUANTITIES, choice.judged),
+            "plans": as_objects(_PLAN_QUANTITIES, choice.judged),
             "enough": [each.plan.name for each in choice.enough],
-            "over_positions": as_objects(PLAN_QUANTITIES, choice.over_positions),
-            "lines": as_objects(LINE_QUANTITIES, choice.lines),
-            "carried_out": as_object(TEST_QUANTITIES, choice.test),
+            "over_positions": as_objects(_PLAN_QUANTITIES, choice.over_positions),
+            "lines": as_objects(_LINE_QUANTITIES, choice.lines),
+            "carried_out": as_object(_TEST_QUANTITIES, choice.test),
             "samples": samples_object(choice.samples),
             "seed": drives.seed,
         },
-        csv=csv_table(drive.name, PLAN_QUANTITIES, choice.judged),
+        csv=csv_table(drive.name, _PLAN_QUANTITIES, choice.judged),
         line=answer,
         warnings=(*origin.warnings, *(() if choice.samples else unknown_notes(drive))),
         exit_code=choice.verdict.exit_code,
@@ -130,7 +130,7 @@ def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterat
 def seen_curve(choice: PlanChoice) -> Curve:
     """Share of F'_ior that is seen in 95 of 100 cases over the number of positions, the worst of some neighbours."""
     points = {each.plan.readings: 100 * each.seen[0] for each in choice.over_positions}
-    groups = np.array_split([*points], min(DRAWN_GROUPS, len(points)))
+    groups = np.array_split([*points], min(_DRAWN_GROUPS, len(points)))
     alike = f"; the worst of {len(groups[0])} neighbours" * (len(groups[0]) > 1)
     found = [each.plan.readings for each in choice.enough if not each.plan.is_record]
     return Curve(
@@ -203,7 +203,7 @@ def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report
             "--budget", "encoder=U,coupling=U,reseating=U,temperature=U",
         ]) if file else "",
     )  # fmt: skip
-    listed = zip(minutes, targets, sides, strict=True) if len(targets) <= LISTED_READINGS else ()
+    listed = zip(minutes, targets, sides, strict=True) if len(targets) <= _LISTED_READINGS else ()
     rows = tuple(
         (str(k + 1), f"{minute:.0f}", f"{target:.5g}", "below" if side > 0 else "above", "", "")
         for k, (minute, target, side) in enumerate(listed)

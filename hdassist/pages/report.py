@@ -46,8 +46,8 @@ from hdassist.variants import DriveSheet
 from hdassist.verdict import Verdict
 from hdassist.version import __version__
 
-INPUT_HEADS = ("input", "share, %", "preset", "drawn from", "unit", "where from")
-VERDICT_WORDS = {
+_INPUT_HEADS = ("input", "share, %", "preset", "drawn from", "unit", "where from")
+_VERDICT_WORDS = {
     Verdict.PASS: "PASS: within its limits",
     Verdict.FAIL: "FAIL: beyond its limits",
     Verdict.INCONCLUSIVE: "INCONCLUSIVE: unknown inputs could change it",
@@ -73,7 +73,7 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
         command="report",
         drive=drive,
         head=f"{k.z_g}/{k.z_b} teeth, module {drive.gears.m:g} mm, ratio {abs(k.u):g}, fixed: {TRADE[k.fixed]}",
-        verdict=VERDICT_WORDS[verdict],
+        verdict=_VERDICT_WORDS[verdict],
         why=(*check.why, *mount.why, *reasons),
         blocks=(
             Tiles(tuple(_tiles(sheet, values))),
@@ -128,7 +128,7 @@ def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
         for row, share in ((given[each.group], each.share) for each in check.influences)
     )
     title = f"inputs by their share of the spread of F'_ior at {check.points[check.least_sure].M_g:g} N·m"
-    yield Table(title, INPUT_HEADS, rows)
+    yield Table(title, _INPUT_HEADS, rows)
     names = unknown_names(check.unknown)
     sampled = f"{len(drawn)} inputs are not known exactly: {samples_words(check.samples)}. " if check.samples else ""
     yield Paragraph(
@@ -151,10 +151,10 @@ def _provenance(drive: Drive, draws: int, seed: int) -> Facts:
     return Facts(rows)
 
 
-CARD_COLUMNS = 78  # of the card as plain text
-LINES_BESIDE = 45  # of the card as text: drawing, checks and empty lines, which stand side by side on paper
-CYRILLIC = range(0x400, 0x500)
-UNICODE = Style(ascii=False, codes=False, width=80)
+_CARD_COLUMNS = 78  # of the card as plain text
+_LINES_BESIDE = 45  # of the card as text: drawing, checks and empty lines, which stand side by side on paper
+_CYRILLIC = range(0x400, 0x500)
+_UNICODE = Style(ascii=False, codes=False, width=80)
 
 
 def report_html(report: Report) -> str:
@@ -166,7 +166,7 @@ def report_markdown(report: Report, style: Style) -> str:
     """A report as Markdown, with the tables of GitHub's dialect and figures in characters; style: of its texts."""
 
     def safe(value: Any) -> Any:
-        return markdown_safe(value if isinstance(value, Markup) else style.text(str(value)))
+        return _markdown_safe(value if isinstance(value, Markup) else style.text(str(value)))
 
     page = _environment(safe, style).get_template("report.md")
     return page.render(report=report, proof=proof(report.certificate, report.cross_checks))
@@ -184,7 +184,7 @@ def card_text(card: Card, *, ascii: bool = False) -> str:
 
 def blocks_text(title: str, blocks: Iterable[Block], *, ascii: bool = False) -> str:
     """A title and blocks below it as text of the width of a card; ascii: as of card_text."""
-    style = Style(ascii, codes=False, width=CARD_COLUMNS, beyond_ascii=CYRILLIC)
+    style = Style(ascii, codes=False, width=_CARD_COLUMNS, beyond_ascii=_CYRILLIC)
     parts = [part for block in (Paragraph(title), *blocks) for part in block_on_page(block, style)]
     return Output(style).page(Group(*[line for part in parts for line in (part, Text(""))]))
 
@@ -194,11 +194,11 @@ def lines_on_paper(card: Card) -> int:
 
     By that the style sheet chooses letters with which the card is one page.
     """
-    return len(card_text(card).splitlines()) - LINES_BESIDE + len(card.torques.rows)
+    return len(card_text(card).splitlines()) - _LINES_BESIDE + len(card.torques.rows)
 
 
 def _html(name: str, **parts: Any) -> str:
-    page = _environment(html_safe, UNICODE, autoescape=True)
+    page = _environment(_html_safe, _UNICODE, autoescape=True)
     return page.get_template(name).render(**parts)
 
 
@@ -211,7 +211,7 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
         loader=PackageLoader("hdassist.pages"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True, autoescape=autoescape, finalize=finalize,
     )  # fmt: skip
-    plain = replace(style, codes=False, width=UNICODE.width)
+    plain = replace(style, codes=False, width=_UNICODE.width)
 
     def drawn(figure: Figure) -> str:
         """A figure in characters; in a fenced block of Markdown only the fence is a sign."""
@@ -221,20 +221,20 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
     found.filters.update(drawn=drawn, kind=lambda block: type(block).__name__)
     found.tests["figure"] = lambda block: isinstance(block, Figure)
     found.globals.update(
-        BLANK=BLANK, CENTRE=CENTRE, HOLE_CIRCLE=HOLE_CIRCLE, CHART_BOX=CHART_BOX, ENVELOPE_COLUMNS=ENVELOPE_COLUMNS,
-        ChartAxes=ChartAxes, at=at, outline=outline, tone_of=tone_of,
+        BLANK=BLANK, CENTRE=CENTRE, HOLE_CIRCLE=HOLE_CIRCLE, CHART_BOX=_CHART_BOX, ENVELOPE_COLUMNS=ENVELOPE_COLUMNS,
+        ChartAxes=_ChartAxes, at=at, outline=outline, tone_of=tone_of,
     )  # fmt: skip
     return found
 
 
-def html_safe(value: Any) -> Any:
+def _html_safe(value: Any) -> Any:
     """Text with hidden characters escaped (jinja2 does the rest); numbers of the drawing need no more digits."""
     if isinstance(value, float):
         return round(value, 2)
-    return UNICODE.text(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+    return _UNICODE.text(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
-def markdown_safe(value: Any) -> Any:
+def _markdown_safe(value: Any) -> Any:
     """The text with what Markdown or HTML would take for a sign of their own behind a backslash."""
     if isinstance(value, Markup):
         return value
@@ -243,7 +243,7 @@ def markdown_safe(value: Any) -> Any:
 
 CENTRE = (210.0, 146.0)  # of the seat
 HOLE_CIRCLE = 112.0  # radius of the circle of holes
-CHART_BOX = (50.0, 34.0, 466.0, 214.0)  # of the axes: left, top, right, bottom
+_CHART_BOX = (50.0, 34.0, 466.0, 214.0)  # of the axes: left, top, right, bottom
 ENVELOPE_COLUMNS = 400  # of a curve of many points, drawn from least to greatest
 
 
@@ -253,7 +253,7 @@ def at(angle_deg: float, distance: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class ChartAxes:
+class _ChartAxes:
     """Axes of a chart: numbers at them, the first and the last of y being its ends, and the two ends of x."""
 
     columns: list[float]
@@ -261,7 +261,7 @@ class ChartAxes:
     ends: tuple[float, float]
 
     @classmethod
-    def around(cls, figure: Curve) -> ChartAxes:
+    def around(cls, figure: Curve) -> _ChartAxes:
         """Axes that hold a figure of more than one point, its limit and its whiskers."""
         ends = float(figure.x[0]), float(figure.x[-1])
         columns = [tick for tick in ticks(*ends, 8) if ends[0] <= tick <= ends[1]]
@@ -269,11 +269,11 @@ class ChartAxes:
 
     def right(self, x: float) -> float:
         """Where x lies in the drawing."""
-        return CHART_BOX[0] + (x - self.ends[0]) / (self.ends[1] - self.ends[0]) * (CHART_BOX[2] - CHART_BOX[0])
+        return _CHART_BOX[0] + (x - self.ends[0]) / (self.ends[1] - self.ends[0]) * (_CHART_BOX[2] - _CHART_BOX[0])
 
     def down(self, y: float) -> float:
         """Where y lies in the drawing."""
-        return CHART_BOX[3] - (y - self.rows[0]) / (self.rows[-1] - self.rows[0]) * (CHART_BOX[3] - CHART_BOX[1])
+        return _CHART_BOX[3] - (y - self.rows[0]) / (self.rows[-1] - self.rows[0]) * (_CHART_BOX[3] - _CHART_BOX[1])
 
 
 def outline(figure: Curve, y: Array) -> list[tuple[float, float]]:

@@ -32,14 +32,14 @@ from hdassist.tolerance.tightening import Allocation, Allocator, Sensitivities, 
 from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief
 from hdassist.verdict import Verdict
 
-PLOTTED_SHARES = np.linspace(0, 100, 201)  # of drives, %
+_PLOTTED_SHARES = np.linspace(0, 100, 201)  # of drives, %
 _PLOTTED_ROWS = 5
-MORE_DRIVES = "more drives (-n) may decide it"
-FEW_DESIGNS = 8  # fewer hardly bound the yield of the type
+_MORE_DRIVES = "more drives (-n) may decide it"
+_FEW_DESIGNS = 8  # fewer hardly bound the yield of the type
 
 
 @dataclass(frozen=True)
-class MountedDrives:
+class _MountedDrives:
     """Random drives at a torque, as built or (best) each with its wheel in its best position."""
 
     summary: Summary
@@ -61,25 +61,25 @@ class MountedDrives:
         return None if self.point.limit is None else self.summary.yield_of(self.best, self.point)
 
 
-def yield_words(found: YieldBelief, digits: str = ".0f") -> str:
+def _yield_words(found: YieldBelief, digits: str = ".0f") -> str:
     """A yield in the middle of its range over the designs, or that of the only one, with its interval."""
     middle = found.share if len(found.weights) == 1 else found.percentile(0.5)
     low, high = (format(100 * end, digits) for end in found.range)
     return f"{100 * middle:{digits}} % ({low} to {high})"
 
 
-def _percentile(share: float, drives: MountedDrives) -> float:
+def _percentile(share: float, drives: _MountedDrives) -> float:
     return drives.percentile(share).value
 
 
-PERCENTILES = (("p5", "5 %", 0.05), ("p50", "median", 0.5), ("p95", "95 %", 0.95))
-MOUNTING_COLUMNS = quantity_table(
+_PERCENTILES = (("p5", "5 %", 0.05), ("p50", "median", 0.5), ("p95", "95 %", 0.95))
+_MOUNTING_COLUMNS = quantity_table(
     "tolerance.page", wheel=lambda drives: f"best of {drives.summary.positions}" if drives.best else "as built"
 )
-F_IOR_COLUMNS = quantity_table(
-    "tolerance.F_ior", **{name: partial(_percentile, share) for name, _, share in PERCENTILES}
+_F_IOR_COLUMNS = quantity_table(
+    "tolerance.F_ior", **{name: partial(_percentile, share) for name, _, share in _PERCENTILES}
 )
-YIELD_COLUMNS = quantity_table("tolerance.yield", **{"yield": yield_words})
+_YIELD_COLUMNS = quantity_table("tolerance.yield", **{"yield": _yield_words})
 
 
 def tolerance_report(
@@ -88,15 +88,15 @@ def tolerance_report(
     """Random drives; samples of their designs, None where they are one, or were not drawn now."""
     drive, points = law.drive, summary.points
     ways = (False, True) if summary.positions > 1 else (False,)
-    drives = [MountedDrives(summary, point, best) for point in points for best in ways]
+    drives = [_MountedDrives(summary, point, best) for point in points for best in ways]
     worst = min(range(len(points)), key=lambda k: summary.yield_of(True, points[k]).share)
     gains = to_measure(law, samples, worst) if samples else ()
     is_open = summary.verdict is Verdict.INCONCLUSIVE
     title = "F'_ior, ″, of other drives of the type"
     if summary.has_limit and law.shared:
         title += f"; yield: {100 * YIELD_TAIL:.0f} to {100 - 100 * YIELD_TAIL:.0f} % over designs"
-    F_ior = (*MOUNTING_COLUMNS, *F_IOR_COLUMNS)
-    table = Table.by_row(title, (*F_ior, *YIELD_COLUMNS) if summary.has_limit else F_ior, drives)
+    F_ior = (*_MOUNTING_COLUMNS, *_F_IOR_COLUMNS)
+    table = Table.by_row(title, (*F_ior, *_YIELD_COLUMNS) if summary.has_limit else F_ior, drives)
     plots = [_share_below(drives[k : k + len(ways)]) for k in range(0, len(drives), len(ways))]
     line = "\n".join(f"{row[0]} N*m, {row[1]}: 95 % of drives below {row[4]}″" for row in table.rows)
     if summary.has_limit:
@@ -111,7 +111,7 @@ def tolerance_report(
             table,
             Facts.of([
                 (f"best of {summary.positions}", _best_of(summary, drives)),
-                ("measure", (measure_words(gains) or MORE_DRIVES) if is_open else ""),
+                ("measure", (measure_words(gains) or _MORE_DRIVES) if is_open else ""),
                 ("next", again("sensitivity", drive)),
             ]),
             plots.pop(worst),
@@ -121,7 +121,7 @@ def tolerance_report(
         values=_values(law, seed, summary, gains),
         csv=csv_table(drive.name, (*F_ior, Quantity("yield", value="yield_belief.share")), drives),
         line=line,
-        warnings=(*law_warnings(law), *_few(law, summary)),
+        warnings=(*_law_warnings(law), *_few(law, summary)),
         exit_code=130 if interrupted else summary.verdict.exit_code,
     )  # fmt: skip
 
@@ -156,17 +156,17 @@ def _drawn(law: ProductionLaw, seed: int) -> str:
 
 def _few(law: ProductionLaw, summary: Summary) -> Iterator[str]:
     """Warnings of designs that are too few to bound a yield, and of drives without an answer."""
-    if law.shared and summary.design_count < FEW_DESIGNS:
-        least = f"Yields of a type range over {FEW_DESIGNS} at least; more drives: -n"
+    if law.shared and summary.design_count < _FEW_DESIGNS:
+        least = f"Yields of a type range over {_FEW_DESIGNS} at least; more drives: -n"
         yield f"designs drawn: {summary.design_count}. {least}"
     if summary.refused:
         yield f"{len(summary.refused)} drives have no answer, and count both ways: {summary.reason}"
 
 
-def _best_of(summary: Summary, drives: Sequence[MountedDrives]) -> str:
+def _best_of(summary: Summary, drives: Sequence[_MountedDrives]) -> str:
     """Why best mounted drives are worse than as built where they are, which one torque alone never shows."""
     built, best = (
-        np.array([[_percentile(share, each) for *_, share in PERCENTILES] for each in drives if each.best is way])
+        np.array([[_percentile(share, each) for *_, share in _PERCENTILES] for each in drives if each.best is way])
         for way in (False, True)
     )
     if not best.size or not np.any(best > built):
@@ -176,15 +176,15 @@ def _best_of(summary: Summary, drives: Sequence[MountedDrives]) -> str:
     return f"{hole}: at one it may be worse"
 
 
-def law_warnings(law: ProductionLaw) -> tuple[str, ...]:
+def _law_warnings(law: ProductionLaw) -> tuple[str, ...]:
     """Warnings about a drive and about the distributions that its random drives are drawn from."""
     words = f"no tolerance given, drawn evenly as check draws them: {', '.join(law.not_given)}"
     return (*law.drive.origin.warnings, *[words] * bool(law.not_given))
 
 
 def _yields(summary: Summary) -> str:
-    words = f"yield as built {yield_words(summary.yield_of(False), '.1f')}"
-    turned = f", best mounted {yield_words(summary.yield_of(True), '.1f')}"
+    words = f"yield as built {_yield_words(summary.yield_of(False), '.1f')}"
+    turned = f", best mounted {_yield_words(summary.yield_of(True), '.1f')}"
     return words + turned * (summary.positions > 1)
 
 
@@ -197,21 +197,21 @@ def _reasons(summary: Summary) -> Iterator[str]:
     elif summary.positions > 1 and not summary.has_limit:
         off = []
         for point in summary.points:
-            low, median, high = -100 * np.quantile(point.gains(), [share for *_, share in PERCENTILES])
+            low, median, high = -100 * np.quantile(point.gains(), [share for *_, share in _PERCENTILES])
             off.append(f"{median:+z.0f} % ({low:+z.0f} to {high:+z.0f}) at {point.M_g:g} N·m")
         yield f"F'_ior by turning the wheel: {', '.join(off)}"
 
 
-def _share_below(drives: Sequence[MountedDrives]) -> Curve:
+def _share_below(drives: Sequence[_MountedDrives]) -> Curve:
     """F'_ior that a share of the drives at a torque stays below, as built and where wheels are turned."""
     point, weights = drives[0].point, np.array(drives[0].summary.weights)
     limit = None if point.limit is None or point.limit <= point.self_error else point.limit - point.self_error
-    curves = [np.interp(PLOTTED_SHARES, *shares_below(np.array(each.F_ior), weights)) for each in drives]
+    curves = [np.interp(_PLOTTED_SHARES, *shares_below(np.array(each.F_ior), weights)) for each in drives]
     x_label, y_label = "share of the drives, %", f"F'_ior at {point.M_g:g} N·m, ″"
     y_label += "" if limit is None else f" ({limit:.4g} allowed)"
     best = curves[1] if len(curves) > 1 else None
     return Curve(
-        PLOTTED_SHARES, curves[0], x_label, y_label,
+        _PLOTTED_SHARES, curves[0], x_label, y_label,
         second=best, names=() if best is None else ("as built", "best mounted"), limit=limit, rows=_PLOTTED_ROWS,
     )  # fmt: skip
 
@@ -238,8 +238,8 @@ def _values(law: ProductionLaw, seed: int, summary: Summary, gains: Sequence[Mea
         "operating_points": [
             {
                 **attributes(point, M_g_Nm="M_g", limit_arcsec="limit", self_error_arcsec="self_error"),
-                "gain": {name: np.quantile(point.gains(), share) for name, _, share in PERCENTILES},
-                **{name: _F_ior_object(MountedDrives(summary, point, best)) for name, best in ways.items()},
+                "gain": {name: np.quantile(point.gains(), share) for name, _, share in _PERCENTILES},
+                **{name: _F_ior_object(_MountedDrives(summary, point, best)) for name, best in ways.items()},
             }
             for point in summary.points
         ],
@@ -247,37 +247,37 @@ def _values(law: ProductionLaw, seed: int, summary: Summary, gains: Sequence[Mea
     }
 
 
-def _F_ior_object(drives: MountedDrives) -> Json:
+def _F_ior_object(drives: _MountedDrives) -> Json:
     """F'_ior of random drives, and the Monte Carlo intervals of its percentiles."""
-    found = {name: drives.percentile(share) for name, _, share in PERCENTILES}
+    found = {name: drives.percentile(share) for name, _, share in _PERCENTILES}
     intervals = {f"{name}_interval_arcsec": (each.low, each.high) for name, each in found.items()}
-    return as_object(F_IOR_COLUMNS, drives) | intervals
+    return as_object(_F_IOR_COLUMNS, drives) | intervals
 
 
 def _yield_object(summary: Summary, best: bool) -> Json:
     """A yield with its range over the designs, and the probability that it is the wanted one, if any."""
     found, wanted = summary.yield_of(best), summary.wanted
     return {
-        **yield_range(found),
+        **_yield_range(found),
         "median": found.percentile(0.5),
         "good": found.passed.sum(),
         "probability": None if wanted is None else found.probability(wanted),
     }
 
 
-def yield_range(found: YieldBelief) -> Json:
+def _yield_range(found: YieldBelief) -> Json:
     """A yield with 5 and 95 % of its range over the designs."""
     low, high = found.range
     return {"share": found.share, "low": low, "high": high}
 
 
-LISTED = (5, 3)  # on the first screen: fields with a tolerance, and others
-NO_SHARE = "no share: too small to be told from chance by so many drives (-n)"
-STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
+_LISTED = (5, 3)  # on the first screen: fields with a tolerance, and others
+_NO_SHARE = "no share: too small to be told from chance by so many drives (-n)"
+_STEP_WORDS = f"{100 * (1 - TIGHTER_STEP):.0f} % tighter"
 
 
 @dataclass(frozen=True)
-class FieldEffect:
+class _FieldEffect:
     """A field at a torque: its share of the spread of F'_ior, and its tolerance's effect; None without any."""
 
     M_g: float
@@ -286,8 +286,8 @@ class FieldEffect:
     tightened: Tightened | None
 
 
-EFFECT_CSV = quantity_table("sensitivity.csv")
-EFFECT_COLUMNS = quantity_table(
+_EFFECT_CSV = quantity_table("sensitivity.csv")
+_EFFECT_COLUMNS = quantity_table(
     "sensitivity.page",
     whole_percent=lambda share: f"{100 * share:.0f}",
     gain=lambda way: f"{'≤ ' * (not way.proven)}{way.gain:.2f}",
@@ -303,7 +303,7 @@ def sensitivity_report(found: Sensitivities) -> Report:
     limited = all(law.drive.limit(M_g) is not None for M_g in torques)
     next_ = again("allocate", law.drive, *(() if limited else ("--limit", "LIMIT")))
     facts = [("measure", measure_words(found.to_measure)), ("next", next_)]
-    short, *whole = _table(effects[found.worst], *LISTED), *(_table(each, len(each), len(each)) for each in effects)
+    short, *whole = _table(effects[found.worst], *_LISTED), *(_table(each, len(each), len(each)) for each in effects)
     return Report(
         command="sensitivity",
         drive=law.drive,
@@ -330,9 +330,9 @@ def sensitivity_report(found: Sensitivities) -> Report:
             "drives": found.drives,
             "seed": samples.seed,
         },
-        csv=csv_table(law.drive.name, EFFECT_CSV, [each for at_torque in effects for each in at_torque]),
+        csv=csv_table(law.drive.name, _EFFECT_CSV, [each for at_torque in effects for each in at_torque]),
         line=f"tighten first: {verdict}; {reason}",
-        warnings=law_warnings(law),
+        warnings=_law_warnings(law),
     )
 
 
@@ -342,31 +342,31 @@ def _answer(found: Sensitivities) -> tuple[str, str]:
     percentile = f"the 95th percentile of F'_ior, {first.now:.2f}″"
     if found.is_worth_tightening:
         gain = f"{first.gain:.2f}″ ({first.now - first.high:.2f} to {first.now - first.low:.2f})"
-        return named(first.path), f"made {STEP_WORDS} it takes {gain} off {percentile}"
-    reason = f"a tolerance {STEP_WORDS} takes at most {max(first.gain, 0):.2f}″ off {percentile}"
+        return named(first.path), f"made {_STEP_WORDS} it takes {gain} off {percentile}"
+    reason = f"a tolerance {_STEP_WORDS} takes at most {max(first.gain, 0):.2f}″ off {percentile}"
     if largest and largest.group not in {way.path for way in found.tightened[found.worst]}:
         share = f"{100 * largest.share:.0f} % of the spread of F'_ior"
         return f"no tolerance, measure {named(largest.group)}", f"{share}; {reason}"
     return f"no tolerance, more drives are needed (-n {4 * len(found.samples.weights)})", reason
 
 
-def _effects(found: Sensitivities, torque: int) -> list[FieldEffect]:
+def _effects(found: Sensitivities, torque: int) -> list[_FieldEffect]:
     """All fields that do something at a torque, the greatest shares of the variance first."""
     shares = {each.group: each.share for each in found.influences[torque]}
     ways = {way.path: way for way in found.tightened[torque]}
     M_g = found.samples.torques[torque]
-    return [FieldEffect(M_g, p, shares.get(p), ways.get(p)) for p in dict.fromkeys((*shares, *ways))]
+    return [_FieldEffect(M_g, p, shares.get(p), ways.get(p)) for p in dict.fromkeys((*shares, *ways))]
 
 
-def _table(effects: Sequence[FieldEffect], tolerances: int, others: int) -> Table:
+def _table(effects: Sequence[_FieldEffect], tolerances: int, others: int) -> Table:
     """So many fields with a tolerance, the greatest gain first, and so many others."""
     tight = sorted((e for e in effects if e.tightened), key=lambda e: -e.tightened.gain if e.tightened else 0.0)
     rest = [e for e in effects if not e.tightened]
     shown = [*tight[:tolerances], *rest[:others]]
     share = "share of the spread of F'_ior; " * any(each.share is not None for each in shown)
-    title = f"at {effects[0].M_g:g} N·m: {share}gain of a tolerance {STEP_WORDS}"
-    table = Table.by_row(title, EFFECT_COLUMNS, shown)
-    return replace(table, notes=(NO_SHARE,) * any(each.share is None for each in shown))
+    title = f"at {effects[0].M_g:g} N·m: {share}gain of a tolerance {_STEP_WORDS}"
+    table = Table.by_row(title, _EFFECT_COLUMNS, shown)
+    return replace(table, notes=(_NO_SHARE,) * any(each.share is None for each in shown))
 
 
 def allocate_report(
@@ -390,7 +390,7 @@ def allocate_report(
         taken = ", ".join(f"{own:.1f} of {limit:g}″ at {M_g:g} N·m" for M_g, limit, own in held)
         facts.append(("self error", f"takes {taken}; no tolerance changes that"))
     if verdict is Verdict.INCONCLUSIVE:
-        facts.append(("measure", measure_words(to_measure) or MORE_DRIVES))
+        facts.append(("measure", measure_words(to_measure) or _MORE_DRIVES))
     facts.append(("next", _next(found, ways, verdict, is_to_measure=bool(to_measure))))
     return Report(
         command="allocate",
@@ -417,7 +417,7 @@ def allocate_report(
             "allocations": [
                 {
                     **attributes(way, "turned", "fits", "cost", "probability", "verdict", tolerances="values"),
-                    "yield": yield_range(way.tried),
+                    "yield": _yield_range(way.tried),
                     "drives": way.tried.drives.sum(),
                 }
                 for way in ways
@@ -432,7 +432,7 @@ def allocate_report(
             ],
         ),
         line="\n".join(reasons),
-        warnings=(*law_warnings(law), *[costs] * bool(assumed)),
+        warnings=(*_law_warnings(law), *[costs] * bool(assumed)),
         exit_code=verdict.exit_code,
     )  # fmt: skip
 

@@ -84,7 +84,7 @@ def _one_line(text: str) -> str:
     return text
 
 
-class UncertainReading(NamedTuple):
+class _UncertainReading(NamedTuple):
     """A measured value with its expanded uncertainty (k = 2), both in the unit of its field."""
 
     value: float
@@ -102,7 +102,7 @@ FieldKind = Literal[
 OneLine = Annotated[str, AfterValidator(_one_line), "line"]  # of a name: a line break could forge a line of a report
 PerTorque = Annotated[dict[str, float], "limits"]
 PerOrder = Annotated[dict[str, float], "orders"]
-PerPosition = Annotated[dict[str, UncertainReading], "readings"]
+_PerPosition = Annotated[dict[str, _UncertainReading], "readings"]
 KINDS: dict[Any, FieldKind] = {float: "number", int: "count", str: "text"}
 _WANTED_LISTS = {"numbers": "must be a list of numbers", "holes": "must be all, or a list of hole numbers"}
 # of a table of values: pattern of its keys, their meaning, an example of a key, and of a table
@@ -202,7 +202,7 @@ class PresetField:
         has_range = isinstance(entry, dict) and entry.get("range") is not None
         return entry | {"range": (path, entry["range"])} if has_range else entry
 
-    def _entry(self, known: set[tuple[object, ...]], key: str, value: Any) -> float | UncertainReading:
+    def _entry(self, known: set[tuple[object, ...]], key: str, value: Any) -> float | _UncertainReading:
         """The value of a key of a table; known: the keys before it, to which it is added."""
         pattern, expected, like_key, _ = KEYED_TABLES[self.kind]
         numbers = [number_of(part.removeprefix("h")) for part in key.split("@")]
@@ -226,9 +226,9 @@ class PresetField:
             raise InvalidValueError(f"out of range: {self.range_words(unit)}", hint)
         return number
 
-    def reading(self, value: Any) -> UncertainReading:
+    def reading(self, value: Any) -> _UncertainReading:
         """A measured value with its uncertainty, in the range of the field; InvalidValueError for any other."""
-        reading = UncertainReading(*read_spread(str(value), self.unit))
+        reading = _UncertainReading(*read_spread(str(value), self.unit))
         if not all(map(self.holds, reading)):
             raise InvalidValueError(f"out of range: value and uncertainty {self.range_words(self.unit)}")
         return reading
@@ -299,7 +299,7 @@ def text_of(value: Any) -> str:
     """A value as a preset has it, with every digit it has, and no more."""
     if value is None:
         return UNKNOWN
-    if isinstance(value, bool | str | UncertainReading):
+    if isinstance(value, bool | str | _UncertainReading):
         return str(value)
     if isinstance(value, tuple):
         return f"[{', '.join(map(text_of, value))}]"
@@ -494,7 +494,7 @@ class Catalogue(Section):
 class Measured(Section):
     """Values measured on this drive; +- is its expanded uncertainty (k = 2). It weighs uncertain inputs."""
 
-    F_ior: PerPosition
+    F_ior: _PerPosition
 
 
 class Acceptance(Section):

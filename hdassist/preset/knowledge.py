@@ -39,7 +39,7 @@ SECOND_ORDER, HIGHER_ORDERS = 0.08, 0.04
 # arcsec: accuracy that catalogues promise, the second below SIZE_20 [mm]
 USUAL_ACCURACY, SMALL_ACCURACY, SIZE_20 = 60.0, 90.0, 50.0
 # arcsec: backlash and lost motion that no drive of a catalogue exceeds; the second below _LARGE_SIZE [mm]
-PLAY, LOST_MOTION, _LOST_MOTION_SMALL, _LARGE_SIZE = 5.0, 60.0, 180.0, 35.0
+_PLAY, _LOST_MOTION, _LOST_MOTION_SMALL, _LARGE_SIZE = 5.0, 60.0, 180.0, 35.0
 # N/mm for each mm of its bore: radial stiffness of the bearing of a shaft with an overhung cam, and its range; a guess
 _SHAFT_BEARING = (5e3, 2e3, 1e4)
 
@@ -54,7 +54,7 @@ def f_p(d: float, m: float, accuracy: int) -> float:
     return float((0.001 * d + 0.4 * m + 5) * 2 ** ((accuracy - 5) / 2))
 
 
-def growth(by: str, d: float, m: float) -> float:
+def _growth(by: str, d: float, m: float) -> float:
     """Factor on a field by its law where the pitch diameter is d times, and the module m times as large."""
     return {"same": 1.0, "d": d, "1/d": 1 / d, "m": m}[by]
 
@@ -81,7 +81,7 @@ class Law:
         """Plausible range of a field, which includes its value, at a pitch diameter d and a module m [mm]."""
         if self.bounds is None:
             return None
-        scale = value if self.of_value else growth(self.by, d / REFERENCE, m / _REFERENCE_MODULE)
+        scale = value if self.of_value else _growth(self.by, d / REFERENCE, m / _REFERENCE_MODULE)
         return min(self.bounds[0] * scale, value), max(self.bounds[1] * scale, self.least, value)
 
 
@@ -206,21 +206,21 @@ def _size_of(like: Drive, required: Requirements) -> tuple[SimilarValue, float]:
         of_catalogues = CATALOGUE_K3 * (size.value / REFERENCE) ** 3
         stiffer = K[2] / of_catalogues if K else 1.0
         if not 1 / _FARTHEST_STIFFNESS <= stiffer <= _FARTHEST_STIFFNESS:
-            _refuse_size(f"K3 = {plain(K[2])} N*m/rad", size.value, f"about {rounded(of_catalogues, 2):g}")
+            _refuse_size(f"K3 = {plain(K[2])} N*m/rad", size.value, f"about {_rounded(of_catalogues, 2):g}")
     elif K:
-        d = rounded(REFERENCE * (K[2] / CATALOGUE_K3) ** (1 / 3))
+        d = _rounded(REFERENCE * (K[2] / CATALOGUE_K3) ** (1 / 3))
         why = f"{d:g} mm from K3 = {plain(K[2])} N*m/rad, which grows with d^3 in catalogues"
         size = SimilarValue(d, "assumed", why)
     elif T is None:
         return SimilarValue(own, "assumed", f"the pitch diameter of {like.name}, {own:g} mm"), stiffer
     else:
-        d = rounded(own * (T / rated_of(like)) ** (1 / 3))
+        d = _rounded(own * (T / rated_of(like)) ** (1 / 3))
         low, high = ((T / density) ** (1 / 3) for density in reversed(TORQUE_DENSITY))
         why = f"{d:g} mm from {plain(T)} N*m, d^3 as {like.name}; catalogues have {low:.3g} to {high:.3g} mm for it"
         return SimilarValue(d, "assumed", why), stiffer
     low, high = (density * size.value**3 for density in TORQUE_DENSITY)
     if T is not None and not low / _FARTHEST_TORQUE <= T <= high * _FARTHEST_TORQUE:
-        usual = f"{rounded(low, 2):g} to {rounded(high, 2):g} N*m"
+        usual = f"{_rounded(low, 2):g} to {_rounded(high, 2):g} N*m"
         _refuse_size(f"a rated torque of {plain(T)} N*m", size.value, usual)
     return size, stiffer
 
@@ -247,7 +247,7 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
         if path.startswith(("gears.z_g", "mounting.fixed", "numerics.")) and value != field_table()[path].default:
             as_like[path] = SimilarValue(value, "assumed", f"as {like.name}")
     teeth = required.get("gears.z_g", as_like["gears.z_g"])
-    m = rounded(d / teeth.value, 12)
+    m = _rounded(d / teeth.value, 12)
     entries = as_like | {
         "gears.z_b": replace(teeth, value=teeth.value + 2),
         "gears.m": SimilarValue(m, size.kind, f"{d:.6g} mm / {teeth.value} teeth; {size.ref}"),
@@ -276,20 +276,20 @@ def similar(like: Drive, required: Requirements) -> dict[str, SimilarValue]:
 def _scaled(like: Drive, path: str, law: Law, s: float, m: float, stiffer: float) -> SimilarValue:
     """A field scaled by its law; s, m, stiffer: ratio of pitch diameters, new module [mm], ratio of stiffnesses."""
     value, ratio, d = like.value(path), m / like.gears.m, s * like.gears.pitch_diameter
-    factor = growth(law.by, s, ratio)
+    factor = _growth(law.by, s, ratio)
     stiffness, compliance = path.startswith(("supports.", "contact.k_")), path.startswith("contact.c_")
     elastic = stiffer if stiffness else 1 / stiffer if compliance else 1.0
     in_modules = value / like.gears.m / (1000 if path == "gears.j_n" else 1) if law.by == "m" else 0.0
     words = _SIMILAR_WORDS[law.by].format(like=like.name, s=s, value=in_modules)
     if law.usual is not None and not value:
-        value, words = rounded(law.usual * growth(law.by, d / REFERENCE, m / _REFERENCE_MODULE)), ""
+        value, words = _rounded(law.usual * _growth(law.by, d / REFERENCE, m / _REFERENCE_MODULE)), ""
     elif isinstance(value, float):
-        value = rounded(value * factor * elastic)
+        value = _rounded(value * factor * elastic)
     if elastic != 1 and factor:
         words += f", {'x' if elastic > 1 else '/'} {max(elastic, 1 / elastic):.3g} for K3 at this diameter"
     bounds = None
     if isinstance(value, float) and (scaled := law.range_at(d, m, value)):
-        bounds = _around(like, path, value, *map(rounded, scaled))
+        bounds = _around(like, path, value, *map(_rounded, scaled))
     return SimilarValue(value, "assumed", "; ".join(filter(None, (words, law.why))), bounds)
 
 
@@ -315,7 +315,7 @@ def _shifts(like: Drive, entries: Mapping[str, SimilarValue], d: float) -> dict[
 
 
 def _tolerances(d: float, m: float) -> dict[str, SimilarValue]:
-    usual, coarse = (rounded(F_p(d, m, accuracy), 2) for accuracy in _ASSUMED_CLASSES)
+    usual, coarse = (_rounded(F_p(d, m, accuracy), 2) for accuracy in _ASSUMED_CLASSES)
     fine, coarsest = _ASSUMED_CLASSES
     ref = f"F_p of class {fine}, ISO 1328-1:2013, in place of F'_i; 0 to that of class {coarsest}"
     if m < 1:
@@ -324,28 +324,28 @@ def _tolerances(d: float, m: float) -> dict[str, SimilarValue]:
 
 
 def _backlash(d: float) -> dict[str, SimilarValue]:
-    lost = LOST_MOTION if d > _LARGE_SIZE else _LOST_MOTION_SMALL
+    lost = _LOST_MOTION if d > _LARGE_SIZE else _LOST_MOTION_SMALL
     return {
         "catalogue.lost_motion": SimilarValue(lost, "assumed", "what makers promise of such sizes"),
-        "catalogue.play": SimilarValue(PLAY, "assumed", "these drives are sold without backlash"),
+        "catalogue.play": SimilarValue(_PLAY, "assumed", "these drives are sold without backlash"),
     }
 
 
 def _load(like: Drive, required: Requirements, s: float, d: float) -> dict[str, SimilarValue]:
     own, rating = rated_of(like), required.get("operation.rated")
     if rating is None:
-        rated = rounded(own * s**3, 3)
-        bounds = [rounded(density * d**3, 2) for density in TORQUE_DENSITY]
+        rated = _rounded(own * s**3, 3)
+        bounds = [_rounded(density * d**3, 2) for density in TORQUE_DENSITY]
         ref = f"{like.name} x d^3 = {s**3:.4g}; catalogues have it from {bounds[0]:g} to {bounds[1]:g} N*m"
         rating = SimilarValue(rated, "assumed", ref, _around(like, "operation.rated", rated, *bounds))
-    shares = tuple(rounded(torque / own * rating.value, 3) for torque in like.operation.M_g)
+    shares = tuple(_rounded(torque / own * rating.value, 3) for torque in like.operation.M_g)
     return {
         "operation.M_g": SimilarValue(shares, "assumed", f"the shares of the rated torque that {like.name} has"),
         "operation.rated": rating,
     }
 
 
-def rounded(value: float, digits: int = 4) -> float:
+def _rounded(value: float, digits: int = 4) -> float:
     """A number rounded to a number of significant digits."""
     return value if value == 0 else round(value, digits - 1 - int(log10(abs(value)) // 1))
 

@@ -15,8 +15,8 @@ from hdassist.errors import DataError, Finding, PresetError
 from hdassist.files import TextFile
 from hdassist.plaintext import number_of
 
-SIDEREAL = 15.041067  # arcsec/s: of a telescope's axis that follows the sky
-PROGRAMS = {  # words in the first lines, and the file that they are of
+_SIDEREAL = 15.041067  # arcsec/s: of a telescope's axis that follows the sky
+_PROGRAMS = {  # words in the first lines, and the file that they are of
     r"PHD2 (?:version|log version)|^PHD2": "a guide log of PHD2",
     r"^!WormPeriod": "a PE file of EQMOD",
     r"^TARGET DATA::|^USER-TEXT::": "a record of a laser at targets (.rtl)",
@@ -31,7 +31,7 @@ _GUIDE_FACT = r"(Pixel scale|(?<!Cal )\bDec) = ([-+0-9.]+)(?: arc-sec/px| deg)?(
 def program_of(lines: Sequence[str]) -> str:
     """The file of another program that some first lines are of, in words; empty for none that is known."""
     text = "\n".join(lines[:_HEAD])
-    return next((words for pattern, words in PROGRAMS.items() if re.search(pattern, text, re.MULTILINE)), "")
+    return next((words for pattern, words in _PROGRAMS.items() if re.search(pattern, text, re.MULTILINE)), "")
 
 
 def readable_parts(text: TextFile, notes: list[str]) -> Iterator[tuple[int, str]]:
@@ -90,7 +90,7 @@ def _of_guide_log(lines: list[str], notes: list[str]) -> list[str]:
         time, pixels = (number_of(row.get(name, "")) for name in ("Time", "RARawDistance"))
         arcsec = pixels * stated.get("Pixel scale", nan) / cos(radians(stated.get("Dec", 0.0)))
         if pulse and isfinite(time) and isfinite(arcsec):
-            sections[-1][1][index] = f"{time * SIDEREAL / 3600:.7f} {arcsec:.4f}"
+            sections[-1][1][index] = f"{time * _SIDEREAL / 3600:.7f} {arcsec:.4f}"
     dec, longest = max(sections, key=lambda section: len(section[1]))
     if not longest:
         raise DataError(
@@ -99,6 +99,6 @@ def _of_guide_log(lines: list[str], notes: list[str]) -> list[str]:
         )
     first, last = min(longest), max(longest)
     where = f"lines {first + 1} to {last + 1}, at declination {'0, not stated' if dec is None else f'{dec:g} deg'}"
-    words = f"error in right ascension over the angle at {SIDEREAL:g} arcsec/s; its sense is not known"
+    words = f"error in right ascension over the angle at {_SIDEREAL:g} arcsec/s; its sense is not known"
     notes.append(f"a guide log of PHD2: the longest unguided section, {where}, {words}")
     return [longest.get(index, "output_deg error_arcsec" * (index == first - 1)) for index in range(len(lines))]

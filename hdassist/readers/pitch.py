@@ -53,19 +53,19 @@ from hdassist.readers.words import (
     plain_unit,
 )
 
-LEAST_RANGE, LARGEST_RANGE = 0.5, 1000.0  # um: range of the deviations of a wheel
-CLOSING = 0.2  # of the range: greatest sum of the single deviations
-NOISE = 1e-9  # of the summed deviations: a closing error that is rounding of the sum
+_LEAST_RANGE, _LARGEST_RANGE = 0.5, 1000.0  # um: range of the deviations of a wheel
+_CLOSING = 0.2  # of the range: greatest sum of the single deviations
+_NOISE = 1e-9  # of the summed deviations: a closing error that is rounding of the sum
 _CODE_PAGE = re.compile("[\x80-\xff]{3}")  # in Latin-1: letters of another code page
 _SENSES = {"clockwise": "cw", "counterclockwise": "ccw", "anticlockwise": "ccw"}
-PitchForm = Literal["cumulative", "single"]
-Sense = Literal["ccw", "cw"]
-Flank = Literal["left", "right"]
-CHOICES = {  # by key: values, and their names for messages
-    "form": (get_args(PitchForm), "cumulative or single"),
-    "sense": (get_args(Sense), "ccw or cw, seen from the cam side"),
+_PitchForm = Literal["cumulative", "single"]
+_Sense = Literal["ccw", "cw"]
+_Flank = Literal["left", "right"]
+_CHOICES = {  # by key: values, and their names for messages
+    "form": (get_args(_PitchForm), "cumulative or single"),
+    "sense": (get_args(_Sense), "ccw or cw, seen from the cam side"),
     "sign": (("along", "ccw", "cw"), "along (the numbering), ccw or cw"),
-    "flank": (get_args(Flank), "left or right"),
+    "flank": (get_args(_Flank), "left or right"),
 }
 ASSUMED = {  # by key: value without a statement, and the note on it
     "form": ("cumulative", "no form given: cumulative deviations"),
@@ -76,17 +76,17 @@ ASSUMED = {  # by key: value without a statement, and the note on it
 COLUMNS_HINT = (
     "left [um]; right [um] above the rows, and one flank or form asked for; decimal commas need ; between columns"
 )
-FORM_HINT = 'write a comment line above the rows, like "# form: cumulative" or "# form: single"'
-WHEEL_NAMES = ("b", "g")
+_FORM_HINT = 'write a comment line above the rows, like "# form: cumulative" or "# form: single"'
+_WHEEL_NAMES = ("b", "g")
 
 
 def read_pitch(
     source: Readable,
     teeth: int,
     *,
-    form: PitchForm | None = None,
-    sense: Sense | None = None,
-    flank: Flank | None = None,
+    form: _PitchForm | None = None,
+    sense: _Sense | None = None,
+    flank: _Flank | None = None,
 ) -> PitchFile:
     """Read the pitch deviations of a wheel; for the form of a file see the module.
 
@@ -97,8 +97,8 @@ def read_pitch(
     asked = {"form": form, "sense": sense, "flank": flank}
     given = {key: value for key, value in asked.items() if value is not None}
     for key, value in given.items():
-        if value not in CHOICES[key][0]:
-            raise UsageError(f"invalid {key} {value}: expected one of {', '.join(CHOICES[key][0])}")
+        if value not in _CHOICES[key][0]:
+            raise UsageError(f"invalid {key} {value}: expected one of {', '.join(_CHOICES[key][0])}")
     if teeth < 2:
         raise UsageError(f"invalid number of teeth {teeth}: expected two or more")
     table = read_numbers(source, ("tooth number", "deviation"))
@@ -130,7 +130,7 @@ def read_pitch(
         table.notes.append("signs turned round")
     deviation = values - values.mean()
     deviation.setflags(write=False)
-    flank_is = cast(Flank | None, side or None)
+    flank_is = cast(_Flank | None, side or None)
     return PitchFile(deviation, mark, flank_is, table.file, table.sha256, tuple(table.notes))
 
 
@@ -172,7 +172,7 @@ class _Statements:
             return asked
         for each in stated:
             if not each.value:
-                expected = CHOICES[key][1] if key in CHOICES else "the number of a tooth"
+                expected = _CHOICES[key][1] if key in _CHOICES else "the number of a tooth"
                 return self.refused(key, f"must be {expected}", default, at=each)
             if each.value != stated[0].value:
                 hint = f"line {stated[0].line} says {stated[0].text}; keep one of them"
@@ -202,7 +202,7 @@ class _Statements:
                     self.stated[key].append(_Statement(value, name, table.names_line, 1))
                 elif value and not self.stated[key] and key not in self.asked:
                     message = "single pitch deviations, or cumulative ones?"
-                    table.add(table.names_line, 1, key, message, name, FORM_HINT)
+                    table.add(table.names_line, 1, key, message, name, _FORM_HINT)
         return first, others[0]
 
     def refused(self, key: str, message: str, default: str, hint: str = "", at: _Statement | None = None) -> str:
@@ -220,7 +220,7 @@ def _value_of(key: str, text: str) -> str:
         return str(int(text)) if re.fullmatch(r"[+]?[0-9]{1,9}", text) else ""
     value = re.sub(r"[\s-]+", "", text.lower())
     value = _SENSES.get(value, value)
-    return value if value in CHOICES[key][0] else ""
+    return value if value in _CHOICES[key][0] else ""
 
 
 def _rows_by_tooth(table: NumberTable, column: int, teeth: int) -> tuple[int, list[int]]:
@@ -264,8 +264,8 @@ def _cumulative(
     if is_single:
         gap, whole = float(values.sum()), float(np.abs(values).sum())
         values = np.cumsum(values - gap / len(values))
-        closes = abs(gap) <= NOISE * whole
-        if not closes and abs(gap) > CLOSING * np.ptp(values):
+        closes = abs(gap) <= _NOISE * whole
+        if not closes and abs(gap) > _CLOSING * np.ptp(values):
             sizes = f"their sum is {gap:.3g} um, their curve spans {np.ptp(values):.3g} um"
             hint = "cumulative deviations, values rounded too far, or teeth measured in several passes?"
             table.add_at(0, column, f"single pitch deviations do not close: {sizes}", "", hint)
@@ -273,10 +273,10 @@ def _cumulative(
             shared = "" if closes else f", closing error of {gap:.3g} um shared out"
             table.notes.append(f"single pitch deviations summed up{shared}")
     reach = float(np.ptp(values))
-    if reach > LARGEST_RANGE:
+    if reach > _LARGEST_RANGE:
         hint = "is the unit right, and are these deviations, not places?"
         table.add_at(0, column, f"{reach:.4g} um over the whole wheel", f"unit {name}", hint)
-    elif 0 < reach < LEAST_RANGE:
+    elif 0 < reach < _LEAST_RANGE:
         hint = "is it mm?" if name != "mm" else "is it um? no wheel is that good"
         table.add_at(0, column, f"{reach:.3g} um over the whole wheel", f"unit {name}", hint)
     return values
@@ -290,19 +290,19 @@ class WheelFiles:
     pitch_g: str | None = None
     mark_b: float | None = None
     mark_g: float | None = None
-    pitch_form: PitchForm | None = None
-    pitch_sense: Sense | None = None
-    pitch_flank: Flank | None = None
+    pitch_form: _PitchForm | None = None
+    pitch_sense: _Sense | None = None
+    pitch_flank: _Flank | None = None
 
     @property
     def files(self) -> dict[str, str]:
         """The given files by wheel."""
-        return {name: file for name in WHEEL_NAMES if (file := getattr(self, f"pitch_{name}")) is not None}
+        return {name: file for name in _WHEEL_NAMES if (file := getattr(self, f"pitch_{name}")) is not None}
 
     @property
     def marks(self) -> dict[str, float]:
         """The given directions of marks [deg] by wheel."""
-        return {name: mark for name in WHEEL_NAMES if (mark := getattr(self, f"mark_{name}")) is not None}
+        return {name: mark for name in _WHEEL_NAMES if (mark := getattr(self, f"mark_{name}")) is not None}
 
     def require_sound(self) -> None:
         """Raise UsageError for a mark or a form without a file, and for a mark that is not finite."""

@@ -38,15 +38,15 @@ from hdassist.readers.words import (
     unit_in,
 )
 
-MOST_TABLE_BYTES = 5_000_000
+_MOST_TABLE_BYTES = 5_000_000
 SAMPLED_LINES = 300  # lines that settle how rows are written
-FOREIGN_ROWS = 20  # that cannot be read, and most of those sampled: the file is no table of numbers
-FOREIGN_HEAD = 3  # lines above the rows that are no names of columns
-GREATEST = 1e30  # magnitude of a number: squares of it are still finite
+_FOREIGN_ROWS = 20  # that cannot be read, and most of those sampled: the file is no table of numbers
+_FOREIGN_HEAD = 3  # lines above the rows that are no names of columns
+_GREATEST = 1e30  # magnitude of a number: squares of it are still finite
 MAX_REMARKS = 1000  # remarks that are kept
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
 
-Cells = NDArray[np.float64]
+_Cells = NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -62,7 +62,7 @@ class NumberTable:
     names_line: int = 1
     names_in_remark: bool = False
     lines: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
-    values: Cells = field(default_factory=lambda: np.empty((0, 0)))
+    values: _Cells = field(default_factory=lambda: np.empty((0, 0)))
     remarks: list[TableLine] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
@@ -79,7 +79,7 @@ class NumberTable:
         """Name of a column (from 0), for messages."""
         return self.names[column] if column < len(self.names) else f"column {column + 1}"
 
-    def in_unit(self, column: int, words: str, default: str) -> Cells:
+    def in_unit(self, column: int, words: str, default: str) -> _Cells:
         """Values of a column in the unit whose size is 1, by the unit in its name; how they were read is noted.
 
         words: of the contents of the column; default: unit where the name has none, which says of what the units are.
@@ -144,7 +144,7 @@ def read_texts(source: Readable) -> CellTable:
     Argument: source, a path, stream or bytes. Raises DataError: a file that cannot be read; PresetError: one that has
     no rows, or lines that are too long.
     """
-    text = TextFile(source, MOST_TABLE_BYTES)
+    text = TextFile(source, _MOST_TABLE_BYTES)
     table = NumberTable(text.name)
     lines, remarks = [], []
     for first, part in text.parts():
@@ -165,7 +165,7 @@ def read_texts(source: Readable) -> CellTable:
 
 
 def read_numbers(
-    source: Readable, needs: Sequence[str] = (), at_most: int = MOST_TABLE_BYTES, *, lenient: bool = False
+    source: Readable, needs: Sequence[str] = (), at_most: int = _MOST_TABLE_BYTES, *, lenient: bool = False
 ) -> NumberTable:
     """Read a table of numbers; faults of its text are added to its findings.
 
@@ -266,7 +266,7 @@ class _Rows:
         faulty = {finding.line for finding in self.table.findings}
         head = sum(line.number < self.lines[0] for line in lines) if self.lines else 0
         faulty &= {line.number for line in lines}
-        if (len(faulty) >= FOREIGN_ROWS and 2 * len(faulty) > len(lines)) or head >= FOREIGN_HEAD:
+        if (len(faulty) >= _FOREIGN_ROWS and 2 * len(faulty) > len(lines)) or head >= _FOREIGN_HEAD:
             self.table.findings.clear()
             program = program_of([line.text for line in sample]) or "a file of another program?"
             message = f"no table of numbers: {len(faulty)} of the first {len(lines)} lines are no rows of {self.width}"
@@ -291,11 +291,11 @@ class _Rows:
             values = np.array([row for row in read if row is not None]).reshape(-1, self.width)
         self._keep(values, numbers)
 
-    def _keep(self, values: Cells, lines: NDArray[np.int64]) -> None:
+    def _keep(self, values: _Cells, lines: NDArray[np.int64]) -> None:
         self.values.frombytes(values.tobytes())
         self.lines.frombytes(lines.tobytes())
 
-    def _plain(self, part: str) -> Cells | None:
+    def _plain(self, part: str) -> _Cells | None:
         """Rows of a part of numbers and separators alone, shape (rows, columns); None for any other part.
 
         It reads the same numbers as `_row`, only faster.
@@ -315,7 +315,7 @@ class _Rows:
             rows = np.loadtxt(lines, delimiter=None if separator == " " else separator, comments=None, ndmin=2)
         except ValueError:
             return None
-        return rows if rows.shape == (len(lines), self.width) and bool((np.abs(rows) <= GREATEST).all()) else None
+        return rows if rows.shape == (len(lines), self.width) and bool((np.abs(rows) <= _GREATEST).all()) else None
 
     def _settle_decimal(self, rows: Iterable[Sequence[Cell]]) -> None:
         if not self.decimal:
@@ -341,9 +341,9 @@ class _Rows:
         message, hint = fault_of(cell.text, self.decimal or ".")
         if not message:
             value = float(cell.text.replace(",", "."))
-            if abs(value) <= GREATEST:
+            if abs(value) <= _GREATEST:
                 return value
-            most = f"number up to {GREATEST:g}" if isfinite(value) else "finite number"
+            most = f"number up to {_GREATEST:g}" if isfinite(value) else "finite number"
             message, hint = f"must be a {most}", "check this cell"
         self.table.add(line, cell.column, self.table.name(index), message, cell.text or "nothing", hint)
         return nan

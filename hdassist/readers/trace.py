@@ -24,32 +24,32 @@ from hdassist.readers.table import NumberTable, read_numbers, shortened
 from hdassist.readers.words import ANGLES, COUNTS, angle_size, plain_unit, unit_in
 
 WHOLE_TURN_DEG = 360.0
-COUNTER_BITS = (16, 24, 32)  # of counters that begin again where they are full
-WRAP_STEPS, LEAST_WRAP_REST = 20.0, 1.0  # median steps, and deg, that a step over a wrap may go, at most
-LEAP = 0.4  # of the wrap: the direction of a longer step is ambiguous
-JITTER = 0.5  # deg: moves back that are noise of a shaft that stands or creeps
-TURNING_STEPS, WIDEST_TURNING = 4.0, 5.0  # the same in median steps, at most so many deg, of coarse readings
-WIDEST_TURN_BACK = 2.5  # median steps: how far a reading may lie off those around it where the shaft turns back
-FEW_ROWS = 5  # fewer rows are no move
-SPIKE = 10.0  # median steps: longest first step after a restart
-Angles = NDArray[np.float64]
+_COUNTER_BITS = (16, 24, 32)  # of counters that begin again where they are full
+_WRAP_STEPS, _LEAST_WRAP_REST = 20.0, 1.0  # median steps, and deg, that a step over a wrap may go, at most
+_LEAP = 0.4  # of the wrap: the direction of a longer step is ambiguous
+_JITTER = 0.5  # deg: moves back that are noise of a shaft that stands or creeps
+_TURNING_STEPS, _WIDEST_TURNING = 4.0, 5.0  # the same in median steps, at most so many deg, of coarse readings
+_WIDEST_TURN_BACK = 2.5  # median steps: how far a reading may lie off those around it where the shaft turns back
+_FEW_ROWS = 5  # fewer rows are no move
+_SPIKE = 10.0  # median steps: longest first step after a restart
+_Angles = NDArray[np.float64]
 MAX_TRACE_BYTES = 100_000_000
-ARCSEC_PER_DEG = 3600.0
+_ARCSEC_PER_DEG = 3600.0
 LARGEST_ERROR = 7200.0  # arcsec, range of an error
-RESTART_HINT = "an encoder that was restarted? take the rows above or below this line alone"
-LEAP_REST = 0.5  # of a leap: range of the rest, at most, where an encoder was restarted
-SLIP = 0.02  # of the ratio: greatest disagreement of the two encoders with it
-LEAST_WRAP = 1e-3  # deg, of encoders that restart
-ENCODERS = 2
-FEWEST_ROWS = 20  # rows
-TURNING_ROWS = 200  # rows for each of the greatest and least steps that are no rounding
-ROUNDED_STEP = 0.01  # of a step: rounding by printed digits
-COUNTS_APART = 2  # counts of the cam by which steps at one speed differ, at most
-Shaft = Literal["cam", "output"]
+_RESTART_HINT = "an encoder that was restarted? take the rows above or below this line alone"
+_LEAP_REST = 0.5  # of a leap: range of the rest, at most, where an encoder was restarted
+_SLIP = 0.02  # of the ratio: greatest disagreement of the two encoders with it
+_LEAST_WRAP = 1e-3  # deg, of encoders that restart
+_ENCODERS = 2
+_FEWEST_ROWS = 20  # rows
+_TURNING_ROWS = 200  # rows for each of the greatest and least steps that are no rounding
+_ROUNDED_STEP = 0.01  # of a step: rounding by printed digits
+_COUNTS_APART = 2  # counts of the cam by which steps at one speed differ, at most
+_Shaft = Literal["cam", "output"]
 
 
 @dataclass(frozen=True)
-class AngleSweep:
+class _AngleSweep:
     """Rows start to stop (that one not) in one direction: 1 for growing angles, -1 for falling ones."""
 
     start: int
@@ -73,7 +73,7 @@ class AngleError(ValueError):
         self.row, self.message, self.hint = row, message, hint
 
 
-def guessed_wrap(angle: Angles, count: float) -> float | None:
+def _guessed_wrap(angle: _Angles, count: float) -> float | None:
     """Angle [deg] after which an encoder begins again: a turn, or the range of its counter; None if it does not.
 
     All angles lie within it, with steps of more than half of it, over which the shaft goes on as far as over others: a
@@ -81,16 +81,16 @@ def guessed_wrap(angle: Angles, count: float) -> float | None:
     """
     steps = np.abs(np.diff(angle))
     span, longest = float(np.ptp(angle)), float(steps.max(initial=0.0))
-    wraps = (WHOLE_TURN_DEG, *(2**bits * count for bits in COUNTER_BITS))
+    wraps = (WHOLE_TURN_DEG, *(2**bits * count for bits in _COUNTER_BITS))
     for wrap in wraps:
         if span <= wrap < 2 * longest:
             over = np.abs(wrap - steps[2 * steps > wrap])  # steps over the wrap
             usual = float(np.median(steps[2 * steps <= wrap])) if (2 * steps <= wrap).any() else wrap
-            return wrap if float(np.median(over)) <= max(WRAP_STEPS * usual, LEAST_WRAP_REST) else None
+            return wrap if float(np.median(over)) <= max(_WRAP_STEPS * usual, _LEAST_WRAP_REST) else None
     return None
 
 
-def unwrapped(angle: Angles, wrap: float, other: Angles | None = None) -> Angles:
+def _unwrapped(angle: _Angles, wrap: float, other: _Angles | None = None) -> _Angles:
     """Angles without the jumps of an encoder that begins again after wrap, shape (rows,), in the same unit.
 
     other: the same angle by another encoder, without jumps and in either sense, which says how far a long step went.
@@ -102,22 +102,22 @@ def unwrapped(angle: Angles, wrap: float, other: Angles | None = None) -> Angles
         key=lambda pair: float(np.abs(np.diff(pair[1])).sum()),
     )
     joined = way + off
-    far = np.flatnonzero(np.abs(np.diff(off)) > LEAP * wrap)
+    far = np.flatnonzero(np.abs(np.diff(off)) > _LEAP * wrap)
     if len(far):
         step = abs(np.diff(joined)[far[0]])
         raise AngleError(int(far[0]) + 1, f"a step of {step:.4g} of a wrap of {wrap:g}", "record shorter steps")
     return joined
 
 
-def leaping(angle: Angles) -> NDArray[np.bool_]:
+def _leaping(angle: _Angles) -> NDArray[np.bool_]:
     """Rows, shape (rows,), whose angle [deg] lies off the median of the five around it, as it never does on its way."""
     padded = np.pad(angle, 2, mode="reflect", reflect_type="odd")
     around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
     steps = np.abs(np.diff(around))
-    return np.abs(angle - around) > JITTER + WIDEST_TURN_BACK * float(np.median(steps))
+    return np.abs(angle - around) > _JITTER + _WIDEST_TURN_BACK * float(np.median(steps))
 
 
-def sweeps(angle: Angles) -> list[AngleSweep]:
+def sweeps(angle: _Angles) -> list[_AngleSweep]:
     """Moves in one direction each, in the order of the rows.
 
     Arguments: angle [deg], shape (rows,), without jumps of the encoder. Rows of a short move at the beginning or end
@@ -128,20 +128,20 @@ def sweeps(angle: Angles) -> list[AngleSweep]:
     if not len(steps):
         raise AngleError(0, "the angle does not change", "check the column of the angle")
     step = float(np.median(steps, overwrite_input=True))
-    moves = _moves(angle, max(JITTER, min(TURNING_STEPS * step, WIDEST_TURNING)))
+    moves = _moves(angle, max(_JITTER, min(_TURNING_STEPS * step, _WIDEST_TURNING)))
     for before, back, after in zip(moves, moves[1:], moves[2:], strict=False):
-        if len(back) >= FEW_ROWS or (before is moves[0] and len(before) < FEW_ROWS):
+        if len(back) >= _FEW_ROWS or (before is moves[0] and len(before) < _FEW_ROWS):
             continue
         row, last = back.start, before.stop - 1
         is_leap = len(back) == 1 and abs(angle[row] - angle[last]) >= abs(angle[last] - angle[before.start]) / 2
-        follows = len(after) >= FEW_ROWS and abs(angle[after.start] - angle[after.start - 1]) <= SPIKE * step
+        follows = len(after) >= _FEW_ROWS and abs(angle[after.start] - angle[after.start - 1]) <= _SPIKE * step
         if not (is_leap and follows):  # no restart of the same move
             message = f"the angle runs backwards: {angle[row]:.6g} deg after {angle[last]:.6g} deg"
             raise AngleError(row, message, "put the rows in the order of time, which --robust does not, or --wrap 360")
-    return [move for move in _without_turning(angle, moves, step / 2) if len(move) >= FEW_ROWS]
+    return [move for move in _without_turning(angle, moves, step / 2) if len(move) >= _FEW_ROWS]
 
 
-def _without_turning(angle: Angles, moves: Sequence[AngleSweep], within: float) -> list[AngleSweep]:
+def _without_turning(angle: _Angles, moves: Sequence[_AngleSweep], within: float) -> list[_AngleSweep]:
     """Moves without the rows so near to their turning points [deg], which may be readings of either direction.
 
     Where a shaft has turned back between two rows the last of one move may be the first of the other, on whose side of
@@ -149,20 +149,20 @@ def _without_turning(angle: Angles, moves: Sequence[AngleSweep], within: float) 
     """
     ends = [[move.start, move.stop] for move in moves]
     for before, after in pairwise(range(len(moves))):
-        if min(len(moves[before]), len(moves[after])) >= FEW_ROWS:
+        if min(len(moves[before]), len(moves[after])) >= _FEW_ROWS:
             away = np.abs(angle - angle[moves[before].stop - 1]) >= within
             ends[before][1] -= int(away[moves[before].rows][::-1].argmax())
             ends[after][0] += int(away[moves[after].rows].argmax())
-    return [AngleSweep(start, stop, move.direction) for (start, stop), move in zip(ends, moves, strict=True)]
+    return [_AngleSweep(start, stop, move.direction) for (start, stop), move in zip(ends, moves, strict=True)]
 
 
-def _moves(angle: Angles, least: float) -> list[AngleSweep]:
+def _moves(angle: _Angles, least: float) -> list[_AngleSweep]:
     """Moves between turning points that lie at least so far apart [deg]."""
     signs = np.sign(np.diff(angle)).astype(np.int8)
     moving = np.flatnonzero(signs)
     # only the last rows before the direction changes can be turning points
     ends = [*(moving[:-1][np.diff(signs[moving]) != 0] + 1).tolist(), len(angle) - 1]
-    moves: list[AngleSweep] = []
+    moves: list[_AngleSweep] = []
     start, extreme, direction = 0, 0, 0
     for row in ends:
         gap = float(angle[row] - angle[extreme])
@@ -170,10 +170,10 @@ def _moves(angle: Angles, least: float) -> list[AngleSweep]:
             extreme = row
         elif abs(gap) >= least:
             if direction:
-                moves.append(AngleSweep(start, extreme + 1, direction))
+                moves.append(_AngleSweep(start, extreme + 1, direction))
                 start = extreme + 1
             extreme, direction = row, 1 if gap > 0 else -1
-    return [*moves, AngleSweep(start, len(angle), direction or (1 if angle[-1] > angle[0] else -1))]
+    return [*moves, _AngleSweep(start, len(angle), direction or (1 if angle[-1] > angle[0] else -1))]
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ class TraceForm:
     """
 
     angle: str | None = None
-    angle_of: Shaft | None = None
+    angle_of: _Shaft | None = None
     angle_unit: str | None = None
     error: str | None = None
     error_unit: str | None = None
@@ -199,7 +199,7 @@ class TraceForm:
         angles = self.angle_units
         if self.error is not None and self.second is not None:
             raise UsageError("invalid --error with --second: expected the error or a second encoder, not both")
-        if len(angles) > ENCODERS:
+        if len(angles) > _ENCODERS:
             raise UsageError(f"invalid --angle-unit {self.angle_unit}: expected one unit for each encoder")
         options = {"--angle-unit": angles, "--error-unit": [] if self.error_unit is None else [self.error_unit]}
         for option, unit in ((option, unit) for option, units in options.items() for unit in units):
@@ -207,8 +207,8 @@ class TraceForm:
                 angle_size(unit)
             except UnitError as fault:
                 raise UsageError(f"invalid {option} {unit}: {fault.message}", fault.hint) from None
-        if self.wrap is not None and not (np.isfinite(self.wrap) and self.wrap >= LEAST_WRAP):
-            raise UsageError(f"invalid --wrap {self.wrap:g}: expected an angle of at least {LEAST_WRAP:g} deg")
+        if self.wrap is not None and not (np.isfinite(self.wrap) and self.wrap >= _LEAST_WRAP):
+            raise UsageError(f"invalid --wrap {self.wrap:g}: expected an angle of at least {_LEAST_WRAP:g} deg")
 
     @property
     def angle_units(self) -> list[str]:
@@ -217,11 +217,11 @@ class TraceForm:
 
 
 @dataclass(frozen=True)
-class TraceColumn:
+class _TraceColumn:
     """A column (from 0) of a trace: the shaft of its angle, None for errors, and its unit, or counts in a turn."""
 
     index: int
-    shaft: Shaft | None
+    shaft: _Shaft | None
     unit: str
 
     @property
@@ -256,9 +256,9 @@ class MeasuredTrace:
     error_arcsec: Array
     line: NDArray[np.int64]
     step_arcsec: float
-    sweeps: tuple[AngleSweep, ...]
+    sweeps: tuple[_AngleSweep, ...]
     notes: tuple[str, ...]
-    angle_of: Shaft = "cam"
+    angle_of: _Shaft = "cam"
     sense: int = 0
     in_time: bool = False
     robust: bool = False
@@ -316,8 +316,8 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     Raises PresetError: the first fault of its angles; DataError: no ratio; UsageError: one column for two.
     """
     first, other = _columns(table, form)
-    if len(table.lines) < FEWEST_ROWS:
-        raise table.fault(f"{len(table.lines)} rows", f"a trace has {FEWEST_ROWS} rows or more", 0, first.index)
+    if len(table.lines) < _FEWEST_ROWS:
+        raise table.fault(f"{len(table.lines)} rows", f"a trace has {_FEWEST_ROWS} rows or more", 0, first.index)
     if ratio is None and "output" in (first.shaft, other.shaft):
         message = f"{table.file}: the ratio is needed to bring output and cam together"
         raise DataError(message, "--ratio 100, or --drive PRESET")
@@ -336,9 +336,9 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     cam = _angle(table, first, angle, form.wrap, None if output is None else output * per_turn)
     if first.shaft == "output":
         cam *= per_turn
-    far = leaping(readings * (other.size / ARCSEC_PER_DEG) if output is None else output)
+    far = _leaping(readings * (other.size / _ARCSEC_PER_DEG) if output is None else output)
     if form.robust:
-        leaps = leaping(cam)
+        leaps = _leaping(cam)
         for column, rows in ((first, leaps), (other, far)):
             if rows.any():
                 named = shortened(table.lines[rows].tolist())
@@ -358,7 +358,7 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         if first.in_counts or other.in_counts:
             by_cam = abs(first.size) / per_turn * first.in_counts
             step = max(step, hypot(by_cam, other.size * other.in_counts))
-            in_time = in_time or _is_even(cam, COUNTS_APART * abs(first.size) / ARCSEC_PER_DEG)
+            in_time = in_time or _is_even(cam, _COUNTS_APART * abs(first.size) / _ARCSEC_PER_DEG)
     try:
         moves = sweeps(cam)
     except AngleError as wrong:
@@ -367,11 +367,13 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
     if reach > LARGEST_ERROR:
         row = _leap_in(error)
         if row is not None:
-            leap = float(error[row] - error[row - 1]) / ARCSEC_PER_DEG
-            message = f"an error that spans {reach / ARCSEC_PER_DEG:.3g} deg: here it leaps by {leap:.3g} deg and stays"
-            raise table.fault(message, RESTART_HINT, row, other.index)
+            leap = float(error[row] - error[row - 1]) / _ARCSEC_PER_DEG
+            message = (
+                f"an error that spans {reach / _ARCSEC_PER_DEG:.3g} deg: here it leaps by {leap:.3g} deg and stays"
+            )
+            raise table.fault(message, _RESTART_HINT, row, other.index)
         row = int(np.abs(error - np.median(error)).argmax())
-        message = f"an error that spans {reach / ARCSEC_PER_DEG:.3g} deg"
+        message = f"an error that spans {reach / _ARCSEC_PER_DEG:.3g} deg"
         leaves_out = "; --robust leaves single ones out" * bool(far.any())
         raise table.fault(
             message, f"check the column of the error, its unit and the ratio{leaves_out}", row, other.index
@@ -386,16 +388,16 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
 
 
 def _angle(
-    table: NumberTable, column: TraceColumn, readings: Array, wrap: float | None, other: Array | None = None
+    table: NumberTable, column: _TraceColumn, readings: Array, wrap: float | None, other: Array | None = None
 ) -> Array:
     """Angles [deg] of the readings of a column without wraps; other, see `unwrapped`."""
-    angle = readings * (column.size / ARCSEC_PER_DEG)
+    angle = readings * (column.size / _ARCSEC_PER_DEG)
     if not np.ptp(angle):
         raise table.fault("a constant column", "check the column of the angle", 0, column.index)
-    if wrap is None and (wrap := guessed_wrap(angle, abs(column.size) / ARCSEC_PER_DEG)):
+    if wrap is None and (wrap := _guessed_wrap(angle, abs(column.size) / _ARCSEC_PER_DEG)):
         table.notes.append(f'"{table.name(column.index)}" begins again after {wrap:g} deg: joined')
     try:
-        return angle if wrap is None else unwrapped(angle, wrap, other)
+        return angle if wrap is None else _unwrapped(angle, wrap, other)
     except AngleError as wrong:
         raise table.fault(wrong.message, wrong.hint, wrong.row, column.index) from None
 
@@ -415,18 +417,18 @@ def _second(table: NumberTable, column: int, output: Array, cam: Array, ratio: f
     """Error [arcsec] out of the angles [deg] of two encoders, and the sense in which they count."""
     centred = cam - cam.mean()
     slope = float(centred @ output / (centred @ centred))
-    if np.ptp(cam) >= 360 and abs(abs(slope) * ratio - 1) > SLIP:
+    if np.ptp(cam) >= 360 and abs(abs(slope) * ratio - 1) > _SLIP:
         for way in (1, -1):
             apart = output - way * cam / ratio
             if (row := _leap_in(apart)) is not None:
                 leap = f"{apart[row] - apart[row - 1]:.4g} deg"
                 words = f"the angles of the two shafts leap apart by {leap}: an encoder was restarted or lost counts"
-                raise table.fault(words, RESTART_HINT, row, column)
+                raise table.fault(words, _RESTART_HINT, row, column)
         turns = f"the cam turns {1 / abs(slope):.5g} times as far" if slope else "the output does not turn"
         raise table.fault(f"{turns}, the ratio is {ratio:g}", "check the units, the ratio and the columns", 0, column)
     sense = 1 if slope > 0 else -1
     table.notes.append(f"error = output - cam/ratio, ratio {sense * ratio:+g}: as the two encoders count")
-    error = (output - output[0] - sense * (cam - cam[0]) / ratio) * ARCSEC_PER_DEG
+    error = (output - output[0] - sense * (cam - cam[0]) / ratio) * _ARCSEC_PER_DEG
     return error, sense
 
 
@@ -435,7 +437,7 @@ def _leap_in(values: Array) -> int | None:
     steps = np.diff(values)
     row = int(np.abs(steps).argmax())
     rest = np.concatenate([values[: row + 1], values[row + 1 :] - steps[row]])
-    return row + 1 if np.ptp(rest) < LEAP_REST * abs(steps[row]) else None
+    return row + 1 if np.ptp(rest) < _LEAP_REST * abs(steps[row]) else None
 
 
 def _even_step(levels: Array, least: float) -> float:
@@ -443,7 +445,7 @@ def _even_step(levels: Array, least: float) -> float:
     apart = np.diff(levels)
     apart = apart[apart > least]
     step = float(apart.min(initial=np.inf))
-    return step if len(apart) and np.abs(apart / step - np.rint(apart / step)).max() < ROUNDED_STEP else 0.0
+    return step if len(apart) and np.abs(apart / step - np.rint(apart / step)).max() < _ROUNDED_STEP else 0.0
 
 
 def _step(readings: Array) -> float:
@@ -461,13 +463,13 @@ def _step_in_time(cam: Array, output: Array, ratio: float) -> float:
     """
     turned = np.abs(np.diff(cam))
     usual = np.abs(turned - np.median(turned)) < np.median(turned) / 2
-    steps = np.sort(np.abs(np.diff(output))[usual]) * ARCSEC_PER_DEG
-    steps = steps[len(steps) // TURNING_ROWS : len(steps) - len(steps) // TURNING_ROWS]  # play, where the shaft turns
-    least = ROUNDED_STEP * float(np.diff(steps).max(initial=0.0))  # printed digits differ by less
+    steps = np.sort(np.abs(np.diff(output))[usual]) * _ARCSEC_PER_DEG
+    steps = steps[len(steps) // _TURNING_ROWS : len(steps) - len(steps) // _TURNING_ROWS]  # play, where the shaft turns
+    least = _ROUNDED_STEP * float(np.diff(steps).max(initial=0.0))  # printed digits differ by less
     repeat = 2 * int((np.diff(steps) > least).sum()) <= len(steps)
     step = _even_step(steps, least) if repeat else 0.0
     # where the angles are uneven by more than a step, its rounding is noise, and counted as such
-    return step if _is_even(cam, step * ratio / ARCSEC_PER_DEG) else 0.0
+    return step if _is_even(cam, step * ratio / _ARCSEC_PER_DEG) else 0.0
 
 
 def _is_even(cam: Array, within_deg: float) -> bool:
@@ -475,7 +477,7 @@ def _is_even(cam: Array, within_deg: float) -> bool:
     return float(np.ptp(np.quantile(np.abs(np.diff(cam)), (0.05, 0.95)))) <= within_deg
 
 
-def _columns(table: NumberTable, form: TraceForm) -> tuple[TraceColumn, TraceColumn]:
+def _columns(table: NumberTable, form: TraceForm) -> tuple[_TraceColumn, _TraceColumn]:
     """Columns of the angle, and of the error or the output's own angle: by the form, by their names, or by their order.
 
     Raises UsageError: one column for both; PresetError: columns without a clear role.
@@ -486,7 +488,7 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[TraceColumn, TraceCol
         table.notes.append("columns by their order: cam angle, error")
     kind = next((kind for kind in ("cam", "angle", "output") if kind in kinds), "angle")
     angle = _column(table, form.angle, kinds, kind, "angle")
-    shaft: Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")
+    shaft: _Shaft = form.angle_of or ("output" if kinds[angle] == "output" else "cam")
     kinds[angle] = ""
     by_second = form.second is not None or (form.error is None and "error" not in kinds and "output" in kinds)
     option, asked, kind = ("second", form.second, "output") if by_second else ("error", form.error, "error")
@@ -495,7 +497,7 @@ def _columns(table: NumberTable, form: TraceForm) -> tuple[TraceColumn, TraceCol
         raise UsageError(f"one column cannot be both: {table.name(angle)}", f"columns: {table.listed}")
     if by_second and shaft == "output":
         raise table.fault("no column of cam angles", "name one: --angle NAME --angle-of cam")
-    first, second = (*form.angle_units, None, None)[:ENCODERS]
+    first, second = (*form.angle_units, None, None)[:_ENCODERS]
     angles = _in_unit(table, angle, shaft, f"{shaft} angle", first, "deg", "--angle-unit")
     if by_second:
         words = "output angle, second encoder"
@@ -523,11 +525,11 @@ def _column(table: NumberTable, asked: str | None, kinds: Sequence[str], kind: s
 
 
 def _in_unit(
-    table: NumberTable, index: int, shaft: Shaft | None, words: str, asked: str | None, default: str, option: str
-) -> TraceColumn:
+    table: NumberTable, index: int, shaft: _Shaft | None, words: str, asked: str | None, default: str, option: str
+) -> _TraceColumn:
     """A column in the unit asked for, that of its name, or the default; how it is read is noted."""
     name, named = table.name(index), unit_in(table.name(index), (*ANGLES, COUNTS))
-    column = TraceColumn(index, shaft, plain_unit(asked) if asked is not None else named or default)
+    column = _TraceColumn(index, shaft, plain_unit(asked) if asked is not None else named or default)
     if asked is None and column.in_counts:
         raise table.fault(f'"{name}": counts of how many in a turn?', f"like {option} 16384,4194304")
     if asked is not None and named in ANGLES and named != column.unit:

@@ -23,7 +23,7 @@ TIMES: dict[str, float] = _TABLE["times"]
 PITCH_KEYS: dict[str, str] = _TABLE["pitch_keys"]
 _SPELLED: dict[str, str] = _TABLE["spelled"]
 _ROLES: dict[str, str] = _TABLE["roles"]
-FEWEST_COUNTS, MOST_BITS = 8, 48  # of an encoder, in a turn
+_FEWEST_COUNTS, _MOST_BITS = 8, 48  # of an encoder, in a turn
 TURN_ARCSEC = ANGLES["turn"]
 COUNTS = "counts"  # whose size a name does not give
 _LENGTHS: dict[str, list[str]] = _TABLE["lengths"]
@@ -99,8 +99,8 @@ def angle_size(unit: str) -> float:
     if (plain := plain_unit(text)) in ANGLES:
         return sense * ANGLES[plain]
     number = number_of(plain.removesuffix("s").removesuffix("bit").strip())
-    counts = 2 ** min(number, MOST_BITS + 1) if "bit" in plain else number
-    if not FEWEST_COUNTS <= counts <= 2**MOST_BITS:
+    counts = 2 ** min(number, _MOST_BITS + 1) if "bit" in plain else number
+    if not _FEWEST_COUNTS <= counts <= 2**_MOST_BITS:
         hint = near_miss(text, ANGLES) or f"one of {', '.join(ANGLES)}, or counts in a turn: 16384 or 14bit"
         raise UnitError("expected a unit of angle", hint)
     return sense * ANGLES["turn"] / counts

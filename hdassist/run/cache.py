@@ -23,7 +23,7 @@ from typing import TypeVar
 from platformdirs import user_cache_path
 from pydantic import TypeAdapter
 
-AnswerT = TypeVar("AnswerT")
+_AnswerT = TypeVar("_AnswerT")
 
 FOLDER, NO_CACHE = "HDASSIST_CACHE", "HDASSIST_NO_CACHE"  # variables: another folder; whether answers are not kept
 OWN_FOLDER = "answers"  # in the folder of the cache
@@ -36,7 +36,7 @@ _AS_IT_IS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)  # no li
 _UNUSABLE = (OSError, ValueError, AttributeError)  # a path with a NUL; a system without owners or folders to open
 
 
-class UnsafeFolderError(OSError):
+class _UnsafeFolderError(OSError):
     """A folder of the cache that another user can write to."""
 
 
@@ -68,7 +68,7 @@ def why_unsafe() -> str:
         try:
             with _own_folder():
                 pass
-        except UnsafeFolderError as error:
+        except _UnsafeFolderError as error:
             return str(error)
     return ""
 
@@ -106,7 +106,9 @@ def keep(kind: str, key: str, data: bytes) -> None:
         _prune(folder, MOST, _OLDEST_LEFT * MOST)
 
 
-def kept_answer(kind: str, depends: object, adapter: TypeAdapter[AnswerT], compute: Callable[[], AnswerT]) -> AnswerT:
+def kept_answer(
+    kind: str, depends: object, adapter: TypeAdapter[_AnswerT], compute: Callable[[], _AnswerT]
+) -> _AnswerT:
     """An answer of a kind as it is kept, or computed and kept.
 
     Arguments: depends, all that decides it, as JSON; adapter, its type.
@@ -168,7 +170,7 @@ def _own_folder(*, makes: bool = False) -> Iterator[int]:
     try:
         about = os.fstat(above)
         if about.st_uid not in (user, 0) or about.st_mode & _OTHERS_MAY_WRITE:
-            raise UnsafeFolderError(f"another user can write to {named}")
+            raise _UnsafeFolderError(f"another user can write to {named}")
         if makes:
             with suppress(FileExistsError):
                 os.mkdir(OWN_FOLDER, 0o700, dir_fd=above)
@@ -178,7 +180,7 @@ def _own_folder(*, makes: bool = False) -> Iterator[int]:
     try:
         about = os.fstat(folder)
         if about.st_uid != user or about.st_mode & _OTHERS_MAY_WRITE:
-            raise UnsafeFolderError(f"another user can write to {named / OWN_FOLDER}")
+            raise _UnsafeFolderError(f"another user can write to {named / OWN_FOLDER}")
         yield folder
     finally:
         os.close(folder)

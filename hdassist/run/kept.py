@@ -38,7 +38,7 @@ _DIGITS = 16  # of a checksum
 Number = Annotated[float, Field(strict=True)]
 Magnitude = Annotated[float, Field(strict=True, ge=0)]
 Count = Annotated[int, Field(strict=True, ge=0)]
-RecordT = TypeVar("RecordT")
+_RecordT = TypeVar("_RecordT")
 
 
 def own_schema(own: str) -> AfterValidator:
@@ -92,18 +92,18 @@ _OTHER_FILE = "name another file, or remove this one"
 
 
 @dataclass(frozen=True)
-class RecordKind(Generic[RecordT]):
+class RecordKind(Generic[_RecordT]):
     """Kind of the records of a file.
 
     adapter: their type, closed and of finite numbers; fault: why a record cannot be the item of a number, empty where
     it can; hint: the remedy for one that does not hold.
     """
 
-    adapter: TypeAdapter[RecordT]
-    fault: Callable[[int, RecordT], str] = lambda _item, _record: ""
+    adapter: TypeAdapter[_RecordT]
+    fault: Callable[[int, _RecordT], str] = lambda _item, _record: ""
     hint: str = "it was changed or damaged; without this line and all below it the same command goes on"
 
-    def read(self, lines: Iterable[bytes], above: bytes, name: str) -> Iterator[tuple[RecordT, bytes]]:
+    def read(self, lines: Iterable[bytes], above: bytes, name: str) -> Iterator[tuple[_RecordT, bytes]]:
         """Records with their lines; a last one that is not finished is left out.
 
         Arguments: lines below the owner; above, the owner's checksum; name of the file. Raises DataError: a record
@@ -127,18 +127,18 @@ class RecordKind(Generic[RecordT]):
 
 
 @dataclass
-class Kept(Generic[RecordT]):
+class Kept(Generic[_RecordT]):
     """An open file of records, made by `open_kept`; done: how many it has, which a stop may ask for at any time."""
 
     _path: str | None
     _descriptor: int
     _owner: KeptOwner
-    _kind: RecordKind[RecordT]
+    _kind: RecordKind[_RecordT]
     done: int = 0
     _size: int = 0  # bytes
     _checksum: bytes = b""  # of the last line
 
-    def append(self, records: Iterable[RecordT]) -> None:
+    def append(self, records: Iterable[_RecordT]) -> None:
         """Write the records of the next items; when this returns they outlast a loss of power.
 
         Raises DataError: they cannot be written, or the file is not what this run has written.
@@ -150,7 +150,7 @@ class Kept(Generic[RecordT]):
         self._write(b"".join(lines), len(lines))
         self._checksum = checksum
 
-    def records(self) -> Iterator[RecordT]:
+    def records(self) -> Iterator[_RecordT]:
         """The records that are there, in the order of the items, to be read before more are written.
 
         Raises DataError: one that does not hold.
@@ -162,7 +162,7 @@ class Kept(Generic[RecordT]):
                 raise self._lost()
             yield found[0]
 
-    def rewrite(self, records: Iterable[RecordT]) -> None:
+    def rewrite(self, records: Iterable[_RecordT]) -> None:
         """Put records of this run's owner in place of all that the file has; until then it stays as it is."""
         assert self._path is not None
         with (
@@ -236,11 +236,11 @@ class Kept(Generic[RecordT]):
 def open_kept(
     path: str | None,
     owner: KeptOwner,
-    kind: RecordKind[RecordT],
+    kind: RecordKind[_RecordT],
     *,
     force: bool = False,
     patience: float = LOCK_PATIENCE,
-) -> Iterator[Kept[RecordT]]:
+) -> Iterator[Kept[_RecordT]]:
     """A file to which records are added, behind those that a run before it has left there; one run at a time holds it.
 
     Arguments: path, None for a file without a name that goes when it is closed; owner of this run; kind of its records;
@@ -263,7 +263,7 @@ def open_kept(
         os.close(kept._descriptor)
 
 
-def read_kept(data: bytes, name: str, kind: RecordKind[RecordT]) -> list[RecordT] | None:
+def read_kept(data: bytes, name: str, kind: RecordKind[_RecordT]) -> list[_RecordT] | None:
     """Records of a file that is only read; None where it is not of this form. Raises DataError as `open_kept` does."""
     lines = BytesIO(data)
     try:

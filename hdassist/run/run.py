@@ -32,7 +32,7 @@ from typing import Any, TypeVar
 from hdassist.errors import DataError, Fault, UntrustedError, UsageError
 from hdassist.run.stops import STOPS, at_stop, stops_held_back
 
-ResultT = TypeVar("ResultT")
+_ResultT = TypeVar("_ResultT")
 Progress = Callable[[int], None]
 CROSS_SOLVER = "HIGHS"  # the solver by which some states are solved again
 
@@ -51,7 +51,7 @@ class Run:
     seed: int = 0
     cross_check: str | None = CROSS_SOLVER
 
-    def map(self, function: Callable[..., ResultT], *columns: Iterable[Any]) -> Iterator[ResultT]:
+    def map(self, function: Callable[..., _ResultT], *columns: Iterable[Any]) -> Iterator[_ResultT]:
         """Results of a function over rows of arguments, in their order."""
         return iter((self.executor.map if self.executor else map)(function, *columns))
 
@@ -60,14 +60,14 @@ class Run:
         if self.progress:
             self.progress(states)
 
-    def beside(self, function: Callable[..., ResultT], *arguments: Any) -> Future[ResultT]:
+    def beside(self, function: Callable[..., _ResultT], *arguments: Any) -> Future[_ResultT]:
         """Answer of a function that imports much, found while the rest goes on.
 
         All such functions of a command share one process, whose imports the others are spared.
         """
         if self.executor:
             return (getattr(self.executor, "beside", None) or self.executor).submit(function, *arguments)
-        found: Future[ResultT] = Future()
+        found: Future[_ResultT] = Future()
         found.set_result(function(*arguments))
         return found
 
@@ -91,10 +91,10 @@ UNCHECKED = Run(cross_check=None)  # in this process, no state solved again
 
 # --- engines of other packages, on one machine or many
 
-ENGINES = {"dask": "distributed", "mpi": "mpi4py", "ray": "ray"}  # by the package that each needs
+_ENGINES = {"dask": "distributed", "mpi": "mpi4py", "ray": "ray"}  # by the package that each needs
 _RETRIES = 3  # of a task whose worker was lost
 TIMEOUT = 10.0  # s for a scheduler to answer
-Installation = Callable[[], object]  # all that the digits of an answer depend on, where it is called
+_Installation = Callable[[], object]  # all that the digits of an answer depend on, where it is called
 
 
 class Cluster(Executor):
@@ -103,7 +103,7 @@ class Cluster(Executor):
     size: how many tasks it works on at a time, by now.
     """
 
-    def __init__(self, engine: Executor, size: Callable[[], int], installation: Installation) -> None:
+    def __init__(self, engine: Executor, size: Callable[[], int], installation: _Installation) -> None:
         self._engine, self._size, self._installation = engine, size, installation
         self._known, self._asked = 1, 0.0
         self._here = installation()
@@ -121,7 +121,7 @@ class Cluster(Executor):
 
 
 def _same_there(
-    installation: Installation, expected: object, task: Callable[..., Any], args: tuple[Any, ...], more: dict[str, Any]
+    installation: _Installation, expected: object, task: Callable[..., Any], args: tuple[Any, ...], more: dict[str, Any]
 ) -> Any:
     """Do a task on a worker. Raises UntrustedError: its installation is not that of the process that asks."""
     if (found := installation()) != expected:
@@ -131,7 +131,7 @@ def _same_there(
 
 
 @contextmanager
-def cluster(name: str, jobs: int, installation: Installation) -> Iterator[Cluster]:
+def cluster(name: str, jobs: int, installation: _Installation) -> Iterator[Cluster]:
     """An engine by its name, as ENGINES has it; it stays for the next time, and ends with this process.
 
     Arguments: name, with "=ADDRESS" of a scheduler that runs already; jobs, workers that are begun where there is none
@@ -139,7 +139,7 @@ def cluster(name: str, jobs: int, installation: Installation) -> Iterator[Cluste
     cannot be reached or begun; UntrustedError: it has lost the work, or a worker has another installation.
     """
     kind, _, address = name.partition("=")
-    if kind not in ENGINES or (address and kind == "mpi"):
+    if kind not in _ENGINES or (address and kind == "mpi"):
         words = f"unknown executor: {name}"
         raise UsageError(words, "one of dask, dask=tcp://HOST:PORT, mpi, ray, ray=HOST:PORT")
     try:
@@ -153,7 +153,7 @@ def cluster(name: str, jobs: int, installation: Installation) -> Iterator[Cluste
     try:
         yield engine
     except Exception as error:
-        if type(error).__module__.partition(".")[0] not in (*ENGINES.values(), "dask", "concurrent"):
+        if type(error).__module__.partition(".")[0] not in (*_ENGINES.values(), "dask", "concurrent"):
             raise
         words = f"{kind} has lost the work: {str(error) or type(error).__name__}"
         hint = "see the log of its scheduler; the same command goes on behind what is kept"
@@ -161,7 +161,7 @@ def cluster(name: str, jobs: int, installation: Installation) -> Iterator[Cluste
 
 
 @cache
-def _begun(kind: str, address: str, jobs: int, installation: Installation) -> Cluster:
+def _begun(kind: str, address: str, jobs: int, installation: _Installation) -> Cluster:
     with ExitStack() as stack:
         engine, size = {"dask": _dask, "mpi": _mpi, "ray": _ray}[kind](stack, address, count(jobs))
         _clusters.enter_context(stack.pop_all())
@@ -226,11 +226,17 @@ _MANY = 100  # workers, from which on chunks grow with their number: one process
 MOST_ITEMS = 10_000  # items in a chunk
 AHEAD = 3  # chunks under way or done for each process
 
-Work = Callable[[int, int], list[Any]]
+_Work = Callable[[int, int], list[Any]]
 
 
 def stream(
-    work: Work, total: int, *, done: int = 0, jobs: int = 0, seconds: float = _SECONDS, executor: Executor | None = None
+    work: _Work,
+    total: int,
+    *,
+    done: int = 0,
+    jobs: int = 0,
+    seconds: float = _SECONDS,
+    executor: Executor | None = None,
 ) -> Generator[list[Any], None, None]:
     """Records of the items done, done + 1, ... total - 1, in lists of one chunk each; close it to stop the work.
 
@@ -274,9 +280,9 @@ def _timed(work: bytes, first: int, last: int) -> tuple[float, list[Any]]:
 
 
 @lru_cache(maxsize=1)
-def _unpickled(work: bytes) -> Work:
+def _unpickled(work: bytes) -> _Work:
     """The work, unpickled once in each process: its caches stay from chunk to chunk."""
-    found: Work = pickle.loads(work)
+    found: _Work = pickle.loads(work)
     return found
 
 

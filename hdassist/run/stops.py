@@ -15,7 +15,7 @@ from typing import NoReturn, TypeVar
 _STOP_WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "hung up"}
 STOPS = tuple(getattr(signal, name) for name in _STOP_WORDS if hasattr(signal, name))
 
-ItemT = TypeVar("ItemT")
+_ItemT = TypeVar("_ItemT")
 
 _at_stop: list[Callable[[], str | None]] = []
 _process = 0  # that is ended: not one that it has forked
@@ -41,7 +41,7 @@ def at_stop(action: Callable[[], str | None]) -> Iterator[None]:
         _at_stop.remove(action)
 
 
-def until_interrupted(items: Iterator[ItemT]) -> Generator[ItemT, None, bool]:
+def until_interrupted(items: Iterator[_ItemT]) -> Generator[_ItemT, None, bool]:
     """Items as they come, to the first interrupt, which ends the waiting for the next one and not the process.
 
     For work that can answer with the items that it has; a second stop ends the process. Result: whether interrupted.

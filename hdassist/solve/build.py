@@ -16,11 +16,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 SOURCE = Path(__file__).parent / "walk.c"
-LIBRARY_SUFFIX = ".dll" if os.name == "nt" else ".so"
+_LIBRARY_SUFFIX = ".dll" if os.name == "nt" else ".so"
 # comparisons with NaN and sums in their order stay as they are written: no -ffast-math; a product may be rounded once
 # with the sum that it is added to
-FLAGS = ["-std=c11", "-O3", "-fopenmp-simd", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast"]
-FLAGS += ["-shared", "-fPIC"]
+_FLAGS = ["-std=c11", "-O3", "-fopenmp-simd", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast"]
+_FLAGS += ["-shared", "-fPIC"]
 X86 = {1: ["-march=x86-64"], 3: ["-march=x86-64-v3"], 4: ["-march=x86-64-v4", "-mprefer-vector-width=512"]}
 
 
@@ -31,7 +31,7 @@ def source_hash() -> str:
 
 def library_name(level: int) -> str:
     """File name of the library for an instruction set: 1 any machine, 3 AVX2, 4 AVX-512."""
-    return f"_walk_{level}{LIBRARY_SUFFIX}"
+    return f"_walk_{level}{_LIBRARY_SUFFIX}"
 
 
 def development_folder() -> Path:
@@ -58,7 +58,7 @@ def compile_walk(folder: Path, more: Sequence[str] = ()) -> list[Path]:
     for level, flags in levels.items():
         library = folder / library_name(level)
         new = library.with_suffix(f".{os.getpid()}")  # replaced as a whole: another process may have the old one open
-        options = [*FLAGS, *flags, *more, f'-DWALK_SOURCE="{source_hash()}"']
+        options = [*_FLAGS, *flags, *more, f'-DWALK_SOURCE="{source_hash()}"']
         command = [compiler, *options, str(SOURCE), "-o", str(new), "-lm"]
         if subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False).returncode:
             new.unlink(missing_ok=True)

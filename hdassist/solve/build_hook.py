@@ -14,7 +14,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 _BUILD = runpy.run_path(str(Path(__file__).parent / "build.py"))
 
 
-class WalkHook(BuildHookInterface[Any]):
+class _WalkHook(BuildHookInterface[Any]):
     """Compiles the walk where there is a compiler."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:

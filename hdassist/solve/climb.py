@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from hdassist.model.geometry import Array
 
 Points = NDArray[np.int64]
-StateAt = Callable[[Array], tuple[float, Array]]  # rotation [rad] and slopes [rad/mm] of a state by its scalars [mm]
+_StateAt = Callable[[Array], tuple[float, Array]]  # rotation [rad] and slopes [rad/mm] of a state by its scalars [mm]
 
-WAYS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])  # of a ring, side by side
-LOOKS = 3  # around the highest state of a climb, by each ring
-WIDEST_LOOK = 24  # steps along each wheel that a climb looks around, at most
-MOST_STATES = 256  # of one climb; two dozen are usual
+_WAYS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])  # of a ring, side by side
+_LOOKS = 3  # around the highest state of a climb, by each ring
+_WIDEST_LOOK = 24  # steps along each wheel that a climb looks around, at most
+_MOST_STATES = 256  # of one climb; two dozen are usual
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class Rules:
     radius: tuple[int, ...]
 
 
-def climbed(torus: Torus, hills: Starts, rules: Rules, state_at: StateAt) -> Points:
+def climbed(torus: Torus, hills: Starts, rules: Rules, state_at: _StateAt) -> Points:
     """The highest states that climbs from the hills of each group, and rings around, come to, shape (groups, 2)."""
     radius, *rings = rules.radius
     tops, ends = [], np.append(hills.first[1:], len(hills.point))
@@ -87,9 +87,9 @@ def climbed(torus: Torus, hills: Starts, rules: Rules, state_at: StateAt) -> Poi
             if climb.height > highest:
                 best, highest = climb, climb.height
         for ring in rings:
-            for _ in range(LOOKS):
+            for _ in range(_LOOKS):
                 known = np.array(best.points)
-                for point in best.top + ring * WAYS:
+                for point in best.top + ring * _WAYS:
                     if (2 * np.abs(known - point) > ring).any(axis=1).all():
                         best.visit(point)
                         known = np.array(best.points)
@@ -104,7 +104,7 @@ def climbed(torus: Torus, hills: Starts, rules: Rules, state_at: StateAt) -> Poi
 class _Climb:
     """States of one climb, with the bounds that they set."""
 
-    def __init__(self, torus: Torus, rules: Rules, state_at: StateAt, row: int, sign: int) -> None:
+    def __init__(self, torus: Torus, rules: Rules, state_at: _StateAt, row: int, sign: int) -> None:
         self._torus, self._rules, self._state_at, self._row, self._sign = torus, rules, state_at, row, sign
         self.points, self._heights = list[Points](), list[float]()
         self._slopes, self._scalars = list[Array](), list[Array]()
@@ -122,7 +122,7 @@ class _Climb:
 
     def visit(self, point: Points) -> bool:
         """Solve the state at a point; whether it has an answer, and there was room."""
-        if len(self.points) == MOST_STATES:
+        if len(self.points) == _MOST_STATES:
             return False
         rotation, slope = self._state_at(self._torus.scalars(np.array([self._row]), point[None])[0])
         if np.isfinite(rotation):
@@ -148,7 +148,7 @@ class _Climb:
         """Go on to the state that all bounds let be the highest, so many steps around the top, until they let none."""
         torus = self._torus
         for _ in range(self._rules.steps):
-            reach, top, before = min(int(radius + 0.5), WIDEST_LOOK), self.top, self.height
+            reach, top, before = min(int(radius + 0.5), _WIDEST_LOOK), self.top, self.height
             bounds = np.flatnonzero(self._is_bound | (np.arange(len(self.points)) == np.argmax(self._heights)))
             steps, slopes = np.arange(-reach, reach + 1), np.array(self._slopes)[bounds]
             by_b = torus.by_b[self._row, (top[0] + steps) % torus.by_b.shape[1]] @ slopes.T

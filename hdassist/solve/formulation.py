@@ -27,12 +27,12 @@ from hdassist.model.geometry import Array
 if TYPE_CHECKING:
     import cvxpy as cp
 
-INVERSE = 1e-6  # error of a product that should be the identity
-MICROMETRE = 1e-3  # mm: gaps of the scaled programme are of order one in it
+_INVERSE = 1e-6  # error of a product that should be the identity
+_MICROMETRE = 1e-3  # mm: gaps of the scaled programme are of order one in it
 
 
 @dataclass(frozen=True)
-class Units:
+class _Units:
     """Units of the scaled programme, chosen so that its numbers are of order one.
 
     gap [mm]; force [N], which closes a gap unit on the stiffest station of a tooth; load, shape (free,): length that
@@ -69,7 +69,7 @@ class Springs:
 
 
 @dataclass(frozen=True)
-class Statement:
+class _Statement:
     """The programme in cvxpy, DPP in the parameters gaps and load.
 
     forces: variable, shape (M,), in units.force, whose sums at the places are a variable of their own: the structure
@@ -95,7 +95,7 @@ class Formulation:
     """
 
     system: ContactSystem
-    units: Units
+    units: _Units
     H: Array
     local: Array
     A: Array
@@ -116,7 +116,7 @@ class Formulation:
         return matrix
 
     @cached_property
-    def statement(self) -> Statement:
+    def statement(self) -> _Statement:
         """The programme in cvxpy; stated when first asked for, as cvxpy takes a second to import."""
         from scipy.sparse import csr_array, diags_array
 
@@ -131,7 +131,7 @@ class Formulation:
         sums = csr_array((np.ones(M), (self.system.place, np.arange(M))), shape=(m, M))
         constraints = [equilibrium, sums @ forces - at_places == 0]
         problem = cp.Problem(cp.Minimize(of_candidates + of_structure + gaps @ forces), constraints)
-        return Statement(problem, forces, gaps, load, equilibrium)
+        return _Statement(problem, forces, gaps, load, equilibrium)
 
     def gaps(self, delta_p: Array) -> Array:
         """Gaps without force [mm], shape (..., M), in units of the programme."""
@@ -179,7 +179,7 @@ def formulate(system: ContactSystem) -> Formulation:
     load_units = np.where(np.arange(len(free)) == ROTATION, system.geometry.r_m, 1.0)[free]
     # the softest instead makes Clarabel give up coned flanks at light torques
     stiffest = float(system.face.compliance.min())
-    units = Units(gap=MICROMETRE, force=MICROMETRE / stiffest, load=load_units)
+    units = _Units(gap=_MICROMETRE, force=_MICROMETRE / stiffest, load=load_units)
     H = (at_supports / system.C[supported]) @ at_supports.T
     H += system.compliance
     H *= units.force / units.gap
@@ -285,7 +285,7 @@ def principal_transform(matrix: Array, inside: NDArray[np.bool_]) -> Array:
     right = np.hstack([np.eye(n), coupling])
     both = np.linalg.solve(block, right)
     inverse, rest = both[:, :n].copy(), right - block @ both
-    if not np.abs(rest[:, :n]).max(initial=0) <= INVERSE:
+    if not np.abs(rest[:, :n]).max(initial=0) <= _INVERSE:
         raise ValueError("the contact set does not hold the parts in place")
     both += inverse @ rest  # refined: without it two digits of the rotation are lost
     across = both[:, n:]

@@ -36,10 +36,10 @@ from hdassist.solve.walk import Walk, walk_library, walk_near_state
 
 SOLVED = 1  # exit flag of daqp
 ALWAYS_ACTIVE = 5  # sense of an equality row
-ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
+_ACTIVE_LOWER = 3  # sense of a bound thought to hold: no force
 # In the programme's own units forces are of order 0.1 to 100 and gaps of order 1 to 1000.
 DAQP_SETTINGS = {"primal_tol": 1e-10, "dual_tol": 1e-12}
-HEAVIER = (1e4, 1e2, 1.0)  # times the load of a state: ways down to it
+_HEAVIER = (1e4, 1e2, 1.0)  # times the load of a state: ways down to it
 ITERATIONS = 10  # for each row, after which daqp is stopped: states that it solves take one or two
 
 
@@ -96,8 +96,8 @@ class OneByOne:
             if answer := self._solve_near(self._formulation, gaps, right, contact):
                 return self._formulation.answer(*answer)
         # teeth that hardly hold the parts come and go: a load that presses them together leads to theirs
-        answer = self._solve_near(self._formulation, gaps, HEAVIER[0] * right, none)
-        for times in HEAVIER[1:]:
+        answer = self._solve_near(self._formulation, gaps, _HEAVIER[0] * right, none)
+        for times in _HEAVIER[1:]:
             answer = answer and self._solve_near(self._formulation, gaps, times * right, answer[0] > 0)
         return answer and self._formulation.answer(*answer)
 
@@ -105,7 +105,7 @@ class OneByOne:
         formulation, right, n = self._formulation, -self._formulation.load(torque), len(delta_p)
         upper, lower = np.append(np.full(n, np.inf), right), np.append(np.zeros(n), right)
         for contact in (self.contact, np.ones(n, dtype=bool)):
-            sense = np.append(np.where(contact, 0, ACTIVE_LOWER), np.full(len(right), ALWAYS_ACTIVE)).astype(np.int32)
+            sense = np.append(np.where(contact, 0, _ACTIVE_LOWER), np.full(len(right), ALWAYS_ACTIVE)).astype(np.int32)
             model = daqp.Model()
             model.settings = DAQP_SETTINGS | {"iter_limit": ITERATIONS * len(sense)}
             A = np.ascontiguousarray(formulation.A[:, formulation.system.place])
@@ -126,9 +126,9 @@ class OneByOne:
 #
 
 
-POOR_PROOF = 1e-9  # residual of a state of the walk from which on it is solved once more, alone
+_POOR_PROOF = 1e-9  # residual of a state of the walk from which on it is solved once more, alone
 MANY_STATES = 64  # states from which on a reference pays
-CARRIES = 1e-9  # of the greatest force: more is contact
+_CARRIES = 1e-9  # of the greatest force: more is contact
 
 
 class LoadCase:
@@ -209,7 +209,7 @@ class LoadCase:
         if self._walk is None:
             return self._alone(gaps, slope)
         sums = self._walk.solve(gaps, self._torque, slope=slope)
-        given_up = np.flatnonzero(~(sums.residuals.worst <= POOR_PROOF))  # or NaN
+        given_up = np.flatnonzero(~(sums.residuals.worst <= _POOR_PROOF))  # or NaN
         if len(given_up):
             sums.put(given_up, self._alone(gaps[given_up], slope))
         return replace(sums, given_up=len(given_up))
@@ -243,7 +243,7 @@ class LoadCase:
             forces, _, _ = nominal.solve(self.system.delta_p[None], self._torque)
             known[self._torque] = None
             with suppress(ValueError):
-                known[self._torque] = Reference(self.formulation, forces[0] > CARRIES * forces[0].max())
+                known[self._torque] = Reference(self.formulation, forces[0] > _CARRIES * forces[0].max())
         return known[self._torque]
 
     def _alone(self, gaps: StateGaps, slope: bool = False) -> StateSums:

@@ -17,11 +17,11 @@ from hdassist.model.geometry import Array
 from hdassist.solve.answers import StateSums, rotation_slopes
 from hdassist.solve.formulation import Formulation, Reference, Springs
 
-ZERO = 1e-10  # in the programme's units: a value this far below zero counts as zero
+_ZERO = 1e-10  # in the programme's units: a value this far below zero counts as zero
 SOFT = 1e-6  # compliance, in the programme's units, that lets parts move by 1 under a millionth of a force unit
 NEAR_STEPS = 100  # after which it is given up; most states take a dozen
-NEAR_PATIENCE = 10  # steps in which no fewer candidates change sides, after which one at a time does
-ABREAST = 64  # states that a tableau carries along
+_NEAR_PATIENCE = 10  # steps in which no fewer candidates change sides, after which one at a time does
+_ABREAST = 64  # states that a tableau carries along
 LIMIT = 10  # pivots for each candidate and state of a tableau, after which those that are left are given up
 SMALLEST = 1e-9  # pivot, where those of the reference are one and others were 1e-3 to 1e3
 
@@ -51,7 +51,7 @@ class Pivoting:
         law, (_, of_teeth) = self._reference.held["law"], self._reference.of_teeth(gaps)
         start = law[0] + torque * law[1] + gaps.scalars @ law[2 : 2 + gaps.scalars.shape[1]]
         start = start if of_teeth is None else start + of_teeth
-        parts = [self._abreast(start[first : first + ABREAST]) for first in range(0, max(len(gaps), 1), ABREAST)]
+        parts = [self._abreast(start[first : first + _ABREAST]) for first in range(0, max(len(gaps), 1), _ABREAST)]
         forces, free = (np.concatenate(each) for each in zip(*parts, strict=True))
         return forces, free
 
@@ -66,7 +66,7 @@ class Pivoting:
             others[np.ix_(rows, swing)] = found = self._pivoted(reference.values(start[rows], swing))
             coordinates[rows] = start[rows] + found * held["weight"][swing] @ held["by_places"][place[swing]]
             values[rows] = reference.values(coordinates[rows], np.arange(len(place)))
-            missing = values[rows] < -ZERO
+            missing = values[rows] < -_ZERO
             missing[:, swing] = False
             rows = rows[missing.any(axis=1)]
             self._swing = np.union1d(swing, np.flatnonzero(missing.any(axis=0)))
@@ -93,7 +93,7 @@ class Pivoting:
         k = np.intp(0)
         for _ in range(LIMIT * (n + states)):
             least = values.min(axis=0, initial=0)
-            done = left & (least >= -ZERO)
+            done = left & (least >= -_ZERO)
             if done.any():
                 solved[done] = values[:, done].T * changed
                 left &= ~done
@@ -127,7 +127,7 @@ def solve_near(
     contact, candidates thought to carry force, shape (M,). All in the programme's units.
     """
     structure, place, m = formulation.structure, formulation.system.place, len(formulation.H)
-    patience, fewest = NEAR_PATIENCE, len(gaps) + 1
+    patience, fewest = _NEAR_PATIENCE, len(gaps) + 1
     for _ in range(NEAR_STEPS):
         springs = Springs.of(formulation, gaps, contact)
         inside = np.append(np.flatnonzero(springs.series), np.arange(m, len(structure)))  # places in contact, and duals
@@ -145,11 +145,11 @@ def solve_near(
         open_gaps = gaps + (structure[:m, inside] @ solution[inside])[place]
         approach = series[:m] * solution[:m] + springs.offset
         forces = np.where(contact, (approach[place] - springs.above) / formulation.local, 0.0)
-        moved = np.flatnonzero(np.where(contact, forces, open_gaps) < -ZERO)
+        moved = np.flatnonzero(np.where(contact, forces, open_gaps) < -_ZERO)
         if not (loose or len(moved)):
             return np.maximum(forces, 0), solution[m:]
         fewer = loose or len(moved) < fewest
-        patience, fewest = (NEAR_PATIENCE, len(moved)) if fewer else (patience - 1, fewest)
+        patience, fewest = (_NEAR_PATIENCE, len(moved)) if fewer else (patience - 1, fewest)
         contact = contact.copy()
         contact[moved if patience >= 0 else moved[-1:]] ^= True
     return None

@@ -33,7 +33,7 @@ from hdassist.solve import formulation as statement
 from hdassist.solve.answers import ARCSEC, N_MM
 from hdassist.solve.formulation import Formulation, imported_cvxpy
 
-COMPILED_TEMPLATE = "compiled"
+_COMPILED_TEMPLATE = "compiled"
 _proven: set[tuple[bool, ...]] = set()  # freedoms that were free in the proven programmes, in this process
 
 
@@ -46,13 +46,13 @@ def require_compiled_as_stated(formulation: Formulation) -> None:
     if supported in _proven:
         return
     key = _key(formulation)
-    if cached(COMPILED_TEMPLATE, key) is None:
+    if cached(_COMPILED_TEMPLATE, key) is None:
         if wrong := list(template_differences(formulation)):
             raise UntrustedError(
                 f"cvxpy compiles the programme to other data than stated: {', '.join(wrong)}",
                 "install the versions that hdassist was tested with (hdassist doctor)",
             )
-        keep(COMPILED_TEMPLATE, key, b"")
+        keep(_COMPILED_TEMPLATE, key, b"")
     _proven.add(supported)
 
 
@@ -94,16 +94,29 @@ def _key(formulation: Formulation) -> str:
 CROSS_TOLERANCE = 0.01  # arcsec between the engine and the other solver
 
 # Solvers that take a quadratic programme, of those cvxpy knows.
-QUADRATIC = {"CLARABEL", "COPT", "CPLEX", "DAQP", "GUROBI", "HIGHS", "MOSEK", "OSQP", "PIQP", "PROXQP", "SCS", "XPRESS"}
+_QUADRATIC = {
+    "CLARABEL",
+    "COPT",
+    "CPLEX",
+    "DAQP",
+    "GUROBI",
+    "HIGHS",
+    "MOSEK",
+    "OSQP",
+    "PIQP",
+    "PROXQP",
+    "SCS",
+    "XPRESS",
+}
 
 # Of those that come with cvxpy the quickest here: 20 ms a state with five stations where CLARABEL takes 70, within 2e-4
 # arcsec of the engine over all presets; where it gives no answer, or another (stiff contacts under little torque: 0.013
 # arcsec), CLARABEL decides.
 SECOND_SOLVER = "CLARABEL"
-SHIPPED = {CROSS_SOLVER: "highspy", SECOND_SOLVER: "clarabel"}  # with cvxpy, by their packages
-SOLVED_AGAIN = "again"
+_SHIPPED = {CROSS_SOLVER: "highspy", SECOND_SOLVER: "clarabel"}  # with cvxpy, by their packages
+_SOLVED_AGAIN = "again"
 
-LONGEST_SOLVE = 120.0  # s for one state: solvers take milliseconds, of the largest drives seconds
+_LONGEST_SOLVE = 120.0  # s for one state: solvers take milliseconds, of the largest drives seconds
 
 # Tolerances at which each solver's answers earn their certificate, and where it stops without one; a name that is not
 # here runs at its defaults, which bound its iterations.
@@ -113,15 +126,15 @@ SOLVER_SETTINGS: dict[str, dict[str, Any]] = {
         "tol_gap_rel": 1e-11,
         "tol_feas": 1e-11,
         "max_iter": 200,
-        "time_limit": LONGEST_SOLVE,
+        "time_limit": _LONGEST_SOLVE,
     },
-    "COPT": {"TimeLimit": LONGEST_SOLVE},
-    "CPLEX": {"cplex_params": {"timelimit": LONGEST_SOLVE}},
-    "GUROBI": {"TimeLimit": LONGEST_SOLVE},
-    "HIGHS": {"time_limit": LONGEST_SOLVE},
-    "MOSEK": {"mosek_params": {"MSK_DPAR_OPTIMIZER_MAX_TIME": LONGEST_SOLVE}},
-    "OSQP": {"eps_abs": 1e-11, "eps_rel": 1e-11, "max_iter": 1_000_000, "time_limit": LONGEST_SOLVE},
-    "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 200_000, "time_limit_secs": LONGEST_SOLVE},
+    "COPT": {"TimeLimit": _LONGEST_SOLVE},
+    "CPLEX": {"cplex_params": {"timelimit": _LONGEST_SOLVE}},
+    "GUROBI": {"TimeLimit": _LONGEST_SOLVE},
+    "HIGHS": {"time_limit": _LONGEST_SOLVE},
+    "MOSEK": {"mosek_params": {"MSK_DPAR_OPTIMIZER_MAX_TIME": _LONGEST_SOLVE}},
+    "OSQP": {"eps_abs": 1e-11, "eps_rel": 1e-11, "max_iter": 1_000_000, "time_limit": _LONGEST_SOLVE},
+    "SCS": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 200_000, "time_limit_secs": _LONGEST_SOLVE},
 }
 
 
@@ -134,11 +147,11 @@ def require_solver(name: str) -> str:
 
 @cache  # cvxpy looks for every solver anew each time
 def _able() -> list[str]:
-    return sorted(set(imported_cvxpy().installed_solvers()) & QUADRATIC)
+    return sorted(set(imported_cvxpy().installed_solvers()) & _QUADRATIC)
 
 
 @contextmanager
-def muted_output() -> Iterator[None]:
+def _muted_output() -> Iterator[None]:
     """Output of compiled code goes nowhere meanwhile: HiGHS 1.16 has a banner for each solver."""
     try:
         kept = os.dup(1)
@@ -163,7 +176,7 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
     name, stated = require_solver(solver), formulation.statement
     stated.gaps.value, stated.load.value = formulation.gaps(delta_p), formulation.load(torque)
     try:
-        with warnings.catch_warnings(), muted_output():
+        with warnings.catch_warnings(), _muted_output():
             # "solution may be inaccurate": residuals and the other solver decide that, not a status
             warnings.simplefilter("ignore", UserWarning)
             stated.problem.solve(solver=name, **SOLVER_SETTINGS.get(name, {}))
@@ -203,15 +216,15 @@ def solve_again(
     states and rotations to the last digit. Raises UntrustedError where two rotations differ by more than
     CROSS_TOLERANCE.
     """
-    units, words = formulation.units, f"{solver} {platform.platform()} {program('cvxpy', *SHIPPED.values())}"
+    units, words = formulation.units, f"{solver} {platform.platform()} {program('cvxpy', *_SHIPPED.values())}"
     key, used, worst = sha256(words.encode()), {require_solver(solver): None}, 0.0
     system = formulation.H, formulation.local, formulation.A, formulation.system.place, units.load
     for array in (*system, np.array([units.gap, units.force]), delta_p, torques, rotation_arcsec):
         key.update(f"{array.shape}".encode() + array.tobytes())
-    keeps = keeps_answers() and SHIPPED.keys() >= used.keys()
+    keeps = keeps_answers() and _SHIPPED.keys() >= used.keys()
     with suppress(ValueError):
-        kept = _CROSS_CHECK.validate_json((keeps and cached(SOLVED_AGAIN, key.hexdigest())) or b"")
-        if kept.states == len(torques) and {*kept.solver.split(", ")} <= {*SHIPPED}:
+        kept = _CROSS_CHECK.validate_json((keeps and cached(_SOLVED_AGAIN, key.hexdigest())) or b"")
+        if kept.states == len(torques) and {*kept.solver.split(", ")} <= {*_SHIPPED}:
             return kept
     for k, M_g in enumerate(torques.tolist()):
         state = formulation, M_g * N_MM, delta_p[k], rotation_arcsec[k]
@@ -232,7 +245,7 @@ def solve_again(
         worst = max(worst, difference)
     found = CrossCheck(", ".join(used), len(torques), worst)
     if keeps:
-        keep(SOLVED_AGAIN, key.hexdigest(), _CROSS_CHECK.dump_json(found))
+        keep(_SOLVED_AGAIN, key.hexdigest(), _CROSS_CHECK.dump_json(found))
     return found
 
 

@@ -59,7 +59,7 @@ def _opened(path: Path) -> Any:
 
 
 # of each function what it returns and takes: p pointer, i int, l long, d double, - nothing
-FUNCTIONS = {
+_FUNCTIONS = {
     "walk_new": "ppp", "walk_free": "-p", "walk_solve": "lpldipppppppp", "walk_climb": "lpdipppdplppppppp",
     "walk_near": "iiiippppppdippp", "walk_read": "-lippppp",
 }  # fmt: skip
@@ -69,7 +69,7 @@ def _load(path: Path) -> Any:
     """A library of this source, with the types of its functions."""
     loaded = _opened(path)
     kinds = {"p": ctypes.c_void_p, "i": ctypes.c_int, "l": ctypes.c_long, "d": ctypes.c_double, "-": None}
-    for name, letters in FUNCTIONS.items():
+    for name, letters in _FUNCTIONS.items():
         function, (result, *arguments) = getattr(loaded, name), (kinds[letter] for letter in letters)
         function.argtypes, function.restype = arguments, result
     return loaded

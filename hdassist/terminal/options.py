@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from hdassist.preset.fields import Drive
     from hdassist.readers.pitch import WheelFiles
 
-PartT = TypeVar("PartT")
+_PartT = TypeVar("_PartT")
 DECLARED = tomllib.loads(files("hdassist.terminal").joinpath("options.toml").read_text("utf-8"))
 
 
-def declared_parameter(
+def _declared_parameter(
     field: str, kind: object, *, is_argument: bool = False, is_required: bool = False, names: Sequence[str] = (),
     section: str | None = None, **words: Any,
 ) -> Any:  # fmt: skip
@@ -64,9 +64,9 @@ class OptionGroup:
         declared = DECLARED["any"] | DECLARED.get(cls.__name__, {})
         for field, kind in get_annotations(cls, eval_str=True).items():
             if field in declared and not hasattr(kind, "__metadata__"):
-                cls.__annotations__[field] = declared_parameter(field, kind, **declared[field])
+                cls.__annotations__[field] = _declared_parameter(field, kind, **declared[field])
 
-    def only(self, part: type[PartT]) -> PartT:
+    def only(self, part: type[_PartT]) -> _PartT:
         """The options of one of the groups that a command is made of, or of a dataclass with the same fields."""
         names = [each.name for each in fields(part)]  # type: ignore[arg-type]  # a dataclass, which a type variable cannot ask for
         return part(**{name: getattr(self, name) for name in names})

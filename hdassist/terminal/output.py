@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from hdassist.run.run import Run
 
 
-WIPED = "\r\x1b[2K\x1b[?25h"  # the line of a bar emptied, and the cursor shown
+_WIPED = "\r\x1b[2K\x1b[?25h"  # the line of a bar emptied, and the cursor shown
 BAR_PATIENCE = 0.5  # s of work before a progress bar with a total appears
-TASK: Any = 0  # the only one of a bar
-REDRAWN = 0.1  # s between two of its pictures
+_TASK: Any = 0  # the only one of a bar
+_REDRAWN = 0.1  # s between two of its pictures
 
 
 @dataclass(frozen=True)
@@ -156,9 +156,9 @@ class ProgressBar:
     def __call__(self, done: int) -> None:
         """Move on by work that was done."""
         if self._bar:
-            self._bar.advance(TASK, done)
+            self._bar.advance(_TASK, done)
             if (now := time.monotonic()) > self._next:
-                self._next = now + REDRAWN
+                self._next = now + _REDRAWN
                 self._bar.start()
                 self._bar.refresh()
 
@@ -167,7 +167,7 @@ class ProgressBar:
         if self._bar:
             if not self._bar.tasks:
                 self._bar.add_task("")
-            self._bar.reset(TASK, description=self._style.text(words), total=total)
+            self._bar.reset(_TASK, description=self._style.text(words), total=total)
             if total is None:
                 self._bar.start()
                 self._bar.refresh()
@@ -175,7 +175,7 @@ class ProgressBar:
     def wipe(self) -> None:
         """Empty the line of the bar, which does not come back."""
         if self._bar and self._bar.live.is_started:
-            sys.stderr.write(WIPED)
+            sys.stderr.write(_WIPED)
             sys.stderr.flush()
 
     def end(self) -> None:

@@ -40,16 +40,16 @@ DRAWINGS: dict[type, Callable[[Style, Any], str]] = {
     Curve: curve,
     Seat: lambda style, seat: style.text(f"{seat_in_characters(seat)}\n\n{seat.legend}"),
 }
-RESIDUALS = {  # of a certificate, each a share of its scale
+_RESIDUALS = {  # of a certificate, each a share of its scale
     "negative_force": "negative force",
     "negative_gap": "negative gap",
     "complementarity": "force on an open gap",
     "equilibrium": "equilibrium",
 }
-STYLES = {"good": "bold green", "bad": "bold red", "open": "bold yellow", "loud": "bold", "quiet": "dim"}  # by tone
-NUMBERS_WITH_UNIT = r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?: ?[%″°]| N·m)?"  # of the grounds of a verdict
-ANY_WIDTH = 100_000  # columns
-PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word is too short
+_STYLES = {"good": "bold green", "bad": "bold red", "open": "bold yellow", "loud": "bold", "quiet": "dim"}  # by tone
+_NUMBERS_WITH_UNIT = r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?: ?[%″°]| N·m)?"  # of the grounds of a verdict
+_ANY_WIDTH = 100_000  # columns
+_PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word is too short
 
 
 def report_page(report: Report, style: Style, *, plots: bool = True, details: bool = False) -> RenderableType:
@@ -57,7 +57,7 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
     head = Text(style.text(report.head), style="bold")
     if report.verdict:
         head.append(style.text(": ")).append(word(report.verdict, style))
-    more = (*report.details, *certificate_facts(report.certificate, report.cross_checks))
+    more = (*report.details, *_certificate_facts(report.certificate, report.cross_checks))
     blocks = [*report.blocks, *(more if details else ())]
     hidden = "" if details or not more else "--details"
     proven = proof(report.certificate, report.cross_checks)
@@ -68,13 +68,13 @@ def report_page(report: Report, style: Style, *, plots: bool = True, details: bo
         lines = lines[:-1]  # under an axis its words are enough of a gap
     why = [Text(style.text("\n".join(report.why))), Text("")] if report.why else []
     for text in why:
-        text.highlight_regex(NUMBERS_WITH_UNIT, "bold")
+        text.highlight_regex(_NUMBERS_WITH_UNIT, "bold")
     return Group(head, *why, *lines, *block_on_page(last, style))
 
 
 def word(verdict: str, style: Style) -> Text:
     """A verdict as a page has it, in the colour of its tone; any other text as it is."""
-    return Text(style.text(PAGE_WORDS.get(verdict, verdict)), style=STYLES.get(tone_of(verdict), ""))
+    return Text(style.text(_PAGE_WORDS.get(verdict, verdict)), style=_STYLES.get(tone_of(verdict), ""))
 
 
 def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[RenderableType]:
@@ -83,18 +83,18 @@ def block_on_page(block: Block, style: Style, plots: bool = True) -> Iterator[Re
         case Paragraph():
             yield Text(style.text(block.text))
         case Lines() if block.lines:
-            marked = labelled(Facts(tuple((block.mark, line) for line in block.lines)), style)
+            marked = _labelled(Facts(tuple((block.mark, line) for line in block.lines)), style)
             yield Group(Text(style.text(block.title), style="bold"), marked) if block.title else marked
         case Facts() if block.rows:
-            yield labelled(block, style)
+            yield _labelled(block, style)
         case Table() if block.rows:
-            yield from tables(block, style)
+            yield from _tables(block, style)
         case ReportSection():
             parts = [part for inner in block.blocks for part in block_on_page(inner, style, plots)]
             yield Group(Text(style.text(block.title), style="bold"), *parts[:1])
             yield from parts[1:]
         case Tiles():
-            yield labelled(Facts(tuple((label, f"{value} {below}") for label, value, below in block.rows)), style)
+            yield _labelled(Facts(tuple((label, f"{value} {below}") for label, value, below in block.rows)), style)
         case _ if isinstance(block, Figure) and plots:
             if text := in_characters(block, style):
                 yield Text(text)
@@ -105,20 +105,20 @@ def in_characters(block: Figure, style: Style) -> str:
     return made_or("plot", lambda: DRAWINGS[type(block)](style, block), str)
 
 
-def labelled(block: Facts, style: Style) -> RichTable:
+def _labelled(block: Facts, style: Style) -> RichTable:
     """Labelled lines; a text that wraps stays beside its label."""
     grid = RichTable.grid(padding=(0, 2, 0, 0))
     grid.add_column(no_wrap=True)
     grid.add_column(overflow="fold")
     for label, text in block.rows:
-        grid.add_row(style.text(label), style.text(text or BLANK), style=STYLES.get(tone_of(label)))
+        grid.add_row(style.text(label), style.text(text or BLANK), style=_STYLES.get(tone_of(label)))
     return grid
 
 
-def tables(block: Table, style: Style) -> Iterator[RenderableType]:
+def _tables(block: Table, style: Style) -> Iterator[RenderableType]:
     """A table, a tight one where that is wider than the page, or several with the same first column."""
     screen = console(sys.stdout, style)
-    options = screen.options.update(width=ANY_WIDTH)
+    options = screen.options.update(width=_ANY_WIDTH)
     left, title = list(range(1, len(block.heads))), "\n".join((block.title, *block.notes))
     while left or title:
         narrower = [(left, {}), (left, {"is_tight": True})]
@@ -144,7 +144,7 @@ def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool = F
     )
     columns_of_cells = []
     for k in columns:
-        head, *cells = (style.text(PAGE_WORDS.get(row[k], row[k])) for row in (block.heads, *block.rows))
+        head, *cells = (style.text(_PAGE_WORDS.get(row[k], row[k])) for row in (block.heads, *block.rows))
         is_words = k in block.words
         if folds and not is_words:
             cells = [cell.replace(" (", "\n(") for cell in cells]
@@ -157,16 +157,16 @@ def _table(block: Table, columns: list[int], style: Style, *, is_tight: bool = F
         found.add_column(head, justify=justify, overflow="fold", no_wrap=not wraps, min_width=least)
         columns_of_cells.append(cells)
     for cells_of_row in zip(*columns_of_cells, strict=True):
-        found.add_row(*(Text(cell, style=STYLES.get(tone_of(cell), "")) for cell in cells_of_row))
+        found.add_row(*(Text(cell, style=_STYLES.get(tone_of(cell), "")) for cell in cells_of_row))
     return found
 
 
-def certificate_facts(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None]) -> Iterator[Facts]:
+def _certificate_facts(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None]) -> Iterator[Facts]:
     """Residuals of the states behind a report with the bounds that they keep; none of a proof that has none."""
     if isinstance(found, Certificate):
         rows = [("states solved", f"{found.states}"), ("states that needed a fallback", f"{found.fallbacks}")]
         bound = f", share of its scale, at most {TOLERANCE:.0e}"
-        rows += [(f"{words}{bound}", f"{getattr(found, name):.1e}") for name, words in RESIDUALS.items()]
+        rows += [(f"{words}{bound}", f"{getattr(found, name):.1e}") for name, words in _RESIDUALS.items()]
         if cross := certificate_object(found, cross_checks)["cross_check"]:
             words = f"{cross['states']} again by {cross['solver']}, apart by at most {CROSS_TOLERANCE:g}″"
             rows.append((words, f"{cross['max_difference_arcsec']:.1e}"))

@@ -12,14 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from hdassist.report import Curve, CurveMark, Seat
 from hdassist.terminal.streams import Style
 
-PlotValues = NDArray[np.float64]
-Dots = NDArray[np.bool_]
+_PlotValues = NDArray[np.float64]
+_Dots = NDArray[np.bool_]
 
-FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
-FAR = 0.5  # of a figure's height: a limit or a zero further off than that is said, and not drawn
-TALL, TALL_ROWS = 40, 12  # lines of a terminal that has room for plots of so many rows
-DASH = 8  # columns of dots, of which the second of two lines has every other half
-DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
+_FLAT = 1e-9  # a curve that moves less than this share of its values is a flat one
+_FAR = 0.5  # of a figure's height: a limit or a zero further off than that is said, and not drawn
+_TALL, _TALL_ROWS = 40, 12  # lines of a terminal that has room for plots of so many rows
+_DASH = 8  # columns of dots, of which the second of two lines has every other half
+_DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
 MARK_SIGNS = {
     "now": "N",
     "best": "B",
@@ -29,9 +29,9 @@ MARK_SIGNS = {
     "measured": "◆",
     "enough": "E",
 }  # as the seat has them
-SEAT_WIDTH, SEAT_HEIGHT = 41, 15  # of the drawing, in characters
-NUMBERED_IN_TEXT = 24  # holes that have room for their number
-LETTER_RADIUS = {"now": 0.5, "after": 0.5, "cam": 0.28}  # how far out the letters of directions stand
+SEAT_WIDTH, _SEAT_HEIGHT = 41, 15  # of the drawing, in characters
+_NUMBERED_IN_TEXT = 24  # holes that have room for their number
+_LETTER_RADIUS = {"now": 0.5, "after": 0.5, "cam": 0.28}  # how far out the letters of directions stand
 
 
 def curve(style: Style, drawn: Curve) -> str:
@@ -41,7 +41,7 @@ def curve(style: Style, drawn: Curve) -> str:
     newline.
     """
     frame = _Frame.around(style, drawn)
-    fine = frame if style.ascii else frame.finer(DOTS.shape)
+    fine = frame if style.ascii else frame.finer(_DOTS.shape)
     dots, *others = (
         np.logical_or.reduce(
             [
@@ -61,7 +61,7 @@ def curve(style: Style, drawn: Curve) -> str:
         if style.ascii:
             cells = np.array([*" *o"])[dots + 2 * second].tolist()
         else:
-            cells = dots_to_braille(dots | (second & (np.arange(fine.columns) % DASH < DASH // 2)))
+            cells = dots_to_braille(dots | (second & (np.arange(fine.columns) % _DASH < _DASH // 2)))
         looks = ("*", "o") if style.ascii else ("⠒⠒⠒", "⠒⠒ ⠒⠒")
         title += ": " + ", ".join(f"{look} {name}" for look, name in zip(looks, drawn.names, strict=True))
     for mark in drawn.marks:
@@ -94,14 +94,14 @@ class _Frame:
     def around(cls, style: Style, figure: Curve) -> _Frame:
         """Axes that hold all values of a figure, its limit and 0 where these are near."""
         low, high = figure.extent
-        if high - low <= FLAT * max(1.0, abs(low), abs(high)):
+        if high - low <= _FLAT * max(1.0, abs(low), abs(high)):
             low, high = low - 1, high + 1
         beside = [] if figure.limit is None else [figure.limit]
         for near in [*beside, *[0.0] * figure.from_zero]:
-            if low - FAR * (high - low) <= near <= high + FAR * (high - low):
+            if low - _FAR * (high - low) <= near <= high + _FAR * (high - low):
                 low, high = min(low, near), max(high, near)
-        rows = max(figure.rows + 1, TALL_ROWS * (style.height >= TALL))
-        margin = max(7, *(len(f"{tick:g}") for tick in ticks_within(low, high, rows // 2)))
+        rows = max(figure.rows + 1, _TALL_ROWS * (style.height >= _TALL))
+        margin = max(7, *(len(f"{tick:g}") for tick in _ticks_within(low, high, rows // 2)))
         return cls(figure, low, high, style.width - margin - 2, rows, margin)
 
     def finer(self, cell: tuple[int, ...]) -> _Frame:
@@ -115,7 +115,7 @@ class _Frame:
         row = np.rint((self.high - np.asarray(y)) / (self.high - self.low) * (self.rows - 1)).astype(int)
         return np.clip(column, 0, self.columns - 1), np.clip(row, 0, self.rows - 1)
 
-    def dots(self, x: PlotValues, y: PlotValues) -> Dots:
+    def dots(self, x: _PlotValues, y: _PlotValues) -> _Dots:
         """A line from point to point, shape (rows, columns); where points lie apart it is straight, at NaN a gap."""
         if len(x) < self.columns:
             x, y = (fine := np.linspace(x[0], x[-1], 4 * self.columns)), np.interp(fine, x, y)
@@ -134,7 +134,7 @@ class _Frame:
         """The picture with its axes, their numbers and labels, and the figure's limit."""
         corner, side, floor, mark = ("+", "|", "-", "+") if style.ascii else ("└", "│", "─", "┤")
         figure, numbers = self.figure, dict[int, str]()
-        for tick in ticks_within(self.low, self.high, self.rows // 2):
+        for tick in _ticks_within(self.low, self.high, self.rows // 2):
             numbers.setdefault(int(self.place(figure.x[0], tick)[1]), f"{tick:g} {mark}")
         if figure.limit is not None:
             words = f" {figure.limit:.4g} "
@@ -171,14 +171,16 @@ class _Frame:
         return "".join(line).rstrip()
 
 
-def dots_to_braille(dots: Dots) -> list[list[str]]:
+def dots_to_braille(dots: _Dots) -> list[list[str]]:
     """Characters of a grid of dots, four rows and two columns to a character."""
     rows, columns = dots.shape[0] // 4, dots.shape[1] // 2
-    codes = (dots.reshape(rows, 4, columns, 2).transpose(0, 2, 1, 3) * DOTS).sum(axis=(2, 3))
+    codes = (dots.reshape(rows, 4, columns, 2).transpose(0, 2, 1, 3) * _DOTS).sum(axis=(2, 3))
     return [[chr(0x2800 + code) if code else " " for code in row] for row in codes.tolist()]
 
 
-def least_and_greatest(x: PlotValues, y: PlotValues, columns: int, over: float) -> list[tuple[PlotValues, PlotValues]]:
+def least_and_greatest(
+    x: _PlotValues, y: _PlotValues, columns: int, over: float
+) -> list[tuple[_PlotValues, _PlotValues]]:
     """Two lines with a point a column: the least and the greatest of y within so much of x, a column at least.
 
     At both edges those of the first and the last such stretch. NaN at a gap.
@@ -193,7 +195,7 @@ def least_and_greatest(x: PlotValues, y: PlotValues, columns: int, over: float) 
 
 def ticks(low: float, high: float, count: int) -> list[float]:
     """Round numbers that enclose low and high, at most count steps apart."""
-    if high - low <= FLAT * max(1.0, abs(low), abs(high)):
+    if high - low <= _FLAT * max(1.0, abs(low), abs(high)):
         low, high = low - 1, high + 1
     span = high - low
     power = 10.0 ** np.floor(np.log10(span / count))
@@ -202,7 +204,7 @@ def ticks(low: float, high: float, count: int) -> list[float]:
     return [round(k * step, 12) for k in range(first, max(last, first + 1) + 1)]
 
 
-def ticks_within(low: float, high: float, count: int) -> list[float]:
+def _ticks_within(low: float, high: float, count: int) -> list[float]:
     """Round numbers between low and high, about count of them and two at least."""
     for finer in range(max(2, count), 100):
         within = [tick for tick in ticks(low, high, finer) if low <= tick <= high]
@@ -213,24 +215,24 @@ def ticks_within(low: float, high: float, count: int) -> list[float]:
 
 def seat_in_characters(seat: Seat) -> str:
     """The seat seen from the cam side, without its legend."""
-    canvas = [[" "] * SEAT_WIDTH for _ in range(SEAT_HEIGHT)]
-    each = ceil(len(seat.holes) / NUMBERED_IN_TEXT)
+    canvas = [[" "] * SEAT_WIDTH for _ in range(_SEAT_HEIGHT)]
+    each = ceil(len(seat.holes) / _NUMBERED_IN_TEXT)
     for hole in seat.holes:
         label = "." if hole.number % each else str(hole.number)
         _put(canvas, hole.angle_deg, label if hole.usable else seat.barred, 1.0)
-    for k in range(0 if seat.holes else NUMBERED_IN_TEXT):
-        _put(canvas, seat.first_deg + 360 * k / NUMBERED_IN_TEXT, ".", 1.0)
+    for k in range(0 if seat.holes else _NUMBERED_IN_TEXT):
+        _put(canvas, seat.first_deg + 360 * k / _NUMBERED_IN_TEXT, ".", 1.0)
     for angle in dict.fromkeys(place.angle_deg for place in seat.places):
         letters = [place.letter for place in seat.places if place.angle_deg == angle]
         _put(canvas, angle, "".join(letters), 0.72)
     for pointer in seat.pointers:
-        _put(canvas, pointer.angle_deg, pointer.letter, LETTER_RADIUS[pointer.kind])
+        _put(canvas, pointer.angle_deg, pointer.letter, _LETTER_RADIUS[pointer.kind])
     _put(canvas, 0, "+", 0.0)
     return "\n".join("".join(row).rstrip() for row in canvas)
 
 
 def _put(canvas: list[list[str]], angle: float, text: str, radius: float) -> None:
     x = (SEAT_WIDTH - 1) / 2 * (1 + 0.9 * radius * cos(radians(angle)))
-    y = (SEAT_HEIGHT - 1) / 2 * (1 - 0.95 * radius * sin(radians(angle)))
+    y = (_SEAT_HEIGHT - 1) / 2 * (1 - 0.95 * radius * sin(radians(angle)))
     start = max(0, min(SEAT_WIDTH - len(text), round(x) - (len(text) - 1) // 2))
     canvas[round(y)][start : start + len(text)] = list(text)

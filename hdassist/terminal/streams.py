@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from rich.segment import Segment
 
 PIPE_WIDTH = 80
-STRICT = "HDASSIST_STRICT"
-Made = TypeVar("Made")
+_STRICT = "HDASSIST_STRICT"
+_Made = TypeVar("_Made")
 PLAIN_CHARACTERS = str.maketrans("·µ×−–’█─", "*ux--'#-") | str.maketrans(
     {"°": " deg", "±": "+-", "…": "...", "≤": "<=", "≥": ">=", "→": "->", "″": " arcsec"}
 )
@@ -110,7 +110,7 @@ def _in_words(text: str, width: int) -> str:
     return "\n".join(lines)
 
 
-def made_or(name: str, make: Callable[[], Made], instead: Callable[[], Made]) -> Made:
+def made_or(name: str, make: Callable[[], _Made], instead: Callable[[], _Made]) -> _Made:
     """A form of an answer; where making it fails, a simpler one, with a remark on stderr.
 
     name: of what is made, in the remark. With STRICT in the environment, as the tests have it, the failure is raised.
@@ -118,7 +118,7 @@ def made_or(name: str, make: Callable[[], Made], instead: Callable[[], Made]) ->
     try:
         return make()
     except Exception as error:  # whatever breaks a figure: the answer beside it stands
-        if os.environ.get(STRICT):
+        if os.environ.get(_STRICT):
             raise
         say(f"warning: no {name}, the answer stands: {type(error).__name__}: {error} (a bug in hdassist)")
         return instead()
@@ -191,7 +191,7 @@ def write_text(path: str, text: str, force: bool) -> None:
     say(f"wrote {path}")
 
 
-PARQUET_ROWS = 100_000  # that are held in memory at a time
+_PARQUET_ROWS = 100_000  # that are held in memory at a time
 
 
 def require_parquet(path: str) -> None:
@@ -226,7 +226,7 @@ def write_parquet(
             at_stop(partial(beside.unlink, missing_ok=True)),
             ParquetWriter(beside, schema) as writer,
         ):
-            while chunk := list(islice(left, PARQUET_ROWS)):
+            while chunk := list(islice(left, _PARQUET_ROWS)):
                 cells = map(pyarrow.array, zip(*chunk, strict=True), schema.types)
                 writer.write_table(pyarrow.Table.from_arrays(list(cells), schema=schema))
     except OSError as error:

@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 
 DRAWN = ("tolerance", "sensitivity", "allocate")  # commands of random drives
-SAMPLED = ("check", "report", "mount", "plan", "accept", "compare", "compensate")  # commands that draw samples
+_SAMPLED = ("check", "report", "mount", "plan", "accept", "compare", "compensate")  # commands that draw samples
 LIMITED = ("check", "report", "mount", "plan", "accept", "explore", *DRAWN)  # commands that take --limit
-TOOTHED = ("check", "trace", "mount", "accept")  # commands that take measured teeth
+_TOOTHED = ("check", "trace", "mount", "accept")  # commands that take measured teeth
 TAKEN_OVER = {  # options that the next command has too, by their name: the commands that take them
-    "draws": SAMPLED,
-    "seed": (*SAMPLED, *DRAWN),
+    "draws": _SAMPLED,
+    "seed": (*_SAMPLED, *DRAWN),
     "sure": ("accept", "mount"),
     "form": ("compensate",),
     "points": ("compensate",),
@@ -41,10 +41,10 @@ TAKEN_OVER = {  # options that the next command has too, by their name: the comm
     "compensated": ("mount",),
     "distribution": DRAWN,
     "known": DRAWN,
-    **dict.fromkeys(("pitch_b", "pitch_g", "mark_b", "mark_g"), TOOTHED),
-    **dict.fromkeys(("pitch_form", "pitch_sense", "pitch_flank"), TOOTHED),
+    **dict.fromkeys(("pitch_b", "pitch_g", "mark_b", "mark_g"), _TOOTHED),
+    **dict.fromkeys(("pitch_form", "pitch_sense", "pitch_flank"), _TOOTHED),
 }
-REPORTED = 2  # influences and measurements on a short page
+_REPORTED = 2  # influences and measurements on a short page
 MORE_DRAWS = 4  # times as many samples, which halve the interval of a probability
 
 
@@ -124,14 +124,14 @@ def field_unit(path: str) -> str:
 
 def influence_words(found: Sequence[Influence], result: str = "F'_ior") -> str:
     """The largest shares of the spread, the variance, of a result, by field."""
-    shares = [f"{named(each.group)} {100 * each.share:.0f} %" for each in found[:REPORTED] if each.share >= 0.005]
+    shares = [f"{named(each.group)} {100 * each.share:.0f} %" for each in found[:_REPORTED] if each.share >= 0.005]
     return f"of the spread of {result}: {', '.join(shares)}" if shares else ""
 
 
 def measure_words(found: Sequence[MeasurementGain]) -> str:
     """The best measurements with the gain expected of each."""
     words: list[str] = []
-    for each in found[:REPORTED]:
+    for each in found[:_REPORTED]:
         field = field_table().get(each.measured.replace("stiffness.", "measured."))
         how = f", {field.how}" if field and field.how else ""
         name = each.measured if how and words else named(each.measured)  # the first in words, others by their path

@@ -39,22 +39,22 @@ from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate, Residual
 from hdassist.solve.loadcase import LoadCase
 
-SizeLaw = Literal["rayleigh", "uniform", "fixed"]
+_SizeLaw = Literal["rayleigh", "uniform", "fixed"]
 RAYLEIGH_TAIL = (
     3.0  # the tolerance in standard deviations of each part of a Rayleigh-distributed size: 1 in 90 lies beyond
 )
-PRODUCTION_FREE_STEP = 30.0  # deg between positions where the seat has no holes
+_PRODUCTION_FREE_STEP = 30.0  # deg between positions where the seat has no holes
 TIGHTER_STEP = 0.8  # of a tolerance: one step tighter
-MOST_WEIGHT = 1e9  # of a design, far beyond what evidence gives it
-DRAWS_PER_DESIGN = 64  # draws of a design, at most, for each that agrees with the evidence
-MapsOf = Callable[[Drive], list[ErrorMap]]  # of a drive, one a torque
+_MOST_WEIGHT = 1e9  # of a design, far beyond what evidence gives it
+_DRAWS_PER_DESIGN = 64  # draws of a design, at most, for each that agrees with the evidence
+_MapsOf = Callable[[Drive], list[ErrorMap]]  # of a drive, one a torque
 
 
 @dataclass(frozen=True)
 class TolerancedSize(FieldPrior):
     """Size of a deviation in a production, by a law between 0 and its tolerance `high`."""
 
-    law: SizeLaw = "rayleigh"
+    law: _SizeLaw = "rayleigh"
 
     def value(self, share: Array) -> Array:
         """Sizes [the field's unit] that shares of the parts stay below, of the same shape."""
@@ -104,7 +104,7 @@ class ProductionLaw:
 
 def production_law(
     drive: Drive,
-    law: SizeLaw = "rayleigh",
+    law: _SizeLaw = "rayleigh",
     *,
     chosen: bool = False,
     known: Sequence[str] = (),
@@ -158,7 +158,7 @@ class RandomDrive(ClosedRecord):
     """
 
     design: Count
-    weight: Annotated[Number, Field(ge=0, le=MOST_WEIGHT)]
+    weight: Annotated[Number, Field(ge=0, le=_MOST_WEIGHT)]
     F_ior_arcsec: tuple[Annotated[Number, Field(gt=0)], ...] = ()
     best_F_ior_arcsec: tuple[Annotated[Number, Field(gt=0)], ...] = ()
     best_rotation_deg: Number | None = None
@@ -196,7 +196,7 @@ class Production:
     @property
     def rotations(self) -> tuple[float, ...]:
         """Turns of the fixed wheel [deg] that are looked at, 0 first."""
-        return tuple(seat_positions(self.drive, PRODUCTION_FREE_STEP)) if self.mounting else (0.0,)
+        return tuple(seat_positions(self.drive, _PRODUCTION_FREE_STEP)) if self.mounting else (0.0,)
 
     @property
     def drive(self) -> Drive:
@@ -219,7 +219,7 @@ class Production:
         if not self.law.shared:
             return replace(self, designs=(({}, 1.0),)), None
         count = self.design_of(drives - 1) + 1
-        most = DRAWS_PER_DESIGN * count
+        most = _DRAWS_PER_DESIGN * count
         samples = draw_samples(
             self.law.joint,
             self.torques,
@@ -284,7 +284,7 @@ class Production:
             "shared": [asdict(field) for field in self.law.shared],
         }
 
-    def _solved(self, values: Mapping[str, float], maps: MapsOf) -> dict[str, Any]:
+    def _solved(self, values: Mapping[str, float], maps: _MapsOf) -> dict[str, Any]:
         """F'_ior as built and best, with its proof: fields of a record."""
         drive = self.drive.with_values({p: value for p, value in values.items() if p not in DEVIATION_FIELDS})
         if conflict := first_conflict(drive):

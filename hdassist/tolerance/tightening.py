@@ -27,18 +27,18 @@ from hdassist.tolerance.production import TIGHTER_STEP, Production, ProductionLa
 from hdassist.tolerance.yields import AtTorque, Summary, YieldBelief
 from hdassist.verdict import Verdict
 
-HIGH_SHARE = 0.95  # share of the drives below the percentile that is to become less
-RESAMPLES = 200
-ENDS = (0.05, 0.95)  # of the resampled values: the interval of a gain
-Records = Callable[[Production, int], list[RandomDrive]]
-LOOSER = 2.0  # times the preset's tolerance, at most
-TIGHTER = 0.1  # times it at least, where the preset gives no least value that can be made
-SLOPE_STEP = 0.1  # of the logarithms of tolerances, over which slopes are taken: drives that come and go are smoothed
-AIM = 0.98  # of the limit: a margin for the error of the linear model
-STRICTER = 0.93  # times the aim, where drives did not prove the tolerances that were sought with it
-LIMIT_AGREES = 0.06  # of the limit: margin that may remain
-UNSOLVED_RATIO = 1e6  # F'_ior over its room of a drive without an answer: beyond any limit
-LEAST_SHARE_LEFT = 1e-2  # of F'_ior of a drive, that is left of it whatever its sizes are scaled by
+_HIGH_SHARE = 0.95  # share of the drives below the percentile that is to become less
+_RESAMPLES = 200
+_ENDS = (0.05, 0.95)  # of the resampled values: the interval of a gain
+_Records = Callable[[Production, int], list[RandomDrive]]
+_LOOSER = 2.0  # times the preset's tolerance, at most
+_TIGHTER = 0.1  # times it at least, where the preset gives no least value that can be made
+_SLOPE_STEP = 0.1  # of the logarithms of tolerances, over which slopes are taken: drives that come and go are smoothed
+_AIM = 0.98  # of the limit: a margin for the error of the linear model
+_STRICTER = 0.93  # times the aim, where drives did not prove the tolerances that were sought with it
+_LIMIT_AGREES = 0.06  # of the limit: margin that may remain
+_UNSOLVED_RATIO = 1e6  # F'_ior over its room of a drive without an answer: beyond any limit
+_LEAST_SHARE_LEFT = 1e-2  # of F'_ior of a drive, that is left of it whatever its sizes are scaled by
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Sensitivities:
         return self.largest is None or self.largest.group in {way.path for way in self.tightened[self.worst]}
 
 
-def sensitivities(production: Production, samples: Samples, records: Records) -> Sensitivities:
+def sensitivities(production: Production, samples: Samples, records: _Records) -> Sensitivities:
     """Sensitivities of a production, each of whose drives has a design of its own, and the samples of these designs.
 
     Argument: records, which gives so many records of a production. Raises UntrustedError where a drive has no answer.
@@ -112,7 +112,7 @@ def sensitivities(production: Production, samples: Samples, records: Records) ->
     )
     limits = [drive.limit(M_g) or 0.0 for M_g in torques]
     scale = np.array(limits) if all(limits) else np.ones(len(torques))
-    now = [weighted_quantile(column, weights, HIGH_SHARE) for column in F_ior.T]
+    now = [weighted_quantile(column, weights, _HIGH_SHARE) for column in F_ior.T]
     worst = int(np.argmax(now / scale))
     sizes = [f.path for f in law.joint.fields if f.path == f.group and f.path in DEVIATION_FIELDS]
     then = {path: np.array([(record.tighter or {})[path] for record in as_drawn]) for path in sizes}
@@ -158,22 +158,22 @@ def _sound(records: list[RandomDrive]) -> list[RandomDrive]:
 
 def _tightened(path: str, F_ior: Array, then: Array, weights: Array, *, proven: bool) -> list[Tightened]:
     """Gain of a step of a tolerance at each torque, from F'_ior [arcsec] now and then, shape (drives, torques)."""
-    resampled = np.random.default_rng(0).integers(0, len(F_ior), (RESAMPLES, len(F_ior)))
+    resampled = np.random.default_rng(0).integers(0, len(F_ior), (_RESAMPLES, len(F_ior)))
     steps = []
     for before, after in zip(F_ior.T, then.T, strict=True):
-        now, here = (weighted_quantile(values, weights, HIGH_SHARE) for values in (before, after))
+        now, here = (weighted_quantile(values, weights, _HIGH_SHARE) for values in (before, after))
         gains = [
-            weighted_quantile(before[rows], weights[rows], HIGH_SHARE)
-            - weighted_quantile(after[rows], weights[rows], HIGH_SHARE)
+            weighted_quantile(before[rows], weights[rows], _HIGH_SHARE)
+            - weighted_quantile(after[rows], weights[rows], _HIGH_SHARE)
             for rows in resampled
         ]
-        low, high = now - np.quantile(gains, ENDS[::-1])
+        low, high = now - np.quantile(gains, _ENDS[::-1])
         steps.append(Tightened(path, now, here, float(low), float(high), proven))
     return steps
 
 
 @dataclass(frozen=True)
-class Tolerance:
+class _Tolerance:
     """A tolerance that may be chosen, by path: its value in the preset, its bounds, and its cost law.
 
     assumed_law: whether the preset gives no cost law.
@@ -191,14 +191,14 @@ class Tolerance:
         return float(self.law.share * (self.now / value) ** self.law.k)
 
 
-def tolerances(drive: Drive, law: ProductionLaw) -> tuple[Tolerance, ...]:
+def tolerances(drive: Drive, law: ProductionLaw) -> tuple[_Tolerance, ...]:
     """Tolerances of a drive that may be chosen: sizes that are drawn up to a value of the preset."""
     choices = []
     for size in law.tolerances:
         cost, now = drive.cost.get(size.path), size.high
-        least = cost.least if cost and cost.least is not None else TIGHTER * now
-        most = max(LOOSER * now, least)
-        choices.append(Tolerance(size.path, now, least, most, cost or CostLaw.of_defaults(), cost is None))
+        least = cost.least if cost and cost.least is not None else _TIGHTER * now
+        most = max(_LOOSER * now, least)
+        choices.append(_Tolerance(size.path, now, least, most, cost or CostLaw.of_defaults(), cost is None))
     return tuple(choices)
 
 
@@ -241,7 +241,7 @@ class Allocator:
     rounds: int = 5
 
     @cached_property
-    def choices(self) -> tuple[Tolerance, ...]:
+    def choices(self) -> tuple[_Tolerance, ...]:
         """Tolerances that may be chosen: values of them are arrays in this order, shape (choices,)."""
         return tolerances(self.production.drive, self.production.law)
 
@@ -255,22 +255,22 @@ class Allocator:
 
         Where none are proven, the last ones that were tried.
         """
-        values, aim = np.array([choice.now for choice in self.choices]), AIM
+        values, aim = np.array([choice.now for choice in self.choices]), _AIM
         records, tried = self._tried(turned, values, 0)
         proven = [tried] if tried.fits else []
         for attempt in range(1, self.rounds + 1):
             sought = self._sought(records, values, aim)
-            if np.all(np.abs(np.log(sought / values)) < LIMIT_AGREES / 2):
+            if np.all(np.abs(np.log(sought / values)) < _LIMIT_AGREES / 2):
                 break
             values = sought
             records, tried = self._tried(turned, values, attempt)
             proven += [tried] if tried.fits else []
             below = self._ratio_of(records, values)(values)
-            at_least = np.all(values <= self.bounds[0] * (1 + LIMIT_AGREES))
-            at_most = np.all(values >= self.bounds[1] * (1 - LIMIT_AGREES))
-            if (tried.fits and (below > aim - LIMIT_AGREES or at_most)) or (at_least and not tried.fits):
+            at_least = np.all(values <= self.bounds[0] * (1 + _LIMIT_AGREES))
+            at_most = np.all(values >= self.bounds[1] * (1 - _LIMIT_AGREES))
+            if (tried.fits and (below > aim - _LIMIT_AGREES or at_most)) or (at_least and not tried.fits):
                 break
-            aim *= 1.0 if tried.fits else STRICTER
+            aim *= 1.0 if tried.fits else _STRICTER
         return min(proven, key=lambda allocation: allocation.cost, default=tried)
 
     def _tried(self, turned: bool, values: Array, attempt: int) -> tuple[list[RandomDrive], Allocation]:
@@ -308,7 +308,7 @@ class Allocator:
             bounds=list(zip(low, high, strict=True)),
             constraints={"type": "ineq", "fun": left},
             method="SLSQP",
-            options={"eps": SLOPE_STEP},
+            options={"eps": _SLOPE_STEP},
         )
         return np.asarray(np.exp(np.clip(cheapest.x, low, high)))
 
@@ -331,8 +331,8 @@ class Allocator:
         weights = np.array([self.production.designs[k][1] for k in places])
 
         def ratio(values: Array) -> float:
-            scaled = np.maximum(F_ior + np.einsum("p,dpt->dt", values / now - 1, slopes), LEAST_SHARE_LEFT * F_ior)
-            ratios = np.full(len(records), UNSOLVED_RATIO)
+            scaled = np.maximum(F_ior + np.einsum("p,dpt->dt", values / now - 1, slopes), _LEAST_SHARE_LEFT * F_ior)
+            ratios = np.full(len(records), _UNSOLVED_RATIO)
             ratios[solved] = np.max(scaled / np.array(self.rooms), axis=1)
             held = [float(np.quantile(ratios[designs == k], self.wanted, method="hazen")) for k in places]
             return weighted_quantile(np.array(held), weights, self.sure)

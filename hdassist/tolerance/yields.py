@@ -22,11 +22,11 @@ from hdassist.model.geometry import Array
 from hdassist.tolerance.production import RandomDrive
 from hdassist.verdict import SURE, Verdict, is_settled, verdict_by_probability
 
-MEANS = np.sin(np.pi / 2 * (np.arange(48) + 0.5) / 48) ** 2  # of yields: middles of Jeffreys' prior
-CONCENTRATIONS = np.geomspace(0.1, 200, 12)  # from "all or none" to nearly one yield of all designs
-POSSIBLE = 1e-4  # posterior weight of a point of the grid, below which it is left out
-YIELDS = np.sin(np.pi / 2 * np.linspace(0, 1, 301)) ** 2  # at which their distribution is computed
-INTERVAL_ERRORS = 1.645  # standard errors of the ends of an interval: 5 % beyond each
+_MEANS = np.sin(np.pi / 2 * (np.arange(48) + 0.5) / 48) ** 2  # of yields: middles of Jeffreys' prior
+_CONCENTRATIONS = np.geomspace(0.1, 200, 12)  # from "all or none" to nearly one yield of all designs
+_POSSIBLE = 1e-4  # posterior weight of a point of the grid, below which it is left out
+_YIELDS = np.sin(np.pi / 2 * np.linspace(0, 1, 301)) ** 2  # at which their distribution is computed
+_INTERVAL_ERRORS = 1.645  # standard errors of the ends of an interval: 5 % beyond each
 YIELD_TAIL = 0.05  # of the yields of designs beyond each end of their range
 
 
@@ -49,7 +49,7 @@ class YieldBelief:
 
     def percentile(self, share: float) -> float:
         """Percentile of the yield over the designs."""
-        return float(np.interp(share, self._below, YIELDS))
+        return float(np.interp(share, self._below, _YIELDS))
 
     @property
     def range(self) -> tuple[float, float]:
@@ -87,7 +87,7 @@ class YieldBelief:
 
     @cached_property
     def _below(self) -> Array:
-        return np.maximum.accumulate(self._mixture(YIELDS))
+        return np.maximum.accumulate(self._mixture(_YIELDS))
 
     def _mixture(self, yields: Array) -> Array:
         """Share of the designs whose yield is below some, same shape."""
@@ -107,12 +107,12 @@ class YieldBelief:
         """Beta distributions of the yields of designs, and the posterior weight of each, shape (distributions,)."""
         if len(self.weights) == 1:
             return np.array([0.5]), np.array([0.5]), np.ones(1)
-        mean, concentration = (axis.ravel() for axis in np.meshgrid(MEANS, CONCENTRATIONS, indexing="ij"))
+        mean, concentration = (axis.ravel() for axis in np.meshgrid(_MEANS, _CONCENTRATIONS, indexing="ij"))
         a, b = mean * concentration, (1 - mean) * concentration
         likelihood = betabinom.logpmf(kinds[:, 0], kinds[:, 1], a[:, None], b[:, None])
         posterior = effective_number(self.weights) * likelihood @ weights
         chance = np.exp(posterior - posterior.max())
-        possible = chance > POSSIBLE
+        possible = chance > _POSSIBLE
         return a[possible], b[possible], chance[possible] / chance[possible].sum()
 
 
@@ -234,7 +234,7 @@ class Summary:
         designs = np.unique(self.designs, return_inverse=True)[1] if self.design_count > 1 else np.arange(len(values))
         # standard error of the share below, from sums over designs (Cochran 1977, section 9A.2: a ratio of totals)
         residual = np.bincount(designs, weights * ((values <= value) - share))
-        step = INTERVAL_ERRORS * float(np.sqrt(np.sum(residual**2))) / weights.sum()
+        step = _INTERVAL_ERRORS * float(np.sqrt(np.sum(residual**2))) / weights.sum()
         low, high = (weighted_quantile(values, weights, float(np.clip(share + s, 0, 1))) for s in (-step, step))
         return Percentile(value, min(low, value), max(high, value))
 
