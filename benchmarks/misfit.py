@@ -21,7 +21,7 @@ POSITIONS, SYSTEMS, DEVIATIONS, MOST_TURNED = 24, 8, 6, 2
 def curves(name: str, M_g: float) -> Array:
     """F'_ior [arcsec] of draws, shape (systems, deviations, positions)."""
     from hdassist import load_preset
-    from hdassist.belief.meshing import meshing_shift
+    from hdassist.belief.draws import meshing_shift
     from hdassist.belief.prior import RIGID_SHIFT
     from hdassist.belief.proposals import open_deviations
     from hdassist.error.error_map import Batch, error_maps

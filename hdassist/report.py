@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from hdassist.belief.influence import Influence, MeasurementGain
     from hdassist.belief.samples import Samples
+    from hdassist.belief.steps import Influence, MeasurementGain
     from hdassist.model.deviations import MeasuredTeeth, MeasuredWheel
     from hdassist.model.unknown import Unknown
     from hdassist.preset.fields import Drive

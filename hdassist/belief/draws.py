@@ -41,22 +41,21 @@ from hdassist.belief.evidence import (
     stiffness_figures,
     values_of_errors,
 )
-from hdassist.belief.meshing import meshing_shift
-from hdassist.belief.prior import DrivePrior
+from hdassist.belief.prior import RIGID_SHIFT, DrivePrior
 from hdassist.belief.proposals import PILOT_DRAWS, DeviationProposal, open_deviations, proposed_draws
 from hdassist.error.cycle import WITHOUT_EFFECT
 from hdassist.error.error_map import Batch, ErrorMap, error_maps
 from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
-from hdassist.error.stiffness import rated_torque
+from hdassist.error.stiffness import NEAR_ZERO, Twist, rated_torque
 from hdassist.errors import HdassistError
 from hdassist.model.contacts import contact_system
-from hdassist.model.geometry import Array
+from hdassist.model.geometry import Array, Geometry, flank_candidates
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
 from hdassist.run.cache import cached, keep, keeps_answers
 from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number
 from hdassist.run.run import Run
-from hdassist.solve.answers import EMPTY, Certificate, Residual
+from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, Residual
 from hdassist.solve.formulation import formulate
 from hdassist.solve.walk import digits_depend_on
 
@@ -325,3 +324,27 @@ def _at_turns(error_map: ErrorMap, drive: Drive, now: float, turns: Sequence[flo
     there = many_extremes(error_map, Batch.turned(drive, np.array(turns)[away]), DRAWN_GRIDS)
     F_ior[away] = there.F_ior_arcsec
     return F_ior, there.certificate
+
+
+_OPENED = 0.1  # modules of clearance at each flank, with which any drive has play
+
+
+def meshing_shift(drive: Drive) -> tuple[float, Certificate]:
+    """Profile shift of the rigid wheel [modules] at which the teeth of a drive at rest just mesh, with the proof.
+
+    A harmonic drive is made so that its teeth just fill their spaces: wave, clearances and the shifts of both wheels
+    are chosen for each other, whatever they are. Without load the flanks are free of each other up to there, so the
+    play grows by the same angle with each micrometre of clearance, and one answer with much clearance shows where it
+    begins. Raises UntrustedError where the drive has no answer with play.
+    """
+    gears, alpha, opened = drive.gears, np.radians(drive.gears.alpha), _OPENED * drive.gears.m
+    at_rest = drive.with_values({"operation.dT": 0.0})
+    nearest = float(flank_candidates(Geometry.of(at_rest)).gap.min()) + 1e-3 * gears.j_n  # on the cam's own shape
+    near = drive.number(RIGID_SHIFT) - nearest / (gears.m * np.sin(alpha))
+    there = at_rest.with_values({RIGID_SHIFT: near, "gears.j_n": gears.j_n + 1e3 * opened})
+    least = NEAR_ZERO * rated_torque(drive)
+    contact, tube, proof = Twist(there).at(np.array([-least, least]))
+    play = float(np.diff(contact + tube)[0]) / ARCSEC  # rad
+    # a flank's force acts at the base circle: half of the play is the clearance over its radius
+    left = play / 2 * gears.m * gears.z_g / 2 * np.cos(alpha) - opened
+    return near - float(left / (gears.m * np.sin(alpha))), proof

@@ -10,11 +10,10 @@ from typing import Self
 import numpy as np
 
 from hdassist.belief.evidence import evidence_of
-from hdassist.belief.influence import Influence, influences
 from hdassist.belief.prior import DrivePrior, beside_measured_teeth, prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, ErrorBelief, Samples, drive_samples
 from hdassist.belief.statistics import Probability
-from hdassist.belief.steps import Step, steps_of
+from hdassist.belief.steps import Influence, Step, influences, steps_of
 from hdassist.error.cycle import KinematicError, SelfError, cross_checks_of, kinematic_error, self_error
 from hdassist.error.error_map import searchable
 from hdassist.error.extremes import DRAWN_STATES

@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from hdassist.belief.evidence import measured_errors
-from hdassist.belief.influence import Influence, influences_on
 from hdassist.belief.prior import beside_measured_teeth, prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, drive_samples
+from hdassist.belief.steps import Influence, influences_on
 from hdassist.error.cycle import limits_left
 from hdassist.error.error_map import searchable
 from hdassist.error.extremes import DRAWN_STATES, FINE_STATES

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.belief.influence import MeasurementGain
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import shares_below
+from hdassist.belief.steps import MeasurementGain
 from hdassist.report import (
     Curve,
     Facts,

@@ -19,9 +19,9 @@ from hdassist.preset.text import shown
 from hdassist.verdict import percent_text
 
 if TYPE_CHECKING:
-    from hdassist.belief.influence import Influence, MeasurementGain
     from hdassist.belief.samples import Samples
     from hdassist.belief.statistics import Probability
+    from hdassist.belief.steps import Influence, MeasurementGain
     from hdassist.model.deviations import MeasuredTeeth
     from hdassist.report import ReportProof
     from hdassist.solve.through_cvxpy import CrossCheck

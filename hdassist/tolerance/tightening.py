@@ -17,9 +17,9 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import minimize
 
-from hdassist.belief.influence import Influence, MeasurementGain, influences, measurements
 from hdassist.belief.samples import Samples
 from hdassist.belief.statistics import Probability, weighted_quantile
+from hdassist.belief.steps import Influence, MeasurementGain, influences, measurements
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import DEVIATION_FIELDS, CostLaw, Drive

@@ -10,7 +10,6 @@ from scipy.stats import beta, norm, qmc
 from hdassist import load_preset
 from hdassist.belief.draws import KEPT_LIKELIHOOD
 from hdassist.belief.evidence import Evidence, evidence_of, log_likelihood, stiffness_figures
-from hdassist.belief.influence import columns_of, influences, measurements, shares_of_variance
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import Samples, SamplingEffort, draw_samples
 from hdassist.belief.statistics import (
@@ -19,6 +18,7 @@ from hdassist.belief.statistics import (
     probability_of,
     weighted_quantile,
 )
+from hdassist.belief.steps import columns_of, influences, measurements, shares_of_variance
 from hdassist.calibration import CalibrationTarget, predictions
 from hdassist.error.extremes import extremes_of
 from hdassist.error.stiffness import stiffness

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
+from hdassist.belief.draws import meshing_shift
 from hdassist.belief.evidence import evidence_of
-from hdassist.belief.meshing import meshing_shift
 from hdassist.belief.prior import PRELOAD, RIGID_SHIFT, prior_of
 from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.error.stiffness import stiffness

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdassist import load_preset
-from hdassist.belief.meshing import meshing_shift
+from hdassist.belief.draws import meshing_shift
 from hdassist.model.contacts import StateGaps, contact_system
 from hdassist.solve import walk
 from hdassist.solve.answers import residuals

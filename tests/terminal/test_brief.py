@@ -8,7 +8,7 @@ import shlex
 import pytest
 from typer.main import get_command
 
-from hdassist.belief.influence import Influence
+from hdassist.belief.steps import Influence
 from hdassist.cli import COMMANDS, OTHER_NAMES, app
 from hdassist.commands.design import CheckCommand
 from hdassist.loading.load import load_preset
