@@ -151,7 +151,7 @@ def _able() -> list[str]:
 
 
 @contextmanager
-def _muted_output() -> Iterator[None]:
+def muted_output() -> Iterator[None]:
     """Output of compiled code goes nowhere meanwhile: HiGHS 1.16 has a banner for each solver."""
     try:
         kept = os.dup(1)
@@ -176,7 +176,7 @@ def solve_through_cvxpy(formulation: Formulation, delta_p: Array, torque: float,
     name, stated = require_solver(solver), formulation.statement
     stated.gaps.value, stated.load.value = formulation.gaps(delta_p), formulation.load(torque)
     try:
-        with warnings.catch_warnings(), _muted_output():
+        with warnings.catch_warnings(), muted_output():
             # "solution may be inaccurate": residuals and the other solver decide that, not a status
             warnings.simplefilter("ignore", UserWarning)
             stated.problem.solve(solver=name, **SOLVER_SETTINGS.get(name, {}))
