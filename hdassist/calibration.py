@@ -98,7 +98,7 @@ class CalibrationTarget:
     def wanted(self) -> str:
         """The value with its tolerance, or the range, in words."""
         if self.value is not None:
-            return f"{plain(self.value)} ± {self.tolerance:.3g}"
+            return f"{plain(self.value)} ± {short(self.tolerance)}"
         return f"{plain(self.low)} to {plain(self.high)}".replace("-inf to", "at most").replace(" to inf", " or more")
 
     @property

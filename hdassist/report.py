@@ -141,7 +141,7 @@ def as_object(quantities: Iterable[Quantity[T]], thing: T) -> dict[str, Any]:
 
 _TONES = {  # of verdicts and of labels of facts; any other has none
     **dict.fromkeys(("PASS", "TURN", "LEAVE", "KEEP"), "good"),
-    **dict.fromkeys(("FAIL", "GO BACK"), "bad"),
+    **dict.fromkeys(("FAIL", "GO BACK", "MISSED", "broken"), "bad"),
     **dict.fromkeys(("INCONCLUSIVE", "BEST BET", "ANY HOLE"), "open"),
     "next": "loud", "proof": "quiet", "more": "quiet",
 }  # fmt: skip

@@ -394,9 +394,9 @@ def cache() -> DoctorFinding:
 def surroundings() -> DoctorFinding:
     """Cores of this machine, and characters that standard output shows."""
     style = Style.of(sys.stdout)
-    kind = "a terminal" if sys.stdout.isatty() else "no terminal"
+    cores, kind = count(0), "a terminal" if sys.stdout.isatty() else "no terminal"
     shown = f"{style.width} columns, {'7-bit' if style.ascii else 'all'} characters"
-    return DoctorFinding("machine", "ok", f"{count(0)} cores; output: {kind}, {shown}")
+    return DoctorFinding("machine", "ok", f"{cores} core{'s' * (cores > 1)}; output: {kind}, {shown}")
 
 
 def self_test() -> DoctorFinding:

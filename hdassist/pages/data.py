@@ -9,13 +9,30 @@ from typing import TYPE_CHECKING
 
 from hdassist.acceptance.limits import CODES
 from hdassist.explaining import Entry, entries
-from hdassist.report import Facts, Json, Paragraph, Report, ReportSection, Table, attributes, quantity_table
+from hdassist.preset.fields import short
+from hdassist.report import (
+    Facts,
+    Json,
+    Paragraph,
+    Report,
+    ReportSection,
+    Table,
+    attributes,
+    four_digits,
+    quantity_table,
+)
 from hdassist.verdict import Verdict
 
 if TYPE_CHECKING:
     from hdassist.calibration import Calibration, Fit, Targets
 
 _UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less is the bounds' alone
+_FOUND_VALUES = quantity_table(
+    "calibrate.values",
+    number=short,
+    half_width=lambda half_width: short(float(f"{half_width:.2g}")),
+    percent=lambda share: f"{100 * share:.0f}",
+)
 _NOTE = "fitted targets are no evidence for the model: targets that were not fitted are"
 
 
@@ -31,7 +48,7 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
     met = sets[0]["targets_met"]
     columns = zip(wanted.targets, sets[0]["found"], sets[0]["off_tolerances"], met, strict=True)
     rows = [
-        (t.words, t.unit, t.wanted, f"{found:.4g}", f"{off:+.2f}", "met" if is_met else "MISSED")
+        (t.words, t.unit, t.wanted, four_digits(found), f"{off:+.2f}", "met" if is_met else "MISSED")
         for t, found, off, is_met in columns
     ]
     kept = [(each.path, *(f"{fit.values[k]:g}" for fit in result.fits)) for k, each in enumerate(result.values)]
@@ -43,10 +60,8 @@ def calibrate_report(result: Calibration, written: str | None = None) -> Report:
         verdict=f"{met.count(False) or len(met)} of {len(met)} targets {'met' if all(met) else 'MISSED'}",
         why=(result.shortfall or f"sets of values that meet all targets: {len(result.fits)}",),
         blocks=(
-            Table.by_row(
-                "values, half width of their interval, bounds", quantity_table("calibrate.values"), result.values
-            ),
-            Table("targets", ("target", "unit", "wanted", "found", "off, tolerances", ""), tuple(rows)),
+            Table.by_row("values, half width of their interval, bounds", _FOUND_VALUES, result.values),
+            Table("targets", ("target", "unit", "wanted", "found", "off by, tolerances", ""), tuple(rows)),
             Facts((("note", _NOTE), ("next", next_))),
         ),
         details=(Table("sets of values that were kept", heads, tuple(kept)),),
@@ -76,7 +91,7 @@ def _warnings(result: Calibration) -> Iterator[str]:
     if any(target.quantity.startswith("F_ior") for target in result.targets.targets):  # deviations move it
         yield from unknown_notes(result.drive)
     if result.shortfall:
-        yield f"targets are missed: {result.shortfall}; the values are the nearest that were found, and no preset"
+        yield f"targets are missed: {result.shortfall}; the values come nearest, and --write writes no preset"
     if open_ := [each.path for each in result.values if each.determined < _UNDETERMINED]:
         yield f"the targets do not determine {', '.join(open_)}"
     for a, b, correlation in result.indistinct:

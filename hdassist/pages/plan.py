@@ -22,7 +22,7 @@ from hdassist.report import (
     quantity_table,
     samples_object,
 )
-from hdassist.terminal.words import more_draws, preset_argument
+from hdassist.terminal.words import again, more_draws, preset_argument
 from hdassist.verdict import Verdict
 
 _LARGE_LINE = 0.1  # of the variance
@@ -198,10 +198,10 @@ def sheet_report(choice: PlanChoice, serial: str = "", file: str = "") -> Report
         "the greatest less the least deviation from one side counts, of repeats their mean",
         f"it sees {low} to {high} % of F'_ior, {middle} % in the median",
         _verdicts(test),
-        shlex.join([
-            "hdassist", "accept", preset_argument(drive), "--measured", f"{test.M_g:g}={file}", "--measured-only",
+        again(
+            "accept", drive, "--measured", f"{test.M_g:g}={file}", "--measured-only",
             "--budget", "encoder=U,coupling=U,reseating=U,temperature=U",
-        ]) if file else "",
+        ) if file else "",
     )  # fmt: skip
     listed = zip(minutes, targets, sides, strict=True) if len(targets) <= _LISTED_READINGS else ()
     rows = tuple(

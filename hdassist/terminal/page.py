@@ -47,7 +47,7 @@ _RESIDUALS = {  # of a certificate, each a share of its scale
     "equilibrium": "equilibrium",
 }
 _STYLES = {"good": "bold green", "bad": "bold red", "open": "bold yellow", "loud": "bold", "quiet": "dim"}  # by tone
-_NUMBERS_WITH_UNIT = r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?: ?[%″°]| N·m)?"  # of the grounds of a verdict
+_NUMBERS_WITH_UNIT = r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?: ?[%″°]| N·m(?:/rad)?)?"  # of grounds
 _ANY_WIDTH = 100_000  # columns
 _PAGE_WORDS: dict[str, str] = {Verdict.NO_LIMIT: "no limit set"}  # of a verdict, where its own word is too short
 

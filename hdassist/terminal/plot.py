@@ -20,6 +20,7 @@ _FAR = 0.5  # of a figure's height: a limit or a zero further off than that is s
 _TALL, _TALL_ROWS = 40, 12  # lines of a terminal that has room for plots of so many rows
 _DASH = 8  # columns of dots, of which the second of two lines has every other half
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # braille: 4 rows, 2 columns
+_UNBROKEN = "\xa0"  # between a sign of the legend and its words
 MARK_SIGNS = {
     "now": "N",
     "best": "B",
@@ -62,8 +63,8 @@ def curve(style: Style, drawn: Curve) -> str:
             cells = np.array([*" *o"])[dots + 2 * second].tolist()
         else:
             cells = dots_to_braille(dots | (second & (np.arange(fine.columns) % _DASH < _DASH // 2)))
-        looks = ("*", "o") if style.ascii else ("⠒⠒⠒", "⠒⠒ ⠒⠒")
-        title += ": " + ", ".join(f"{look} {name}" for look, name in zip(looks, drawn.names, strict=True))
+        looks = ("* ", "o ") if style.ascii else (f"⠒⠒⠒{_UNBROKEN}", f"⠒⠒{_UNBROKEN}⠒⠒{_UNBROKEN}")
+        title += ": " + ", ".join(look + name for look, name in zip(looks, drawn.names, strict=True))
     for mark in drawn.marks:
         column, row = frame.place(mark.x, mark.y)
         cells[row][column] = sign(mark, style)
@@ -112,7 +113,7 @@ class _Frame:
         """Columns and rows of points."""
         first, span = self.figure.x[0], max(float(np.ptp(self.figure.x)), np.finfo(float).tiny)
         column = ((np.asarray(x) - first) / span * self.columns).astype(int)
-        row = np.rint((self.high - np.asarray(y)) / (self.high - self.low) * (self.rows - 1)).astype(int)
+        row = ((self.high - np.asarray(y)) / (self.high - self.low) * self.rows).astype(int)  # that of its dots too
         return np.clip(column, 0, self.columns - 1), np.clip(row, 0, self.rows - 1)
 
     def dots(self, x: _PlotValues, y: _PlotValues) -> _Dots:
@@ -142,7 +143,7 @@ class _Frame:
                 self._draw_limit(cells, floor, words)
             else:
                 title += f"; limit {words.strip()} lies {'above' if figure.limit > self.high else 'below'}"
-        lines = textwrap.wrap(style.text(title), style.width)
+        lines = [line.replace(_UNBROKEN, " ") for line in textwrap.wrap(style.text(title), style.width)]
         for k, cell in enumerate(cells):
             number = numbers.get(k, f" {side}")
             lines.append(f"{number:>{self.margin + 2}}{''.join(cell)}".rstrip())

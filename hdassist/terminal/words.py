@@ -70,7 +70,8 @@ def preset_argument(drive: Drive) -> str:
 def _options(command: str, overrides: Iterable[str]) -> Iterator[str]:
     """Overrides as options of a command; torques and limits as they were asked for."""
     for override in overrides:
-        if torques := re.fullmatch(r"operation\.M_g=\[([-+.\de, ]+)\]", override):
+        torques = re.fullmatch(r"operation\.M_g=\[([-+.\de, ]+)\]", override)
+        if torques and command != "accept":  # which has no --torque
             yield from (f"--torque={torque.strip().removesuffix('.0')}" for torque in torques[1].split(","))
         elif command in LIMITED and (limit := re.fullmatch(r"acceptance\.F_ior(?:\.([^=]+))?=([^{]+)", override)):
             yield from ("--limit", f"F_ior@{limit[1]}={limit[2]}" if limit[1] else limit[2])

@@ -163,6 +163,7 @@ def test_a_test_is_carried_out_and_decides(tmp_path):
     sheet = (tmp_path / "run.txt").read_text("utf-8")
     assert "17-1" in sheet
     assert "the list is in run.csv" in sheet  # of 116 readings
+    assert "hdassist accept" in sheet and "--limit 40" in sheet  # else accept has nothing to hold the readings against
 
     unread = run("measure", "run.csv", cwd=tmp_path)
     assert unread.returncode == 4

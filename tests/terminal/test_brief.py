@@ -143,3 +143,18 @@ def test_ranges_that_are_not_weighed_are_those_of_assumed_values_and_of_what_is_
     told = f"the ranges of {len(ranges)} values are not weighed here: hdassist check weighs them"
     assert on_what(drive) == told
     assert on_what(load_preset(SMALL)) == ""
+
+
+def test_accept_is_named_with_options_that_it_has():
+    drive = load_preset(SMALL, ["operation.M_g=[4.0]", "acceptance.F_ior=40"])
+    named = shlex.split(again("accept", drive, "--measured-only"))
+    assert named == [
+        "hdassist",
+        "accept",
+        str(SMALL),
+        "--set",
+        "operation.M_g=[4.0]",
+        "--limit",
+        "40",
+        "--measured-only",
+    ]

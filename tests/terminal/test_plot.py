@@ -43,6 +43,24 @@ def test_a_rising_line_rises(style):
     assert seen[0] > 60
 
 
+def test_a_legend_breaks_between_its_parts():
+    x = np.linspace(0, 1, 50)
+    drawn = Curve(x, x, "x", "error, least and greatest around", second=-x, names=("before", "after"))
+    for width in range(40, 60):
+        page = curve(Style(ascii=False, codes=False, width=width), drawn)
+        assert "⠒⠒⠒ before" in page and "⠒⠒ ⠒⠒ after" in page
+
+
+@pytest.mark.parametrize("size", range(3, 13))
+def test_a_number_stands_in_the_row_of_the_dots_of_its_value(size):
+    for level in (20, 40, 60, 80):
+        page = curve(BRAILLE, Curve(np.array([0.0, 1.0, 2.0]), np.array([7.0, level, 93.0]), "x", "y", rows=size))
+        found = re.search(rf"^ *{level} ┤(.*)$", page, flags=re.MULTILINE)
+        columns = len(rows(page)[0])
+        if found:
+            assert found[1].ljust(columns)[columns // 2 - 1 : columns // 2 + 1].strip(), (level, page)
+
+
 def test_crowded_points_show_their_range():
     x = np.linspace(0, 1, 20000)
     drawn = rows(curve(ASCII, Curve(x, np.where(np.arange(20000) % 2, 1.0, -1.0), "x", "y")))
