@@ -78,6 +78,8 @@ _LEAST_SPEED_APART = 0.2  # of the greatest speed: between sweeps, from which on
 _LEAST_SPEED_CHANGE = 0.02  # of the speed: within sweeps, from which on a lag is fitted
 _LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up too little to see
 _LOAD_APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
+_TORQUE_CLEAR = 2.0  # times the noise of its readings: spread of a torque that changes
+_SLOPE_CLEAR = 3.0  # standard uncertainties: a slope over the torque that is no chance
 _CHANGE_TOLD = 3.0  # times the noise of a curve without changes: that at each torque, at most, where a record has them
 _CATALOGUE_SHARE = 0.1  # of a wind-up: standard uncertainty of a drive's stiffness by its catalogue; a guess
 _CLEAR_SENSE = 0.5  # correlation of error and wind-up
@@ -181,7 +183,8 @@ class RecordedTorque:
     def is_change(self, torques: Sequence[Array]) -> bool:
         """Whether it changes within some of its rows [N*m] by enough to matter."""
         least = max(_LEAST_CHANGE * abs(self.least_Nm), _LEAST_CHANGE * abs(self.greatest_Nm))
-        return float(max(map(np.ptp, torques))) > max(least, _LOAD_APART * (self.greatest_Nm - self.least_Nm))
+        is_large = float(max(map(np.ptp, torques))) > max(least, _LOAD_APART * (self.greatest_Nm - self.least_Nm))
+        return is_large and any(float(np.std(each)) > _TORQUE_CLEAR * _noise_of(each) for each in torques)
 
     def fitted(self, slope: float, uncertainty: float) -> RecordedTorque:
         """The same with the slope over the torque that a fit has taken off, and its uncertainty [arcsec/(N*m)]."""
@@ -209,6 +212,11 @@ class RecordedTorque:
         span = float(np.ptp(load))
         found = replace(self, by="catalogue", wind_up_arcsec=span, uncertainty_arcsec=_CATALOGUE_SHARE * span)
         return replace(trace, error_arcsec=trace.error_arcsec - sense * load), found
+
+
+def _noise_of(torque: Array) -> float:
+    """Standard deviation of the noise that rows of a torque [N*m] are read with, by what each differs from the next."""
+    return float(np.std(np.diff(torque))) / sqrt(2)
 
 
 def _tells_compliance(fit: TraceFit) -> bool:
@@ -421,9 +429,13 @@ def measure(
             loads = [] if own.load is None else own.by_sweep(own.load)
             if torque and torque.by != "catalogue" and torque.is_change(loads):
                 if _tells_compliance(fit):
-                    slow = replace(slow, over=(*slow.over, "load"))
-                    fit = _fit(bins, declared, turns_ratio, slow, notes)
-                    torque = torque.fitted(*fit.slopes["load"])
+                    wound = _fit(bins, declared, turns_ratio, replace(slow, over=(*slow.over, "load")), notes)
+                    slope, unsure = wound.slopes["load"]
+                    if abs(slope) > _SLOPE_CLEAR * unsure:
+                        # noise of the torque makes the slope too small, by its share of the variance of the bins' load
+                        noise = float(np.mean([_noise_of(each) for each in loads]) ** 2 * np.mean(1 / bins.rows))
+                        share = noise / float(np.var(fit.design.fitted(bins.load)[1]))
+                        fit, torque = wound, torque.fitted(slope, hypot(unsure, share * slope))
                 elif without := torque.by_catalogue(cleaned, drive):
                     cleaned, torque = without
                     continue

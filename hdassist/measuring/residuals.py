@@ -45,6 +45,7 @@ _FEWEST_NEIGHBOURS = 2  # of them
 _CLOSEST_ORDERS = 0.4  # of the resolution: no order is fitted nearer to another
 _FEWEST_PERIODS = 3.0  # periods in the record: below, it drifts
 _HIGHEST_LINE = 4.0  # times the highest order: beyond, averages over bins make lines smaller
+_TORQUE_LINE = 0.5  # of a slope over the torque, that a line which goes with it leaves
 _SMALLEST_LINE = 0.01  # of the greatest amplitude: a smaller line is left in the noise
 _MAX_LINES = 8  # lines
 _ORDER_ITERATIONS = 2  # of Gauss and Newton for the order of a line
@@ -83,9 +84,12 @@ def with_lines(fit: TraceFit) -> TraceFit:
         if peak is None or peak.chance > _LINE_FALSE_ALARM or peak.amplitude < _SMALLEST_LINE * fit.amplitude.max():
             break
         try:
-            fit = _settled(fit, orders, peak.order)
+            trial = _settled(fit, orders, peak.order)
         except UntrustedError:  # too near to a fitted order
             break
+        if "load" in fit.slopes and abs(trial.slopes["load"][0]) < _TORQUE_LINE * abs(fit.slopes["load"][0]):
+            break  # it goes with the torque, whose noise makes the slope too small: the rest of its wind-up
+        fit = trial
     return fit
 
 

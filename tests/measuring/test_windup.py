@@ -7,6 +7,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from hdassist.errors import UntrustedError
 from hdassist.loading.load import load_preset
@@ -77,6 +78,42 @@ def test_the_record_goes_before_the_catalogue():
     assert result.torque.by == "record"
     assert result.torque.stiffness_Nm_rad is not None
     assert result.torque.stiffness_Nm_rad[0] == pytest.approx(STIFFNESS, rel=0.01)
+
+
+def read_noisily(torque: np.ndarray, noise: np.ndarray, stiffness: float = np.inf) -> Measurement:
+    """A record whose torque is read with noise, of which the true one winds the drive up."""
+    return measured(file(torque + noise, 1.0, (torque - torque.mean()) / stiffness * 648000 / np.pi))
+
+
+def low_passed(white: np.ndarray) -> np.ndarray:
+    return np.asarray(lfilter([0.44], [1.0, -0.9], white))
+
+
+@pytest.mark.parametrize("kind", ["white", "coloured", "counts"])
+@pytest.mark.parametrize("mean", [0.0, 20.0])
+def test_a_steady_torque_that_is_read_noisily_has_no_stiffness(kind: str, mean: float):
+    for seed in range(3):
+        white = np.random.default_rng([9, seed]).standard_normal(len(TURNS))
+        noise = {"white": 0.5 * white, "coloured": 0.5 * low_passed(white), "counts": np.round(0.5 * white) / 10}[kind]
+        result = read_noisily(np.full(len(TURNS), mean), noise)
+        assert result.torque is not None
+        assert (result.torque.by, result.torque.stiffness_Nm_rad) == ("", None)
+        assert not result.warnings
+        assert result.F_ior_arcsec == pytest.approx(RANGE, abs=0.4)
+
+
+def test_a_wind_up_whose_torque_is_read_noisily_is_no_line_and_widens_the_stiffness():
+    """Noise of the torque makes the slope too small: the rest of the wind-up was fitted as a line, and then all of it."""
+    waving = 20 + 0.3 * np.sin(2 * np.pi * TURNS / 7.3)
+    for seed in range(3):
+        noise = 0.1 * np.random.default_rng([9, seed]).standard_normal(len(TURNS))
+        result = read_noisily(waving, noise, STIFFNESS)
+        low, high = result.directions[0].interval_arcsec
+        assert low < RANGE < high
+        assert result.torque is not None
+        assert result.torque.stiffness_Nm_rad is not None
+        value, unsure = result.torque.stiffness_Nm_rad
+        assert abs(value - STIFFNESS) < 2 * unsure < 0.6 * STIFFNESS
 
 
 @pytest.mark.parametrize(("unit", "size"), [("M (mN·m)", 1e3), ("Moment/kNm", 1e-3), ("torque_Nm", 1.0)])
