@@ -103,7 +103,7 @@ def test_a_steady_torque_that_is_read_noisily_has_no_stiffness(kind: str, mean: 
 
 
 def test_a_wind_up_whose_torque_is_read_noisily_is_no_line_and_widens_the_stiffness():
-    """Noise of the torque makes the slope too small: the rest of the wind-up was fitted as a line, and then all of it."""
+    """Its noise makes the slope too small: the rest of the wind-up was fitted as a line, and then all of it."""
     waving = 20 + 0.3 * np.sin(2 * np.pi * TURNS / 7.3)
     for seed in range(3):
         noise = 0.1 * np.random.default_rng([9, seed]).standard_normal(len(TURNS))
