@@ -28,7 +28,7 @@ from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import Certificate
 from hdassist.solve.formulation import Formulation
 
-FREEDOM = 4.0  # degrees of freedom of Student's t
+_FREEDOM = 4.0  # degrees of freedom of Student's t
 _MEAN_OF_TYPE = 0.15  # of a catalogue's stiffness, in the logarithm: drives of a type, and the model's misfit
 _WHOLE_FLANKS = 0.30  # of K_1 with flanks that bear as a whole (numerics.stations 1)
 _MISFIT = 0.10  # of values measured on the drive: the model's alone
@@ -67,7 +67,7 @@ class Evidence:
             deviation = np.maximum(predicted / self.value - 1, 0) / self.spread
         else:
             deviation = (predicted - self.value) / self.spread
-        return np.asarray(-(FREEDOM + 1) / 2 * np.log1p(deviation**2 / FREEDOM))
+        return np.asarray(-(_FREEDOM + 1) / 2 * np.log1p(deviation**2 / _FREEDOM))
 
 
 def evidence_of(drive: Drive, *, of_type: bool = False) -> tuple[Evidence, ...]:

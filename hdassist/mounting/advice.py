@@ -10,6 +10,7 @@ import numpy as np
 
 from hdassist.belief.evidence import measured_errors
 from hdassist.belief.prior import beside_measured_teeth, prior_of
+from hdassist.belief.proposals import TableEffort
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, drive_samples
 from hdassist.belief.steps import Influence, influences_on
 from hdassist.error.cycle import limits_left
@@ -41,10 +42,10 @@ from hdassist.mounting.positions import (
     usable_positions,
 )
 from hdassist.mounting.posterior import (
+    SAMPLES_A_TABLE,
     TRIAL_HINT,
     HolePosterior,
     HoleSamples,
-    TableSampling,
     Trial,
     TrialSetup,
     hole_samples,
@@ -257,8 +258,7 @@ def advice_states(
     """Number of states that an advice at so many positions solves, about, for a progress bar."""
     cycle, torques = Kinematics.of(drive).cycle_states, len(drive.operation.M_g)
     if trials:
-        effort = TableSampling.of(draws)
-        return effort.systems * torques * (effort.table.mesh.states(drive) + DRAWN_STATES)
+        return max(1, draws // SAMPLES_A_TABLE) * torques * (TableEffort().mesh.states(drive) + DRAWN_STATES)
     drawn = bool(draws and prior_of(drive).fields) and not measured and searchable(drive)
     if not is_searched(drive, positions, drawn=drawn, measured=measured):
         return torques * positions * cycle
@@ -346,18 +346,16 @@ def advise_after(
     positions = usable_positions(drive.mounting.holes, drive.mounting.allowed)
     if not drive.mounting.holes:
         positions = sorted({*positions, *(trial.rotation_deg for trial in every)})
-    effort = TableSampling.of(draws)
     tried = [setup.point(each)[1] for each in every]
-    whole = samples or hole_samples(drive, (*torques, *tried), setup, effort=effort, run=run)
-    near = whole.near(every)
-    after = posterior_of(near, every, [*positions, 0.0])
+    whole = samples or hole_samples(drive, (*torques, *tried), setup, draws=draws, run=run)
+    after = posterior_of(whole.with_free_curves(every), every, [*positions, 0.0])
     found = after.decision(torques, limits_left(drive, torques), cost)
     noise, likelier = after.noise * setup.noise_arcsec, None
     if after.by_values > UNSHOWN_VALUES or after.misread.sum() > _DOUBTED:
         likelier = likelier_torque(whole, every)
         others = sorted({*other_torques} - {*whole.F_ior_by_torque})
         if not likelier and others and after.by_values > UNSHOWN_VALUES:
-            likelier = likelier_torque(hole_samples(drive, others, setup, effort=effort, run=run), every)
+            likelier = likelier_torque(hole_samples(drive, others, setup, draws=draws, run=run), every)
     measurable = {M_g: after.F_ior_by_torque[M_g][:, :-1] for M_g in (setup.M_g, *setup.others, *tried)}
     value = _value(found, measurable, noise, setup, len(every), run.seed)
     advice = Advice(

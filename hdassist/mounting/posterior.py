@@ -25,9 +25,6 @@ from scipy.special import logsumexp, softmax
 
 from hdassist.belief.evidence import (
     ACCURACY,
-    FREEDOM,
-    MISFITS,
-    SCALE,
     SMOOTH_NUMBERS,
     ErrorKind,
     error_kinds,
@@ -47,7 +44,7 @@ from hdassist.belief.proposals import (
     tabled_errors,
     turned_errors,
 )
-from hdassist.belief.samples import SamplingEffort, draw_samples
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, SamplingEffort, draw_samples
 from hdassist.error.error_map import error_maps, searchable
 from hdassist.error.table import Mesh
 from hdassist.errors import HdassistError, UntrustedError, UsageError
@@ -149,8 +146,9 @@ _WIDEST_SIZE = 2.0  # a size without an uncertainty may be so many times the pre
 _NOISE_SPREAD = 0.56  # of the logarithm of the noise over the stated one: within a third and three times with 95 %
 LOG_NOISES = {noise: -0.5 * (np.log(noise) / _NOISE_SPREAD) ** 2 for noise in 2.0 ** (np.arange(-2, 5) / 2)}
 _POSTERIOR_DRAWS = 2048
-LIKELIEST = 4096  # samples that are looked at closer
 _FAR_LIKELIER = 100.0  # times as probable: a torque is taken for that at which values were measured
+SAMPLES_A_TABLE = 2  # effective samples of a belief for which one system has a table
+_DRAWS_A_TABLE = 64  # draws of systems at most for each table that is wanted
 _COMPARED = 16  # drives with a table of one system, to see its error
 _FREE_SHARE = 0.5  # probability before any value that no drive of the preset shows them
 _FREE_CURVES, _FREE_ORDERS = 256, 4  # curves of no drive, and times that their waves go around the seat
@@ -184,27 +182,6 @@ class TrialSetup:
 def _is_torque(M_g: float) -> bool:
     """Whether F'_ior can be measured at a torque [N*m]: beyond that, squares are no numbers."""
     return 0 < abs(M_g) <= 1e7
-
-
-@dataclass(frozen=True)
-class TableSampling:
-    """Effort of the samples: effective draws of stiffnesses, clearances and the wave, draws at most, table of each."""
-
-    systems: int = 32
-    most_draws: int = 2048
-    table: TableEffort = field(default_factory=TableEffort)
-
-    @classmethod
-    def of(cls, draws: int) -> TableSampling:
-        """The effort for so many effective samples of a belief, of which half have a table each."""
-        systems = max(1, draws // 2)
-        return cls(systems, 64 * systems)
-
-    @property
-    def of_one_system(self) -> TableSampling:
-        """As many samples where only deviations are unknown, from a finer table."""
-        table = TableEffort(self.systems * self.table.deviations, Mesh(), min(_COMPARED, self.systems))
-        return replace(self, systems=1, table=table)
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,28 +244,7 @@ class HoleSamples:
         own = [self.setup.noise_arcsec if each.noise_arcsec is None else each.noise_arcsec for each in trials]
         return np.array(own, dtype=float)
 
-    def near(self, trials: Sequence[Trial]) -> HoleSamples:
-        """These beside curves that no drive made, and of all about LIKELIEST, which the values make likely.
-
-        Trials 3 in docs/theory.md: each is judged by a Student t about its F'_ior, for any one value and for all.
-        Kept by chance with a probability that their weight is divided by: the sum of weights stays right on average.
-        """
-        every, rng = self._with_free_curves(trials) if trials else self, np.random.default_rng([self.seed, 2])
-        possible = every.possible
-        weight = every.weight.ravel()[possible]
-        log, chance = np.log(weight), weight / weight.sum()
-        for trial in trials:
-            f = every.at([self.setup.point(trial)], possible)[:, 0]
-            off = (trial.F_ior_arcsec - f) / np.hypot(2 * every.noise([trial]), (SCALE + MISFITS[-1]) * f)
-            log = log - (FREEDOM + 1) / 2 * np.log1p(off**2 / FREEDOM)
-            chance = chance + softmax(log)
-        chance = np.minimum(LIKELIEST / (len(trials) + 1) * chance, 1)
-        kept = rng.random(len(possible)) < chance
-        left = np.zeros(every.weight.size)
-        left[possible[kept]] = (weight / chance)[kept]
-        return replace(every, weight=(left / left.sum()).reshape(every.weight.shape))
-
-    def _with_free_curves(self, trials: Sequence[Trial]) -> HoleSamples:
+    def with_free_curves(self, trials: Sequence[Trial]) -> HoleSamples:
         """Samples with curves over the seat that no drive made, in any direction: Trials 5 in docs/theory.md.
 
         Their level is lognormal about that of the samples, their waves over the seat are as large as those of the
@@ -424,34 +380,36 @@ def hole_samples(
     torques: Sequence[float],
     setup: TrialSetup,
     *,
-    effort: TableSampling = TableSampling(),
+    draws: int = EFFECTIVE_SAMPLES,
+    table: TableEffort = TableEffort(),
     run: Run = Run(),
 ) -> HoleSamples:
     """Samples of all that is not known of a drive, its standing offset among it, by the preset's evidence.
 
-    Arguments: torques [N*m] beside that of the setup; effort; run, its seed among it. Raises UsageError for a drive
-    with rolling balls or without an offset, UntrustedError where too few draws are drives that agree with the evidence.
+    Arguments: torques [N*m] beside that of the setup; draws, effective samples of the belief that they are worth; table
+    of each system; run, its seed among it. Raises UsageError for a drive with rolling balls or without an offset,
+    UntrustedError where too few draws are drives that agree with the evidence.
     """
     if not searchable(drive):
         raise UsageError("trials need locked balls", "bearing.ball_motion: locked")
     prior = open_prior(drive)
     systems = replace(prior, fields=tuple(each for each in prior.fields if each not in open_deviations(prior)))
-    if not systems.fields:
-        effort = effort.of_one_system
+    count = max(1, draws // SAMPLES_A_TABLE)
+    if not systems.fields:  # as many samples where only deviations are unknown, from a finer table
+        table, count = TableEffort(count * table.deviations, Mesh(), min(_COMPARED, count)), 1
     every = tuple(dict.fromkeys((setup.M_g, *setup.others, *torques)))
-    count = effort.systems
     samples = draw_samples(
         systems, (), evidence=tuple(each for each in evidence_of(drive) if not each.M_g),
-        effort=SamplingEffort(count, count, effort.most_draws, min(16, count)), run=run,
+        effort=SamplingEffort(count, count, _DRAWS_A_TABLE * count, min(16, count)), run=run,
     )  # fmt: skip
     weights, tables = list[float](), list[TabledErrors]()
-    solve = partial(_tabled, prior, every, effort.table, run.seed)
+    solve = partial(_tabled, prior, every, table, run.seed)
     found = run.map(solve, range(len(samples.weights)), samples.values())
-    for weight, table in zip(samples.weights.tolist(), found, strict=True):
-        if table:
+    for weight, errors in zip(samples.weights.tolist(), found, strict=True):
+        if errors:
             weights.append(weight)
-            tables.append(table)
-            run.solved(table.certificate.states)
+            tables.append(errors)
+            run.solved(errors.certificate.states)
     if not tables:
         raise UntrustedError("no draw has an answer at the torque of the trials", "hdassist check says why")
     log_missed = np.concatenate([each.log_missed for each in tables], axis=1)  # (torques, compared)

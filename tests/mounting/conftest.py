@@ -8,4 +8,4 @@ from tests.mounting.drives import FEW, SETUP, told
 
 @pytest.fixture(scope="session")
 def cloud() -> HoleSamples:
-    return hole_samples(told(), (1.0,), SETUP, effort=FEW)
+    return hole_samples(told(), (1.0,), SETUP, draws=FEW)

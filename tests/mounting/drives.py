@@ -10,7 +10,7 @@ from hdassist.error.error_map import ErrorMap
 from hdassist.error.table import Mesh
 from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import rotated, usable_positions
-from hdassist.mounting.posterior import HolePosterior, HoleSamples, TableSampling, Trial, TrialSetup, posterior_of
+from hdassist.mounting.posterior import HolePosterior, HoleSamples, Trial, TrialSetup, posterior_of
 from hdassist.preset.fields import Drive
 from tests.process import SMALL
 
@@ -19,9 +19,9 @@ POSITIONS = usable_positions(HOLES, "all")
 THIRDS = (0.0, 120.0, 240.0)
 KNOWN = {"tolerances.e_hh": 1.0, "phases.phi_hh": 2.0}  # the cam's own offset, well measured
 SETUP = TrialSetup(M_G, noise_arcsec=0.5)
-FEW = TableSampling.of(32)
+FEW = 32  # effective samples of the belief
 COARSE_MESH = Mesh((9, 5, 9, 9), 12)
-COARSE = TableSampling(2, 64, TableEffort(16, COARSE_MESH))
+COARSE = {"draws": 4, "table": TableEffort(16, COARSE_MESH)}
 
 
 def told(*overrides: str, **uncertainty: float) -> Drive:

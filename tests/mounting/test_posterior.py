@@ -34,17 +34,6 @@ from tests.process import SMALL
 ONE = told("operation.M_g=4")  # at the torque of the values alone
 
 
-def test_the_likeliest_samples_say_what_all_say(cloud: HoleSamples, monkeypatch: pytest.MonkeyPatch) -> None:
-    tried = trials(measured(50.0, 20.0), (*THIRDS, 60.0))
-    every_one, few = (cloud.near(tried), cloud.near(tried))
-    monkeypatch.setattr("hdassist.mounting.posterior.LIKELIEST", 1e9)
-    every_one = cloud.near(tried)
-    assert np.count_nonzero(few.weight) < 5000 < np.count_nonzero(every_one.weight)
-    every, some = (learnt(samples, tried, POSITIONS) for samples in (every_one, few))
-    assert some[0].effective > 0.5 * every[0].effective
-    assert some[1].probability_good == pytest.approx(every[1].probability_good, abs=0.1)
-
-
 def test_a_known_direction_is_bayes_on_a_grid_of_directions() -> None:
     """One unknown, the direction; no scale, misfit, or noise but the told one: against the sum over the directions."""
     shape = 20 + 8 * np.cos(2 * np.pi * np.arange(360) / 360) + 3 * np.sin(4 * np.pi * np.arange(360) / 360)
@@ -56,8 +45,7 @@ def test_a_known_direction_is_bayes_on_a_grid_of_directions() -> None:
     exact = np.exp(-0.5 * (((y[:, None] - at) / 1.5) ** 2).sum(axis=0))
     exact /= exact.sum()
     with pytest.MonkeyPatch.context() as patch:
-        for module in ("hdassist.belief.evidence", "hdassist.mounting.posterior"):
-            patch.setattr(f"{module}.SCALE", 0.0)
+        patch.setattr("hdassist.belief.evidence.SCALE", 0.0)
         found = posterior_of(fine, [Trial(t, v) for t, v in zip(tried, y, strict=True)], [0.0, 60.0], [ErrorKind()])
     sample, direction = np.divmod(found.places, HOLES)
     share = np.bincount(sample + 30 * direction, minlength=360) / len(found.places)
@@ -314,7 +302,7 @@ def test_curves_of_no_drive_are_as_smooth_as_those_of_drives_and_gain_nothing_by
     """Drives whose F'_ior goes once around the seat, by a tenth: other curves do too, and their level is not given."""
     turn = 2 * np.pi * (np.arange(HOLES) / HOLES - np.linspace(0, 1, 64, endpoint=False)[:, None])
     once, tried = synthetic(20 * np.exp(0.1 * np.cos(turn))), [Trial(0.0, 20.0), Trial(120.0, 20.5)]
-    near = once.near(tried)
+    near = once.with_free_curves(tried)
     waves = 2 / HOLES * np.abs(np.fft.rfft(np.log(near.F_ior_arcsec[64:])))
     assert np.sqrt(np.mean(waves[:, 1] ** 2)) == pytest.approx(0.1, rel=0.1)
     assert waves[:, 2:].max() < 1e-9
@@ -332,5 +320,5 @@ def test_each_value_may_be_misread_and_one_that_no_other_agrees_with_is_named() 
     for wrong in (0, 3):
         y = {hole: right[hole] * (1.6 if hole == HOLES // 6 * wrong else 1) for hole in range(0, HOLES, 2)}
         tried = [Trial(POSITIONS[hole], float(value)) for hole, value in y.items()]
-        found = posterior_of(once.near(tried), tried, [0.0]).misread
+        found = posterior_of(once.with_free_curves(tried), tried, [0.0]).misread
         assert found.argmax() == wrong and found[wrong] > 0.9

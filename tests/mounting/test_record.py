@@ -71,7 +71,7 @@ def test_what_is_no_trial_is_told_before_any_work(record, tmp_path, trial, code,
 
 @pytest.fixture(scope="module")
 def cloud():
-    return hole_samples(told(), (1.0,), SETUP, effort=COARSE)
+    return hole_samples(told(), (1.0,), SETUP, **COARSE)
 
 
 def test_a_value_counts_by_its_own_noise(cloud):
@@ -104,7 +104,7 @@ def test_a_trial_of_the_preset_counts_once_whether_given_again_or_not(cloud):
     assert len(trials_of(*given, replace(again, F_ior_arcsec=21.0))) == 3
     assert trials_of(*given, replace(again, M_g=4.0)) == (*given, replace(again, M_g=4.0))
     assert len(trials_of(*given, replace(again, M_g=1.0))) == 3  # at another torque it is another value
-    assert hole_samples(told(one), (1.0,), SETUP, effort=COARSE).weight == pytest.approx(cloud.weight)
+    assert hole_samples(told(one), (1.0,), SETUP, **COARSE).weight == pytest.approx(cloud.weight)
 
 
 def test_errors_of_the_preset_and_of_the_command_line_are_the_same_at_any_torque(cloud):

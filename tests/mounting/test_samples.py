@@ -1,7 +1,5 @@
 """Samples before any measured value: what is drawn of a drive, and how it turns with its wheel."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from hdassist.belief.proposals import TableEffort
 from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UntrustedError, UsageError
 from hdassist.mounting.positions import rotated, usable_positions
-from hdassist.mounting.posterior import HoleSamples, TableSampling, Trial, hole_samples, open_prior, posterior_of
+from hdassist.mounting.posterior import HoleSamples, Trial, hole_samples, open_prior, posterior_of
 from hdassist.preset.fields import Drive
 from tests.mounting.drives import COARSE, COARSE_MESH, FEW, M_G, POSITIONS, SETUP, direction_of, learnt, shown, told
 from tests.process import ASSUMED, SMALL
@@ -31,7 +29,7 @@ def require_turned(prior: HoleSamples, drive: Drive, sample: int, direction: int
 def test_turning_the_wheel_is_turning_all_that_stands_back() -> None:
     """F'_ior of samples in other positions, taken from other directions of theirs, against the wheel turned."""
     drive = load_preset(SMALL, ["tolerances.e_hh=0"])
-    prior = hole_samples(drive, (), SETUP, effort=FEW)
+    prior = hole_samples(drive, (), SETUP, draws=FEW)
     for sample, direction, rotation in ((3, 0, 30.0), (40, 7, 120.0), (77, 11, 330.0)):
         require_turned(prior, drive, sample, direction, rotation)
     some = np.arange(0, prior.weight.size, 97)
@@ -41,23 +39,23 @@ def test_turning_the_wheel_is_turning_all_that_stands_back() -> None:
 def test_stiffnesses_and_clearances_are_drawn_as_check_draws_them_and_by_its_evidence() -> None:
     """A clearance that is assumed moves F'_ior; a catalogue's stiffness that no drive has leaves none."""
     drive = load_preset(SMALL, ["operation.M_g=4", "tolerances.e_hh=0", ASSUMED])
-    effort = TableSampling(3, 12, TableEffort(8, COARSE_MESH))
-    prior = hole_samples(drive, (), SETUP, effort=effort)
+    effort = {"draws": 6, "table": TableEffort(8, COARSE_MESH)}
+    prior = hole_samples(drive, (), SETUP, **effort)
     assert len(prior.weight) == 3 * 8
     assert prior.weight.sum(axis=1) == pytest.approx(1 / 24)
     figures, _ = stiffness_figures(drive)
     agreeing = changed(drive, catalogue__K_2=figures["K_2"])
-    assert np.ptp(hole_samples(agreeing, (), SETUP, effort=effort).weight.sum(axis=1)) > 0
+    assert np.ptp(hole_samples(agreeing, (), SETUP, **effort).weight.sum(axis=1)) > 0
     with pytest.raises(
-        UntrustedError, match=r"of 12 draws are effective, 3 are needed: catalogue\.K_2 = .* contradicts"
+        UntrustedError, match=r"of 192 draws are effective, 3 are needed: catalogue\.K_2 = .* contradicts"
     ):
-        hole_samples(changed(drive, catalogue__K_2=1e3 * figures["K_2"]), (), SETUP, effort=effort)
+        hole_samples(changed(drive, catalogue__K_2=1e3 * figures["K_2"]), (), SETUP, **effort)
 
 
 def test_what_the_preset_knows_of_the_offset_counts() -> None:
     """A direction that is known needs no trial to tell it; nor does a size."""
     facing = told("phases.phi_hb=20", "tolerances.e_hb=50", **{"phases.phi_hb": 10.0, "tolerances.e_hb": 4.0})
-    known = hole_samples(facing, (), SETUP, effort=replace(COARSE, table=TableEffort(16, COARSE_MESH)))
+    known = hole_samples(facing, (), SETUP, **{**COARSE, "table": TableEffort(16, COARSE_MESH)})
     assert not known.weight[:, 1:].any()
     draws = posterior_of(known, [], [0.0])
     off = (direction_of(known)[draws.places] - 20 + 180) % 360 - 180
@@ -67,11 +65,11 @@ def test_what_the_preset_knows_of_the_offset_counts() -> None:
 
 
 def test_a_standing_ovality_that_is_known_does_not_turn_with_the_samples() -> None:
-    oval = hole_samples(told("harmonics.a_s2=3", "harmonics.xi_s2=20"), (), SETUP, effort=COARSE)
+    oval = hole_samples(told("harmonics.a_s2=3", "harmonics.xi_s2=20"), (), SETUP, **COARSE)
     assert not oval.weight[:, 1:].any()
     assert np.ptp(direction_of(oval).reshape(oval.weight.shape)[:, 0]) > 300
     with_flexspline = told("harmonics.a_s2=3", "mounting.fixed=flexspline", "tolerances.e_hg=30", "tolerances.e_hb=0")
-    assert hole_samples(with_flexspline, (), SETUP, effort=COARSE).weight[:, 1:].all()
+    assert hole_samples(with_flexspline, (), SETUP, **COARSE).weight[:, 1:].all()
 
 
 def test_with_the_flexspline_fixed_its_own_offset_is_found() -> None:
@@ -79,7 +77,7 @@ def test_with_the_flexspline_fixed_its_own_offset_is_found() -> None:
     truth = drive.with_values({"tolerances.e_hg": 45.0, "phases.phi_hg": 130.0})
     search = ErrorMap(truth, M_G)
     tried = [Trial(r, search.extremes(rotated(truth, r)).first) for r in POSITIONS[::2]]
-    found = hole_samples(drive, (), SETUP, effort=FEW)
+    found = hole_samples(drive, (), SETUP, draws=FEW)
     off = (direction_of(found)[posterior_of(found, tried, [0.0]).places] - 130 + 180) % 360 - 180
     assert abs(off.mean()) < 2 * off.std() < 60
 
@@ -87,7 +85,7 @@ def test_with_the_flexspline_fixed_its_own_offset_is_found() -> None:
 def test_a_free_angle_and_many_holes() -> None:
     for holes, directions, count in ((0, 36, 72), (3, 9, 3), (100, 36, 100)):
         drive = told(f"mounting.holes={holes}")
-        found = hole_samples(drive, (), SETUP, effort=replace(COARSE, table=TableEffort(32, COARSE_MESH)))
+        found = hole_samples(drive, (), SETUP, **{**COARSE, "table": TableEffort(32, COARSE_MESH)})
         positions = usable_positions(holes, "all")
         assert found.weight.shape[1] == directions
         _, losses = learnt(found, [Trial(positions[-1], 20.0)], positions)
@@ -103,7 +101,7 @@ def test_a_free_angle_and_many_holes() -> None:
 )
 def test_drives_that_trials_cannot_take(overrides: list[str], words: str) -> None:
     with pytest.raises(UsageError, match=words):
-        hole_samples(load_preset(SMALL, overrides), (), SETUP, effort=FEW)
+        hole_samples(load_preset(SMALL, overrides), (), SETUP, draws=FEW)
 
 
 def test_what_a_preset_does_not_give_is_open_in_trials_too() -> None:
