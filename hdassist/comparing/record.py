@@ -15,6 +15,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
+from math import sqrt
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from hdassist.measuring.fit import order_columns
 from hdassist.measuring.measure import SweepResult
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.model.unknown import unknowns
 from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.readers.trace import MeasuredTrace
 from hdassist.run.run import UNCHECKED, Run
@@ -96,7 +98,29 @@ def doubtful_waves(drive: Drive, M_g: float, torus: ErrorWaves, run: Run = Run()
             with suppress(UntrustedError):
                 less, more = (moved(path, value) for value in values)
                 changes += [(more - less) / 2, (more + less) / 2]
+    changes += _single_tooth_waves(drive, torus)
     return np.reshape(changes, (len(changes), len(own)))
+
+
+def _single_tooth_waves(drive: Drive, torus: ErrorWaves) -> list[Complex]:
+    """Changes of a drive's waves [arcsec] by each order of single teeth whose phase is not known, in two quadratures.
+
+    An order of a wheel makes waves that come as often around it, which turn with its phase.
+    """
+    high = {each.path: each.high for each in unknowns(drive)}
+    changes: list[Complex] = []
+    for wheel, around in (("g", torus.k_g), ("b", torus.k_b)):
+        orders = [d for d in DEVIATIONS if d.kind == "pitch" and d.part == wheel and d.direction in high]
+        if not orders:
+            continue
+        size, given = orders[0].size, drive.value(orders[0].size)
+        # root mean square: of sizes that are evenly likely, or of phases apart from 0, at which the drive has a given one
+        f_p = high[size] / sqrt(3) if given is None else sqrt(2) * given
+        smooth, rough = torus.waves([drive.with_values({size: value}) for value in (0.0, f_p)])
+        for order in orders:
+            own = np.where(np.abs(around) == order.order, rough - smooth, 0)
+            changes += [own, 1j * np.sign(around) * own]
+    return changes
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from hdassist.comparing.record import ERROR_SIGNS, SENSES, Alignment, OrderAmpli
 from hdassist.design.check import OperatingPoint
 from hdassist.files import STDIN
 from hdassist.model.kinematics import Kinematics
-from hdassist.model.unknown import unknown_names, unknown_notes
+from hdassist.model.unknown import unknown_names, unknown_notes, unknowns
 from hdassist.pages.card import hole_place
 from hdassist.pages.check import check_report, influence_at
 from hdassist.pages.curves import stiffness_warnings
@@ -136,7 +136,8 @@ def _why(result: Comparison) -> str:
     """The grounds of the conclusion, in a sentence."""
     best, kind = result.conclusion.best, result.conclusion.kind
     if kind == "agrees":
-        return "noise and stiffnesses that are a little off explain the difference"
+        rough = any(each.path in ("harmonics.xi_g6", "harmonics.xi_b6") for each in unknowns(result.drive))
+        return f"noise{', single teeth' * rough} and stiffnesses that are a little off explain the difference"
     if mirror := result.mirror:
         now = result.difference_rms_arcsec
         return f"difference {now:.2f}″ rms, {mirror.rms_arcsec:.2f} with {' '.join(_options(result))}"

@@ -16,7 +16,7 @@ from hdassist.errors import UsageError
 from hdassist.measuring.measure import measure
 from hdassist.model.kinematics import Kinematics
 from hdassist.pages.compare import comparison_report
-from hdassist.preset.fields import Drive
+from hdassist.preset.fields import DEVIATIONS, Drive
 from hdassist.readers.trace import MeasuredTrace, read_trace
 from hdassist.run.run import UNCHECKED
 from hdassist.terminal.options import degrees_or_fit
@@ -72,6 +72,30 @@ def test_a_drive_agrees_with_itself(drive):
     assert result.mirror is None
     assert result.joint is None
     assert result.certificate.max_residual < 1e-9
+
+
+def of_single_teeth(f_p: str) -> tuple[Drive, Drive]:
+    """A drive with an f_p whose phases are not known, and one that it may be."""
+    teeth, rng = [each for each in DEVIATIONS if each.kind == "pitch"], np.random.default_rng(1)
+    fields = [*dict.fromkeys(f"{each.size}={f_p}" for each in teeth), *(f"{each.direction}=unknown" for each in teeth)]
+    stated, phases = load_preset(SMALL, [*FEW, *fields]), {d.direction: rng.uniform(0, 360 / d.order) for d in teeth}
+    return stated, stated.with_values(phases | {each.size: 0.8 for each in teeth})
+
+
+def test_single_teeth_of_unknown_phases_are_noise():
+    stated, hidden = of_single_teeth("unknown")
+    assert compare(rig(hidden, 30, noise=0.5), stated, M_G, asked=KNOWN).conclusion.kind == "agrees"
+
+
+def test_single_teeth_of_unknown_phases_hide_no_other_deviation():
+    stated, hidden = of_single_teeth("0.8")
+    moved = hidden.with_values({"tolerances.e_hb": stated.number("tolerances.e_hb") + 25})
+    conclusion = compare(rig(moved, 8, noise=0.5), stated, M_G, asked=KNOWN).conclusion
+    assert conclusion.kind == "one"
+    assert conclusion.best is not None
+    assert conclusion.best.deviations == ("tolerances.e_hb",)
+    (change,) = conclusion.best.changes
+    assert abs(change.size_um - moved.number("tolerances.e_hb")) < 3 * change.size_uncertainty_um < 5
 
 
 def test_a_difference_that_is_none_has_one_uncertainty_whatever_its_phase(drive):
