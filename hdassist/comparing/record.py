@@ -114,7 +114,7 @@ def _single_tooth_waves(drive: Drive, torus: ErrorWaves) -> list[Complex]:
         if not orders:
             continue
         size, given = orders[0].size, drive.value(orders[0].size)
-        # root mean square: of sizes that are evenly likely, or of phases apart from 0, at which the drive has a given one
+        # root mean square of sizes that are evenly likely; or a given one, which the drive has at phases of 0
         f_p = high[size] / sqrt(3) if given is None else sqrt(2) * given
         smooth, rough = torus.waves([drive.with_values({size: value}) for value in (0.0, f_p)])
         for order in orders:
