@@ -98,11 +98,12 @@ class MountCommand(
             return None
         from hdassist.terminal.words import HOME, texts
 
-        card = CardFile.named(path, texts(HOME if self.lang is None else self.lang), self.serial or "")
+        plain, say = self.ascii or (path == "-" and out.style.ascii), texts(HOME if self.lang is None else self.lang)
+        card = CardFile(path, say, self.serial or "", plain, out.force)
         if path == "-" and (out.csv == "-" or (out.target == "-" and (out.json or out.quiet))):
             raise UsageError("--card - leaves no standard output for --json, -q or --csv -")
         take_output(path, out.force)
-        return replace(card, ascii=self.ascii or (path == "-" and out.style.ascii), force=out.force)
+        return card
 
     def _advice(self, out: Output) -> Advice:
         """The advice by the preset alone, or after measured values."""
@@ -171,24 +172,27 @@ _SERIAL = 60  # letters that a serial number may have
 
 @dataclass(frozen=True)
 class CardFile:
-    """A card that was asked for: where it goes, its kind, language and serial number."""
+    """A card that was asked for: where it goes, its language and serial number, in 7-bit letters, over a file or not.
+
+    Raises UsageError for a name or serial number that no card has.
+    """
 
     path: str
-    kind: str
     say: Texts
-    serial: str
+    serial: str = ""
     ascii: bool = False
     force: bool = False
 
-    @classmethod
-    def named(cls, path: str, say: Texts, serial: str) -> CardFile:
-        """The card that a file's name asks for. Raises UsageError for a name or serial number that no card has."""
-        kind = ".txt" if path == "-" else Path(path).suffix.lower()
-        if kind not in CARD_SUFFIXES:
-            raise UsageError(f"a card cannot be written as {path!r}", f"its name ends in {', '.join(CARD_SUFFIXES)}")
-        if len(serial) > _SERIAL or (serial and not serial.isprintable()):
+    def __post_init__(self) -> None:
+        if self._suffix not in CARD_SUFFIXES:
+            names = ", ".join(CARD_SUFFIXES)
+            raise UsageError(f"a card cannot be written as {self.path!r}", f"its name ends in {names}")
+        if len(self.serial) > _SERIAL or (self.serial and not self.serial.isprintable()):
             raise UsageError(f"a serial number has up to {_SERIAL} printable characters")
-        return cls(path, kind, say, serial.strip())
+
+    @property
+    def _suffix(self) -> str:
+        return ".txt" if self.path == "-" else Path(self.path).suffix.lower()
 
     def text(self, advice: Advice) -> str:
         """The card of an advice as its file has it."""
@@ -197,5 +201,5 @@ class CardFile:
         from hdassist.pages.report import card_html, card_text
 
         warnings = mount_warnings(advice, self.say)
-        card = card_of(advice, self.say, warnings, serial=self.serial, made=date.today())
-        return card_html(card) if self.kind == ".html" else card_text(card, ascii=self.ascii)
+        card = card_of(advice, self.say, warnings, serial=self.serial.strip(), made=date.today())
+        return card_html(card) if self._suffix == ".html" else card_text(card, ascii=self.ascii)

@@ -188,7 +188,7 @@ class _Exporting(Asking):
         say = texts()
         hint = f"{', '.join(CARD_SUFFIXES)}; from {'the measured values' if advice.trials else 'the prediction'}"
         name = self.named("-card.html")
-        self.ask_file("assembly card", name, hint, lambda path: CardFile.named(path, say, "").text(advice))
+        self.ask_file("assembly card", name, hint, lambda path: CardFile(path, say).text(advice))
 
     def ask_file(
         self, title: str, name: str, hint: str, text: Callable[[str], str], written: Callable[[], object] = str
