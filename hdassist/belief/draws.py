@@ -194,21 +194,54 @@ class Sampling:
             if begin < end:
                 shares, density = proposed_draws(self.prior, self.evidence, pilot, begin, end, self.seed)
                 rows = zip(self.prior.values(shares), shares.tolist(), density.tolist(), strict=True)
-                ahead |= {k: run.executor.submit(self.solved, k, *row) for k, row in enumerate(rows, begin)}
+                ahead |= {
+                    k: run.executor.submit(self.solved, k, *row, self._unturned(k)) for k, row in enumerate(rows, begin)
+                }
             return (ahead.pop(k).result() for k in range(first, last))
         shares, density = proposed_draws(self.prior, self.evidence, pilot, *fresh, self.seed)
-        return run.map(self.solved, range(*fresh), self.prior.values(shares), shares.tolist(), density.tolist())
+        begun = map(self._unturned, range(*fresh))
+        return run.map(self.solved, range(*fresh), self.prior.values(shares), shares.tolist(), density.tolist(), begun)
 
-    def solved(self, number: int, values: dict[str, float], shares: list[float], density: float) -> list[Draw]:
+    def _unturned(self, number: int) -> Draw | None:
+        """A draw as it is kept without turns, to which they are added; None of one that made no drive."""
+        return next((each for each in self._kept_unturned[number : number + 1] if not each.refused), None)
+
+    @cached_property
+    def _kept_unturned(self) -> list[Draw]:
+        """Draws as they are kept without turns; none where F'_ior as measured on the drive moves all of it at once."""
+        return replace(self, rotations_deg=()).kept() if self.rotations_deg and not self.measured else []
+
+    def solved(
+        self, number: int, values: dict[str, float], shares: list[float], density: float, unturned: Draw | None = None
+    ) -> list[Draw]:
         """Draws solved that share all but the deviations: why they are no drive, else their predictions and weights.
 
         Arguments: number among all; values, by path, and their shares of probability, with the chance behind them by
-        which a draw that agrees badly goes on; density that it was drawn with, over the prior's.
+        which a draw that agrees badly goes on; density that it was drawn with, over the prior's; unturned, the draw
+        where only its turns are not known.
         """
         try:
+            if unturned:
+                return [self._turned(unturned, values)]
             return self._solved(number, values, shares, density)
         except HdassistError as error:
             return [Draw(refused=str(error.fault))] * self.alike
+
+    def _turned(self, unturned: Draw, values: dict[str, float]) -> Draw:
+        """A draw of values by path with the turns that it lacks."""
+        if unturned.F_ior_arcsec is None:
+            return unturned
+        drive = self.prior.drive.with_values(values).with_values(unturned.follows)
+        maps = error_maps(drive, self._held(drive)[1])
+        turned, proof = errors_by_turn(maps, drive, self.torques, unturned.F_ior_arcsec, self.rotations_deg)
+        return replace(unturned, turned_arcsec=tuple(map(tuple, turned.tolist())), turned_proof=astuple(proof))
+
+    def _held(self, drive: Drive) -> tuple[dict[str, tuple[float, float]], tuple[float, ...]]:
+        """Torque [N*m] and turn [deg] at which F'_ior is evidence on a drive, by figure; all torques that it needs."""
+        held = {each.figure: (each.M_g, each.rotation_deg) for each in self.measured}
+        if self.torques and any(each.figure == ACCURACY for each in self.evidence):
+            held[ACCURACY] = (ACCURACY_LOAD * rated_torque(drive), 0.0)
+        return held, tuple(dict.fromkeys((*self.torques, *(M_g for M_g, _ in held.values()))))
 
     def _solved(self, number: int, values: dict[str, float], shares: list[float], density: float) -> list[Draw]:
         """The same; raises HdassistError where an answer cannot be trusted."""
@@ -234,19 +267,16 @@ class Sampling:
             going_on = min(1.0, of_stiffness_alone / density / KEPT_LIKELIHOOD)  # equation (1)
         if chance >= going_on:
             return [Draw(figures=figures, proof=astuple(proof), follows=follows)] * self.alike
-        held = {each.figure: (each.M_g, each.rotation_deg) for each in self.measured}
-        if self.torques and any(each.figure == ACCURACY for each in self.evidence):
-            held[ACCURACY] = (ACCURACY_LOAD * rated_torque(drive), 0.0)
-        torques = dict.fromkeys((*self.torques, *(M_g for M_g, _ in held.values())))
-        maps = error_maps(drive, list(torques), formulation)
+        held, torques = self._held(drive)
+        maps = error_maps(drive, torques, formulation)
         nearer, of_tables = self.near.drawn(maps, number) if self.near else ([({}, 1.0)], EMPTY)
         proof += of_tables
         solved = list[Draw]()
         for deviations, their_density in nearer:
             own = [deviations.get(f.path, share) for f, share in zip(self.prior.fields, of_fields, strict=True)]
             moved = drive.with_values(self.prior.values(np.array([own]))[0])
-            answers = errors_by_turn(maps, moved, self.torques, self.rotations_deg, list(held.values()))
-            F_ior, turned, there, of_errors, of_turned = answers
+            F_ior, there, of_errors = errors_now(maps, moved, self.torques, list(held.values()))
+            turned, of_turned = errors_by_turn(maps, moved, self.torques, F_ior.tolist(), self.rotations_deg)
             more, of_further = self.further(moved) if self.further else ({}, EMPTY)
             now = {**figures, **more, **dict(zip(held, there.tolist(), strict=True))}
             weight = float(np.exp(log_likelihood(self.evidence, now))) / (density * their_density) / going_on
@@ -283,34 +313,45 @@ class Sampling:
         return shown[:, 0], shown[:, 1:]
 
 
+def errors_now(
+    maps: Sequence[ErrorMap],
+    drive: Drive,
+    torques: Sequence[float],
+    measured: Sequence[tuple[float, float]] = (),
+) -> tuple[Array, Array, Certificate]:
+    """F'_ior [arcsec] of a drive at torques [N*m], shape (torques,), and as measured, shape (measured,), and the proof.
+
+    Arguments: maps of its error at all torques; measured, single torques [N*m] with a turn each [deg]. Raises
+    UntrustedError where an answer cannot be trusted.
+    """
+    now, there, proof = dict[float, float](), dict[tuple[float, float], float](), EMPTY
+    for error_map in maps:
+        found = many_extremes(error_map, Batch.of(drive), DRAWN_GRIDS)
+        now[error_map.M_g] = found.first
+        # by themselves, so that their digits are the same whatever else is searched
+        alone = [at for at in measured if at[0] == error_map.M_g]
+        F_ior, of_measured = _at_turns(error_map, drive, found.first, [turn for _, turn in alone])
+        there |= zip(alone, F_ior.tolist(), strict=True)
+        proof += found.certificate + of_measured
+    return np.array([now[M_g] for M_g in torques]), np.array([there[at] for at in measured]), proof
+
+
 def errors_by_turn(
     maps: Sequence[ErrorMap],
     drive: Drive,
     torques: Sequence[float],
+    now: Sequence[float],
     rotations_deg: Sequence[float],
-    measured: Sequence[tuple[float, float]] = (),
-) -> tuple[Array, Array, Array, Certificate, Certificate]:
-    """F'_ior [arcsec] of a drive at torques [N*m], with its fixed wheel turned, and as measured; proof without turns.
+) -> tuple[Array, Certificate]:
+    """F'_ior [arcsec] of a drive with its fixed wheel turned [deg], shape (torques, rotations), and the proof.
 
-    Results of shape (torques,), (torques, rotations) and (measured,), and last the proof of the second. Arguments: maps
-    of its error at all torques; measured, single torques [N*m] with a turn each [deg]. Raises UntrustedError where an
-    answer cannot be trusted.
+    Arguments: maps of its error at torques [N*m] and others; now, F'_ior where the wheel stands, at each torque. Raises
+    UntrustedError where an answer cannot be trusted.
     """
-    proof = turned_proof = EMPTY
-    now, turned, there = dict[float, float](), dict[float, Array](), dict[tuple[float, float], float]()
-    for error_map in maps:
-        found = many_extremes(error_map, Batch.of(drive), DRAWN_GRIDS)
-        M_g, now[error_map.M_g] = error_map.M_g, found.first
-        turned[M_g], of_turned = _at_turns(error_map, drive, found.first, rotations_deg)
-        # by themselves, so that their digits are the same whatever else is searched
-        alone = [at for at in measured if at[0] == M_g]
-        F_ior, of_measured = _at_turns(error_map, drive, found.first, [turn for _, turn in alone])
-        there |= zip(alone, F_ior.tolist(), strict=True)
-        proof += found.certificate + of_measured
-        turned_proof += of_turned
-    of_turns = np.array([turned[M_g] for M_g in torques]).reshape(len(torques), len(rotations_deg))
-    F_ior_there = np.array([there[at] for at in measured])
-    return np.array([now[M_g] for M_g in torques]), of_turns, F_ior_there, proof, turned_proof
+    of_torque = {each.M_g: each for each in maps}
+    found = [_at_turns(of_torque[M_g], drive, F_ior, rotations_deg) for M_g, F_ior in zip(torques, now, strict=True)]
+    turned = np.array([F_ior for F_ior, _ in found]).reshape(len(torques), len(rotations_deg))
+    return turned, sum((proof for _, proof in found), EMPTY)
 
 
 def _at_turns(error_map: ErrorMap, drive: Drive, now: float, turns: Sequence[float]) -> tuple[Array, Certificate]:

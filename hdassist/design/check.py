@@ -14,7 +14,7 @@ from hdassist.belief.prior import DrivePrior, beside_measured_teeth, prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, ErrorBelief, Samples, drive_samples
 from hdassist.belief.statistics import Probability
 from hdassist.belief.steps import Influence, Step, influences, steps_of
-from hdassist.error.cycle import KinematicError, SelfError, cross_checks_of, kinematic_error, self_error
+from hdassist.error.cycle import KinematicError, SelfError, cross_checks_of, self_error, whole_error
 from hdassist.error.error_map import searchable
 from hdassist.error.extremes import DRAWN_STATES
 from hdassist.model.deviations import MeasuredTeeth
@@ -256,8 +256,8 @@ def check(
         samples = drive_samples(prior, left, draws=draws, sure=sure, run=run, seen=so_far)
     checked = checked.with_samples(samples) if samples else checked
     shown = [_middle(there, samples, k) if samples else there for k in range(len(torques))]
-    unchecked, errors = replace(run.of_task, cross_check=None), list[KinematicError]()
-    for error in run.map(partial(kinematic_error, teeth=teeth, solver=solver, run=unchecked), shown, torques):
+    errors = list[KinematicError]()
+    for error in run.map(partial(whole_error, teeth=teeth, solver=solver, run=run.of_task), shown, torques):
         errors.append(error)
         run.finished(len(error.states))
     # another solver looks at the extremes while steps are taken

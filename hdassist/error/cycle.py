@@ -10,10 +10,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import zip_longest
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import TypeAdapter
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter
 
 from hdassist.errors import UsageError
 from hdassist.model.contacts import WITHOUT_DEVIATIONS, ContactSystems, contact_system
@@ -147,6 +148,47 @@ def kinematic_error(
     if not run.cross_check:
         return result
     return replace(result, cross_check=_cross_check_of(drive, result.sampled(seed=run.seed), teeth, run))
+
+
+def whole_error(
+    drive: Drive, M_g: float, *, teeth: ToothDeviations | None = None, solver: str | None = None, run: Run = Run()
+) -> KinematicError:
+    """Kinematic error over the full cycle, not solved again; kept for the next time, where the preset alone decides it.
+
+    Arguments and errors as those of `kinematic_error`.
+    """
+    fresh = partial(kinematic_error, drive, M_g, teeth=teeth, solver=solver, run=replace(run, cross_check=None))
+    if teeth or solver:
+        return fresh()
+
+    def columns() -> tuple[bytes, Certificate]:
+        error = fresh()
+        return np.vstack([error.rotation_arcsec, error.zone_share.T, error.tooth_force_N]).tobytes(), error.certificate
+
+    kinematics, parts = Kinematics.of(drive), drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
+    depends = {"drive": parts, "M_g": M_g, "program": digits_depend_on()}
+    data, proof = kept_answer("cycle", depends, _columns_of(kinematics.cycle_states), columns)
+    rotation, *shares, force = np.frombuffer(data).reshape(_COLUMNS, -1)
+    states = pitch_locked_states(kinematics)
+    return KinematicError(kinematics, M_g, states, rotation, np.stack(shares, axis=1), force, proof, None)
+
+
+_COLUMNS = 4  # of numbers of a state: rotation, share of each zone, force on a flank
+
+
+def _columns_of(states: int) -> TypeAdapter[tuple[bytes, Certificate]]:
+    """Type of the kept numbers of so many states, all of them finite, and their proof."""
+
+    def finite(data: bytes) -> bytes:
+        if not np.isfinite(np.frombuffer(data)).all():
+            raise ValueError("expected finite numbers")
+        return data
+
+    size = _COLUMNS * states * np.dtype(float).itemsize
+    of_states = Annotated[bytes, Field(min_length=size, max_length=size), AfterValidator(finite)]
+    return TypeAdapter(
+        tuple[of_states, Certificate], config=ConfigDict(ser_json_bytes="base64", val_json_bytes="base64")
+    )
 
 
 def _formulations(drive: Drive, states: States) -> Iterator[tuple[NDArray[np.int64], Formulation]]:

@@ -10,20 +10,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import ConfigDict, Field, TypeAdapter
 
+from hdassist.error.cycle import WITHOUT_EFFECT
 from hdassist.errors import UsageError
 from hdassist.model.contacts import contact_system
 from hdassist.model.geometry import Array
 from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.fields import Catalogue, Drive
+from hdassist.run.cache import kept_answer
+from hdassist.run.kept import Number
 from hdassist.run.run import Progress, Run
 from hdassist.solve.answers import ARCSEC, N_MM, Certificate
 from hdassist.solve.formulation import Formulation, formulate
 from hdassist.solve.loadcase import LoadCase
-from hdassist.solve.through_cvxpy import CrossCheck, solve_again
+from hdassist.solve.through_cvxpy import CrossCheck, solve_again, solvers_depend_on
+from hdassist.solve.walk import digits_depend_on
 
 LOST_MOTION_SHARE = 0.04  # of the rated torque, to each side: the catalogues' measure
 NEAR_ZERO = 1e-5  # of the rated torque: closes the play; its own elastic twist is some thousandths of an arcsec
@@ -143,12 +148,23 @@ def stiffness(
     ends = [least, *(T for T in (T_1, T_2) if T_max >= T), *([T_max] if T_max > T_2 else [])]
     side = np.unique([*ends, LOST_MOTION_SHARE * rated, *np.linspace(0, T_max, points + 1)[1:]])
     torque = np.concatenate([-side[::-1], side])
-    twist = Twist(drive, formulation)
-    contact, tube, proof = twist.at(torque, run.solved)
-    check = None
-    if run.cross_check:
-        again = np.isin(np.abs(torque), (ends[0], ends[-1]))
-        check = run.beside(_again, drive, torque[again], contact[again], run.cross_check).result()
+
+    def twists() -> _Twists:
+        contact, tube, proof = Twist(drive, formulation).at(torque, run.solved)
+        check = None
+        if run.cross_check:
+            again = np.isin(np.abs(torque), (ends[0], ends[-1]))
+            check = run.beside(_again, drive, torque[again], contact[again], run.cross_check).result()
+        return contact.tolist(), tube.tolist(), proof, check
+
+    known = solvers_depend_on(run.cross_check)
+    if not known:  # one drive of many is not solved again, nor kept
+        found = twists()
+    else:
+        parts = drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
+        depends = [parts, torque.tolist(), known, digits_depend_on()]
+        found = kept_answer("twists", depends, _twists_of(len(torque)), twists)
+    contact, tube, (proof, check) = np.array(found[0]), np.array(found[1]), found[2:]
     of_torque = dict(zip(torque.tolist(), (contact + tube).tolist(), strict=True))
     centre = (of_torque[least] + of_torque[-least]) / 2  # of the play, where a loop has its centre
     positive, negative = (
@@ -159,6 +175,15 @@ def stiffness(
         for sign in (1, -1)
     )
     return Stiffness(torque, contact, tube, rated, positive, negative, proof, check)
+
+
+_Twists = tuple[list[float], list[float], Certificate, CrossCheck | None]  # of mesh and rings, and of the tube
+
+
+def _twists_of(torques: int) -> TypeAdapter[_Twists]:
+    """Type of kept twists at so many torques."""
+    every = Annotated[list[Number], Field(min_length=torques, max_length=torques)]
+    return TypeAdapter(tuple[every, every, Certificate, CrossCheck | None], config=ConfigDict(allow_inf_nan=False))
 
 
 def _again(drive: Drive, torque: Array, contact: Array, solver: str) -> CrossCheck:

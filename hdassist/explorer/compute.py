@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.belief.draws import errors_by_turn
+from hdassist.belief.draws import errors_by_turn, errors_now
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.design.check import DesignCheck, check, check_states
@@ -241,7 +241,8 @@ def _stepped_errors(drive: Drive, steps: tuple[str, tuple[float, ...]]) -> tuple
 
 def _searched(rotations_deg: tuple[float, ...], drive: Drive) -> Array:
     torques = drive.operation.M_g
-    return errors_by_turn(error_maps(drive, torques), drive, torques, rotations_deg)[1]
+    maps = error_maps(drive, torques)
+    return errors_by_turn(maps, drive, torques, errors_now(maps, drive, torques)[0].tolist(), rotations_deg)[0]
 
 
 def _mount_curve(advice: Advice) -> SeatCurve:

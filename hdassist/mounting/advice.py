@@ -35,7 +35,6 @@ from hdassist.mounting.positions import (
     MountingCurve,
     Position,
     begun_curve,
-    checked_curve,
     hole_of,
     is_searched,
     phase_deg,
@@ -290,7 +289,7 @@ def advise(
     torques, of_drive = drive.operation.M_g, measured_errors(drive)
     setup = setup or TrialSetup(min(torques, key=abs))
     drawn = draws > 0 and bool(prior.fields) and not measured and searchable(drive)
-    curve, checks = begun_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)
+    curve, checked = begun_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)
     left = limits_left(drive, torques)
     found, samples, fault = Decision.as_given(curve, left), None, ""
     if drawn:
@@ -305,7 +304,7 @@ def advise(
                 return advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
             fault = refusal.message
     advice = Advice(
-        drive, found, setup, checked_curve(curve, checks), samples, measured=measured, unknown=unknowns(known),
+        drive, found, setup, checked(), samples, measured=measured, unknown=unknowns(known),
         open_=tuple(each.path for each in prior.fields), sure=sure, worth=worth, fault=fault,
     )  # fmt: skip
     any_direction = advice.unknown and unknown_turn(known) and not of_drive

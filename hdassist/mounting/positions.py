@@ -5,24 +5,29 @@ Source: Lyuminarsky et al. 2019, Fig. 3, doi 10.18698/0536-1044-2019-11-3-8.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, ConfigDict, StrictBool, TypeAdapter
 
-from hdassist.error.cycle import KinematicError, cross_checks_of, kinematic_error
+from hdassist.error.cycle import WITHOUT_EFFECT, KinematicError, cross_checks_of, kinematic_error
 from hdassist.error.error_map import Batch, error_maps, searchable
 from hdassist.error.extremes import many_extremes
 from hdassist.errors import UsageError
 from hdassist.model.deviations import MeasuredTeeth, ToothDeviations, carried, tooth_phases
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
+from hdassist.run.cache import KeptAnswer
+from hdassist.run.kept import Magnitude
 from hdassist.run.run import Run
 from hdassist.solve.answers import EMPTY, Certificate
-from hdassist.solve.through_cvxpy import CrossCheck
+from hdassist.solve.through_cvxpy import CrossCheck, solvers_depend_on
+from hdassist.solve.walk import digits_depend_on
 
 _FREE_STEP = 5.0  # deg between positions where the seat has no holes
 LEAST_STEP = 0.01  # deg between positions: 36 000 of them
@@ -169,11 +174,20 @@ def is_searched(drive: Drive, positions: int, *, drawn: bool, measured: Measured
 
 
 _CrossChecks = list[Future[list[CrossCheck]]]  # under way
+_KeptCurve = tuple[
+    list[list[Magnitude]], list[list[StrictBool]], Certificate, list[CrossCheck]
+]  # F'_ior, every state, proofs
 
 
-def checked_curve(curve: MountingCurve, checks: _CrossChecks) -> MountingCurve:
-    """The curve with its cross-checks, once they are done. Raises UntrustedError where two solvers disagree."""
-    return replace(curve, cross_checks=tuple(check for some in checks for check in some.result()))
+def _kept_curve_type(torques: int, rotations: int) -> TypeAdapter[_KeptCurve]:
+    """Type of a kept curve of so many torques and rotations."""
+
+    def require_all(kept: _KeptCurve) -> _KeptCurve:
+        if any([len(row) for row in rows] != [rotations] * torques for rows in kept[:2]):
+            raise ValueError(f"expected {torques} times {rotations} values")
+        return kept
+
+    return TypeAdapter(Annotated[_KeptCurve, AfterValidator(require_all)], config=ConfigDict(allow_inf_nan=False))
 
 
 def mounting_curve(
@@ -186,7 +200,7 @@ def mounting_curve(
     run: Run = Run(),
 ) -> MountingCurve:
     """The curve that `begun_curve` makes of the same arguments, with its cross-checks."""
-    return checked_curve(*begun_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run))
+    return begun_curve(drive, torques, rotations_deg, measured=measured, drawn=drawn, run=run)[1]()
 
 
 def begun_curve(
@@ -197,13 +211,14 @@ def begun_curve(
     measured: MeasuredTeeth | None = None,
     drawn: bool = False,
     run: Run = Run(),
-) -> tuple[MountingCurve, _CrossChecks]:
+) -> tuple[MountingCurve, Callable[[], MountingCurve]]:
     """F'_ior over the full cycle at each torque [N*m] and each rotation [deg] of the fixed wheel.
 
-    Its cross-checks go on beside what follows. Of up to HOLES positions every state is solved. Of more, or where
-    samples are drawn too, extremes are proposed by a grid of states and proven; where the wheel stands and at the
-    recommended position every state is solved then, and should more than SEARCH_TOLERANCE have been missed there,
-    everywhere.
+    Its cross-checks go on beside what follows: the second result waits for the curve with them, and raises
+    UntrustedError where two solvers disagree. It is kept then, where the preset alone decides it. Of up to HOLES
+    positions every state is solved. Of more, or where samples are drawn too, extremes are proposed by a grid of states
+    and proven; where the wheel stands and at the recommended position every state is solved then, and should more than
+    SEARCH_TOLERANCE have been missed there, everywhere.
 
     Arguments: rotations_deg, 0 first, which is where the wheel stands; measured, wheels in place of first harmonics;
     drawn, whether samples of uncertain inputs are drawn too. Raises UsageError where the present position is not the
@@ -220,8 +235,40 @@ def begun_curve(
         tuple(torques), np.array(rotations_deg, dtype=float), phases,
         np.empty(every.shape), EMPTY, (), every, drive.mounting.holes, allowed,
     )  # fmt: skip
-    if not is_searched(drive, len(rotations_deg), drawn=drawn, measured=measured):
-        return _solved(curve, every, there, wheels, run)
+    searched = is_searched(drive, len(rotations_deg), drawn=drawn, measured=measured)
+    known, parts = solvers_depend_on(run.cross_check), drive.model_dump(mode="json", exclude=WITHOUT_EFFECT)
+    depends = {
+        "drive": parts, "torques": curve.torques, "rotations": curve.rotation_deg.tolist(), "searched": searched,
+        "again": [run.seed, known], "program": digits_depend_on(),
+    }  # fmt: skip
+    kept = None if measured or known is None else KeptAnswer("curve", depends, _kept_curve_type(*every.shape))
+    if found := kept and kept.found():
+        values, solved, proof, done = found
+        run.solved(proof.states)
+        curve = replace(curve, F_ior_arcsec=np.array(values), every_state=np.array(solved))
+        curve = replace(curve, certificate=proof, cross_checks=tuple(done))
+        return curve, lambda: curve
+    compute = _searched_curve if searched else _solved
+    computed, checks = compute(curve, every, there, wheels, run)
+
+    def checked() -> MountingCurve:
+        done = [check for some in checks for check in some.result()]
+        if kept:
+            kept.keep((computed.F_ior_arcsec.tolist(), computed.every_state.tolist(), computed.certificate, done))
+        return replace(computed, cross_checks=tuple(done))
+
+    return computed, checked
+
+
+def _searched_curve(
+    curve: MountingCurve,
+    every: NDArray[np.bool_],
+    there: Sequence[Drive],
+    wheels: Sequence[MeasuredTeeth | None],
+    run: Run,
+) -> tuple[MountingCurve, _CrossChecks]:
+    """A curve searched at all places, and solved where that decides. Arguments as those of _solved; there, 0 first."""
+    rotations_deg, drive = curve.rotation_deg.tolist(), there[0]
     groups = [rotations_deg[k : k + _POSITIONS_A_TASK] for k in range(0, len(rotations_deg), _POSITIONS_A_TASK)]
     found, proof = [], EMPTY
     for values, states in run.map(partial(_searched, drive, curve.torques), groups):

@@ -14,11 +14,12 @@ import secrets
 import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, cached_property
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 from platformdirs import user_cache_path
 from pydantic import TypeAdapter
@@ -113,14 +114,37 @@ def kept_answer(
 
     Arguments: depends, all that decides it, as JSON; adapter, its type.
     """
-    if not keeps_answers():
-        return compute()
-    key = sha256(json.dumps(depends, sort_keys=True).encode()).hexdigest()
-    with suppress(ValueError):
-        return adapter.validate_json(cached(kind, key) or b"")
-    found = compute()
-    keep(kind, key, adapter.dump_json(found))
+    answer = KeptAnswer(kind, depends, adapter)
+    if (found := answer.found()) is None:
+        answer.keep(found := compute())
     return found
+
+
+@dataclass(frozen=True)
+class KeptAnswer(Generic[_AnswerT]):
+    """An answer of a kind that is kept, or will be.
+
+    depends, all that decides it, as JSON; adapter, its type.
+    """
+
+    kind: str
+    depends: object
+    adapter: TypeAdapter[_AnswerT]
+
+    @cached_property
+    def _key(self) -> str:
+        return sha256(json.dumps(self.depends, sort_keys=True).encode()).hexdigest()
+
+    def found(self) -> _AnswerT | None:
+        """The answer as it is kept; None where there is none, or it does not hold."""
+        with suppress(ValueError):
+            return self.adapter.validate_json((keeps_answers() and cached(self.kind, self._key)) or b"")
+        return None
+
+    def keep(self, answer: _AnswerT) -> None:
+        """Keep the answer, where answers are kept."""
+        if keeps_answers():
+            keep(self.kind, self._key, self.adapter.dump_json(answer))
 
 
 def cached_files() -> list[int]:

@@ -18,6 +18,7 @@ from pydantic import Field
 from hdassist.errors import Fault, UntrustedError
 from hdassist.model.contacts import ROTATION, ContactSystem
 from hdassist.model.geometry import Array
+from hdassist.run.kept import ClosedRecord, Count
 from hdassist.run.run import Progress
 from hdassist.solve.formulation import Formulation, Springs
 
@@ -156,18 +157,18 @@ N_MM = 1e3  # N*mm in a N*m
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Certificate(ClosedRecord):
     """Worst residuals over states, each a share of its scale, and how many states stood behind them.
 
     fallbacks: states that the warm solver gave up and another way solved.
     """
 
-    states: int
-    negative_force: float
-    negative_gap: float
-    complementarity: float
-    equilibrium: float
-    fallbacks: int
+    states: Count
+    negative_force: Residual
+    negative_gap: Residual
+    complementarity: Residual
+    equilibrium: Residual
+    fallbacks: Count
 
     @property
     def max_residual(self) -> float:

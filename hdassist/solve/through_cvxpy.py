@@ -200,6 +200,17 @@ class CrossCheck(ClosedRecord):
 _CROSS_CHECK = TypeAdapter(CrossCheck)
 
 
+def solvers_depend_on(solver: str | None) -> tuple[str, ...] | None:
+    """All that a cross-check by a solver depends on beside its states; None where that is not known, so none is kept.
+
+    Known are the solvers that come with cvxpy, and that there is no cross-check.
+    """
+    if solver is None:
+        return ()
+    name = require_solver(solver)
+    return (name, *program("cvxpy", *_SHIPPED.values())) if name in _SHIPPED else None
+
+
 def solve_again(
     formulation: Formulation,
     torques: Array,
@@ -216,12 +227,13 @@ def solve_again(
     states and rotations to the last digit. Raises UntrustedError where two rotations differ by more than
     CROSS_TOLERANCE.
     """
-    units, words = formulation.units, f"{solver} {platform.platform()} {program('cvxpy', *_SHIPPED.values())}"
-    key, used, worst = sha256(words.encode()), {require_solver(solver): None}, 0.0
+    units, used, worst = formulation.units, {require_solver(solver): None}, 0.0
+    known = solvers_depend_on(solver)
+    key = sha256(f"{known} {platform.platform()}".encode())
     system = formulation.H, formulation.local, formulation.A, formulation.system.place, units.load
     for array in (*system, np.array([units.gap, units.force]), delta_p, torques, rotation_arcsec):
         key.update(f"{array.shape}".encode() + array.tobytes())
-    keeps = keeps_answers() and _SHIPPED.keys() >= used.keys()
+    keeps = keeps_answers() and known is not None
     with suppress(ValueError):
         kept = _CROSS_CHECK.validate_json((keeps and cached(_SOLVED_AGAIN, key.hexdigest())) or b"")
         if kept.states == len(torques) and {*kept.solver.split(", ")} <= {*_SHIPPED}:

@@ -21,6 +21,7 @@ from hdassist.belief.samples import SamplingEffort, draw_samples
 from hdassist.errors import UntrustedError
 from hdassist.run import cache
 from hdassist.run.run import Run
+from hdassist.solve.loadcase import LoadCase
 from tests import process
 from tests.process import TINY, run
 
@@ -306,3 +307,62 @@ def test_many_processes_work_ahead_and_change_nothing(effective):
         many = drawn(effort=effort, run=Run(executor))
     same(drawn(effort=effort), many)
     assert executor.tasks == many.draws + Many.size
+
+
+@pytest.fixture
+def states(monkeypatch):
+    """Rotations of the states that were solved, but for climbs."""
+    found = []
+    solve = LoadCase.solve
+
+    def solving(*arguments, **options):
+        answers = solve(*arguments, **options)
+        found.extend(answers.rotation_arcsec.tolist())
+        return answers
+
+    monkeypatch.setattr(LoadCase, "solve", solving)
+    return found
+
+
+REPORTED = (TINY, "--set", OPEN, "--set", "operation.M_g=4", "--draws", "8")
+
+
+def test_a_report_solves_no_state_that_check_or_mount_solved_and_answers_the_same(folder, states):
+    alone = run("report", *REPORTED, "--json").stdout
+    of_report = sorted(states)
+    shutil.rmtree(folder)
+    states.clear()
+    run("check", *REPORTED)
+    of_check = len(states)
+    assert run("report", *REPORTED, "--json").stdout == alone
+    assert sorted(states) == of_report  # by both together what the report solves by itself
+    assert 0 < of_check < len(of_report)
+    shutil.rmtree(folder)
+    run("check", *REPORTED)
+    run("mount", *REPORTED)
+    run("stiffness", *REPORTED[:5])
+    states.clear()
+    assert run("report", *REPORTED, "--json").stdout == alone
+    assert not states
+
+
+@pytest.mark.parametrize("turns", [(0.0, 90.0), (90.0,)])
+@pytest.mark.parametrize("options", [{}, {"torques": (4.0, 5.0)}, {"overrides": ("catalogue.accuracy=60",)}])
+def test_turns_are_the_same_beside_draws_that_were_kept_without(folder, turns, options):
+    evidence = (Evidence("catalogue.accuracy", "accuracy", 50.0, 0.25, "limit"),)
+    options = {"evidence": evidence, "rotations_deg": turns, **options}
+    first = drawn(*options.pop("overrides", ()), **options)
+    shutil.rmtree(folder)
+    drawn(**options | {"rotations_deg": ()})
+    same(drawn(**options), first)
+
+
+@pytest.mark.parametrize("kind", ["curve", "cycle", "twists"])
+def test_an_answer_that_does_not_hold_is_computed(folder, kind):
+    alone = run("report", *REPORTED, "--json").stdout
+    (path,) = folder.glob(f"{kind}-*")
+    first, _, data = path.read_bytes().partition(b"\n")
+    for change in (b"NaN,", b"-1.0,", b"[1.0],", b"7.5,"):
+        damaged = data.replace(b'"' if kind == "cycle" else b"[", b"[" + change, 1)
+        path.write_bytes(first.split()[0] + b" " + sha256(damaged).hexdigest().encode() + b"\n" + damaged)
+        assert run("report", *REPORTED, "--json").stdout == alone
