@@ -69,7 +69,9 @@ def drawn(name: str, answer: str) -> str:
     """One SVG of a command and its answer, with the colours of a dark terminal where the reader's screen is dark."""
     console = Console(record=True, width=COLUMNS, file=io.StringIO(), highlight=False, force_terminal=True)
     console.print(Text(f"$ {SCREENS[name]}\n", style="bold"))
-    console.print(Text.from_ansi(answer.rstrip()))
+    page = Text.from_ansi(answer.rstrip())
+    page.highlight_regex("[\u2800-\u28ff]+", "default")  # apart, as few fonts have dots as wide as letters
+    console.print(page)
     light, dark = (
         without_fonts(console.export_svg(title="hdassist", theme=theme, unique_id=name, clear=False))
         for theme in (LIGHT, DIMMED_MONOKAI)

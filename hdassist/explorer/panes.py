@@ -359,10 +359,10 @@ def order_words(known: Known) -> str:
 
 
 def next_text(known: Known) -> str:
-    """What to do in a line, and in another one what that brings, or the reason."""
-    order = order_words(known).replace("\n", " ")
-    action, _, rest = order.partition(": ") if known.report else (order, "", "")
-    return visible(f"{action}{':' * bool(rest)}\n{rest}")
+    """The order for the wheel in a line, and in another one the value to measure next."""
+    order, *others = known.report.why if known.report else (known.without,)
+    lines = (order.replace(", seen from", " from"), *others[-1:])  # so that 80 columns have room for all of the action
+    return visible("\n".join(line.replace("\n", " ") for line in lines))
 
 
 def turn_blocks(page: Report, name: str) -> Iterator[Block]:

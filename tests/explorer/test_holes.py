@@ -11,11 +11,13 @@ from textual.pilot import Pilot
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.design.check import check
 from hdassist.explorer.app import Explorer, Form
-from hdassist.explorer.asking import REST
+from hdassist.explorer.asking import REST, Known
 from hdassist.explorer.compute import FULL, SURE_RANGE
-from hdassist.explorer.panes import order_words
+from hdassist.explorer.panes import next_text, order_words
 from hdassist.explorer.state import Session, opened_state
 from hdassist.mounting.advice import Advice
+from hdassist.pages.mount import mount_report
+from tests.advices import advice_of
 from tests.explorer.rig import FEW, QUICK, F_ior, explored, known_is, screen, settled, tiny
 from tests.process import SMALL
 
@@ -140,3 +142,13 @@ def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
         assert any(word.startswith("tolerances.e_hh=") for word in at)  # the typical drive's, not 0
 
     explored(act, tiny("tolerances.e_hh=unknown"), size=(160, 45))
+
+
+@pytest.mark.parametrize("holes", [12, 24])
+def test_the_next_step_begins_with_an_action_that_80_columns_show_whole(holes: int) -> None:
+    for best in (1, holes // 2 - 1, holes - 2):
+        F_ior = [30.0 + 2 * (k != best) for k in range(holes)]
+        advice = advice_of(F_ior, overrides=(f"mounting.holes={holes}",))
+        order, *_ = next_text(Known(report=mount_report(advice, 0))).split("\n")
+        action = order.partition(": ")[0]
+        assert action.startswith("Turn the ") and action.endswith("clockwise from the cam side") and len(action) <= 78
