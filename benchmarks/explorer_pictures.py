@@ -62,7 +62,7 @@ async def played() -> AsyncIterator[tuple[str, Explorer, Pilot[int]]]:
 
     from hdassist.cli import run_command_line
     from hdassist.explorer.app import Explorer
-    from hdassist.explorer.service import Service
+    from hdassist.explorer.command import Service
     from hdassist.explorer.state import opened_state
 
     new = re.search(r"^hdassist presets new mine .*$", (DOCS / "explore.md").read_text(encoding="utf-8"), re.MULTILINE)

@@ -26,7 +26,7 @@ def main() -> None:
 async def screens() -> list[str]:
     """SVGs of the screen as it opens, with the wheel a hole further each time, and in the best hole."""
     from hdassist.explorer.app import Explorer
-    from hdassist.explorer.service import Service
+    from hdassist.explorer.command import Service
     from hdassist.explorer.state import opened_state
 
     service = Service()

@@ -15,6 +15,7 @@ from textual.timer import Timer
 
 from hdassist.design.check import DesignCheck
 from hdassist.errors import HdassistError
+from hdassist.explorer.command import Service
 from hdassist.explorer.compute import (
     FULL,
     Effort,
@@ -25,7 +26,6 @@ from hdassist.explorer.compute import (
     still_typical,
     typical_of,
 )
-from hdassist.explorer.service import Service
 from hdassist.explorer.state import Session
 from hdassist.mounting.advice import Advice
 from hdassist.plaintext import visible

@@ -13,8 +13,8 @@ from textual.widgets import Input
 
 from hdassist.errors import HdassistError
 from hdassist.explorer.app import Explorer, Form
+from hdassist.explorer.command import Question
 from hdassist.explorer.compute import Effort
-from hdassist.explorer.service import Question
 from hdassist.explorer.state import Session, opened_state
 from tests.process import TINY, no_processes
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from hdassist.errors import HdassistError
+from hdassist.explorer.command import Question, Service
 from hdassist.explorer.compute import SURE_PROVEN, SURE_REFINED, Effort, FirstErrors, SeatCurve, cam_turn, drive_answers
-from hdassist.explorer.service import Question, Service
 from hdassist.mounting.advice import Advice
 from tests.explorer.rig import QUICK, tiny
 
