@@ -247,18 +247,32 @@ class ApproachRun:
     cam_rpm: float = 60.0
     lead_turns: float = 1.0
 
+    def passes(self, plan: ReadingPlan) -> int:
+        """How many times the positions are gone through, of both ways each."""
+        return self.repeats * (1 + plan.both)
+
+    def moves_min(self, plan: ReadingPlan, ratio: float) -> tuple[float, float, float]:
+        """Duration [min] of the move to the first reading of all, to that of each later pass, and to any other."""
+        lead, apart = self.lead_turns / self.cam_rpm, plan.step_turns * ratio / self.cam_rpm
+        back = 0.0 if plan.both else apart * (plan.readings - 1) + lead  # a pass one way begins where the last began
+        return lead, lead * (1 + plan.both) + back, apart
+
+    def minutes(self, plan: ReadingPlan, ratio: float) -> float:
+        """Duration, warm-up included."""
+        first, turn_back, apart = self.moves_min(plan, ratio)
+        passes = self.passes(plan)
+        moving = first + (passes - 1) * turn_back + passes * (plan.readings - 1) * apart
+        return self.warm_up_min + moving + passes * plan.readings * self.dwell_s / 60
+
     def approaches(self, plan: ReadingPlan, ratio: float) -> tuple[Array, Array, Array]:
         """Minute at which each reading is taken, target [deg] of the output, and side 1 or -1; all in their order."""
-        step = 360 * plan.step_turns
-        forth = step * np.arange(plan.readings)
-        passes = [(1, forth), (-1, forth[::-1])] if plan.both else [(1, forth)]
-        target = np.concatenate([targets for _ in range(self.repeats) for _, targets in passes])
-        side = np.concatenate([np.full(plan.readings, way) for _ in range(self.repeats) for way, _ in passes])
-        lead, apart = self.lead_turns / self.cam_rpm, plan.step_turns * ratio / self.cam_rpm  # min
-        begins = np.arange(len(target)) % plan.readings == 0
-        back = 0.0 if plan.both else apart * (plan.readings - 1) + lead  # a pass one way begins where the last began
-        moves = np.where(begins, lead * (1 + plan.both) + back, apart)
-        moves[0] = lead
+        forth = 360 * plan.step_turns * np.arange(plan.readings)
+        ways = [(1, forth), (-1, forth[::-1])] if plan.both else [(1, forth)]
+        target = np.tile(np.concatenate([targets for _, targets in ways]), self.repeats)
+        side = np.tile(np.repeat([way for way, _ in ways], plan.readings), self.repeats)
+        first, turn_back, apart = self.moves_min(plan, ratio)
+        moves = np.where(np.arange(len(target)) % plan.readings == 0, turn_back, apart)
+        moves[0] = first
         return self.warm_up_min + np.cumsum(moves + self.dwell_s / 60), target, side
 
 
@@ -281,9 +295,14 @@ class PlannedTest:
     failing: Probability | None = None
 
     @property
+    def readings(self) -> int:
+        """Readings of all passes."""
+        return self.run.passes(self.judged.plan) * self.judged.plan.readings
+
+    @property
     def minutes(self) -> float:
         """Duration, warm-up included."""
-        return float(self.run.approaches(self.judged.plan, self.ratio)[0][-1])
+        return self.run.minutes(self.judged.plan, self.ratio)
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ _PLAN_QUANTITIES = quantity_table(
     step_deg=lambda judged: 360 * judged.plan.step_turns,
 )
 _LINE_QUANTITIES = quantity_table("plan.lines", percent_seen=_percent)
-_TEST_QUANTITIES = quantity_table("plan.run", readings=lambda test: len(_approaches(test)[0]))
+_TEST_QUANTITIES = quantity_table("plan.run")
 _LISTED_READINGS = 96  # on a sheet: of more the file has the list
 
 
@@ -158,8 +158,7 @@ def _approaches(test: PlannedTest) -> tuple[Array, Array, Array]:
 def _takes(test: PlannedTest) -> str:
     """Readings and duration of a test in words, and their uncertainty."""
     unsure = f", u = {test.uncertainty_arcsec:.2g}″" if test.uncertainty_arcsec else ""
-    count = len(_approaches(test)[0])
-    return f"{test.judged.plan.name}: {count} readings, {test.minutes:.0f} min with warm-up{unsure}"
+    return f"{test.judged.plan.name}: {test.readings} readings, {test.minutes:.0f} min with warm-up{unsure}"
 
 
 def _verdicts(test: PlannedTest) -> str:
