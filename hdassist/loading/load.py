@@ -4,7 +4,9 @@ import hashlib
 import re
 from collections.abc import Sequence
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 from pydantic import ValidationError
@@ -70,14 +72,14 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
     into its origin. Result: the drive; its origin carries the SHA-256 of the text, the overrides and the warnings.
     Raises PresetError with every finding; UsageError if the text is in order and only the overrides are not.
     """
-    document = read_yaml(text, file)
+    document = _document(text, file)
     for index, override in enumerate(overrides, 1):
         set_override(document, override, index)
     drive = _drive(document)
     if document.findings or drive is None:
         findings = ordered_findings(document.findings)
         if not all(finding.file == OVERRIDE for finding in findings):
-            own = read_yaml(text, file)
+            own = _document(text, file)
             if not overrides or not _drive(own) or own.findings:
                 raise PresetError(findings)
         raise UsageError("\n".join(map(str, findings)))
@@ -94,6 +96,17 @@ def load_text(text: bytes | str, file: str, overrides: Sequence[str] = (), asked
         asked=asked,
     )
     return drive
+
+
+_parsed = lru_cache(maxsize=4)(read_yaml)  # a sweep, a lot and the explorer load one text again and again
+
+
+def _document(text: bytes | str, file: str) -> Document:
+    """The document of a preset's text, which overrides and findings may change."""
+    read = _parsed(text, file)
+    return replace(
+        read, data=deepcopy(read.data), places={**read.places}, findings=[*read.findings], bad={*read.bad}, warnings=[]
+    )
 
 
 def set_override(document: Document, text: str, index: int) -> None:

@@ -30,14 +30,14 @@ def answer(command: str, *options: str):
 
 
 def test_the_drive_of_the_paper_is_turned_from_31_to_15_with_one_number_of_a_hole_on_all_pages(as_given):
-    mounted, report = answer("mount", "--draws", "16"), answer("report", "--draws", "16")
-    for page in (mounted, report["mount"]):
-        assert (page["order"], page["recommended"]["hole"]) == ("turn", BEST)
-        for place in (page["current"], page["recommended"]):
-            assert (np.abs(np.divide(place["F_ior_arcsec"], as_given[place["hole"]]) - 1) < NEAR).all()
+    report = answer("report", "--draws", "16")  # with the answers of check and mount, which test_one_belief holds
+    mounted = report["mount"]
+    assert (mounted["order"], mounted["recommended"]["hole"]) == ("turn", BEST)
+    for place in (mounted["current"], mounted["recommended"]):
+        assert (np.abs(np.divide(place["F_ior_arcsec"], as_given[place["hole"]]) - 1) < NEAR).all()
     now = mounted["current"]["F_ior_arcsec"]
-    for page in (answer("check", "--draws", "16"), report["check"]):
-        assert [point["F_ior_arcsec"] for point in page["operating_points"]] == now
-        beside = [point["self_error_arcsec"] for point in page["operating_points"]]
+    points = report["check"]["operating_points"]
+    assert [point["F_ior_arcsec"] for point in points] == now
     accepted = answer("accept", "--limit", "40", "--draws", "16")["checks"]
-    assert [each["value"] for each in accepted] == pytest.approx(np.add(now, beside))
+    upper = np.add(now, [point["self_error_arcsec"] for point in points])
+    assert [each["value"] for each in accepted] == pytest.approx(upper)
