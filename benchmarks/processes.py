@@ -26,19 +26,19 @@ class Process:
     """One command: its arguments and how often it runs.
 
     over: the other process, and the most times its processor time that this one should take; python: arguments of
-    Python instead of hdassist; after: a command on the same drive that has run before, whose samples are kept.
+    Python instead of hdassist; after: commands on the same drive that have run before, whose answers are kept.
     """
 
     arguments: tuple[str, ...]
     runs: int
     over: tuple[Process, float] | None = None
     python: bool = False
-    after: Process | None = None
+    after: tuple[Process, ...] = ()
 
     @property
     def words(self) -> str:
         words = " ".join(("python" if self.python else "hdassist", *self.arguments))
-        return f"{words}, after {self.after.arguments[0]}" if self.after else words
+        return f"{words}, after {' and '.join(each.arguments[0] for each in self.after)}" if self.after else words
 
     @property
     def call(self) -> list[str]:
@@ -52,6 +52,7 @@ IMPORT = Process(("-c", "import cvxpy"), 7, python=True)
 CHECK = Process(("check", "vzp160"), 5, (IMPORT, 3.8))
 OWN_CHECK = Process(("check", "own.yaml"), 5, (IMPORT, 3.0))
 MOUNT = Process(("mount", "vzp160"), 3, (IMPORT, 7.0))
+OWN_MOUNT = Process(("mount", "own.yaml"), 2, (IMPORT, 5.0))
 REPORT = Process(("report", "own.yaml"), 2, (IMPORT, 8.0))
 TRIALS = Process(("trials", "vzp160", *THREE, "--noise", "0.5", "--torque", "80"), 3, (IMPORT, 5.0))
 TOLERANCE = Process(("tolerance", "vzp160", "-n", "150"), 3, (IMPORT, 10.0))
@@ -63,9 +64,10 @@ PROCESSES = (
     CHECK,
     OWN_CHECK,
     MOUNT,
-    Process(("mount", "own.yaml"), 2, (IMPORT, 5.0)),
+    OWN_MOUNT,
     REPORT,
-    Process(("report", "own.yaml"), 2, (IMPORT, 2.0), after=OWN_CHECK),
+    Process(("report", "own.yaml"), 2, (IMPORT, 2.0), after=(OWN_CHECK,)),
+    Process(("report", "own.yaml"), 2, (IMPORT, 2.0), after=(OWN_CHECK, OWN_MOUNT)),
     TRIALS,
     Process(("trials", "own.yaml", *FOUR, "--noise", "0.5"), 2, (IMPORT, 8.0)),
     TOLERANCE,
@@ -122,12 +124,12 @@ def measured(process: Process, runs: int, folder: str) -> dict[str, Any]:
 
 
 def _run_after(process: Process, folder: str) -> dict[str, float]:
-    """One run with what the command before it has kept in a cache of their own."""
-    assert process.after
+    """One run with what the commands before it have kept in a cache of their own."""
     with tempfile.TemporaryDirectory() as cache:
         environment = {name: text for name, text in os.environ.items() if name != "HDASSIST_NO_CACHE"}
         environment["HDASSIST_CACHE"] = cache
-        _run(process.after, folder, environment)
+        for before in process.after:
+            _run(before, folder, environment)
         return _run(process, folder, environment)
 
 
