@@ -1,7 +1,8 @@
 """Files of a run: bytes and text of those that it reads, and the outputs, of which none is one of its inputs.
 
-Text comes part after part, from a path, a stream or bytes. Files are compared by device and inode, not by name: links
-and other cases of a name are the same file.
+Text comes part after part, from a path, a stream or bytes. It may be of unknown origin: hidden characters are escaped
+where it is shown, and numbers have ASCII digits and a decimal point. Files are compared by device and inode, not by
+name: links and other cases of a name are the same file.
 """
 
 import codecs
@@ -19,6 +20,7 @@ import unicodedata
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from math import nan
 from pathlib import Path
 from typing import IO, BinaryIO, cast
 
@@ -316,3 +318,35 @@ def _place(path: str) -> list[_Identity]:
             folder = real.parent.stat()
             return [(folder.st_dev, folder.st_ino, unicodedata.normalize("NFC", real.name).casefold())]
     return []
+
+
+# Controls but for newline and tab, marks that turn the writing's direction or have no width, line and paragraph
+# separators, halves of surrogate pairs, and noncharacters; all characters that XML 1.0 does not have are among them.
+_HIDDEN = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
+    "\ufffe\uffff\ud800-\udfff\U000e0000-\U000e007f]"
+)
+
+
+def visible(text: str) -> str:
+    """The text with hidden characters escaped (\\x1b, \\u202e); newlines, tabs and all that is seen stay."""
+    return _HIDDEN.sub(lambda found: escaped(found[0]), text)
+
+
+def escaped(character: str) -> str:
+    """A character as Python writes it in 7 bits."""
+    return character.encode("unicode_escape").decode()
+
+
+def printable(json: str) -> str:
+    """JSON of 7 bits with DEL escaped as well, the one control character that JSON allows as it is."""
+    return json.replace("\x7f", "\\u007f")
+
+
+UNSIGNED = r"(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+NUMBER = rf"[-+]?{UNSIGNED}"
+
+
+def number_of(text: str) -> float:
+    """Value of a number, spaces around it allowed; NaN for any other text, infinity beyond the range of floats."""
+    return float(text) if re.fullmatch(NUMBER, text.strip()) else nan

@@ -20,8 +20,8 @@ from hdassist.error.cycle import limits_left
 from hdassist.error.error_map import searchable
 from hdassist.error.waves import POINTS_A_TURN, ErrorLines, error_lines
 from hdassist.errors import UsageError
+from hdassist.files import number_of
 from hdassist.model.geometry import Array
-from hdassist.plaintext import number_of
 from hdassist.preset.fields import Drive
 from hdassist.run.run import Run
 from hdassist.solve.answers import Certificate

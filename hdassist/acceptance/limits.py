@@ -14,9 +14,9 @@ from importlib.resources import files
 from typing import Literal, TypeVar
 
 from hdassist.errors import DataError, UsageError
+from hdassist.files import NUMBER
 from hdassist.loading.load import Asked, load_preset
 from hdassist.model.geometry import Array
-from hdassist.plaintext import NUMBER
 from hdassist.preset.fields import Acceptance, Drive, FieldKind
 from hdassist.preset.text import OVERRIDE
 from hdassist.run.kept import ClosedRecord

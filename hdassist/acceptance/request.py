@@ -31,7 +31,7 @@ from hdassist.acceptance.limits import (
 )
 from hdassist.belief.samples import EFFECTIVE_SAMPLES
 from hdassist.errors import DataError, Fault, Finding, HdassistError, PresetError, UsageError
-from hdassist.files import STDIN
+from hdassist.files import STDIN, number_of
 from hdassist.loading.load import Asked
 from hdassist.measuring.bench import PositionRecord, position_quantities, seen_range
 from hdassist.measuring.fit import COVERAGE_FACTOR
@@ -39,7 +39,6 @@ from hdassist.measuring.measure import Measurement, Reading
 from hdassist.measuring.range import parse_stated, stated_sources
 from hdassist.model.deviations import MeasuredTeeth
 from hdassist.model.kinematics import Kinematics
-from hdassist.plaintext import number_of
 from hdassist.preset.fields import REMOVED, Drive, OneLine, field_table, is_number, is_overridden, path_of
 from hdassist.preset.library import preset_names
 from hdassist.preset.text import InvalidValueError, near_miss, shown

@@ -51,11 +51,11 @@ from hdassist.explorer.panes import (
     why_blocks,
 )
 from hdassist.explorer.state import Session, about_field, stepped
+from hdassist.files import visible
 from hdassist.loading.write import with_changes
 from hdassist.model.unknown import unknowns
 from hdassist.mounting.positions import hole_words, usable_positions
 from hdassist.pages.report import report_html, report_markdown
-from hdassist.plaintext import visible
 from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
 from hdassist.report import Paragraph
 from hdassist.run.stops import end_at_stops

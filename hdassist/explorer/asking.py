@@ -27,8 +27,8 @@ from hdassist.explorer.compute import (
     typical_of,
 )
 from hdassist.explorer.state import Session
+from hdassist.files import visible
 from hdassist.mounting.advice import Advice
-from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive
 from hdassist.report import Report
 from hdassist.terminal.streams import PLAIN_CHARACTERS

@@ -28,10 +28,10 @@ from hdassist.explorer.compute import (
     typical_of,
 )
 from hdassist.explorer.state import SETTING_SECTIONS, Session
+from hdassist.files import visible
 from hdassist.mounting.positions import bare
 from hdassist.pages.card import seat_holes
 from hdassist.pages.check import F_ior_table, steps_table
-from hdassist.plaintext import visible
 from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
 from hdassist.report import Block, Curve, Facts, Lines, Report, Seat, SeatMark, Table
 from hdassist.terminal.page import block_on_page

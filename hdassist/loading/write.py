@@ -12,8 +12,8 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import DataError, PresetError, UsageError
+from hdassist.files import NUMBER
 from hdassist.loading.load import load_text
-from hdassist.plaintext import NUMBER
 from hdassist.preset.fields import (
     KEYED_TABLES,
     MAX_NAME,

@@ -18,9 +18,9 @@ from math import hypot, isfinite, sqrt
 import numpy as np
 
 from hdassist.errors import DataError
+from hdassist.files import number_of
 from hdassist.measuring.range import BIAS_SHARE
 from hdassist.model.geometry import Array
-from hdassist.plaintext import number_of
 from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import WHOLE_TURN_DEG, AngleError, sweeps
 from hdassist.readers.words import TURN_ARCSEC

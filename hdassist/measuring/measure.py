@@ -25,6 +25,7 @@ from scipy.linalg import block_diag
 
 from hdassist.error.stiffness import catalogue_torques
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
+from hdassist.files import number_of
 from hdassist.measuring.bench import LoopRecord, PositionRecord, bench_record
 from hdassist.measuring.fit import (
     BINS_PER_COLUMN,
@@ -67,7 +68,6 @@ from hdassist.measuring.range import (
 )
 from hdassist.measuring.residuals import with_lines, with_step, without_spikes
 from hdassist.model.geometry import Array
-from hdassist.plaintext import number_of
 from hdassist.preset.fields import Drive
 from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import MeasuredTrace, TraceForm, read_record, sweeps, trace_of

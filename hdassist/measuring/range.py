@@ -16,9 +16,9 @@ from math import hypot, isfinite, sqrt
 import numpy as np
 
 from hdassist.errors import UsageError
+from hdassist.files import number_of
 from hdassist.measuring.fit import COVERAGE_FACTOR, DESIGN_CHUNK, EVEN, TraceFit, curve_of, even_readings, order_columns
 from hdassist.model.geometry import Array
-from hdassist.plaintext import number_of
 from hdassist.readers.trace import MeasuredTrace
 
 STATED = {  # sources that a single record cannot show

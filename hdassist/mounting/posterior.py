@@ -48,12 +48,12 @@ from hdassist.belief.samples import EFFECTIVE_SAMPLES, SamplingEffort, draw_samp
 from hdassist.error.error_map import error_maps, searchable
 from hdassist.error.table import Mesh
 from hdassist.errors import HdassistError, UntrustedError, UsageError
+from hdassist.files import number_of
 from hdassist.measuring.measure import Reading
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
 from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import hole_of
-from hdassist.plaintext import number_of
 from hdassist.preset.fields import Drive, measures
 from hdassist.preset.rules import position_fault, turn_of
 from hdassist.preset.text import shown

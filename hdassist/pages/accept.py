@@ -18,8 +18,8 @@ from hdassist.acceptance.decision import Belief, DecidedCheck, Predictions
 from hdassist.acceptance.limits import F_IOR, Limit, LimitText
 from hdassist.acceptance.request import Lot
 from hdassist.errors import DataError
+from hdassist.files import visible
 from hdassist.pages.check import fitted_words, influence_at, steps_fact, steps_table
-from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive
 from hdassist.preset.text import convert, shown
 from hdassist.report import NO_VALUE, Fact, Facts, Quantities, Quantity, Report, Table, attributes, four_digits

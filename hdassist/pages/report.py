@@ -13,6 +13,7 @@ from markupsafe import Markup
 from rich.console import Group
 from rich.text import Text
 
+from hdassist.files import visible
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.model.unknown import unknown_names
@@ -21,7 +22,6 @@ from hdassist.pages.check import F_ior_table, check_facts, check_report, error_t
 from hdassist.pages.compare import sheet_warnings
 from hdassist.pages.curves import stiffness_report
 from hdassist.pages.mount import WORDS, mount_report
-from hdassist.plaintext import visible
 from hdassist.preset.fields import Drive, origin_counts, resolved_fields, value_text
 from hdassist.report import (
     BLANK,

@@ -29,7 +29,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
-from hdassist.plaintext import NUMBER, UNSIGNED, number_of
+from hdassist.files import NUMBER, UNSIGNED, number_of
 from hdassist.preset.text import InvalidValueError, Path, near_miss, read_count, read_number, read_spread
 
 _CLOSED = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)

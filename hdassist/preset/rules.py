@@ -10,7 +10,7 @@ from functools import cached_property
 from math import nan
 from typing import Any
 
-from hdassist.plaintext import number_of
+from hdassist.files import number_of
 
 _LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
 _FARTHEST_MEASURED = 100.0  # times the greatest torque, of a measured F'_ior: beyond, the number is mistyped

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from hdassist.errors import Finding, PresetError
-from hdassist.plaintext import NUMBER, escaped
+from hdassist.files import NUMBER, escaped
 
 MOST_PRESET_BYTES = 256 * 1024
 MAX_DEPTH = 20

@@ -12,8 +12,7 @@ from collections.abc import Iterator, Sequence
 from math import cos, isfinite, nan, radians
 
 from hdassist.errors import DataError, Finding, PresetError
-from hdassist.files import TextFile
-from hdassist.plaintext import number_of
+from hdassist.files import TextFile, number_of
 
 _SIDEREAL = 15.041067  # arcsec/s: of a telescope's axis that follows the sky
 _PROGRAMS = {  # words in the first lines, and the file that they are of

@@ -13,7 +13,7 @@ from importlib.resources import files
 from itertools import chain
 from typing import NamedTuple
 
-from hdassist.plaintext import NUMBER, number_of
+from hdassist.files import NUMBER, number_of
 from hdassist.preset.text import UnitError, convert, near_miss
 
 _TABLE = tomllib.loads(files("hdassist.readers").joinpath("words.toml").read_text("utf-8"))

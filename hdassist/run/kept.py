@@ -25,8 +25,7 @@ from typing import Annotated, Any, Generic, Literal, TypeVar
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from hdassist.errors import DataError, Fault, UsageError
-from hdassist.files import in_place_of, is_file, is_there, os_reason
-from hdassist.plaintext import printable
+from hdassist.files import in_place_of, is_file, is_there, os_reason, printable
 from hdassist.run.stops import at_stop
 from hdassist.version import __version__
 

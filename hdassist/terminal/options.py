@@ -20,8 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_origin
 import typer
 
 from hdassist.errors import HdassistError, UsageError
-from hdassist.files import is_written
-from hdassist.plaintext import number_of
+from hdassist.files import is_written, number_of
 from hdassist.report import Report
 from hdassist.terminal.output import Output, failure, give, json_text, run_each
 from hdassist.terminal.streams import PIPE_WIDTH, Style, require_parquet, say, take_output, write_text

@@ -16,7 +16,7 @@ from numbers import Number
 from typing import TYPE_CHECKING, Any
 
 from hdassist.errors import Fault, HdassistError, UsageError
-from hdassist.plaintext import NUMBER, printable, visible
+from hdassist.files import NUMBER, printable, visible
 from hdassist.report import Json, Report, as_json, certificate_object, schema_of
 from hdassist.run.stops import at_stop
 from hdassist.terminal.streams import Style, console, made_or, say, stderr_style, write_text

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 from hdassist.errors import DataError, Fault, UsageError
-from hdassist.files import claim_output, in_place_of, is_claimed, is_file, is_there, note_written
-from hdassist.plaintext import visible
+from hdassist.files import claim_output, in_place_of, is_claimed, is_file, is_there, note_written, visible
 from hdassist.run.stops import at_stop
 
 if TYPE_CHECKING:

@@ -37,7 +37,7 @@ from hdassist.terminal.page import report_page
 from hdassist.terminal.streams import Style, console
 from tests.advices import advice_of, card
 from tests.process import TINY, on_terminal, run
-from tests.test_plaintext import EVERY_HIDDEN, hidden
+from tests.test_hidden import EVERY_HIDDEN, hidden
 
 SURROGATES = re.compile("[\ud800-\udfff]")
 STEERING = "\x1b]0;owned\x07\x1b[2J\u202e\u2066\u200b\x7f\x9b31m\u2028=1"

@@ -23,7 +23,7 @@ from hdassist.terminal.page import report_page
 from hdassist.terminal.streams import Style
 from tests.conftest import ROOT
 from tests.process import SMALL, TINY, on_terminal, run
-from tests.test_plaintext import EVERY_HIDDEN, hidden
+from tests.test_hidden import EVERY_HIDDEN, hidden
 
 NAME = "a\x1b]0;owned\x07\u202e[/bold]b"
 TOLD = "a\\x1b]0;owned\\x07\\u202e[/bold]b"
