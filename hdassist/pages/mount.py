@@ -12,7 +12,7 @@ from hdassist.model.unknown import unknown_names
 from hdassist.mounting.advice import UNSHOWN_VALUES, Advice
 from hdassist.mounting.decision import FEWEST_VALUES
 from hdassist.mounting.positions import MountingCurve, bare, hole_of, hole_words
-from hdassist.mounting.posterior import Trial, TrialSetup
+from hdassist.mounting.posterior import Trial
 from hdassist.pages.card import (
     ENGLISH,
     TRADE,
@@ -75,7 +75,10 @@ def mount_report(
     where = f"{TRADE[drive.mounting.fixed]} on its seat{heading(advice.measured)}"
     if count:
         torques = " and ".join(f"{M_g:g}" for M_g in advice.torques_of_values)
-        where = f"{count} value{'s' * (count > 1)}{_spread(advice.trials, advice.setup)} at {torques} N·m"
+        # the uncertainty (k = 2) of values that have none of their own, as --noise or its default has it
+        own = all(trial.noise_arcsec for trial in advice.trials)
+        spread = "" if own else f" ± {2 * advice.setup.noise_arcsec:g}″"
+        where = f"{count} value{'s' * (count > 1)}{spread} at {torques} N·m"
     found, short = advice.decision, Verdict.INCONCLUSIVE.exit_code
     rows = dict.fromkeys((*found.ranked[:_ROWS], *(() if found.stay is None else (found.stay,)), found.ranked[-1]))
     back = checked and checked.back_to
@@ -85,7 +88,7 @@ def mount_report(
         command="mount",
         drive=drive,
         head=f"{drive.name}, {where}",
-        verdict=f"{word}, {_hole(advice, to_deg)}",
+        verdict=f"{word}, {place_at(to_deg, hole_of(to_deg, drive.mounting.holes))}",
         why=tuple(filter(None, _why(advice))),
         blocks=(_positions_table(advice, list(rows)), Facts.of(_facts(advice, carded=carded)), *figures[:1]),
         details=(
@@ -139,15 +142,6 @@ def _warnings_of_values(advice: Advice) -> Iterator[str]:
             if alike and abs(a.F_ior_arcsec - b.F_ior_arcsec) > _APART * noise:
                 values = f"{_where(advice, a.rotation_deg)}: {b.F_ior_arcsec:g} and {a.F_ior_arcsec:g}″"
                 yield f"{values} differ by more than a noise of {advice.setup.noise_arcsec:g} makes likely"
-
-
-def _spread(trials: Sequence[Trial], setup: TrialSetup) -> str:
-    """The uncertainty (k = 2) of values that have none of their own, as --noise or its default has it."""
-    return "" if all(trial.noise_arcsec for trial in trials) else f" ± {2 * setup.noise_arcsec:g}″"
-
-
-def _hole(advice: Advice, rotation_deg: float) -> str:
-    return place_at(rotation_deg, hole_of(rotation_deg, advice.drive.mounting.holes))
 
 
 def _where(advice: Advice, rotation_deg: float) -> str:
@@ -377,7 +371,10 @@ def _position_curves(advice: Advice) -> Iterator[Curve]:
 def _values(advice: Advice, seed: int) -> Json:
     """One shape, whatever was given."""
     found, curve, after = advice.decision, advice.curve, advice.after
-    positions = [_action(advice, place) for place in range(len(found.rotations_deg))]
+    positions = [  # with F'_ior at each torque, and how good each is
+        attributes(advice.position(place), "hole", "phase_deg") | asdict(found.action(place))
+        for place in range(len(found.rotations_deg))
+    ]
     value, checked, setup = advice.value, advice.verification, advice.setup
     probability = found.probability if found.is_sampled else None
     now = [
@@ -445,11 +442,6 @@ def _curve(curve: MountingCurve, torque: int) -> Json:
     F_ior, every_state = curve.F_ior_arcsec[torque], curve.every_state[torque]
     angles = attributes(curve, "rotation_deg", "phase_deg")
     return {"M_g_Nm": curve.torques[torque], **angles, "F_ior_arcsec": F_ior, "every_state": every_state}
-
-
-def _action(advice: Advice, place: int) -> Json:
-    """A hole with F'_ior at each torque and how good it is."""
-    return attributes(advice.position(place), "hole", "phase_deg") | asdict(advice.decision.action(place))
 
 
 def _compensated(advice: Advice) -> Json | None:
