@@ -17,9 +17,8 @@ from pydantic import ConfigDict, Field, TypeAdapter
 
 from hdassist.error.cycle import WITHOUT_EFFECT
 from hdassist.errors import UsageError
-from hdassist.model.contacts import contact_system
+from hdassist.model.contacts import contact_system, shell_twist_stiffness
 from hdassist.model.geometry import Array
-from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.fields import Catalogue, Drive
 from hdassist.run.cache import kept_answer
 from hdassist.run.kept import Number

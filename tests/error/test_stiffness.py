@@ -8,8 +8,8 @@ import pytest
 from hdassist import load_preset, stiffness
 from hdassist.error.stiffness import Segment, Twist, catalogue_torques
 from hdassist.errors import UntrustedError, UsageError
+from hdassist.model.contacts import shell_twist_stiffness
 from hdassist.model.geometry import Geometry
-from hdassist.model.rings import shell_twist_stiffness
 from hdassist.preset.fields import Catalogue
 from hdassist.run.run import UNCHECKED
 from tests.process import SMALL

@@ -7,9 +7,8 @@ import pytest
 
 from hdassist.errors import Fault, UntrustedError
 from hdassist.model import contacts
-from hdassist.model.contacts import ROTATION, contact_system
+from hdassist.model.contacts import ROTATION, contact_system, flexspline_ring, outer_ring
 from hdassist.model.geometry import Geometry, Wheel, flank_candidates, flank_gap, flank_point
-from hdassist.model.rings import flexspline_ring, outer_ring
 from tests.support import changed, solve_state
 
 

@@ -12,11 +12,10 @@ import pytest
 from hdassist.error.cycle import kinematic_error, self_error
 from hdassist.error.error_map import ErrorMap
 from hdassist.error.stiffness import stiffness
-from hdassist.model.contacts import contact_system
+from hdassist.model.contacts import contact_system, shell_twist_stiffness
 from hdassist.model.deviations import deviation_scalars
 from hdassist.model.geometry import Geometry
 from hdassist.model.kinematics import Kinematics, pitch_locked_states
-from hdassist.model.rings import shell_twist_stiffness
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import ARCSEC
 from tests.support import changed, solve_state, wind_up
