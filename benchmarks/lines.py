@@ -114,7 +114,7 @@ def look(task: tuple[Group, int]) -> tuple[float, ...] | None:
     from hdassist.acceptance.limits import Limit
     from hdassist.errors import HdassistError
     from hdassist.measuring.measure import measure
-    from hdassist.measuring.range import STATED
+    from hdassist.measuring.orders import STATED
 
     group, seed = task
     made = rig(group, seed)

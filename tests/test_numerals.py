@@ -8,8 +8,7 @@ import pytest
 from hdassist.acceptance.limits import LimitText
 from hdassist.errors import UsageError
 from hdassist.files import number_of
-from hdassist.measuring.orders import parse_orders
-from hdassist.measuring.range import parse_stated
+from hdassist.measuring.orders import parse_orders, parse_stated
 from hdassist.mounting.posterior import read_trial
 from hdassist.terminal.options import degrees_or_fit
 

@@ -35,7 +35,7 @@ from hdassist.errors import UsageError
 from hdassist.measuring.bench import SeenRange
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import SweepResult
-from hdassist.measuring.range import UncertaintySource, combined
+from hdassist.measuring.orders import UncertaintySource, combined
 from hdassist.model.deviations import MeasuredTeeth
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics

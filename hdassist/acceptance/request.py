@@ -36,7 +36,7 @@ from hdassist.loading.load import Asked
 from hdassist.measuring.bench import PositionRecord, position_quantities, seen_range
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import Measurement, Reading
-from hdassist.measuring.range import parse_stated, stated_sources
+from hdassist.measuring.orders import parse_stated, stated_sources
 from hdassist.model.deviations import MeasuredTeeth
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import REMOVED, Drive, OneLine, field_table, is_number, is_overridden, path_of

@@ -19,7 +19,7 @@ import numpy as np
 
 from hdassist.errors import DataError
 from hdassist.files import number_of
-from hdassist.measuring.range import BIAS_SHARE
+from hdassist.measuring.orders import BIAS_SHARE
 from hdassist.model.geometry import Array
 from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import WHOLE_TURN_DEG, AngleError, sweeps

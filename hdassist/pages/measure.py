@@ -25,8 +25,7 @@ from hdassist.measuring.bench import (
 )
 from hdassist.measuring.fit import COVERAGE_FACTOR, SLOWEST_ORDER
 from hdassist.measuring.measure import Measurement, RecordedTorque, Reversal, SweepResult
-from hdassist.measuring.orders import FULL_SHARE
-from hdassist.measuring.range import GAP_PERIODS, STATED, UncertaintySource
+from hdassist.measuring.orders import FULL_SHARE, GAP_PERIODS, STATED, UncertaintySource
 from hdassist.pages.curves import curve_of_turns, slope_words
 from hdassist.preset.fields import Drive
 from hdassist.report import (

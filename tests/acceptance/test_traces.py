@@ -11,7 +11,7 @@ from hdassist.acceptance.limits import limits_of
 from hdassist.acceptance.request import Request, torque_and_file
 from hdassist.errors import DataError, UsageError
 from hdassist.measuring.measure import measure
-from hdassist.measuring.range import STATED
+from hdassist.measuring.orders import STATED
 from tests.acceptances import accept, small, stated, tiny
 from tests.process import TINY
 from tests.rigs import drive_error, recorded, turn_range, whole_range

@@ -26,8 +26,7 @@ with atheris.instrument_imports(include=["hdassist"]):
     from hdassist.errors import HdassistError
     from hdassist.loading.load import load_text
     from hdassist.measuring.measure import measure
-    from hdassist.measuring.orders import parse_orders
-    from hdassist.measuring.range import parse_stated
+    from hdassist.measuring.orders import parse_orders, parse_stated
     from hdassist.mounting.posterior import read_trial
     from hdassist.readers.pitch import read_pitch
     from hdassist.readers.trace import TraceForm, read_trace

@@ -10,7 +10,7 @@ from hdassist.acceptance.decision import AcceptedValue, decide
 from hdassist.acceptance.limits import Limit
 from hdassist.errors import DataError, UntrustedError, UsageError
 from hdassist.measuring.measure import measure
-from hdassist.measuring.range import combined, parse_stated
+from hdassist.measuring.orders import combined, parse_stated
 from tests.rigs import EVEN, PER_TURN, RATIO, even_wave, recorded, simulated, turn_range, whole_range
 from tests.support import rounding
 

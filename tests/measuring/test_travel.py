@@ -8,8 +8,7 @@ from benchmarks.joints import RATIO, Joint, JointStudy
 from hdassist import load_preset
 from hdassist.acceptance.decision import OF_TRAVEL
 from hdassist.measuring.measure import measure
-from hdassist.measuring.orders import Gearing, gearing_of
-from hdassist.measuring.range import STATED
+from hdassist.measuring.orders import STATED, Gearing, gearing_of
 from hdassist.preset.fields import Acceptance
 from tests.acceptances import accept
 
