@@ -53,15 +53,13 @@ from hdassist.model.geometry import Array, Geometry, flank_candidates
 from hdassist.model.rules import first_conflict
 from hdassist.preset.fields import Drive
 from hdassist.run.cache import cached, keep, keeps_answers
-from hdassist.run.kept import ClosedRecord, Count, Magnitude, Number
+from hdassist.run.kept import ClosedRecord, Magnitude, Number
 from hdassist.run.run import Run
-from hdassist.solve.answers import ARCSEC, EMPTY, Certificate, Residual
+from hdassist.solve.answers import ARCSEC, EMPTY, Certificate
 from hdassist.solve.formulation import formulate
 from hdassist.solve.walk import digits_depend_on
 
 _KEPT_SAMPLES = "samples"
-_KeptProof = tuple[Count, Residual, Residual, Residual, Residual, Count]
-_NO_STATES: _KeptProof = astuple(EMPTY)
 _ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
 
 
@@ -70,8 +68,8 @@ class Draw(ClosedRecord):
     """One draw: why it is no drive, or its predictions, F'_ior [arcsec] (None where weeded), weight and proof.
 
     F_ior_arcsec, at each torque; turned_arcsec, at each torque with each turn; shares: of each field's probability;
-    proof: states, residuals, fallbacks, and turned_proof: those of states with the wheel turned; follows: values of
-    fields that follow from others, by path.
+    proof of its states, and turned_proof, of those with the wheel turned; follows: values of fields that follow from
+    others, by path.
     """
 
     refused: str = ""
@@ -80,20 +78,20 @@ class Draw(ClosedRecord):
     turned_arcsec: tuple[tuple[Magnitude, ...], ...] | None = None
     weight: Magnitude = 0.0
     shares: tuple[_ShareOfOne, ...] = ()
-    proof: _KeptProof = _NO_STATES
+    proof: Certificate = EMPTY
     follows: Mapping[str, Number] = field(default_factory=dict)
-    turned_proof: _KeptProof = _NO_STATES
+    turned_proof: Certificate = EMPTY
 
     @property
     def certificate(self) -> Certificate:
         """Proof of the states behind it."""
-        return Certificate(*self.proof) + Certificate(*self.turned_proof)
+        return self.proof + self.turned_proof
 
     @property
     def without_turns(self) -> Draw:
         """The same draw as it is where no turns are asked for."""
         no_turns = self.turned_arcsec and ((),) * len(self.turned_arcsec)
-        return replace(self, turned_arcsec=no_turns, turned_proof=_NO_STATES)
+        return replace(self, turned_arcsec=no_turns, turned_proof=EMPTY)
 
 
 _DRAWS = TypeAdapter(list[Draw])
@@ -234,7 +232,7 @@ class Sampling:
         drive = self.prior.drive.with_values(values).with_values(unturned.follows)
         maps = error_maps(drive, self._held(drive)[1])
         turned, proof = errors_by_turn(maps, drive, self.torques, unturned.F_ior_arcsec, self.rotations_deg)
-        return replace(unturned, turned_arcsec=tuple(map(tuple, turned.tolist())), turned_proof=astuple(proof))
+        return replace(unturned, turned_arcsec=tuple(map(tuple, turned.tolist())), turned_proof=proof)
 
     def _held(self, drive: Drive) -> tuple[dict[str, tuple[float, float]], tuple[float, ...]]:
         """Torque [N*m] and turn [deg] at which F'_ior is evidence on a drive, by figure; all torques that it needs."""
@@ -266,7 +264,7 @@ class Sampling:
             of_stiffness_alone = float(np.exp(log_likelihood(self.evidence, figures)))
             going_on = min(1.0, of_stiffness_alone / density / KEPT_LIKELIHOOD)  # equation (1)
         if chance >= going_on:
-            return [Draw(figures=figures, proof=astuple(proof), follows=follows)] * self.alike
+            return [Draw(figures=figures, proof=proof, follows=follows)] * self.alike
         held, torques = self._held(drive)
         maps = error_maps(drive, torques, formulation)
         nearer, of_tables = self.near.drawn(maps, number) if self.near else ([({}, 1.0)], EMPTY)
@@ -283,8 +281,8 @@ class Sampling:
             if self.measured:
                 seed = [self.seed, number * self.alike + len(solved)]
                 F_ior, turned = self._shown(there[: len(self.measured)], F_ior, turned, seed)
-            at_turns, whole = tuple(map(tuple, turned.tolist())), astuple(proof + of_errors + of_further)
-            answer = "", now, tuple(F_ior.tolist()), at_turns, weight, tuple(own), whole, follows, astuple(of_turned)
+            at_turns, proof = tuple(map(tuple, turned.tolist())), proof + of_errors + of_further
+            answer = "", now, tuple(F_ior.tolist()), at_turns, weight, tuple(own), proof, follows, of_turned
             solved.append(Draw(*answer))
             proof = EMPTY
         return solved

@@ -145,7 +145,7 @@ FORGERIES = {
     "infinite": lambda draws: draws[3].update(weight=float("inf")),
     "negative": lambda draws: draws[3].update(F_ior_arcsec=[-1.0]),
     "a text": lambda draws: draws[3].update(F_ior_arcsec=["12"]),
-    "unproven": lambda draws: draws[3]["proof"].__setitem__(2, 1e-3),
+    "unproven": lambda draws: draws[3]["proof"].update(complementarity=1e-3),
     "a share above 1": lambda draws: draws[3].update(shares=[1.5]),
     "a field more": lambda draws: draws[3].update(more=1),
     "no list": lambda draws: {"draws": draws},
