@@ -310,9 +310,9 @@ def run_command_line() -> None:
     except _ClickException as error:
         shown = io.StringIO()
         error.show(shown)
-        lines = shown.getvalue().replace(": Value error, ", ": ").replace("\nError: ", "\nerror: ")
+        lines = f"\n{shown.getvalue()}".replace(": Value error, ", ": ").replace("\nError: ", "\nerror: ")[1:]
         hint = _REMOVED_OPTIONS.get(getattr(error, "option_name", ""), "")
-        _say(lines, hint, Fault.USAGE if "\nerror: " in lines else None)  # a group without a command shows its help
+        _say(lines, hint, Fault.USAGE if "error: " in lines else None)  # a group without a command shows its help
         sys.exit(error.exit_code)
     except Exception as error:  # whatever ends a command: known errors by their exit codes, the rest as a bug, 1
         if "--debug" in sys.argv:

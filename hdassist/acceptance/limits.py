@@ -182,7 +182,7 @@ class LimitText:
             name, value = F_IOR.field, name
         match = LIMIT_NAME.fullmatch(name)
         if not (match and value):
-            raise UsageError(f"invalid {option} {text}: expected {_USE[option]}", _HINT)
+            raise UsageError(f"invalid {option} {text or 'without a value'}: expected {_USE[option]}", _HINT)
         return cls(name, value, *(float(number) if number else None for number in match.groups()))
 
     @property

@@ -30,7 +30,7 @@ _UNDETERMINED = 0.1  # a value whose interval the targets have narrowed by less 
 _FOUND_VALUES = quantity_table(
     "calibrate.values",
     number=short,
-    half_width=lambda half_width: short(float(f"{half_width:.2g}")),
+    two_digits=lambda half_width: short(float(f"{half_width:.2g}")),
     percent=lambda share: f"{100 * share:.0f}",
 )
 _NOTE = "fitted targets are no evidence for the model: targets that were not fitted are"

@@ -86,3 +86,12 @@ def test_a_torque_may_have_its_unit_and_is_refused_by_its_option(text, code, wor
     done = run("trace", TINY, "-q", "--torque", text)
     assert (done.returncode, done.stdout) == (code, run("trace", TINY, "-q", "--torque", "4").stdout * (code == 0))
     assert words in done.stderr
+
+
+def test_a_limit_without_its_value_ends_like_every_wrong_command_line():
+    for options in (("--limit",), ("--limit", "")):
+        done = run("check", TINY, *options)
+        assert done.returncode == 2
+        assert (
+            done.stderr.startswith("error: ") and "--limit" in done.stderr and "hdassist explain USAGE" in done.stderr
+        )
