@@ -43,7 +43,7 @@ REASONS = {
     "and the process of the cross-check is one for all three. Next: as for mount.",
     "report own.yaml again": "check searches no holes: it would take as long as mount. The report solves no state that "
     "check has solved, but its samples in all other holes, the curve of the seat and the stiffness are left (14 times "
-    "as long as the import, on a loaded machine; after mount too 1.5 times). Next: a table of each draw, from which "
+    "as long as the import, on a loaded machine; after mount too 2.1 times). Next: a table of each draw, from which "
     "all holes are read.",
     "trials own.yaml": "draws with a table of the error each at two torques; 62 % are in C, the rest numpy around few "
     "states. It was 33 times: a point of a table was solved at two torques for its slopes, of twice the points, "
