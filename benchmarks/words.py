@@ -41,8 +41,8 @@ REASONS = {
     "more contacts that change from state to state. Next: as there.",
     "report own.yaml": "mount, the parts of check that are not samples, and stiffness; its samples are those of mount, "
     "and the process of the cross-check is one for all three. Next: as for mount.",
-    "report own.yaml again": "check searches no holes: it would take as long as mount. The report solves no state that "
-    "check has solved, but its samples in all other holes, the curve of the seat and the stiffness are left (14 times "
+    "report own.yaml again": "check searches no holes: it would take as long as mount. The report takes over all that "
+    "check has kept; its samples in all other holes, the curve of the seat and the stiffness are left (14 times "
     "as long as the import, on a loaded machine; after mount too 2.1 times). Next: a table of each draw, from which "
     "all holes are read.",
     "trials own.yaml": "draws with a table of the error each at two torques; 62 % are in C, the rest numpy around few "

@@ -327,7 +327,7 @@ def states(monkeypatch):
 REPORTED = (TINY, "--set", OPEN, "--set", "operation.M_g=4", "--draws", "8")
 
 
-def test_a_report_solves_no_state_that_check_or_mount_solved_and_answers_the_same(folder, states):
+def test_a_report_goes_on_from_check_and_mount_and_answers_the_same(folder, states):
     alone = run("report", *REPORTED, "--json").stdout
     of_report = sorted(states)
     shutil.rmtree(folder)
