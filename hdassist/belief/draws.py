@@ -61,6 +61,7 @@ from hdassist.solve.walk import digits_depend_on
 
 _KEPT_SAMPLES = "samples"
 _ShareOfOne = Annotated[float, Field(strict=True, ge=0, le=1)]
+_MOST_WEIGHT = 1e100  # of a draw that is believed: squares of weights are added
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class Draw(ClosedRecord):
     figures: Mapping[str, Number] = field(default_factory=dict)
     F_ior_arcsec: tuple[Magnitude, ...] | None = None
     turned_arcsec: tuple[tuple[Magnitude, ...], ...] | None = None
-    weight: Magnitude = 0.0
+    weight: Annotated[Magnitude, Field(le=_MOST_WEIGHT)] = 0.0
     shares: tuple[_ShareOfOne, ...] = ()
     proof: Certificate = EMPTY
     follows: Mapping[str, Number] = field(default_factory=dict)

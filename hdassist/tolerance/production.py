@@ -124,16 +124,12 @@ def production_law(
     own: list[FieldPrior] = []
     for deviation in DEVIATIONS:
         high = drive.number(deviation.size)
-        if any(field.path == deviation.size for field in own):
-            pass  # another order of the same wheel's pitch
-        elif deviation.size in priors and not (deviation.size in assumed and high):
-            own.append(priors[deviation.size])
-        elif high > 0:
-            own.append(
-                TolerancedSize(deviation.size, "even", 0.0, high, "drive", deviation.size, "its tolerance", law=law)
-            )
-        else:
+        is_prior = deviation.size in priors and not (deviation.size in assumed and high)
+        if not (is_prior or high > 0):
             continue
+        if not any(field.path == deviation.size for field in own):  # orders of a wheel's pitch share their size
+            tolerance = deviation.size, "even", 0.0, high, "drive", deviation.size, "its tolerance"
+            own.append(priors[deviation.size] if is_prior else TolerancedSize(*tolerance, law=law))
         given = drive.value(deviation.direction) is not None
         if given and deviation.direction in priors:
             own.append(priors[deviation.direction])

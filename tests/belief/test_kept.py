@@ -143,6 +143,7 @@ def forged(path, change):
 FORGERIES = {
     "not a number": lambda draws: draws[3].update(F_ior_arcsec=[float("nan")]),
     "infinite": lambda draws: draws[3].update(weight=float("inf")),
+    "a weight whose square overflows": lambda draws: draws[3].update(weight=1e305),
     "negative": lambda draws: draws[3].update(F_ior_arcsec=[-1.0]),
     "a text": lambda draws: draws[3].update(F_ior_arcsec=["12"]),
     "unproven": lambda draws: draws[3]["proof"].update(complementarity=1e-3),

@@ -146,7 +146,13 @@ def test_rolling_balls_are_refused() -> None:
 def test_a_record_without_a_proof_is_refused(production: Production, records: list[RandomDrive]) -> None:
     adapter = production.kind.adapter
     assert adapter.validate_python(asdict(records[0])) == records[0]
-    for wrong in ({"F_ior_arcsec": (0.0, 1.0)}, {"max_residual": 0.9}, {"states": 1.5}, {"refused": 3}):
+    for wrong in (
+        {"F_ior_arcsec": (0.0, 1.0)},
+        {"max_residual": 0.9},
+        {"states": 1.5},
+        {"refused": 3},
+        {"weight": 1e305},
+    ):
         with pytest.raises(ValueError, match="Input should be"):
             adapter.validate_python({**asdict(records[0]), **wrong})
 
