@@ -22,8 +22,8 @@ from scipy.special import ive, logsumexp
 from hdassist.error.stiffness import stiffness
 from hdassist.errors import UntrustedError
 from hdassist.model.geometry import Array
+from hdassist.model.rules import turn_of
 from hdassist.preset.fields import Drive
-from hdassist.preset.rules import turn_of
 from hdassist.run.run import UNCHECKED
 from hdassist.solve.answers import Certificate
 from hdassist.solve.formulation import Formulation

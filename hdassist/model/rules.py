@@ -1,20 +1,28 @@
-"""Rules that the fields of a drive satisfy together: teeth that mesh, rings that fit, by the model's geometry.
+"""Rules that the fields of a drive satisfy together: of teeth, supports, torques and holes, and of the geometry.
 
-Beside each rule stand the fields that it looks at. Lengths in mm, angles in rad.
+Beside each rule of the geometry stand the fields that it looks at. Lengths of fields in mm, angles in deg, torques in
+N*m; angles of the geometry in rad.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import inspect
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import nan
 from typing import Any
 
 import numpy as np
 
 from hdassist.errors import UntrustedError
+from hdassist.files import number_of
 from hdassist.model.geometry import Geometry, flank_candidates
 from hdassist.preset.fields import Drive, field_table, sections
-from hdassist.preset.rules import Conflict, field_conflicts
 
+_LEAST_SUPPORT = 1.0  # N/mm: a part of one kilogram hangs on it by a centimetre, so it holds none in place
+_FARTHEST_MEASURED = 100.0  # times the greatest torque, of a measured F'_ior: beyond, the number is mistyped
+_LEAST_END = 1e-4  # of the rated torque, of a segment of the stiffness curve: below, there is only play
 _MAX_THICKNESS = 0.2  # of its radius: beyond that the theory of thin rings does not hold
 MAX_OVERLAP = 0.1  # modules that nominal teeth may overlap: the rings give way by some of it
 
@@ -26,6 +34,35 @@ _WARMTH = ("material.alpha_T", "operation.dT")
 _MESH_FIELDS = (*_ROOTS, *_WARMTH, "flexspline.h_1", "gears.alpha", "gears.j_n", "numerics.nominal_curve")
 _RIM_FIELDS = ("gears.m", "gears.z_g", "gears.x_g", "gears.h_f", "flexspline.h_1")
 BEARING_FIELDS = (*_RIM_FIELDS, "bearing.ring_h", "bearing.d_ball", "bearing.N")
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Fields that do not go together: path of the field to look at first, message, numbers and a hint."""
+
+    path: str
+    message: str
+    got: str = ""
+    hint: str = ""
+
+
+@dataclass(frozen=True)
+class FieldRule:
+    """A rule on fields: path of the field to look at first, message, and a hint at the remedy.
+
+    fault: of the fields that its arguments are named after, the numbers at fault, or True; empty or False where the
+    fields go together.
+    """
+
+    path: str
+    message: str
+    fault: Callable[..., str | bool]
+    hint: str = ""
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the fields that it looks at."""
+        return tuple(inspect.signature(self.fault).parameters)
 
 
 def first_conflict(drive: Drive) -> Conflict | None:
@@ -40,7 +77,7 @@ def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, 
     Arguments: values, the valid fields by their path ("gears.z_g").
     Result: each conflict with the paths of the fields that its rule has looked at.
     """
-    yield from field_conflicts(values)
+    yield from _field_conflicts(values)
     if not {*_MESH_FIELDS, "bearing.ring_h"} <= values.keys():
         return
     meshes = values["gears.z_b"] - values["gears.z_g"] == 2  # other teeth have no such rule
@@ -56,6 +93,151 @@ def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, 
     if {"bearing.d_ball", "bearing.N"} <= values.keys():
         fits = _bearing_fits(geometry, values["bearing.d_ball"], values["bearing.N"])
         yield from ((conflict, BEARING_FIELDS) for conflict in fits)
+
+
+def _field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, ...]]]:
+    """Apply the rules whose fields are all there.
+
+    Arguments: values, the valid fields by their path ("gears.z_g").
+    Result: each conflict with the paths of the fields that its rule has looked at.
+    """
+    paths = {path.rpartition(".")[2]: path for path in values}
+    for rule in FIELD_RULES:
+        if paths.keys() >= set(rule.names):
+            involved = tuple(paths[name] for name in rule.names)
+            if fault := rule.fault(*(values[path] for path in involved)):
+                yield Conflict(rule.path, rule.message, fault if isinstance(fault, str) else "", rule.hint), involved
+    greatest = max(map(abs, (values.get("operation.rated") or 0.0, *values.get("operation.M_g", ()))), default=0.0)
+    for key in values.get("measured.F_ior", ()) if "mounting.holes" in values else ():
+        if abs(number_of(key.partition("@")[2])) > _FARTHEST_MEASURED * greatest > 0:
+            words = f"measured at more than {_FARTHEST_MEASURED:g} times the drive's greatest torque, {greatest:g} N*m"
+            yield Conflict(f"measured.F_ior.{key}", words, key, "the torque is in N*m"), ()
+        if position := position_fault(key.split("@")[0], values["mounting.holes"]):
+            yield Conflict(f"measured.F_ior.{key}", position[0], key, position[1]), ()
+    for path, phase in values.items():
+        size = path.replace("harmonics.xi_", "harmonics.a_")
+        if size != path and phase is not None and values.get(size, phase) is None:
+            hint = f"give {size} in um as well; a phase alone says nothing"
+            yield Conflict(path, "a phase without an amplitude", f"{phase:g} deg", hint), (path, size)
+
+
+def _too_soft(C: float | None) -> str:
+    """A stiffness [N/mm] with which the equations are ill-conditioned."""
+    return f"{C:g} N/mm" if C and C < _LEAST_SUPPORT else ""
+
+
+def _too_small(end: float | None, rated: float | None, M_g: Sequence[float]) -> str:
+    """A torque that ends no segment of the stiffness curve, and the least that does."""
+    least = _LEAST_END * (rated or max(map(abs, M_g), default=0.0))
+    return f"{end:g} N*m; above {least:g} N*m" if end is not None and end <= least else ""
+
+
+def _listed(numbers: set[float]) -> str:
+    return ", ".join(f"{number:g}" for number in sorted(numbers))
+
+
+_SOFT = "too soft to hold anything"
+_HOLDS = f"0 where nothing holds the part, else at least {_LEAST_SUPPORT:g} N/mm"
+_SMALL = "too small to end a segment"
+FIELD_RULES = (
+    FieldRule(
+        "gears.z_b", "the rigid wheel needs more teeth than the flexspline",
+        lambda z_b, z_g: z_b <= z_g and f"z_b - z_g = {z_b - z_g}",
+    ),
+    FieldRule(
+        "gears.z_b", "only drives with two waves and z_b - z_g = 2 are supported",
+        lambda z_b, z_g: z_b > z_g and z_b != z_g + 2 and f"z_b - z_g = {z_b - z_g}; z_b: {z_g + 2}",
+    ),
+    FieldRule(
+        "flexspline.l", "the shell must be longer than the tooth ring",
+        lambda l, b_w: l <= b_w and f"l {l:g} mm, b_w {b_w:g} mm",
+    ),
+    FieldRule(
+        "bearing.ball_motion", "rolling balls need bearing.d_ball",
+        lambda ball_motion, d_ball: ball_motion == "rolling" and d_ball is None, "give d_ball in mm",
+    ),
+    FieldRule(
+        "cam.coupling", "overhung needs cam.shaft_d and cam.overhang",
+        lambda coupling, shaft_d, overhang, C_3: coupling == "overhung" and C_3 is None and None in (shaft_d, overhang),
+        "give both in mm, or supports.C_3",
+    ),
+    FieldRule(
+        "supports.C_1", "C_1, C_2 and C_3 are all 0: nothing holds the drive",
+        lambda C_1, C_2, C_3: C_1 == C_2 == C_3 == 0, "give one of them",
+    ),
+    FieldRule("supports.C_1", _SOFT, lambda C_1: _too_soft(C_1), _HOLDS),
+    FieldRule("supports.C_2", _SOFT, lambda C_2: _too_soft(C_2), _HOLDS),
+    FieldRule("supports.C_3", _SOFT, lambda C_3: _too_soft(C_3), _HOLDS),
+    FieldRule("operation.M_g", "needs at least one torque", lambda M_g: not M_g),
+    FieldRule(
+        "operation.M_g", "a torque of 0 leaves the rotation undetermined within the clearance", lambda M_g: 0 in M_g,
+        "a small torque instead, such as 1 % of the rated one",
+    ),
+    FieldRule(
+        "operation.M_g", "the same torque twice",
+        lambda M_g: _listed({torque for torque in M_g if M_g.count(torque) > 1}),
+    ),
+    FieldRule(
+        "tolerances.e_b", "the run-out of the rigid wheel is given twice",
+        lambda mark_kind, F_i2, e_b: mark_kind == "runout" and F_i2 and e_b and f"F_i2 {F_i2:g} um, e_b {e_b:g} um",
+        "with mounting.mark_kind: runout F_i2 is that run-out (twice e_b); give one of the two",
+    ),
+    FieldRule("catalogue.T_1", _SMALL, lambda T_1, rated, M_g: _too_small(T_1, rated, M_g)),
+    FieldRule("catalogue.T_2", _SMALL, lambda T_2, rated, M_g: _too_small(T_2, rated, M_g)),
+    FieldRule(
+        "catalogue.T_1", "the first segment must end below the second",
+        lambda T_1, T_2: None not in (T_1, T_2) and T_1 >= T_2 and f"T_1 {T_1:g}, T_2 {T_2:g} N*m",
+    ),
+    FieldRule("mounting.allowed", "no hole is left", lambda allowed: not allowed, "all, or a list of hole numbers"),
+    FieldRule(
+        "mounting.allowed", "a free angle (holes: 0) has no holes to choose from",
+        lambda allowed, holes: allowed and allowed != "all" and not holes, "all",
+    ),
+    FieldRule(
+        "mounting.allowed", "not a hole of the seat",
+        lambda allowed, holes: allowed != "all" and holes > 0
+        and (beyond := _listed(set(allowed) - set(range(holes)))) and f"{beyond}; its holes are 0 to {holes - 1}",
+    ),
+    FieldRule(
+        "mounting.allowed", "the same hole twice",
+        lambda allowed: allowed != "all" and len(set(allowed)) < len(allowed),
+    ),
+    FieldRule(
+        "numerics.n_2", "too few nodes for the bending modes",
+        lambda n_2, n_max: n_2 < 2 * n_max and f"n_2 {n_2}, n_max {n_max}; at least 2 n_max = {2 * n_max}",
+    ),
+)  # fmt: skip
+
+
+# --- positions at which F'_ior was measured: holes of the seat, or turns of the fixed wheel
+
+_FARTHEST_TURN = 3600.0  # deg that a wheel can be meant to be turned by
+
+
+def turn_of(where: str, holes: int) -> float:
+    """Turn [deg] of the fixed wheel to a hole of its seat ("h4"), or by an angle ("120"); NaN for any other text."""
+    number = number_of(where.removeprefix("h"))
+    turn = number * 360 / holes if where.startswith("h") and holes else number
+    return turn if where.startswith("h") or abs(turn) <= _FARTHEST_TURN else nan
+
+
+def position_fault(where: str, holes: int) -> tuple[str, str] | None:
+    """Why a position ("h4", "120") is none of a seat with so many holes, 0 for a free angle, and a hint."""
+    number = number_of(where.removeprefix("h"))
+    if where.startswith("h"):
+        if not holes:
+            return "names a hole of a seat that has none", "mounting.holes says how many"
+        return None if number in range(holes) else (f"the seat's holes are h0 to h{holes - 1}", "")
+    turned = number * holes / 360
+    if not holes or abs(turned - round(turned)) < 1e-9:
+        return None
+    return (
+        f"{number:g} deg is no hole of the seat, whose holes are {360 / holes:g} deg apart",
+        f"was hole {round(number) % holes} meant? h{round(number) % holes}",
+    )
+
+
+# --- the model's geometry
 
 
 def _teeth_reach(geometry: Geometry) -> Iterator[Conflict]:

@@ -52,10 +52,10 @@ from hdassist.files import number_of
 from hdassist.measuring.measure import Reading
 from hdassist.model.deviations import standing_offset
 from hdassist.model.geometry import Array
+from hdassist.model.rules import position_fault, turn_of
 from hdassist.mounting.decision import Decision
 from hdassist.mounting.positions import hole_of
 from hdassist.preset.fields import Drive, measures
-from hdassist.preset.rules import position_fault, turn_of
 from hdassist.preset.text import shown
 from hdassist.readers.trace import LARGEST_ERROR
 from hdassist.run.run import Run

@@ -11,9 +11,8 @@ from scipy.optimize import brentq
 from hdassist.errors import UsageError
 from hdassist.loading.load import load_text
 from hdassist.model.geometry import Geometry, flank_candidates
-from hdassist.model.rules import BEARING_FIELDS, MAX_OVERLAP, MODEL_RULES, conflicts
+from hdassist.model.rules import BEARING_FIELDS, FIELD_RULES, MAX_OVERLAP, MODEL_RULES, conflicts
 from hdassist.preset.fields import Drive, field_table
-from hdassist.preset.rules import FIELD_RULES
 
 REFERENCE = (Path(__file__).parents[1] / "validation/vzp160_reference.yaml").read_bytes()
 
