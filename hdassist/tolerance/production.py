@@ -128,8 +128,13 @@ def production_law(
         if not (is_prior or high > 0):
             continue
         if not any(field.path == deviation.size for field in own):  # orders of a wheel's pitch share their size
-            tolerance = deviation.size, "even", 0.0, high, "drive", deviation.size, "its tolerance"
-            own.append(priors[deviation.size] if is_prior else TolerancedSize(*tolerance, law=law))
+            own.append(
+                priors[deviation.size]
+                if is_prior
+                else TolerancedSize(
+                    deviation.size, "even", 0.0, high, "drive", deviation.size, "its tolerance", law=law
+                )
+            )
         given = drive.value(deviation.direction) is not None
         if given and deviation.direction in priors:
             own.append(priors[deviation.direction])
