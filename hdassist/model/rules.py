@@ -37,7 +37,7 @@ BEARING_FIELDS = (*_RIM_FIELDS, "bearing.ring_h", "bearing.d_ball", "bearing.N")
 
 
 @dataclass(frozen=True)
-class Conflict:
+class _Conflict:
     """Fields that do not go together: path of the field to look at first, message, numbers and a hint."""
 
     path: str
@@ -65,13 +65,13 @@ class FieldRule:
         return tuple(inspect.signature(self.fault).parameters)
 
 
-def first_conflict(drive: Drive) -> Conflict | None:
+def first_conflict(drive: Drive) -> _Conflict | None:
     """First conflict between the fields of a drive; None where they go together."""
     values = {path: drive.value(path) for path in field_table()}
     return next((conflict for conflict, _ in conflicts(values)), None)
 
 
-def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, ...]]]:
+def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tuple[str, ...]]]:
     """Conflicts between fields, of the rules whose fields are all there.
 
     Arguments: values, the valid fields by their path ("gears.z_g").
@@ -95,7 +95,7 @@ def conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, 
         yield from ((conflict, BEARING_FIELDS) for conflict in fits)
 
 
-def _field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tuple[str, ...]]]:
+def _field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[_Conflict, tuple[str, ...]]]:
     """Apply the rules whose fields are all there.
 
     Arguments: values, the valid fields by their path ("gears.z_g").
@@ -106,19 +106,19 @@ def _field_conflicts(values: Mapping[str, Any]) -> Iterator[tuple[Conflict, tupl
         if paths.keys() >= set(rule.names):
             involved = tuple(paths[name] for name in rule.names)
             if fault := rule.fault(*(values[path] for path in involved)):
-                yield Conflict(rule.path, rule.message, fault if isinstance(fault, str) else "", rule.hint), involved
+                yield _Conflict(rule.path, rule.message, fault if isinstance(fault, str) else "", rule.hint), involved
     greatest = max(map(abs, (values.get("operation.rated") or 0.0, *values.get("operation.M_g", ()))), default=0.0)
     for key in values.get("measured.F_ior", ()) if "mounting.holes" in values else ():
         if abs(number_of(key.partition("@")[2])) > _FARTHEST_MEASURED * greatest > 0:
             words = f"measured at more than {_FARTHEST_MEASURED:g} times the drive's greatest torque, {greatest:g} N*m"
-            yield Conflict(f"measured.F_ior.{key}", words, key, "the torque is in N*m"), ()
+            yield _Conflict(f"measured.F_ior.{key}", words, key, "the torque is in N*m"), ()
         if position := position_fault(key.split("@")[0], values["mounting.holes"]):
-            yield Conflict(f"measured.F_ior.{key}", position[0], key, position[1]), ()
+            yield _Conflict(f"measured.F_ior.{key}", position[0], key, position[1]), ()
     for path, phase in values.items():
         size = path.replace("harmonics.xi_", "harmonics.a_")
         if size != path and phase is not None and values.get(size, phase) is None:
             hint = f"give {size} in um as well; a phase alone says nothing"
-            yield Conflict(path, "a phase without an amplitude", f"{phase:g} deg", hint), (path, size)
+            yield _Conflict(path, "a phase without an amplitude", f"{phase:g} deg", hint), (path, size)
 
 
 def _too_soft(C: float | None) -> str:
@@ -240,29 +240,29 @@ def position_fault(where: str, holes: int) -> tuple[str, str] | None:
 # --- the model's geometry
 
 
-def _teeth_reach(geometry: Geometry) -> Iterator[Conflict]:
+def _teeth_reach(geometry: Geometry) -> Iterator[_Conflict]:
     """At the major axis the tips of the flexspline reach behind the tips of the rigid wheel."""
     tip, other = geometry.r_ag, geometry.r_ab
     if tip + geometry.W_0 <= other:
-        yield Conflict(
+        yield _Conflict(
             "cam.W_0", "the teeth do not reach each other at the major axis",
             f"tip of the flexspline {tip + geometry.W_0:.4g} mm, of the rigid wheel {other:.4g} mm",
             f"above {other - tip:.4g} mm with these teeth",
         )  # fmt: skip
 
 
-def _tips_come_free(geometry: Geometry) -> Iterator[Conflict]:
+def _tips_come_free(geometry: Geometry) -> Iterator[_Conflict]:
     """At the minor axis the tips pass each other."""
     tip, other = geometry.r_ag, geometry.r_ab
     if tip - geometry.W_0 >= other:
-        yield Conflict(
+        yield _Conflict(
             "cam.W_0", "the tips interfere: they do not come free at the minor axis",
             f"tip of the flexspline {tip - geometry.W_0:.4g} mm, of the rigid wheel {other:.4g} mm",
             f"above {tip - other:.4g} mm with these teeth, or lower teeth (h_a)",
         )  # fmt: skip
 
 
-def _roots_have_room(geometry: Geometry) -> Iterator[Conflict]:
+def _roots_have_room(geometry: Geometry) -> Iterator[_Conflict]:
     """At the major axis no tip runs into the root of the other wheel."""
     to_rigid, to_flexspline = geometry.r_fb - geometry.r_ag, geometry.r_ab - geometry.r_f
     for wheel, other, room, tip, root in (
@@ -270,29 +270,29 @@ def _roots_have_room(geometry: Geometry) -> Iterator[Conflict]:
         ("rigid wheel", "flexspline", to_flexspline, geometry.r_ab, geometry.r_f + geometry.W_0),
     ):
         if room < geometry.W_0:
-            yield Conflict(
+            yield _Conflict(
                 "cam.W_0", f"beyond the teeth: the {wheel} runs into the root of the {other}",
                 f"tip {tip:.4g} mm, root {root:.4g} mm", f"at most {room:.4g} mm with these teeth",
             )  # fmt: skip
 
 
-def _flanks_exist(geometry: Geometry) -> Iterator[Conflict]:
+def _flanks_exist(geometry: Geometry) -> Iterator[_Conflict]:
     """The tips lie outside the base circles, and no tooth is pointed."""
     for path, words, wheel, tip, least, most in (
         ("gears.x_g", "flexspline", geometry.flexspline, geometry.r_ag, 0.0, np.inf),
         ("gears.x_b", "rigid wheel", geometry.rigid, geometry.r_ab, -np.inf, np.pi / geometry.rigid.z),
     ):
         if tip <= wheel.base_radius:
-            yield Conflict(
+            yield _Conflict(
                 path, f"the {words} has no involute flank: its tip lies inside the base circle",
                 f"tip {tip:.4g} mm, base circle {wheel.base_radius:.4g} mm",
                 "a larger profile shift, or lower teeth",
             )  # fmt: skip
         elif not least < wheel.half_angle(np.array(tip)) < most:
-            yield Conflict(path, f"the teeth of the {words} are pointed", "", "another profile shift, or lower teeth")
+            yield _Conflict(path, f"the teeth of the {words} are pointed", "", "another profile shift, or lower teeth")
 
 
-def _teeth_mesh(geometry: Geometry) -> Iterator[Conflict]:
+def _teeth_mesh(geometry: Geometry) -> Iterator[_Conflict]:
     """Nowhere between the axes do the nominal flanks and tips of the two wheels run through each other."""
     wheels = (geometry.flexspline.base_radius, geometry.r_ag), (geometry.rigid.base_radius, geometry.r_ab)
     coarse = (_teeth_reach, _tips_come_free, _roots_have_room, _rim_is_thin)
@@ -306,30 +306,30 @@ def _teeth_mesh(geometry: Geometry) -> Iterator[Conflict]:
     overlap, most = -flanks.gap[least] - geometry.j_n, MAX_OVERLAP * geometry.flexspline.m
     if overlap > most:
         angle = abs(flanks.theta[least] - flanks.zone[least] * np.pi)
-        yield Conflict(
+        yield _Conflict(
             "cam.W_0", "the teeth interfere: they run through each other under the shape the cam gives",
             f"an overlap of {overlap * 1e3:.3g} um at {np.degrees(angle):.3g}° from the major axis",
             f"at most {most * 1e3:.3g} um; check W_0 with m, x_g, x_b and h_a",
         )  # fmt: skip
 
 
-def _rim_is_thin(geometry: Geometry) -> Iterator[Conflict]:
+def _rim_is_thin(geometry: Geometry) -> Iterator[_Conflict]:
     """The rim is a thin ring."""
     h_1, most = 2 * (geometry.r_f - geometry.r_m), _MAX_THICKNESS * geometry.r_f
     if h_1 > most:
-        yield Conflict(
+        yield _Conflict(
             "flexspline.h_1", f"too thick for a rim with a root radius of {geometry.r_f:.4g} mm",
             f"{h_1:g} mm", f"at most {most:.3g} mm",
         )  # fmt: skip
 
 
-def _bearing_fits(geometry: Geometry, d_ball: float | None, N: int) -> Iterator[Conflict]:
+def _bearing_fits(geometry: Geometry, d_ball: float | None, N: int) -> Iterator[_Conflict]:
     """Outer ring and balls have room in the bore."""
     raceway, ring_h = geometry.r_raceway, 2 * (geometry.r_ring - geometry.r_raceway)
     bore = raceway + ring_h
     if ring_h > _MAX_THICKNESS * bore:
         if bore > 0:
-            yield Conflict(
+            yield _Conflict(
                 "bearing.ring_h", f"too thick for a bore with a radius of {bore:.4g} mm",
                 f"{ring_h:g} mm", f"at most {_MAX_THICKNESS * bore:.3g} mm",
             )  # fmt: skip
@@ -339,12 +339,12 @@ def _bearing_fits(geometry: Geometry, d_ball: float | None, N: int) -> Iterator[
         hint = f"at most {room:.3g} mm for {N} balls"
         if d_ball >= raceway:
             message = f"does not fit inside the raceway with a radius of {raceway:.4g} mm"
-            yield Conflict("bearing.d_ball", message, f"{d_ball:g} mm", hint)
+            yield _Conflict("bearing.d_ball", message, f"{d_ball:g} mm", hint)
         elif d_ball > room:
-            yield Conflict("bearing.d_ball", f"no room for {N} balls in the bearing", f"{d_ball:g} mm", hint)
+            yield _Conflict("bearing.d_ball", f"no room for {N} balls in the bearing", f"{d_ball:g} mm", hint)
 
 
-MODEL_RULES: dict[Callable[[Geometry], Iterator[Conflict]], tuple[str, ...]] = {
+MODEL_RULES: dict[Callable[[Geometry], Iterator[_Conflict]], tuple[str, ...]] = {
     _teeth_reach: _TIPS,
     _tips_come_free: _TIPS,
     _roots_have_room: _ROOTS,
