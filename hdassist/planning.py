@@ -6,6 +6,7 @@ limit that pass and fail.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import hypot, isfinite, sqrt
@@ -16,14 +17,16 @@ from numpy.typing import NDArray
 from hdassist.belief.prior import prior_of
 from hdassist.belief.samples import EFFECTIVE_SAMPLES, Samples, drive_samples
 from hdassist.belief.statistics import Probability, probability_of, weighted_quantile
-from hdassist.error.cycle import limits_left
+from hdassist.error.cycle import kinematic_error, limits_left
 from hdassist.error.error_map import searchable
 from hdassist.error.waves import POINTS_A_TURN, ErrorLines, error_lines
 from hdassist.errors import UsageError
 from hdassist.files import number_of
+from hdassist.model.deviations import ToothDeviations
 from hdassist.model.geometry import Array
-from hdassist.preset.fields import Drive
-from hdassist.run.run import Run
+from hdassist.model.kinematics import Kinematics, pitch_locked_states
+from hdassist.preset.fields import DEVIATIONS, Drive
+from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import Certificate
 from hdassist.verdict import GUARD, Verdict
 
@@ -34,6 +37,9 @@ _LEAST_ARCSEC = 1e-9  # of an error: of a lesser one all is seen
 _LISTED_LINES = 12  # the largest
 _NEVER = Probability(0.0, 0.0, 0.0)  # of a test that sees all: no chance is in it
 SEEN_SHARE = 0.95  # of F'_ior, that a test sees which is enough where there is no limit
+_ROUGH_NOISE = 0.03  # of a composite deviation F'_i: greatest rms of single teeth; evenly from none, a guess
+_ROUGH_ORDERS, _ROUGH_SIZE = range(5, 13), 0.1  # around a wheel; scale of Rayleigh's law over order
+_ROUGH_WHEELS, _ROUGH_UM = 8, 50.0  # drawn of each kind; F'_i at which they are solved
 
 
 @dataclass(frozen=True)
@@ -369,6 +375,7 @@ def choose_plan(
     F_ior = np.ptp(curves, axis=1, keepdims=True)
     if samples:  # F'_ior as every page has it
         weights, proof, F_ior = samples.weights, proof + samples.certificate, samples.F_ior_arcsec[:, [place]]
+    curves += rough_curves(drive, torques[place], samples.values() if samples else [{}], curves.shape[1], run.seed)
     curves *= F_ior / np.maximum(np.ptp(curves, axis=1, keepdims=True), _LEAST_ARCSEC)
     cycle, ratio = lines.kinematics.cycle_cam_revolutions, abs(lines.kinematics.u)
     output, used = round(cycle / ratio), (travel_deg or drive.acceptance.travel) / 360
@@ -389,6 +396,41 @@ def choose_plan(
     M_g, carried = torques[place], [*own, *fewest, judged[0]][0]
     planned = drives.test_of(carried, test, ratio, M_g, drive.limit(M_g))
     return PlanChoice(drive, M_g, drives, bool(own), judged, enough, scan, seen, samples, proof, verdict, planned)
+
+
+def rough_curves(drive: Drive, M_g: float, changes: Sequence[Mapping[str, float]], points: int, seed: int = 0) -> Array:
+    """Error [arcsec] by rough teeth over the full cycle of drives, shape (drives, points).
+
+    Of wheels whose single pitch deviation counts as 0: harmonics and noise of single teeth, in proportion to their
+    composite deviation, are solved in the drive without other deviations, where the error is that of one wheel plus
+    that of the other; of some wheels, in a random position in each drive. Arguments: M_g [N*m]; changes of the drive by
+    path; points of the cycle; seed.
+    """
+    rng, kinematics = np.random.default_rng([seed, 2]), Kinematics.of(drive)
+    smooth = drive.with_values({each.size: 0.0 for each in DEVIATIONS})
+    state, part = np.divmod(np.arange(points) * kinematics.cycle_states / points, 1)
+    index, curves = state.astype(np.int64), np.zeros((len(changes), points))
+    for wheel, z, k in (("g", drive.gears.z_g, 1), ("b", drive.gears.z_b, 2)):
+        composite, pitch = (
+            np.array([change.get(path, drive.number(path)) for change in changes])
+            for path in (f"tolerances.F_i{k}", f"tolerances.f_p{k}")
+        )
+        sizes = np.where(pitch, 0.0, composite / _ROUGH_UM)
+        if not sizes.any():
+            continue
+        errors, turn = [], 2 * np.pi * np.arange(z) / z
+        for _ in range(_ROUGH_WHEELS):
+            teeth = rng.uniform(0, _ROUGH_NOISE) * rng.standard_normal(z)
+            for order in _ROUGH_ORDERS:
+                teeth += _ROUGH_SIZE * rng.rayleigh() / order / 2 * np.cos(order * turn - 2 * np.pi * rng.random())
+            states, rough = pitch_locked_states(kinematics, np.arange(z)), ToothDeviations(**{wheel: _ROUGH_UM * teeth})
+            found = kinematic_error(smooth, M_g, states=states, teeth=rough, run=UNCHECKED).error_arcsec
+            errors.append(found - found.mean())
+        for curve, size in zip(curves, sizes, strict=True):
+            error, first = errors[rng.integers(_ROUGH_WHEELS)], rng.integers(z)
+            at = (index + first) % z
+            curve += size * (error[at] * (1 - part) + error[(at + 1) % z] * part)
+    return curves
 
 
 def _lines_seen(lines: ErrorLines, drives: DrivesUnderTest, plan: ReadingPlan) -> tuple[_LineSeen, ...]:

@@ -42,8 +42,8 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
     A test reads the output at some positions, from an angle that is not known, and takes the greatest less the least
     error. It misses all that lies between, and does not see waves that come as often as there are positions. Each drive
     that this one may be, by all that is not known exactly (docs/unknown.md), is put to each test, at the first torque
-    with a limit. --approach writes the positions in the order in which they are approached; with the angles that were
-    read it is a file of measure and of accept --measured.
+    with a limit. Its teeth are rough, as real ones are (docs/plan.md). --approach writes the positions in the order in
+    which they are approached; with the angles that were read it is a file of measure and of accept --measured.
 
     A test is enough that keeps both shares of wrong verdicts, false PASS and false FAIL among all tested; without
     a limit, one that sees 95 % of F'_ior in 95 % of cases. Exit codes: 0 a test (or the one asked about) is enough, 3

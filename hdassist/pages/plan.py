@@ -9,7 +9,6 @@ from hdassist.belief.samples import ErrorBelief
 from hdassist.model.geometry import Array
 from hdassist.model.unknown import unknown_notes
 from hdassist.planning import SEEN_SHARE, PlanChoice, PlannedTest
-from hdassist.preset.fields import Drive
 from hdassist.report import (
     Curve,
     CurveMark,
@@ -106,16 +105,9 @@ def plan_report(choice: PlanChoice) -> Report:
         },
         csv=csv_table(drive.name, _PLAN_QUANTITIES, choice.judged),
         line=answer,
-        warnings=(*origin.warnings, *(() if choice.samples else unknown_notes(drive)), *_smooth_note(drive)),
+        warnings=(*origin.warnings, *(() if choice.samples else unknown_notes(drive))),
         exit_code=choice.verdict.exit_code,
     )
-
-
-def _smooth_note(drive: Drive) -> tuple[str, ...]:
-    """A warning where single teeth of a wheel are taken as exact: positions see more of smooth teeth."""
-    smooth = [name for name in ("f_p1", "f_p2") if drive.number(f"tolerances.{name}") == 0]
-    names = " and ".join(f"tolerances.{name}" for name in smooth)
-    return (f"single teeth are exact ({names} = 0): of real ones positions see less",) if smooth else ()
 
 
 def _why(choice: PlanChoice, F_ior_arcsec: tuple[float, float, float]) -> Iterator[str]:

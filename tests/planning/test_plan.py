@@ -8,7 +8,9 @@ import pytest
 from hdassist import load_preset
 from hdassist.error.cycle import kinematic_error
 from hdassist.error.waves import error_lines
-from hdassist.planning import ApproachRun, DrivesUnderTest, PlanDemands, ReadingPlan, choose_plan
+from hdassist.model.deviations import ToothDeviations
+from hdassist.planning import ApproachRun, DrivesUnderTest, PlanDemands, ReadingPlan, choose_plan, rough_curves
+from hdassist.preset.fields import DEVIATIONS
 from hdassist.run.run import UNCHECKED
 from hdassist.verdict import Verdict
 from tests.process import SMALL, TINY
@@ -151,10 +153,29 @@ def test_a_plan_of_a_joint_is_of_its_travel():
     assert plan.sees_all(joint.travel)
 
 
-def test_single_teeth_are_those_of_the_belief_and_lower_the_share():
-    smooth, rough = (choose_plan(load_preset(SMALL, [f"tolerances.f_p1={f_p}"]), draws=0).drives for f_p in (0, 10))
-    assert smooth.curves == pytest.approx(error_lines(load_preset(SMALL), 1.0, [{}]).curves)
+def test_rough_teeth_leave_the_range_and_lower_the_share():
+    drive, cycle = load_preset(SMALL, ["operation.M_g=4"]), 30 * 180
+    sizes = {"tolerances.F_i1": 40.0, "tolerances.F_i2": 25.0}
+    none, one, both = rough_curves(drive, 4.0, [dict.fromkeys(sizes, 0.0), {"tolerances.F_i1": 40.0}, sizes], cycle)
+    assert not none.any()
+    assert min(np.ptp(one), np.ptp(both)) > 0
+    twice = rough_curves(drive, 4.0, [{path: 2 * size for path, size in sizes.items()}] * 3, cycle)[2]
+    assert twice == pytest.approx(2 * rough_curves(drive, 4.0, [sizes] * 3, cycle)[2])
+    smooth = DrivesUnderTest(error_lines(drive, 4.0, [{}]).curves, np.ones(1), 1)
+    rough = choose_plan(drive, draws=0).drives
+    assert rough.F_ior_arcsec == pytest.approx(smooth.F_ior_arcsec)  # that of every page
     assert rough.judge(TEN).seen[0] < smooth.judge(TEN).seen[0]
+
+
+def test_the_errors_of_rough_wheels_add_up_in_the_solved_cycle():
+    drive = load_preset(SMALL)
+    smooth = drive.with_values({each.size: 0.0 for each in DEVIATIONS})
+    rng = np.random.default_rng(3)
+    g, b = (1.5 * rng.standard_normal(z) for z in (drive.gears.z_g, drive.gears.z_b))
+    each = [ToothDeviations(g), ToothDeviations(b=b), ToothDeviations(g, b)]
+    of_g, of_b, of_both = (kinematic_error(smooth, 4.0, teeth=teeth, run=UNCHECKED).error_arcsec for teeth in each)
+    assert of_g[: drive.gears.z_g] == pytest.approx(of_g[drive.gears.z_g : 2 * drive.gears.z_g], abs=1e-6)
+    assert np.std(of_both - of_g - of_b) < 0.25 * np.std(of_both)
 
 
 def test_a_reading_that_passes_is_of_a_good_drive():
