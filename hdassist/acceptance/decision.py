@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import hypot
+from math import hypot, isfinite
 from typing import Literal, cast
 
 import numpy as np
@@ -32,6 +32,7 @@ from hdassist.error.stiffness import Stiffness, stiffness
 from hdassist.error.table import TABLE_SECTIONS
 from hdassist.error.waves import EstimatedCycle, estimated_cycle, turn_range_arcsec
 from hdassist.errors import UsageError
+from hdassist.files import number_of
 from hdassist.measuring.bench import SeenRange
 from hdassist.measuring.fit import COVERAGE_FACTOR
 from hdassist.measuring.measure import SweepResult
@@ -295,7 +296,7 @@ class AcceptedValue(ClosedRecord):
         Raises UsageError: it is none, has no uncertainty, or is below zero.
         """
         if not is_spread(given.text):
-            hint = f"like {given.text}±1.2: expanded, k = 2; ±0 for none"
+            hint = f"like {given.text if isfinite(number_of(given.text)) else 28.1}±1.2: expanded, k = 2; ±0 for none"
             raise UsageError(f"--value {given}: without its uncertainty", hint)
         try:
             value, expanded = read_spread(given.text, limit.check.unit)

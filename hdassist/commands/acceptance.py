@@ -110,7 +110,8 @@ class PlanCommand(o.PlotOptions, o.SamplingOptions, o.LimitedDriveOptions):
                 report_html(sheet) if is_page else blocks_text(sheet.head, sheet.blocks, ascii=self.ascii),
                 self.force,
             )
-        report = plan_report(choice)
+        record = self.approach if self.approach and self.approach != "-" else "record.csv"
+        report = plan_report(choice, record)
         return replace(report, head="") if "-" in paths else report
 
 

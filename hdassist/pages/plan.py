@@ -45,8 +45,8 @@ _TEST_QUANTITIES = quantity_table("plan.run")
 _LISTED_READINGS = 96  # on a sheet: of more the file has the list
 
 
-def plan_report(choice: PlanChoice) -> Report:
-    """Which test of F'_ior of a drive is enough, and how much the first of the plans sees."""
+def plan_report(choice: PlanChoice, record: str) -> Report:
+    """Which test of F'_ior of a drive is enough, how much the first of the plans sees, and what reads its record."""
     drive, drives, first = choice.drive, choice.drives, choice.judged[0].plan
     limit, F_ior = drive.limit(choice.M_g), drives.percentiles(drives.F_ior_arcsec)
     if choice.samples and not drives.travel:  # the range that every page has
@@ -68,7 +68,7 @@ def plan_report(choice: PlanChoice) -> Report:
         ("takes", _takes(choice.test) if choice.asked or limit else ""),
         ("verdict", _verdicts(choice.test)),
         ("open", more_draws(choice.samples) if choice.samples and is_open else ""),
-        ("next", shlex.join(["hdassist", "measure", "record.csv", "--drive", preset_argument(drive)])),
+        ("next", shlex.join(["hdassist", "measure", record, "--drive", preset_argument(drive)])),
     )
     return Report(
         command="plan",

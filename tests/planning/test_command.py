@@ -153,6 +153,8 @@ def test_a_test_is_carried_out_and_decides(tmp_path):
     files = ("--approach", "run.csv", "--sheet", "run.txt", "--serial", "17-1")
     page = run("plan", SMALL, "--draws", "0", "--limit", "40", *options, *files, "--json", cwd=tmp_path)
     carried = json.loads(page.stdout)["carried_out"]
+    page = run("plan", SMALL, "--draws", "0", "--limit", "40", *options, *files, "--force", cwd=tmp_path)
+    assert "measure run.csv --drive" in page.stdout
     assert carried["readings"] == 2 * 2 * 29
     rows = [line for line in (tmp_path / "run.csv").read_text("utf-8").splitlines() if line.endswith(",")]
     minute, target, side = np.array([[float(cell) for cell in row.split(",")[:3]] for row in rows]).T
