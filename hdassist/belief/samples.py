@@ -51,12 +51,14 @@ class SamplingEffort:
     """Limits of sampling: effective samples at least, draws for a purpose and in all at most, and draws at a time.
 
     Draws for a purpose are those that are made for no more than to settle it, once so many samples are effective.
+    least: effective samples that an answer takes once all draws are made; None: as many as at least.
     """
 
     effective: int = EFFECTIVE_SAMPLES
     settling_draws: int = 1024
     most_draws: int = 2048
     batch: int = 16
+    least: int | None = None
 
     @classmethod
     def of(cls, effective: int) -> SamplingEffort:
@@ -195,7 +197,7 @@ def draw_samples(
                 seen(samples)
             if samples.stages and (len(draws) >= effort.settling_draws or enough(samples)):
                 break
-        if not samples.stages:
+        if not samples.stages and samples.effective < (effort.least or effort.effective):
             raise _too_few(samples, draws, evidence, effort.effective)
         _require_shown(sampling, draws)
         return samples

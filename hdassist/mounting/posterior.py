@@ -149,6 +149,7 @@ _POSTERIOR_DRAWS = 2048
 _FAR_LIKELIER = 100.0  # times as probable: a torque is taken for that at which values were measured
 SAMPLES_A_TABLE = 2  # effective samples of a belief for which one system has a table
 _DRAWS_A_TABLE = 64  # draws of systems at most for each table that is wanted
+_FEWEST_TABLES = 8  # with which a hole is named, where all draws leave no more
 _COMPARED = 16  # drives with a table of one system, to see its error
 _FREE_SHARE = 0.5  # probability before any value that no drive of the preset shows them
 _FREE_CURVES, _FREE_ORDERS = 256, 4  # curves of no drive, and times that their waves go around the seat
@@ -190,7 +191,8 @@ class HoleSamples:
 
     F_ior_by_torque [arcsec] by M_g [N*m], and weight, which sums to 1, of shape (samples, directions) each;
     read_error, relative standard deviation of it; values of the offset that stands with the wheel by field,
-    shape (samples, directions), NaN of curves that no drive made; seed.
+    shape (samples, directions), NaN of curves that no drive made; seed; few: how many systems agree with the preset's
+    evidence, in words, where they are fewer than wanted.
     """
 
     drive: Drive
@@ -201,6 +203,7 @@ class HoleSamples:
     read_error: float
     seed: int = 0
     certificate: Certificate = EMPTY
+    few: str = ""
 
     @property
     def F_ior_arcsec(self) -> Array:
@@ -400,8 +403,10 @@ def hole_samples(
     every = tuple(dict.fromkeys((setup.M_g, *setup.others, *torques)))
     samples = draw_samples(
         systems, (), evidence=tuple(each for each in evidence_of(drive) if not each.M_g),
-        effort=SamplingEffort(count, count, _DRAWS_A_TABLE * count, min(16, count)), run=run,
+        effort=SamplingEffort(count, count, _DRAWS_A_TABLE * count, min(16, count), min(_FEWEST_TABLES, count)),
+        run=run,
     )  # fmt: skip
+    few = "" if samples.stages else f"{samples.effective:.3g} of {samples.draws} draws agree, {count} are wanted"
     weights, tables = list[float](), list[TabledErrors]()
     solve = partial(_tabled, prior, every, table, run.seed)
     found = run.map(solve, range(len(samples.weights)), samples.values())
@@ -425,7 +430,7 @@ def hole_samples(
     proof = sum((each.certificate for each in tables), samples.certificate)
     return HoleSamples(
         drive, setup, dict(zip(every, F_ior, strict=True)), weight / weight.sum(), values,
-        float(log_missed.std(axis=1).max()), samples.seed, proof,
+        float(log_missed.std(axis=1).max()), samples.seed, proof, few,
     )  # fmt: skip
 
 

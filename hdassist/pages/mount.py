@@ -122,6 +122,8 @@ def _warnings_of_values(advice: Advice) -> Iterator[str]:
     """Oddities of measured values."""
     if not (after := advice.after):
         return
+    if after.samples.few:
+        yield f"{after.samples.few}: how sure the hole is, is rough; check measured figures, then assumed ranges"
     if M_g := advice.likelier_torque:
         stated = f"{advice.torques_of_values[0]:g} N·m"
         yield f"the values fit {M_g:g} N·m far better than {stated}: measured at it? (--trial-torque {M_g:g})"

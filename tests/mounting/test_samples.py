@@ -1,5 +1,7 @@
 """Samples before any measured value: what is drawn of a drive, and how it turns with its wheel."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -8,8 +10,10 @@ from hdassist.belief.evidence import stiffness_figures
 from hdassist.belief.proposals import TableEffort
 from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UntrustedError, UsageError
+from hdassist.mounting.advice import advise_after
 from hdassist.mounting.positions import rotated, usable_positions
 from hdassist.mounting.posterior import HoleSamples, Trial, hole_samples, open_prior, posterior_of
+from hdassist.pages.mount import mount_warnings
 from hdassist.preset.fields import Drive
 from tests.mounting.drives import COARSE, COARSE_MESH, FEW, M_G, POSITIONS, SETUP, direction_of, learnt, shown, told
 from tests.process import ASSUMED, SMALL
@@ -50,6 +54,18 @@ def test_stiffnesses_and_clearances_are_drawn_as_check_draws_them_and_by_its_evi
         UntrustedError, match=r"of 192 draws are effective, 3 are needed: catalogue\.K_2 = .* contradicts"
     ):
         hole_samples(changed(drive, catalogue__K_2=1e3 * figures["K_2"]), (), SETUP, **effort)
+
+
+def test_a_hole_is_named_also_where_few_draws_agree_with_the_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten of 16 draws agree, 16 are wanted: a hole all the same, and a warning; at eight wanted none is due."""
+    drive = load_preset(SMALL, ["operation.M_g=4", "tolerances.e_hh=0", ASSUMED])
+    agreeing = changed(drive, catalogue__K_2=1.37 * stiffness_figures(drive)[0]["K_2"])
+    monkeypatch.setattr("hdassist.mounting.posterior._DRAWS_A_TABLE", 1)
+    few = hole_samples(agreeing, (), SETUP, draws=32, table=TableEffort(8, COARSE_MESH))
+    assert re.fullmatch(r"[\d.]+ of 16 draws agree, 16 are wanted", few.few)
+    advice = advise_after(agreeing, [Trial(0.0, 73.0), Trial(120.0, 18.0)], SETUP, samples=few)
+    assert any("how sure the hole is, is rough" in warning for warning in mount_warnings(advice))
+    assert hole_samples(drive, (), SETUP, draws=16, table=TableEffort(8, COARSE_MESH)).few == ""
 
 
 def test_what_the_preset_knows_of_the_offset_counts() -> None:
