@@ -427,14 +427,18 @@ def _residual_memory(design: _TraceDesign, residual: Array, variance: float) -> 
         return 1.0, 0.0
     padded = np.fft.rfft(residual, 2 * size)
     products = np.fft.irfft(np.abs(padded) ** 2)[: min(_LAGS, size // 4)] / size
-    rho = products / products[0] + columns / size  # the fit takes as much of the noise's own likeness away
+    # the fit takes white noise away at its own orders alone: what is left of it is alike as much less from step to step
+    waves = 2 * len(design.orders) * (1 + design.slow.order_changes)
+    turned = 2 * np.pi * float(np.median(np.abs(np.diff(bins.turns)))) * np.arange(len(products))
+    taken = (waves * np.cos(turned[:, None] * design.orders).mean(axis=1) + columns - waves) / size
+    rho = products / products[0] * (1 - columns / size) + taken
     below = np.flatnonzero(rho[1:] < 2 / np.sqrt(size))
     last = int(below[0]) if len(below) else len(rho) - 1
     correlated = 1 + 2 * float(rho[1 : last + 1].sum())
     near = (np.diff(bins.turns) < _NEIGHBOURS / bins.per_turn) & (np.diff(bins.sweep) == 0)
     if near.sum() < size / 5:
         return correlated, 0.0
-    following = float((residual[1:] * residual[:-1])[near].mean()) + variance * columns / size
+    following = float((residual[1:] * residual[:-1])[near].mean()) + variance * float(taken[1])
     clear = following > 2 * variance / np.sqrt(near.sum())
     return correlated, float(np.sqrt(following)) if clear else 0.0
 
