@@ -351,12 +351,12 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
 def resolution_source(trace: MeasuredTrace, scatter: float) -> UncertaintySource:
     """Source of the step of a trace's readings; scatter of single readings [arcsec].
 
-    A step below twice the scatter is dithered, but for counts of the cam at even angles, as noise of the output does
+    Counts at uneven angles are dithered, and a step below twice the scatter, but for counts of the cam at even angles, as noise of the output does
     not move them. In time with the turns the fit follows the rounding, and both extremes of a range may err together:
     hence 2; else by themselves: hence sqrt(2).
     """
     unit = trace.step_arcsec / sqrt(12)
-    if trace.step_arcsec / 2 < scatter:
+    if trace.dithered or trace.step_arcsec / 2 < scatter:
         if trace.in_time and trace.cam_step_arcsec:
             return UncertaintySource("resolution", 2 * trace.cam_step_arcsec / sqrt(12), "cam counts at even angles")
         return UncertaintySource("resolution", 0.0, "no step seen above the noise")

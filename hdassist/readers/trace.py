@@ -242,7 +242,8 @@ class MeasuredTrace:
     cam_deg, error_arcsec, line: shape (rows,), angle of the cam without wraps, error, line of the file. step_arcsec:
     resolution of the readings, 0 where no step is found; in_time: whether its rounding repeats with the turns of the
     cam, as with readings at even angles; cam_step_arcsec: part of it by counts of the cam, which no noise of the output
-    evens out then. sweeps: moves in one direction each. sha256: of the file. angle_of: shaft of
+    evens out then; dithered: whether they are counts at angles uneven by more than one, whose rounding is noise that
+    a fit has in its residuals. sweeps: moves in one direction each. sha256: of the file. angle_of: shaft of
     the recorded angles; those of the output were multiplied by the ratio. sense: of two encoders, 1 where both count
     up, -1 where one counts down, 0 for a column of errors. notes: conversions, assumptions and rows left out.
     robust: whether readings far off all others are left out. breaks: lines at which the level of the error steps.
@@ -265,6 +266,7 @@ class MeasuredTrace:
     time_s: Array | None = None
     load: Array | None = None
     cam_step_arcsec: float = 0.0
+    dithered: bool = False
     breaks: tuple[int, ...] = ()
 
     @property
@@ -348,7 +350,7 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         output, time_s, torque = (None if each is None else each[kept] for each in (output, time_s, torque))
     if not np.ptp(readings):
         raise table.fault("a constant column", "check the column of the error", 0, other.index)
-    error, sense, in_time, by_cam = readings * other.size, 0, False, 0.0
+    error, sense, in_time, by_cam, dithered = readings * other.size, 0, False, 0.0, False
     step = _step(readings) * abs(other.size)
     if output is not None:
         error, sense = _second(table, other.index, output, cam, per_turn)
@@ -356,9 +358,10 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
             step = _step_in_time(cam, output, per_turn)
             in_time = step > 0
         if first.in_counts or other.in_counts:
-            by_cam = abs(first.size) / per_turn * first.in_counts
-            step = max(step, hypot(by_cam, other.size * other.in_counts))
-            in_time = in_time or _is_even(cam, _COUNTS_APART * abs(first.size) / _ARCSEC_PER_DEG)
+            by_cam, by_output = abs(first.size) / per_turn * first.in_counts, abs(other.size) * other.in_counts
+            in_time = in_time or _is_even(cam, max(_COUNTS_APART * by_cam, by_output) * per_turn / _ARCSEC_PER_DEG)
+            dithered = not (step or in_time)
+            step = max(step, hypot(by_cam, by_output))
     try:
         moves = sweeps(cam)
     except AngleError as wrong:
@@ -383,7 +386,7 @@ def trace_of(table: NumberTable, form: TraceForm, ratio: float | None = None) ->
         table.notes.append(f"left out, turning points and short moves: {left} of {len(cam)} rows")
     return MeasuredTrace(
         table.file, table.sha256, cam, error, table.lines, step, tuple(moves), tuple(table.notes),
-        first.shaft or "cam", sense, in_time, form.robust, time_s, torque, by_cam,
+        first.shaft or "cam", sense, in_time, form.robust, time_s, torque, by_cam, dithered,
     )  # fmt: skip
 
 
