@@ -351,9 +351,9 @@ def parse_stated(texts: Sequence[str]) -> dict[str, float]:
 def resolution_source(trace: MeasuredTrace, scatter: float) -> UncertaintySource:
     """Source of the step of a trace's readings; scatter of single readings [arcsec].
 
-    Counts at uneven angles are dithered, and a step below twice the scatter, but for counts of the cam at even angles, as noise of the output does
-    not move them. In time with the turns the fit follows the rounding, and both extremes of a range may err together:
-    hence 2; else by themselves: hence sqrt(2).
+    Counts at uneven angles are dithered, and a step below twice the scatter, but for counts of the cam at even angles,
+    as noise of the output does not move them. In time with the turns the fit follows the rounding, and both extremes of
+    a range may err together: hence 2; else by themselves: hence sqrt(2).
     """
     unit = trace.step_arcsec / sqrt(12)
     if trace.dithered or trace.step_arcsec / 2 < scatter:

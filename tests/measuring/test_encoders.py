@@ -59,6 +59,18 @@ def test_a_missing_row_is_no_step():
     assert measure(trace, ratio=100).F_ior_arcsec == pytest.approx(30, abs=0.2)
 
 
+@pytest.mark.parametrize(("uneven", "least"), [(0.0, 1.5), (0.4, 0.0)])
+def test_counts_at_uneven_angles_are_noise_and_no_source_beside_it(uneven: float, least: float):
+    turns = (np.arange(1800) + np.random.default_rng(0).uniform(0, uneven, 1800)) / 60
+    output = turns / 30 + 10 * np.cos(4 * np.pi * turns) / 1296000
+    columns = [np.round(turns * 16384) % 16384, np.round(output * 4194304) % 4194304]
+    form = TraceForm(angle="enc1", second="enc2", angle_unit="14bit,22bit")
+    (found,) = measure(read_trace(text(columns, "enc1,enc2", digits=0).encode(), form, 30), ratio=30).directions
+    assert next(s for s in found.sources if s.name == "resolution").arcsec >= least
+    assert found.uncertainty_arcsec < 0.6 or uneven == 0
+    assert abs(found.range.value - 20) <= 2 * found.uncertainty_arcsec
+
+
 def test_steps_that_may_be_the_error_are_refused():
     with pytest.raises(UntrustedError, match="steps of 20″ at even angles"):
         by_two_encoders(20.0, encoders.CAM)

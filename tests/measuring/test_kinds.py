@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 
+import numpy as np
 import pytest
 
 from benchmarks.kinds import KINDS, Rig, counted
+from hdassist.measuring.fit import bins_of, fit_orders
+from hdassist.measuring.orders import DEFAULT_ORDERS, order_grid
+from tests.rigs import recorded
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -15,3 +19,11 @@ def test_a_record_of_each_kind_is_held_and_gives_no_wrong_verdict(kind: str):
     assert count["F'_ior"] == 2
     assert count["F'_ior held"] >= 1
     assert not count["false PASS"] + count["false FAIL"] + count["refused"]
+
+
+def test_white_noise_of_few_rows_a_turn_is_no_error_beyond_the_orders():
+    turns, orders = np.arange(1800) / 60, order_grid(DEFAULT_ORDERS, 30.0, 30.0)
+    noise = np.random.default_rng(0).standard_normal((16, 1800))
+    fits = [fit_orders(bins_of(recorded(turns, each), 12), orders) for each in noise]
+    assert sum(fit.unmodelled > 0 for fit in fits) <= 2
+    assert max(fit.correlated for fit in fits) < 1.5
