@@ -62,14 +62,15 @@ def seat_holes(drive: Drive) -> tuple[Hole, ...]:
 
 
 def seat_of(advice: Advice, say: Texts, goal: Position | None, pointers: Sequence[SeatMark] = ()) -> Seat:
-    """The seat of a drive with the position now, the worst one, and the one to go to.
+    """The seat of a drive with the position now, and, unless all are equal, the worst one and the one to go to.
 
     Arguments: say, the texts of the reader's language; goal, where the wheel goes, None where it stays;
     pointers, directions of the mark and the cam.
     """
     mounting = advice.drive.mounting
     first, barred = mounting.first_hole, say("seat.letter_barred")
-    named = {"now": advice.current, "best": goal, "worst": advice.ranked[-1]}
+    differ = advice.word != "ANY_HOLE"
+    named = {"now": advice.current, "best": goal if differ else None, "worst": advice.ranked[-1] if differ else None}
     places = [
         SeatMark(kind, first + p.rotation_deg, say(f"seat.letter_{kind}"), say(f"seat.{kind}"))
         for kind, p in named.items()

@@ -297,7 +297,9 @@ def _more_facts(advice: Advice) -> Iterator[Fact]:
 def _positions_table(advice: Advice, places: Sequence[int], title: str = "") -> Table:
     """Some holes, by their places: F'_ior, median and range over samples, and how good each is."""
     found, rows = advice.decision, []
-    names = {found.ranked[-1]: "worst", found.stay: _standing(advice), found.best: "best"}
+    names = {found.stay: _standing(advice)}
+    if advice.word != "ANY_HOLE":
+        names = {found.ranked[-1]: "worst", **names, found.best: "best"}
     sampled = found.is_sampled
     for place in places:
         action = found.action(place)

@@ -64,7 +64,8 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
     k, values = Kinematics.of(drive), origin_counts(drive)
     error = [F_ior_table(sheet.check), steps_table(sheet.check), next(error_tables(sheet.check))]
     figures = [block for block in (*check.blocks, *check.details) if isinstance(block, Curve)]
-    facts, *more = (block for block in (*mount.blocks, *mount.details) if isinstance(block, Facts))
+    facts = [*check_facts(sheet.check)]
+    mounting = [row for block in (*mount.blocks, *mount.details) if isinstance(block, Facts) for row in block.rows]
     *_, holes = (block for block in mount.details if isinstance(block, Table))
     positions = [block for block in (*mount.blocks, *mount.details) if isinstance(block, Figure)]
     first = next(block for block in check.blocks if isinstance(block, Facts))
@@ -77,8 +78,10 @@ def drive_report(sheet: DriveSheet, *, draws: int, seed: int) -> Report:
         why=(*check.why, *mount.why, *reasons),
         blocks=(
             Tiles(tuple(_tiles(sheet, values))),
-            ReportSection("Kinematic error", (*figures, *error, Facts.of(check_facts(sheet.check)))),
-            ReportSection("Mounting the fixed wheel", (*positions, holes, facts, *more)),
+            ReportSection("Kinematic error", (*figures, *error, Facts.of(facts))),
+            ReportSection(
+                "Mounting the fixed wheel", (*positions, holes, Facts.of(row for row in mounting if row not in facts))
+            ),
             ReportSection("Torsional stiffness", tuple(_without_next(stiff.blocks))),
             ReportSection(
                 "Inputs and provenance",
@@ -123,9 +126,10 @@ def _basis(sheet: DriveSheet, values: Mapping[str, int]) -> Iterator[Block]:
     drive, check = sheet.drive, sheet.check
     given, drawn = {row.path: row for row in resolved_fields(drive)}, check.prior.fields if check.prior else ()
     ranges = {each.path: f"{four_digits(each.low)} to {four_digits(each.high)}" for each in drawn}
+    groups = {each.group: each.path for each in reversed(drawn)}  # a size, or the direction of one that is known
     rows = tuple(
         (named(row.path), f"{100 * share:.0f}", value_text(row.value), ranges[row.path], row.unit, row.ref)
-        for row, share in ((given[each.group], each.share) for each in check.influences)
+        for row, share in ((given[groups[each.group]], each.share) for each in check.influences)
     )
     title = f"inputs by their share of the spread of F'_ior at {check.points[check.least_sure].M_g:g} N·m"
     yield Table(title, _INPUT_HEADS, rows)
@@ -218,13 +222,22 @@ def _environment(finalize: Callable[[Any], Any], style: Style, *, autoescape: bo
         text = visible(in_characters(figure, plain))
         return text if autoescape else Markup(text.replace("```", "'''"))
 
-    found.filters.update(drawn=drawn, kind=lambda block: type(block).__name__)
+    found.filters.update(drawn=drawn, unbroken=_unbroken, kind=lambda block: type(block).__name__)
     found.tests["figure"] = lambda block: isinstance(block, Figure)
     found.globals.update(
         BLANK=BLANK, CENTRE=CENTRE, HOLE_CIRCLE=HOLE_CIRCLE, CHART_BOX=_CHART_BOX, ENVELOPE_COLUMNS=ENVELOPE_COLUMNS,
         ChartAxes=_ChartAxes, at=at, outline=outline, tone_of=tone_of,
     )  # fmt: skip
     return found
+
+
+def _unbroken(text: str) -> str:
+    """A text for HTML: an arrow as its sign, and no line ends within a range or before a unit."""
+    return re.sub(
+        r"\([-+.\d]+-[-+.\d]+\)|[-+.\d]+ to [-+.\d]+|\d (?:N·m|µm|mm|%)",
+        lambda found: found[0].replace("-", "\N{NON-BREAKING HYPHEN}").replace(" ", "\N{NO-BREAK SPACE}"),
+        text.replace(" -> ", " → "),
+    )
 
 
 def _html_safe(value: Any) -> Any:
