@@ -50,10 +50,9 @@ def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False, c
     """What check's rule says of a hidden drive, by its number, with at most so many times as many draws."""
     from hdassist.belief.evidence import evidence_of
     from hdassist.belief.prior import prior_of
-    from hdassist.belief.samples import SamplingEffort, draw_samples, limits_settled
+    from hdassist.belief.samples import FEWEST_SAMPLES, SamplingEffort, draw_samples, limits_settled
     from hdassist.errors import HdassistError
     from hdassist.run.run import Run
-    from hdassist.verdict import verdict_by_probability
 
     rng = np.random.default_rng([seed, number])
     try:
@@ -61,12 +60,11 @@ def judged(number: int, draws: int, most: int, seed: int, stiff: bool = False, c
         limit = F_ior * np.exp(LIMITS * rng.standard_normal())
         samples = draw_samples(
             prior_of(preset), [M_g], evidence=evidence_of(preset), enough=partial(limits_settled, [limit]),
-            effort=SamplingEffort(draws, most * draws, 32 * draws), run=Run(seed=number),
+            effort=SamplingEffort(draws, most * draws, 32 * draws, least=FEWEST_SAMPLES), run=Run(seed=number),
         )  # fmt: skip
     except HdassistError as error:
         return Judged(refused=error.message)
-    found = samples.probability_within(limit, 0)
-    verdict = verdict_by_probability(found.value).value
+    verdict = samples.probability_within(limit, 0).verdict().value
     p5, p95 = (samples.percentile(share, 0) for share in (0.05, 0.95))
     return Judged(F_ior, limit, p5, p95, verdict, samples.effective)
 

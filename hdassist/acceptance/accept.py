@@ -75,7 +75,7 @@ def accept(
         else:
             continue
         decisions.append(_decisive([decide(limit, value, rule, request.sure) for value in values]))
-    left_out = [] if predictions else left
+    left_out, samples = [] if predictions else left, predictions.samples if predictions else None
     remarks = [*_of_traces(inputs, decisions), *_of_decisions(inputs, decisions, left_out, predictions)]
     verdict = worst(decision.verdict for decision in decisions)
     traces = [
@@ -105,7 +105,7 @@ def accept(
         "version": __version__,
         "preset": PresetRecord(drive.name, drive.origin.sha256, drive.origin.overrides),
         "exit_code": verdict.exit_code,
-        "warnings": drive.origin.warnings,
+        "warnings": (*drive.origin.warnings, *(samples.remarks if samples else ())),
         "serial": request.serial,
         "seed": request.seed,
         "request": request,

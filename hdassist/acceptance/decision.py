@@ -47,7 +47,7 @@ from hdassist.run.kept import ClosedRecord
 from hdassist.run.run import UNCHECKED, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.through_cvxpy import CrossCheck
-from hdassist.verdict import GUARD, SURE, Verdict, percent_text, verdict_by_probability
+from hdassist.verdict import GUARD, SURE, Verdict
 
 OF_TRAVEL = "predicted over the full cycle: less may come in acceptance.travel, which a record shows"
 _Basis = Literal["measured", "stated", "predicted"]
@@ -105,7 +105,7 @@ PREDICTED: dict[str, Callable[[_PredictedQuantities, float, float], float]] = {
 class Belief(ClosedRecord):
     """A value over all that is not known exactly, in its unit: percentiles, and the probability of keeping its limit.
 
-    probability_low, probability_high: its Monte Carlo interval.
+    probability_low, probability_high: its Monte Carlo interval; few: it is of fewer samples than an answer takes.
     """
 
     p5: float
@@ -114,6 +114,12 @@ class Belief(ClosedRecord):
     probability: float
     probability_low: float
     probability_high: float
+    few: bool = False
+
+    @property
+    def kept(self) -> Probability:
+        """Probability of keeping the limit, with its interval."""
+        return Probability(self.probability, self.probability_low, self.probability_high, few=self.few)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,7 +172,7 @@ class Predictions(DesignCheck):
         first = self.samples.of_ranges
         p5, p50, p95 = (weighted_quantile(values(first), first.weights, share) for share in (0.05, 0.5, 0.95))
         kept = self.samples.probability(lambda samples: limit.room(values(samples)) >= 0, self.sure)
-        return Belief(p5, p50, p95, kept.value, kept.low, kept.high)
+        return Belief(p5, p50, p95, kept.value, kept.low, kept.high, kept.few)
 
 
 def quantities(
@@ -225,8 +231,7 @@ def predict(
 
     def enough(samples: Samples) -> bool:
         beliefs = map(predictions.with_samples(samples).belief, open_)
-        kept = [Probability(b.probability, b.probability_low, b.probability_high) for b in beliefs if b]
-        return all(probability.is_stable(sure) for probability in kept)
+        return all(belief.kept.is_stable(sure) for belief in beliefs if belief)
 
     figured = tuple(limit for limit in open_ if limit.check is not F_IOR)
     samples = draw_samples(
@@ -383,12 +388,11 @@ def _verdict(known: AcceptedValue, room: float | None, guard: float, rule: Rule,
     if room is None:
         return Verdict.INCONCLUSIVE, "neither the record nor a given value (--value) tells it"
     if belief := known.belief:
-        verdict = verdict_by_probability(belief.probability, sure)
+        verdict = belief.kept.verdict(sure)
         if verdict is Verdict.FAIL and known.extent == "at most":
             return Verdict.INCONCLUSIVE, OF_TRAVEL
         open_ = verdict is Verdict.INCONCLUSIVE
-        kept = percent_text(belief.probability, belief.probability_low, belief.probability_high, sure)
-        return verdict, f"kept with a probability of {kept}" * open_
+        return verdict, f"kept with a probability of {belief.kept.text(sure)}" * open_
     if known.extent == "not known":
         return Verdict.INCONCLUSIVE, "what is not known exactly was not drawn"
     if known.extent == "part":

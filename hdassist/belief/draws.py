@@ -4,7 +4,10 @@ Stiffness needs some ten states, so a draw that agrees badly with evidence of st
 only, with a probability p by which its weight is divided: the sum of weights stays right on average. Of a draw from a
 density q over the prior's, with the likelihood L of all evidence and L_K of stiffness alone,
 
-(1)  weight = L / (q p),  p = min(1, L_K / (KEPT_LIKELIHOOD q))
+(1)  weight = L / (q p),  p = min(1, L_K / (k q))
+
+k is KEPT_LIKELIHOOD; where no first draw agrees as well, the likelihood of that which agrees best: else nearly all
+would be left out, alike bad as they are.
 
 Kept draws are found by all that they depend on: values of the drive and ranges of its prior, torques, turns, evidence,
 seed, the source of the code that computes them and the machine's instructions, on which the last digits depend. A file
@@ -20,7 +23,7 @@ from contextlib import suppress
 from dataclasses import astuple, dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, TypeAdapter
@@ -42,7 +45,13 @@ from hdassist.belief.evidence import (
     values_of_errors,
 )
 from hdassist.belief.prior import RIGID_SHIFT, DrivePrior
-from hdassist.belief.proposals import PILOT_DRAWS, DeviationProposal, open_deviations, proposed_draws
+from hdassist.belief.proposals import (
+    PILOT_DRAWS,
+    DeviationProposal,
+    open_deviations,
+    proposed_draws,
+    stiffness_log_likelihoods,
+)
 from hdassist.error.cycle import WITHOUT_EFFECT
 from hdassist.error.error_map import Batch, ErrorMap, error_maps
 from hdassist.error.extremes import DRAWN_GRIDS, many_extremes
@@ -101,7 +110,8 @@ _DRAWS = TypeAdapter(list[Draw])
 FiguresOf = Callable[[Drive], tuple[Mapping[str, float], Certificate]]  # of a drive by name, with the proof of them
 UnderWay = dict[int, Future[list[Draw]]]  # draws by their number
 _FEW_PROCESSES = 4  # that wait so little at the end of a batch that no draw is begun which may not be needed
-KEPT_LIKELIHOOD = 0.2  # of the best one: a draw below it goes on with a probability of its likelihood over this
+KEPT_LIKELIHOOD = 0.2  # of a perfect one: a draw below it goes on with a probability of its likelihood over this
+_LEAST_KEPT_LIKELIHOOD = 0.01  # where no draw agrees better: one that agrees less is no drive of this evidence
 _SHOWN_DIGITS = 6  # of an arcsec: the last ones hang on how many positions are computed at once
 
 
@@ -187,19 +197,23 @@ class Sampling:
         """
         pilot = [each.figures for each in draws[:: self.alike][:PILOT_DRAWS]]
         fresh = first // self.alike, -(-last // self.alike)
+        best = stiffness_log_likelihoods(self.evidence, pilot if len(pilot) == PILOT_DRAWS else ())
+        agreeing = float(np.exp(max(best.values(), default=0.0)))
+        kept = min(max(agreeing, _LEAST_KEPT_LIKELIHOOD), KEPT_LIKELIHOOD)
+
+        def tasks(begin: int, end: int) -> list[tuple[Any, ...]]:
+            """Arguments of `solved` for draws by their number."""
+            shares, density = proposed_draws(self.prior, self.evidence, pilot, begin, end, self.seed)
+            rows = zip(range(begin, end), self.prior.values(shares), shares.tolist(), density.tolist(), strict=True)
+            return [(*row, kept, self._unturned(row[0])) for row in rows]
+
         if run.executor and run.at_a_time > _FEW_PROCESSES and self.alike == 1:
             most = min(most, PILOT_DRAWS) if first < PILOT_DRAWS else most
             begin, end = max(ahead, default=first - 1) + 1, min(last + run.at_a_time, most)
             if begin < end:
-                shares, density = proposed_draws(self.prior, self.evidence, pilot, begin, end, self.seed)
-                rows = zip(self.prior.values(shares), shares.tolist(), density.tolist(), strict=True)
-                ahead |= {
-                    k: run.executor.submit(self.solved, k, *row, self._unturned(k)) for k, row in enumerate(rows, begin)
-                }
+                ahead |= {k: run.executor.submit(self.solved, k, *task) for k, *task in tasks(begin, end)}
             return (ahead.pop(k).result() for k in range(first, last))
-        shares, density = proposed_draws(self.prior, self.evidence, pilot, *fresh, self.seed)
-        begun = map(self._unturned, range(*fresh))
-        return run.map(self.solved, range(*fresh), self.prior.values(shares), shares.tolist(), density.tolist(), begun)
+        return run.map(self.solved, *zip(*tasks(*fresh), strict=True))
 
     def _unturned(self, number: int) -> Draw | None:
         """A draw as it is kept without turns, to which they are added; None of one that made no drive."""
@@ -211,18 +225,24 @@ class Sampling:
         return replace(self, rotations_deg=()).kept() if self.rotations_deg and not self.measured else []
 
     def solved(
-        self, number: int, values: dict[str, float], shares: list[float], density: float, unturned: Draw | None = None
+        self,
+        number: int,
+        values: dict[str, float],
+        shares: list[float],
+        density: float,
+        kept: float = KEPT_LIKELIHOOD,
+        unturned: Draw | None = None,
     ) -> list[Draw]:
         """Draws solved that share all but the deviations: why they are no drive, else their predictions and weights.
 
         Arguments: number among all; values, by path, and their shares of probability, with the chance behind them by
-        which a draw that agrees badly goes on; density that it was drawn with, over the prior's; unturned, the draw
-        where only its turns are not known.
+        which a draw that agrees badly goes on; density that it was drawn with, over the prior's; kept, k of equation
+        (1); unturned, the draw where only its turns are not known.
         """
         try:
             if unturned:
                 return [self._turned(unturned, values)]
-            return self._solved(number, values, shares, density)
+            return self._solved(number, values, shares, density, kept)
         except HdassistError as error:
             return [Draw(refused=str(error.fault))] * self.alike
 
@@ -242,7 +262,9 @@ class Sampling:
             held[ACCURACY] = (ACCURACY_LOAD * rated_torque(drive), 0.0)
         return held, tuple(dict.fromkeys((*self.torques, *(M_g for M_g, _ in held.values()))))
 
-    def _solved(self, number: int, values: dict[str, float], shares: list[float], density: float) -> list[Draw]:
+    def _solved(
+        self, number: int, values: dict[str, float], shares: list[float], density: float, kept: float
+    ) -> list[Draw]:
         """The same; raises HdassistError where an answer cannot be trusted."""
         *of_fields, chance = shares
         drive, proof, follows = self.prior.drive.with_values(values), EMPTY, dict[str, float]()
@@ -263,7 +285,7 @@ class Sampling:
             figures, of_stiffness = stiffness_figures(drive, formulation)
             proof += of_stiffness
             of_stiffness_alone = float(np.exp(log_likelihood(self.evidence, figures)))
-            going_on = min(1.0, of_stiffness_alone / density / KEPT_LIKELIHOOD)  # equation (1)
+            going_on = min(1.0, of_stiffness_alone / density / kept)  # equation (1)
         if chance >= going_on:
             return [Draw(figures=figures, proof=proof, follows=follows)] * self.alike
         held, torques = self._held(drive)

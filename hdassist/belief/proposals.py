@@ -82,8 +82,7 @@ def proposal_of(shares: Array, evidence: tuple[Evidence, ...], pilot: _Pilot) ->
     that of weighted draws as far as Legendre's first two polynomials have it. Arguments: shares of these draws, shape
     (draws, at least fields).
     """
-    stiff = {k: each for k, each in enumerate(pilot) if each.keys() >= {*STIFFNESS_FIGURES}}
-    logs = {k: log_likelihood(evidence, {n: of[n] for n in STIFFNESS_FIGURES}) for k, of in stiff.items()}
+    logs = stiffness_log_likelihoods(evidence, pilot)
     found, y = list(logs), np.array(list(logs.values()))
     if len(y) < PILOT_DRAWS / 2 or np.ptp(y) == 0:
         return None
@@ -98,6 +97,12 @@ def proposal_of(shares: Array, evidence: tuple[Evidence, ...], pilot: _Pilot) ->
     mean, spread = weights @ x[:, field], weights @ x[:, field] ** 2
     density = np.maximum(1 + 3 * mean * middles + 5 / 4 * (3 * spread - 1) * (3 * middles**2 - 1), 0)
     return Proposal(field, tuple((LEAST_DENSITY + (1 - LEAST_DENSITY) * density / density.mean()).tolist()))
+
+
+def stiffness_log_likelihoods(evidence: tuple[Evidence, ...], pilot: _Pilot) -> dict[int, float]:
+    """Log likelihood of the stiffness of first draws, by their place; without those that have none."""
+    stiff = {k: each for k, each in enumerate(pilot) if each.keys() >= {*STIFFNESS_FIGURES}}
+    return {k: log_likelihood(evidence, {n: of[n] for n in STIFFNESS_FIGURES}) for k, of in stiff.items()}
 
 
 def _left(x: Array, y: Array) -> float:

@@ -41,6 +41,7 @@ from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.verdict import SURE
 
 EFFECTIVE_SAMPLES = 64  # at least, where no number is asked for
+FEWEST_SAMPLES = 8  # effective ones, of which there is an answer where all draws leave no more
 _FEWEST_AT_ONCE = 4  # draws
 _HOPELESS = 256  # draws of which none has an answer: no more are made
 _CONTRADICTION = 300.0  # times that the mean likelihood grows without a figure which contradicts the others
@@ -51,7 +52,8 @@ class SamplingEffort:
     """Limits of sampling: effective samples at least, draws for a purpose and in all at most, and draws at a time.
 
     Draws for a purpose are those that are made for no more than to settle it, once so many samples are effective.
-    least: effective samples that an answer takes once all draws are made; None: as many as at least.
+    least: effective samples that an answer takes once all draws are made; None: as many as at least. for_action: there
+    is one also where a figure contradicts the others, which no claim is made of.
     """
 
     effective: int = EFFECTIVE_SAMPLES
@@ -59,11 +61,12 @@ class SamplingEffort:
     most_draws: int = 2048
     batch: int = 16
     least: int | None = None
+    for_action: bool = False
 
     @classmethod
     def of(cls, effective: int) -> SamplingEffort:
         """The effort for at least so many effective samples, and 16 times as many draws to settle a limit."""
-        return cls(effective, 16 * effective, 32 * effective, min(16, effective))
+        return cls(effective, 16 * effective, 32 * effective, min(16, effective), min(FEWEST_SAMPLES, effective))
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +77,8 @@ class Samples:
     figures: predictions beside F'_ior by name, shape (samples,) each; weights, shape (samples,); draws: how many were
     made; refused: draws that are no drive, or have no trustworthy answer, by the reason; seed of the draws;
     turned_arcsec: F'_ior with the fixed wheel turned by rotations_deg, shape (samples, torques, rotations); made: each
-    draw, also those without an answer; stages: these samples as they grew, from the fewest that are enough for a range.
+    draw, also those without an answer; stages: these samples as they grew, from the fewest that are enough for a range;
+    few: words where fewer are effective than were asked for.
     """
 
     prior: DrivePrior
@@ -91,6 +95,12 @@ class Samples:
     turned_arcsec: Array
     made: tuple[Draw, ...]
     stages: tuple[Samples, ...] = ()
+    few: str = ""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """A remark on numbers that few samples stand for."""
+        return (f"{self.few}: numbers are rough; check the preset's figures, then its assumed ranges",) * bool(self.few)
 
     @property
     def of_ranges(self) -> Samples:
@@ -141,7 +151,7 @@ class Samples:
         samples have it, shape (samples,); sure, probability that PASS needs.
         """
         found = [probability_of(outcome(stage), stage.weights) for stage in self.stages or (self,)]
-        return next((each for each in found if each.is_stable(sure)), found[-1])
+        return replace(next((each for each in found if each.is_stable(sure)), found[-1]), few=bool(self.few))
 
     def probability_within(self, limit_arcsec: float, torque: int, sure: float = SURE) -> Probability:
         """Probability that F'_ior at a torque, by its place, is at most a limit [arcsec]; sure as in probability."""
@@ -186,8 +196,8 @@ def draw_samples(
     the drive; further, figures that each sample has beside F'_ior, and further_name, all that they depend on beside the
     drive, in words, without which draws with them are not kept; enough, whether samples suffice for their purpose;
     effort, limits of sampling; seen, called with the samples so far once evidence allows one.
-    Raises UsageError for a drive with rolling balls, UntrustedError where too few samples agree with the evidence, or
-    too few draws are drives.
+    Raises UsageError for a drive with rolling balls, UntrustedError where a figure contradicts the others, hardly any
+    sample agrees with all of them, or too few draws are drives.
     """
     sampling = Sampling(prior, tuple(torques), tuple(rotations_deg), tuple(evidence), further, further_name, run.seed)
     kept, draws = sampling.kept(), list[Draw]()
@@ -197,8 +207,8 @@ def draw_samples(
                 seen(samples)
             if samples.stages and (len(draws) >= effort.settling_draws or enough(samples)):
                 break
-        if not samples.stages and samples.effective < (effort.least or effort.effective):
-            raise _too_few(samples, draws, evidence, effort.effective)
+        if not samples.stages:
+            samples = _few(samples, draws, evidence, effort)
         _require_shown(sampling, draws)
         return samples
     finally:
@@ -303,20 +313,29 @@ def _require_shown(sampling: Sampling, draws: Sequence[Draw]) -> None:
         require_shown([each.path for each in errors], f, *values_of_errors(errors), hint)
 
 
-def _too_few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...], needed: int) -> UntrustedError:
-    """The error where fewer samples are effective than needed, with the evidence without which most would agree."""
+def _few(samples: Samples, draws: Sequence[Draw], evidence: tuple[Evidence, ...], effort: SamplingEffort) -> Samples:
+    """Samples with a remark that fewer are effective than were asked for.
+
+    Raises UntrustedError where that allows no answer, with the evidence without which most would agree.
+    """
+    needed, is_answer = effort.effective, samples.effective >= (effort.least or effort.effective)
+    answer = replace(samples, few=f"{samples.effective:.3g} of {len(draws)} draws agree, {needed} are wanted")
+    if is_answer and effort.for_action:
+        return answer
     found = f"{samples.effective:.0f} of {len(draws)} draws are effective, {needed} are needed"
     if (count := sum(samples.refused.values())) > len(draws) / 2 or not evidence:
         reason = max(samples.refused, key=lambda each: samples.refused[each], default="no answer")
-        return UntrustedError(f"{found}: {count} are no drive (most: {reason})", "narrow the assumed ranges")
+        raise UntrustedError(f"{found}: {count} are no drive (most: {reason})", "narrow the assumed ranges")
     without = {each: _mean_likelihood(draws, tuple(e for e in evidence if e is not each)) for each in evidence}
     doubted = max(without, key=lambda each: without[each])
     if without[doubted] < _CONTRADICTION * _mean_likelihood(draws, evidence):
-        return UntrustedError(
+        if is_answer:
+            return answer
+        raise UntrustedError(
             f"{found}: too few draws agree with all evidence at once, though no figure contradicts the others",
-            "narrow the assumed ranges, or ask for fewer samples: --draws 16",
+            "narrow the assumed ranges",
         )
-    return UntrustedError(
+    raise UntrustedError(
         f"{found}: {doubted.path} = {doubted.value:g} contradicts the other evidence or the assumed ranges",
         "check that value and its unit, then the ranges of what is assumed",
     )

@@ -7,7 +7,7 @@ scipy has them); Matousek 1998, doi 10.1006/jcom.1998.0489 (scrambling by a line
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import betaincinv
 
 from hdassist.model.geometry import Array
-from hdassist.verdict import SURE, is_settled
+from hdassist.verdict import SURE, Verdict, is_settled, percent_text, verdict_by_probability
 
 RESOLVED_ERROR = 1e-3  # arcsec
 CONFIDENCE = 0.9  # of the interval of a probability: 5 % beyond each end
@@ -26,11 +26,25 @@ _FINE_ENOUGH = 0.7  # of 1 - sure: an interval that is named beside a probabilit
 
 @dataclass(frozen=True)
 class Probability:
-    """A probability from samples with its Monte Carlo interval (5 % beyond each end)."""
+    """A probability from samples with its Monte Carlo interval (5 % beyond each end).
+
+    few: it is of fewer samples than an answer takes, so that a verdict takes all of the interval, not the point.
+    """
 
     value: float
     low: float
     high: float
+    few: bool = field(default=False, kw_only=True)
+
+    def verdict(self, sure: float = SURE) -> Verdict:
+        """Verdict on a limit that is kept with this probability; sure, the one that PASS needs."""
+        found = {verdict_by_probability(each, sure) for each in ((self.low, self.high) if self.few else (self.value,))}
+        return found.pop() if len(found) == 1 else Verdict.INCONCLUSIVE
+
+    def text(self, needed: float | None = None) -> str:
+        """It in per cent with its interval, and that which a verdict needs, as percent_text has them."""
+        by_all = " by all of it" if self.few and needed is not None else ""
+        return percent_text(self.value, self.low, self.high, needed) + by_all
 
     def is_stable(self, sure: float = SURE) -> bool:
         """Whether as many samples again would leave a verdict that needs `sure` as it is, with 95 % at each threshold.

@@ -24,7 +24,7 @@ from hdassist.preset.fields import Drive
 from hdassist.run.run import CROSS_SOLVER, Run
 from hdassist.solve.answers import EMPTY, Certificate
 from hdassist.solve.through_cvxpy import CrossCheck, require_solver
-from hdassist.verdict import SURE, Verdict, verdict_by_probability, worst
+from hdassist.verdict import SURE, Verdict, worst
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class OperatingPoint:
         if self.limit_arcsec is None:
             return Verdict.NO_LIMIT
         if kept := self.probability:
-            return verdict_by_probability(kept.value, self.sure)
+            return kept.verdict(self.sure)
         if self.F_ior_upper_arcsec is None:
             return Verdict.INCONCLUSIVE
         return Verdict.PASS if self.F_ior_upper_arcsec <= self.limit_arcsec else Verdict.FAIL
@@ -201,7 +201,7 @@ class DesignCheck:
         measured = any(figure.path.startswith("measured.") for figure in evidence_of(self.drive))
         if measured and self.prior and not self.prior.fields:
             remarks.append("nothing in the preset is open, so what was measured on the drive weighs nothing")
-        return (*self.drive.origin.warnings, *remarks)
+        return (*self.drive.origin.warnings, *remarks, *(self.samples.remarks if self.samples else ()))
 
 
 def accuracy_words(accuracy: float | None, points: Sequence[OperatingPoint]) -> str:

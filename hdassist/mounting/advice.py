@@ -300,9 +300,9 @@ def advise(
             )
             found = Decision.of(samples.of_ranges, positions, left)
         except UntrustedError as refusal:  # an action never is refused
-            if of_drive:
-                return advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
             fault = refusal.message
+        if of_drive and (not samples or samples.few):  # tables leave more that agree with values
+            return advise_after(drive, (), setup, draws=draws, sure=sure, cost=cost, worth=worth, run=run)
     advice = Advice(
         drive, found, setup, checked(), samples, measured=measured, unknown=unknowns(known),
         open_=tuple(each.path for each in prior.fields), sure=sure, worth=worth, fault=fault,

@@ -44,7 +44,7 @@ from hdassist.belief.proposals import (
     tabled_errors,
     turned_errors,
 )
-from hdassist.belief.samples import EFFECTIVE_SAMPLES, SamplingEffort, draw_samples
+from hdassist.belief.samples import EFFECTIVE_SAMPLES, FEWEST_SAMPLES, SamplingEffort, draw_samples
 from hdassist.error.error_map import error_maps, searchable
 from hdassist.error.table import Mesh
 from hdassist.errors import HdassistError, UntrustedError, UsageError
@@ -149,7 +149,6 @@ _POSTERIOR_DRAWS = 2048
 _FAR_LIKELIER = 100.0  # times as probable: a torque is taken for that at which values were measured
 SAMPLES_A_TABLE = 2  # effective samples of a belief for which one system has a table
 _DRAWS_A_TABLE = 64  # draws of systems at most for each table that is wanted
-_FEWEST_TABLES = 8  # with which a hole is named, where all draws leave no more
 _COMPARED = 16  # drives with a table of one system, to see its error
 _FREE_SHARE = 0.5  # probability before any value that no drive of the preset shows them
 _FREE_CURVES, _FREE_ORDERS = 256, 4  # curves of no drive, and times that their waves go around the seat
@@ -403,10 +402,9 @@ def hole_samples(
     every = tuple(dict.fromkeys((setup.M_g, *setup.others, *torques)))
     samples = draw_samples(
         systems, (), evidence=tuple(each for each in evidence_of(drive) if not each.M_g),
-        effort=SamplingEffort(count, count, _DRAWS_A_TABLE * count, min(16, count), min(_FEWEST_TABLES, count)),
+        effort=SamplingEffort(count, count, _DRAWS_A_TABLE * count, min(16, count), min(FEWEST_SAMPLES, count), True),
         run=run,
     )  # fmt: skip
-    few = "" if samples.stages else f"{samples.effective:.3g} of {samples.draws} draws agree, {count} are wanted"
     weights, tables = list[float](), list[TabledErrors]()
     solve = partial(_tabled, prior, every, table, run.seed)
     found = run.map(solve, range(len(samples.weights)), samples.values())
@@ -430,7 +428,7 @@ def hole_samples(
     proof = sum((each.certificate for each in tables), samples.certificate)
     return HoleSamples(
         drive, setup, dict(zip(every, F_ior, strict=True)), weight / weight.sum(), values,
-        float(log_missed.std(axis=1).max()), samples.seed, proof, few,
+        float(log_missed.std(axis=1).max()), samples.seed, proof, samples.few,
     )  # fmt: skip
 
 

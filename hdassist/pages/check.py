@@ -42,7 +42,6 @@ from hdassist.terminal.words import (
     heading,
     influence_words,
     named,
-    probability_words,
     samples_words,
     thousands,
 )
@@ -132,7 +131,7 @@ def _verdict_reason(point: OperatingPoint) -> str:
     """Why the verdict at a torque is as it is; empty where there is no limit, or no probability."""
     if not (found := point.probability):
         return ""
-    words = probability_words(found, point.sure if point.verdict is Verdict.INCONCLUSIVE else None)
+    words = found.text(point.sure if point.verdict is Verdict.INCONCLUSIVE else None)
     return f"{point.M_g:g} N·m: F'_ior + self error ≤ {point.limit_arcsec:g}″: {words}"
 
 

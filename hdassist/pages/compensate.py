@@ -39,6 +39,7 @@ def compensate_report(result: Correction, *, is_written: bool = False, warnings:
     if drive:
         is_open = not (result.samples or result.misfit)
         notes = (*drive.origin.warnings, *(unknown_notes(drive) if is_open else ()))
+        notes += result.samples.remarks if result.samples else ()
     refused = (f"{chosen.form.name}: refused, {_percent(chosen)} % would be left",) if chosen.is_refused else ()
     names = {_SHORT_FORM, chosen.form.name, result.forms[0].form.name}
     forms = [each for each in result.forms if each.form.name in names]

@@ -42,7 +42,7 @@ from hdassist.report import (
     samples_object,
     unknown_objects,
 )
-from hdassist.terminal.words import Texts, again, heading, influence_words, probability_words, samples_words
+from hdassist.terminal.words import Texts, again, heading, influence_words, samples_words
 from hdassist.verdict import Verdict
 
 WORDS = {"TURN": "TURN", "LEAVE": "LEAVE", "BEST_BET": "BEST BET", "ANY_HOLE": "ANY HOLE"}
@@ -120,6 +120,7 @@ def mount_warnings(advice: Advice, say: Texts = ENGLISH) -> tuple[str, ...]:
 
 def _warnings_of_values(advice: Advice) -> Iterator[str]:
     """Oddities of measured values."""
+    yield from advice.samples.remarks if advice.samples else ()
     if not (after := advice.after):
         return
     if after.samples.few:
@@ -195,7 +196,7 @@ def _sure_words(advice: Advice) -> str:
     if not found.is_sampled:
         why = f": {advice.fault}" if advice.fault else ""
         return f"By the values as given; how sure that is, is not known{why}."
-    sure, by = probability_words(found.probability), f" by more than {100 * found.cost:g} %"
+    sure, by = found.probability.text(), f" by more than {100 * found.cost:g} %"
     if found.best == found.stay:
         words = f"No other hole is better{by} with {sure}."
     elif found.stay is None:

@@ -105,7 +105,7 @@ def plan_report(choice: PlanChoice, record: str) -> Report:
         },
         csv=csv_table(drive.name, _PLAN_QUANTITIES, choice.judged),
         line=answer,
-        warnings=(*origin.warnings, *(() if choice.samples else unknown_notes(drive))),
+        warnings=(*origin.warnings, *(choice.samples.remarks if choice.samples else unknown_notes(drive))),
         exit_code=choice.verdict.exit_code,
     )
 

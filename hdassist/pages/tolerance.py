@@ -26,7 +26,7 @@ from hdassist.report import (
     quantity_table,
     samples_object,
 )
-from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words, named, probability_words
+from hdassist.terminal.words import MORE_DRAWS, again, field_unit, measure_words, named
 from hdassist.tolerance.production import TIGHTER_STEP, Production, ProductionLaw, RandomDrive, TolerancedSize
 from hdassist.tolerance.tightening import Allocation, Allocator, Sensitivities, Tightened, to_measure
 from hdassist.tolerance.yields import YIELD_TAIL, AtTorque, Percentile, Summary, YieldBelief
@@ -191,7 +191,7 @@ def _yields(summary: Summary) -> str:
 def _reasons(summary: Summary) -> Iterator[str]:
     """Probability of the yield wanted, and the yields; without a limit, the gain of turning."""
     if summary.has_limit and summary.wanted is not None:
-        sure = probability_words(summary.yield_of(True).probability(summary.wanted), summary.sure)
+        sure = summary.yield_of(True).probability(summary.wanted).text(summary.sure)
         yield f"probability that the yield reaches {100 * summary.wanted:g} %: {sure}"
         yield _yields(summary)
     elif summary.positions > 1 and not summary.has_limit:
@@ -444,7 +444,7 @@ def _words(way: Allocation, found: Allocator) -> str:
     return (
         f"{how}: {f'cost {way.cost:.2f}' if way.fits else none}; {100 * way.tried.share:.1f} % of "
         f"{way.tried.drives.sum()} drives drawn anew pass, probability that {100 * found.wanted:g} % do: "
-        f"{probability_words(way.probability, found.sure)}"
+        f"{way.probability.text(found.sure)}"
     )
 
 

@@ -16,11 +16,9 @@ from hdassist.files import STDIN
 from hdassist.model.unknown import assumptions, unknown_names, unknowns
 from hdassist.preset.fields import Drive, field_table
 from hdassist.preset.text import shown
-from hdassist.verdict import percent_text
 
 if TYPE_CHECKING:
     from hdassist.belief.samples import Samples
-    from hdassist.belief.statistics import Probability
     from hdassist.belief.steps import Influence, MeasurementGain
     from hdassist.model.deviations import MeasuredTeeth
     from hdassist.report import ReportProof
@@ -87,11 +85,6 @@ def proof(found: ReportProof | None, cross_checks: Iterable[CrossCheck | None] =
     if crosses := [cross for cross in cross_checks if cross]:
         words += f", {sum(cross.states for cross in crosses)} again by {crosses[0].solver}"
     return words
-
-
-def probability_words(found: Probability, needed: float | None = None) -> str:
-    """A probability in per cent with its Monte Carlo interval, and that which is needed, as percent_text has them."""
-    return percent_text(found.value, found.low, found.high, needed)
 
 
 def thousands(count: int) -> str:

@@ -200,6 +200,19 @@ def test_weeding_by_stiffness_leaves_the_posterior_as_it_is():
         assert weighted_quantile(kept, samples.weights, share) == pytest.approx(expected, abs=0.01)
 
 
+def test_draws_that_all_agree_alike_badly_are_kept():
+    """A figure that no draw comes near leaves them as they are: without that, one of 40 would go on to F'_ior."""
+    drive = tiny("source.cam.W_0={kind: assumed, range: [1.6, 1.8], ref: judged}")
+    far = Evidence("catalogue.K_1", "K_1", 1e3 * stiffness_figures(drive)[0]["K_1"], 1.8)
+    effort = SamplingEffort(32, 32, 256, 64)
+    samples = draw_samples(prior_of(drive), (4.0,), evidence=(far,), effort=effort)
+    best = np.exp(max(log_likelihood((far,), each.figures) for each in samples.made[:64]))
+    assert 0.01 < best < 0.03
+    later = [each for each in samples.made[64:] if each.weight]
+    assert len(later) > 0.5 * len(samples.made[64:])
+    assert max(each.weight for each in later) < 3 * best
+
+
 @pytest.mark.parametrize("wrong", ["K_2", "accuracy"])
 def test_evidence_that_contradicts_is_named(wrong):
     drive = tiny("phases.phi_hb=unknown")

@@ -1,5 +1,8 @@
 """What was measured on a drive is evidence of it: each figure narrows what is not known, and a wrong one is named."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -23,6 +26,7 @@ from hdassist.belief.statistics import weighted_quantile
 from hdassist.error.error_map import ErrorMap
 from hdassist.errors import UntrustedError
 from hdassist.mounting.positions import rotated
+from hdassist.verdict import Verdict
 from tests.process import TINY
 
 W_0 = "source.cam.W_0={kind: assumed, range: [1.6, 1.8], ref: judged}"
@@ -140,8 +144,17 @@ def test_errors_that_no_draw_shows_are_refused():
 def test_evidence_that_is_only_narrow_contradicts_nothing(hidden):
     readings = ", ".join(f"h{hole}@4: {value} ± 0.5" for hole, value in hidden.items())
     drive = tiny(*UNKNOWN, f"measured.F_ior={{{readings}}}", "catalogue.accuracy=1000")
+    few = SamplingEffort(64, 64, 64, 64)
     with pytest.raises(UntrustedError, match=r"all evidence at once, though no figure contradicts the others"):
-        believed(drive, (4.0,), SamplingEffort(64, 64, 64, 64))
+        believed(drive, (4.0,), few)
+    # eight effective ones are an answer that says how few they are; no verdict rests on the point
+    samples = believed(drive, (4.0,), replace(few, least=8))
+    assert 8 <= samples.effective < 64 and samples.draws == 64
+    assert re.match(rf"{samples.effective:.3g} of 64 draws agree, 64 are wanted: numbers are rough", *samples.remarks)
+    every = samples.probability_within(2 * samples.F_ior_arcsec.max(), 0)
+    assert (every.value, every.verdict()) == (1.0, Verdict.INCONCLUSIVE)
+    assert every.text(0.95).endswith("95 % needed by all of it")
+    assert every.verdict(sure=0.6) is Verdict.PASS
 
 
 def test_of_one_drive_the_others_of_its_type_share_the_stiffness_alone():

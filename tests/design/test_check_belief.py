@@ -43,6 +43,24 @@ def test_a_verdict_is_the_probability_of_keeping_the_limit(open_):
     assert verdict(1e5, belief=None, open_=False) is Verdict.PASS
 
 
+def test_few_samples_give_a_range_with_a_warning_and_a_verdict_where_all_of_the_interval_does(open_):
+    first = open_.samples.of_ranges
+    few = replace(
+        first,
+        few="9 of 2048 draws agree, 64 are wanted",
+        weights=np.where(np.arange(len(first.weights)) < 9, first.weights, 0),
+    )
+    found = open_.with_samples(few)
+    point = found.points[1]
+    assert point.belief.p5 < point.belief.p50 < point.belief.p95
+    assert found.warnings[-1].startswith("9 of 2048 draws agree, 64 are wanted: numbers are rough")
+    kept = replace(point, limit_arcsec=1e5)
+    assert (kept.probability.value, kept.verdict) == (1.0, Verdict.INCONCLUSIVE)
+    held = replace(found, points=(found.points[0], kept))
+    assert "95 % needed by all of it" in " ".join(check_report(held, 0).why)
+    assert replace(kept, sure=0.7).verdict is Verdict.PASS
+
+
 def test_what_is_assumed_counts_as_what_is_unknown_does():
     assumed = [PLAY, "operation.M_g=4"]
     (point,) = check(load_preset(TINY, assumed), draws=16).points
