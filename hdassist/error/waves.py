@@ -14,7 +14,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from hdassist.error.cycle import KinematicError, kinematic_error
 from hdassist.error.error_map import ErrorMap, there_and_back
@@ -120,6 +119,8 @@ def turn_range_arcsec(error: KinematicError | EstimatedCycle) -> float:
 
 def _turn_ranges(error_arcsec: Array, kinematics: Kinematics) -> Array:
     """Range [arcsec] of an error over the full cycle within the cam turn around each state, shape (states,) each."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d  # 20 ms, which draws do without
+
     turn = kinematics.teeth_fixed
     extent = maximum_filter1d(error_arcsec, turn, mode="wrap") - minimum_filter1d(error_arcsec, turn, mode="wrap")
     return np.asarray(extent)

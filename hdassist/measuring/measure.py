@@ -21,7 +21,6 @@ from math import hypot, isfinite, sqrt
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from hdassist.error.stiffness import catalogue_torques
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
@@ -132,6 +131,8 @@ def _lost_by_sweeps(fits: Sequence[TraceFit]) -> tuple[_ValueAndSpread, _ValueAn
     pace = np.abs(speed)
     if len(level) < 3 or not np.ptp(pace) > _LEAST_SPEED_APART * pace.max():
         return None
+    from scipy.linalg import block_diag  # 20 ms, which values in holes do without
+
     precision = np.linalg.pinv(block_diag(*[fit.level_covariance for fit in fits]))
     columns = np.column_stack([np.ones(len(level)), np.sign(speed) / 2, speed])
     covariance = np.linalg.pinv(columns.T @ precision @ columns)

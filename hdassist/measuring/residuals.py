@@ -19,7 +19,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import binary_opening, median_filter
 
 from hdassist.errors import Fault, UntrustedError
 from hdassist.measuring.fit import (
@@ -221,6 +220,8 @@ def without_spikes(trace: MeasuredTrace, fit: TraceFit) -> tuple[MeasuredTrace, 
 
     Raises UntrustedError: spikes where the trace is not to be read without them, or too many to leave out.
     """
+    from scipy.ndimage import binary_opening, median_filter  # 20 ms, which values in holes do without
+
     bins, fitted = fit.bins, fit.bins.error - fit.residual
     rows, moves = trace.rows, zip(*map(trace.by_sweep, (trace.cam_deg, trace.error_arcsec)), strict=True)
     apart = [
