@@ -27,7 +27,8 @@ from hdassist.comparing.record import (
 )
 from hdassist.error.waves import ErrorWaves
 from hdassist.errors import UsageError
-from hdassist.measuring.fit import TraceFit, curve_of, drift_of
+from hdassist.measuring.design import curve_of
+from hdassist.measuring.fit import TraceFit, drift_of
 from hdassist.measuring.measure import DRIFT_LEFT, Measurement, SweepResult
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics

@@ -23,7 +23,7 @@ from hdassist.error.cycle import kinematic_error
 from hdassist.error.extremes import extremes_of
 from hdassist.error.waves import Complex, ErrorWaves
 from hdassist.errors import UntrustedError
-from hdassist.measuring.fit import order_columns
+from hdassist.measuring.design import order_columns
 from hdassist.measuring.measure import SweepResult
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics, pitch_locked_states

@@ -1,39 +1,26 @@
 """Least squares of a measured trace at given orders, on the angles as they were recorded, and how sure it is.
 
-error = level of the sweep + slow terms + lag * speed + compliance * load + sum of a cos(2 pi f x) + b sin(2 pi f x).
-Where the orders change with the torque, a and b are a_0 + a_1 t + a_2 |t|, t 0 at the mean torque and 1 or -1 at the
-farthest: straight lines to either side of the mean.
 The coefficients are as uncertain as those of independent residuals, widened by the noise floor of the residuals at each
 order, or, in records too short for that, by the number of neighbours that err together: the integrated autocorrelation.
 The part of the residuals that is correlated from one bin to the next is no noise of reading but error beyond the given
 orders, or slow: its size is `unmodelled`.
-The trace is averaged over small steps of the angle first, so that the effort does not grow with its rows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import factorial
 
 import numpy as np
-from numpy.polynomial.legendre import legvander
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-from hdassist.errors import Fault, UntrustedError
+from hdassist.measuring.design import Bins, SlowTerms, TraceDesign, curve_of, order_columns
 from hdassist.model.geometry import Array
-from hdassist.readers.trace import MeasuredTrace
 
-_PER_PERIOD = 40  # bins in a period of the highest order: its amplitude falls by 0.1 %
-_HEAVIEST = 4.0  # times the median weight: a shaft that stands still does not outweigh the rest
 COVERAGE_FACTOR = 2.0
 OrderIndices = NDArray[np.int64]
-DESIGN_CHUNK = 8192  # rows of the design that stand in memory at once
-_WORST_CONDITION = 1e8  # of the normal equations
-BINS_PER_COLUMN = 1.5
 _LAGS = 2000
 _POWER_CLEAR = 4.0  # standard deviations of the power of noise
 _FLOOR_SHORTEST = 2.0  # cam turns: below, there is no room for noise between the orders
@@ -51,200 +38,6 @@ SLOWEST_ORDER = 0.5  # per cam turn: lower ones are of the output, or drift
 _NEIGHBOURS = 10.0  # bins: readings closer than that show the correlation of neighbours
 
 
-@dataclass(frozen=True, eq=False)
-class Bins:
-    """Averages, shape (bins,), by sweep and along the angle.
-
-    turns: cam angle; error: arcsec; rows: in each; weight: with a mean of 1; sweep: index from 0; level: index of the
-    level of the error, from 0: a sweep has one, and one more behind each of its steps; travel: of the cam
-    since the first row, turns; speed: of the cam, turns/s, 0 without time stamps; load: that of the trace, 0
-    without; per_turn: bins in a turn of the cam.
-    """
-
-    turns: Array
-    error: Array
-    rows: Array
-    weight: Array
-    sweep: NDArray[np.int64]
-    level: NDArray[np.int64]
-    travel: Array
-    speed: Array
-    load: Array
-    per_turn: float
-
-    def __len__(self) -> int:
-        return len(self.turns)
-
-    @property
-    def sweeps(self) -> int:
-        """Number of sweeps."""
-        return int(self.sweep[-1]) + 1
-
-    @property
-    def levels(self) -> int:
-        """Number of levels."""
-        return int(self.level.max()) + 1
-
-    @cached_property
-    def torques(self) -> tuple[float, float, float]:
-        """Least, mean and greatest load, without the noise of its readings: 5 and 95 % lie below."""
-        low, high = np.quantile(self.load, (0.05, 0.95)).tolist()
-        return low, float(np.average(self.load, weights=self.rows)), high
-
-    def away(self, load: Array | float) -> Array | float:
-        """How far loads are from the mean, 1 or -1 at the farther of the least and the greatest."""
-        low, mean, high = self.torques
-        return (load - mean) / max(mean - low, high - mean, 1e-300)
-
-    @property
-    def span(self) -> float:
-        """Turns of the cam from least to greatest angle of the longest sweep."""
-        return max(float(np.ptp(self.turns[self.sweep == k])) for k in range(self.sweeps))
-
-
-def travel_of(trace: MeasuredTrace) -> Array:
-    """Travel of the cam since the first row, in either direction, shape (rows,) [turns]."""
-    return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(trace.cam_deg)))]) / 360
-
-
-def bins_of(trace: MeasuredTrace, highest: float) -> Bins:
-    """Average rows of the sweeps of a trace over bins of 1/(PER_PERIOD highest) of a turn; highest order per turn."""
-    travel, per_turn = travel_of(trace), _PER_PERIOD * highest
-    load = np.zeros(len(travel)) if trace.load is None else trace.load
-    parts: list[tuple[Array, ...]] = []
-    levels = 0
-    for number, sweep in enumerate(trace.sweeps):
-        rows = slice(sweep.start, sweep.stop)
-        turns = trace.cam_deg[rows] / 360
-        speed = np.zeros(len(turns)) if trace.time_s is None else np.gradient(turns, trace.time_s[rows])
-        behind = np.searchsorted(trace.breaks, trace.line[rows], side="right")  # steps of the level before a row
-        _, behind = np.unique(behind, return_inverse=True)
-        _, place = np.unique(np.floor(turns * per_turn) + behind / len(turns), return_inverse=True)
-        count = np.bincount(place).astype(float)
-        values = turns, trace.error_arcsec[rows], travel[rows], speed, load[rows]
-        means = [np.bincount(place, each) / count for each in (*values, behind)]
-        level = np.rint(means.pop()) + levels
-        levels = int(level.max()) + 1
-        parts.append((*means, count, level, np.full(len(count), number)))
-    columns = (np.concatenate(column) for column in zip(*parts, strict=True))
-    turns, error, path, speed, loads, count, level, index = columns
-    weight = np.minimum(count, _HEAVIEST * np.median(count))
-    counts = index.astype(np.int64), level.astype(np.int64)
-    return Bins(turns, error, count, weight / weight.mean(), *counts, path, speed, loads, per_turn)
-
-
-def order_columns(turns: Array, orders: Array) -> Array:
-    """Cosines, then sines, of the orders at angles [turns], shape (angles, 2 orders)."""
-    whole, part = np.divmod(orders, 1)  # the wave of n + k/ratio is the product of two of few waves
-    part = part.round(12)
-    waves = {order: np.exp(2j * np.pi * order * turns) for order in {*whole.tolist(), *part.tolist()}}
-    columns = np.empty((2, len(orders), len(turns)))
-    for row, (n, off) in enumerate(zip(whole.tolist(), part.tolist(), strict=True)):
-        wave = waves[n] * waves[off]
-        columns[0, row], columns[1, row] = wave.real, wave.imag
-    return columns.reshape(2 * len(orders), len(turns)).T
-
-
-def curve_of(coefficients: Array, orders: Array, turns: Array) -> Array:
-    """Curves [arcsec] of coefficients, shape (2 orders, ...), at cam angles [turns], shape (angles, ...)."""
-    parts = range(0, len(turns), DESIGN_CHUNK)
-    return np.concatenate([order_columns(turns[k : k + DESIGN_CHUNK], orders) @ coefficients for k in parts])
-
-
-@dataclass(frozen=True)
-class SlowTerms:
-    """Terms beside the orders: a drift, powers of the travel up to a degree, and slopes over columns of the bins.
-
-    by_angle: Legendre polynomials of the cam angle instead, for all that is slow in a part of an output turn; over:
-    names of the columns, speed for a lag between the encoders, load for the wind-up. ridge: added to the normal
-    equations of unit diagonal, so that orders which the record does not tell apart stay small, but not their sum.
-    order_changes: of the orders with the torque, none, 1 along a straight line, 2 with a bend at the mean torque.
-    """
-
-    degree: int = 0
-    by_angle: bool = False
-    over: tuple[str, ...] = ()
-    ridge: float = 0.0
-    order_changes: int = 0
-
-    @property
-    def periods(self) -> float:
-        """Periods in the record of the fastest wave that they take off: no noise is left below.
-
-        Legendre polynomials resolve a wave where there are pi of them for each of its periods.
-        """
-        return self.degree / np.pi if self.by_angle else 0.0
-
-
-class _TraceDesign:
-    """Normal equations of orders, levels of the sweeps and slow terms on the bins of a trace, factored once.
-
-    columns: unknowns, cosines and sines of the orders first, their changes with the torque last; reach: travel [turns]
-    at the end of the drift; gram: normal equations, shape (columns, columns); root: times its transpose the inverse of
-    these, same shape; condition: of these.
-    Raises UntrustedError: too few bins, or angles that do not resolve the orders.
-    """
-
-    def __init__(self, bins: Bins, orders: Array, slow: SlowTerms = SlowTerms()) -> None:
-        self.bins, self.orders, self.slow = bins, orders, slow
-        self.reach = max(float(bins.travel.max()), 1e-12)
-        self.columns = columns = 2 * len(orders) * (1 + slow.order_changes) + bins.levels + slow.degree + len(slow.over)
-        if len(bins) < BINS_PER_COLUMN * columns:
-            message = f"{len(bins)} steps of the angle are too few for {columns} unknowns"
-            raise UntrustedError(
-                message, "record more densely, or declare fewer orders: --orders 1,2,4", Fault.ORDERS_UNTOLD
-            )
-        self._parts = [slice(k, min(k + DESIGN_CHUNK, len(bins))) for k in range(0, len(bins), DESIGN_CHUNK)]
-        gram = np.zeros((columns, columns))
-        for rows in self._parts:
-            matrix = self._rows(rows.start) * np.sqrt(bins.weight[rows, None])
-            gram += matrix.T @ matrix  # of one array with itself: half the work
-        self.gram = gram
-        scale = 1 / np.sqrt(np.diag(gram))
-        values, vectors = np.linalg.eigh(gram * scale * scale[:, None])
-        values += slow.ridge
-        self.condition = float(values[-1] / values[0]) if values[0] > 0 else float("inf")
-        if self.condition > _WORST_CONDITION:
-            hint = "record one cam turn or more, evenly; or declare fewer orders: --orders 1,2,4"
-            raise UntrustedError(
-                "the angles that were recorded do not tell the declared orders apart", hint, Fault.ORDERS_UNTOLD
-            )
-        # the symmetric root: vectors of values that are nearly alike are a matter of rounding, and draws with them
-        self.root: Array = scale[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
-
-    @lru_cache(maxsize=4)  # noqa: B019 - of four parts in all: most records have fewer, of which fits ask several times
-    def _rows(self, start: int) -> Array:
-        """Rows of the design from a bin on, shape (DESIGN_CHUNK at most, columns)."""
-        bins, rows = self.bins, slice(start, start + DESIGN_CHUNK)
-        levels = np.eye(bins.levels)[bins.level[rows]]
-        slow = self._slow(bins.turns[rows], bins.travel[rows])
-        over = [getattr(bins, name)[rows, None] for name in self.slow.over]
-        away, waves = bins.away(bins.load[rows, None]), order_columns(bins.turns[rows], self.orders)
-        changes = (waves * share for share in (away, np.abs(away))[: self.slow.order_changes])
-        return np.concatenate([waves, levels, slow, *over, *changes], axis=1)
-
-    def _slow(self, turns: Array, travel: Array) -> Array:
-        """Drift, or polynomials of the angle, at angles and travels [turns], shape (angles, degree)."""
-        if not self.slow.by_angle:
-            return (travel[:, None] / self.reach) ** np.arange(1, self.slow.degree + 1)
-        least, greatest = self.bins.turns.min(), self.bins.turns.max()
-        return legvander((2 * turns - least - greatest) / (greatest - least), self.slow.degree)[:, 1:]
-
-    def fitted(self, curves: Array) -> tuple[Array, Array]:
-        """Unknowns that fit curves at the bins best, shape (columns, ...), and what they leave, shape (bins, ...)."""
-        solution = self.project(lambda rows: curves[rows])
-        return solution, curves - np.concatenate([self._rows(rows.start) @ solution for rows in self._parts])
-
-    def project(self, curves: Callable[[slice], Array]) -> Array:
-        """Unknowns that fit curves best, shape (columns, ...), from their values at a slice of the bins."""
-        moments = [(self._rows(rows.start) * self.bins.weight[rows, None]).T @ curves(rows) for rows in self._parts]
-        return self.root @ (self.root.T @ sum(moments))
-
-    def drift_at(self, drift: Array, turns: Array, travel: Array) -> Array:
-        """A drift [arcsec] at cam angles and after so much travel [turns]."""
-        return self._slow(turns, travel) @ drift
-
-
 class TraceFit:
     """Least squares of values at the bins of a design [arcsec], shape (bins,).
 
@@ -256,7 +49,7 @@ class TraceFit:
     residuals beyond noise of reading.
     """
 
-    def __init__(self, design: _TraceDesign, values: Array, lines: Array) -> None:
+    def __init__(self, design: TraceDesign, values: Array, lines: Array) -> None:
         bins = self.bins = design.bins
         self.design, self.lines, self.orders = design, lines, design.orders
         solution, self.residual = design.fitted(values)
@@ -402,7 +195,7 @@ def fit_orders(bins: Bins, orders: Array, slow: SlowTerms = SlowTerms(), lines: 
     Raises UntrustedError: too few bins, or angles that do not resolve the orders.
     """
     lines = np.sort(lines)
-    return TraceFit(_TraceDesign(bins, np.sort(np.concatenate([orders, lines])), slow), bins.error, lines)
+    return TraceFit(TraceDesign(bins, np.sort(np.concatenate([orders, lines])), slow), bins.error, lines)
 
 
 def drift_of(fit: TraceFit, extent: float) -> float:
@@ -420,7 +213,7 @@ def drift_of(fit: TraceFit, extent: float) -> float:
     return float(size) if abs(size) > max(_DRIFT_CLEAR * uncertainty, _DRIFTED * extent) else 0.0
 
 
-def _residual_memory(design: _TraceDesign, residual: Array, variance: float) -> tuple[float, float]:
+def _residual_memory(design: TraceDesign, residual: Array, variance: float) -> tuple[float, float]:
     """Number of bins that err together, and size of the correlated part of the residuals [arcsec]."""
     size, columns, bins = len(residual), design.columns, design.bins
     if not variance:
@@ -481,7 +274,7 @@ def distance(probes: Array, orders: Array) -> Array:
     return np.minimum(np.abs(probes - orders[after - 1]), np.abs(probes - orders[np.minimum(after, len(orders) - 1)]))
 
 
-def noise_floor(design: _TraceDesign, residual: Array, variance: float) -> tuple[Array, Array] | None:
+def noise_floor(design: TraceDesign, residual: Array, variance: float) -> tuple[Array, Array] | None:
     """Power of the noise at each order, over that of independent residuals of the same variance, shape (orders,).
 
     And the Student factor of an interval of k = 2 where that power is of few places.

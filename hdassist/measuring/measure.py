@@ -1,16 +1,4 @@
-"""F'_ior, orders and coverage of a measured trace, each direction by itself, and the options by which it is read.
-
-Slopes are fitted together with the orders: over the speed, a lag between the encoders, and over the torque. A lag times
-the speed is an offset that changes sign with the direction and grows with the speed. At an even speed it is part of the
-level, and F'_ior has no part of it; friction and play change the level with the direction too. So what
-grows with the speed is known only where that changes, within a sweep or from one to another; the rest is lost at the
-reversal. Friction that grows with the speed looks like a lag: all of the fitted one may be that.
-
-The wind-up by a torque that changes along a record is taken off, so that F'_ior is that of the mean torque: by the
-record itself, where the torque does not go with the orders, as gravity goes with the turn of the output; else by K_1 to
-K_3 of the drive's catalogue. There the orders change with the torque too, along straight lines between the least, the
-mean and the greatest; a torque that goes with the output's turn changes its beats, and F'_ior is of the curve along it.
-"""
+"""F'_ior, orders and coverage of a measured trace, each direction by itself, and the options by which it is read."""
 
 from __future__ import annotations
 
@@ -22,22 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from hdassist.error.stiffness import catalogue_torques
 from hdassist.errors import DataError, Fault, HdassistError, UntrustedError, UsageError
 from hdassist.files import number_of
 from hdassist.measuring.bench import LoopRecord, PositionRecord, bench_record
-from hdassist.measuring.fit import (
-    BINS_PER_COLUMN,
-    COVERAGE_FACTOR,
-    Bins,
-    SlowTerms,
-    TraceFit,
-    bins_of,
-    curve_of,
-    drift_of,
-    fit_orders,
-    travel_of,
-)
+from hdassist.measuring.design import BINS_PER_COLUMN, Bins, SlowTerms, bins_of, curve_of, travel_of
+from hdassist.measuring.fit import COVERAGE_FACTOR, TraceFit, drift_of, fit_orders
 from hdassist.measuring.orders import (
     DEFAULT_ORDERS,
     FULL_SHARE,
@@ -64,23 +41,21 @@ from hdassist.measuring.orders import (
     visited_angles,
 )
 from hdassist.measuring.residuals import with_lines, with_step, without_spikes
+from hdassist.measuring.slopes import (
+    EncoderLag,
+    RecordedTorque,
+    Reversal,
+    reversal_and_lag,
+    speed_changes,
+    tells_compliance,
+    with_order_changes,
+)
 from hdassist.model.geometry import Array
 from hdassist.preset.fields import Drive
 from hdassist.readers.table import NumberTable
 from hdassist.readers.trace import MeasuredTrace, TraceForm, read_record, sweeps, trace_of
-from hdassist.readers.words import TURN_ARCSEC
 from hdassist.run.kept import ClosedRecord
 
-_LEAST_SPEED_APART = 0.2  # of the greatest speed: between sweeps, from which on a lag is fitted to their levels
-_LEAST_SPEED_CHANGE = 0.02  # of the speed: within sweeps, from which on a lag is fitted
-_LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up too little to see
-_LOAD_APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
-_TORQUE_CLEAR = 2.0  # times the noise of its readings: spread of a torque that changes
-_SLOPE_CLEAR = 3.0  # standard uncertainties: a slope over the torque that is no chance
-_CHANGE_TOLD = 3.0  # times the noise of a curve without changes: that at each torque, at most, where a record has them
-_CATALOGUE_SHARE = 0.1  # of a wind-up: standard uncertainty of a drive's stiffness by its catalogue; a guess
-_CLEAR_SENSE = 0.5  # correlation of error and wind-up
-_ARCSEC_PER_RAD = 648000 / np.pi
 _DRIFTS = {"none": 0, "linear": 1, "quadratic": 2}
 _SHORTEST_TURNS = 1.0  # cam turns
 _STEPS_PER_PERIOD = 2.5  # of the angle, in a period of the highest order, at least
@@ -98,153 +73,6 @@ _CHANGES_LEFT = (
 _BENT = 1 / 4  # of a drift: how far it may depart from a line to either side
 _COARSE_STEP = 1 / 4  # of F'_ior: greatest step in time with the turns that the error is resolved from
 _UNMODELLED = 1 / 5  # of F'_ior: least error beyond the orders that is reported
-
-
-@dataclass(frozen=True)
-class _EncoderLag:
-    """Lag [ms] of the output's reading behind the cam's, and its standard uncertainty."""
-
-    ms: float
-    uncertainty_ms: float
-
-
-def _speed_changes(bins: Bins) -> bool:
-    """Whether the speed within the sweeps changes by enough to tell a lag."""
-    apart = [speed - np.median(speed) for speed in (bins.speed[bins.sweep == k] for k in range(bins.sweeps))]
-    low, high = np.quantile(np.concatenate(apart), (0.05, 0.95))  # a turning point alone tells no lag
-    return float(high - low) / 2 > _LEAST_SPEED_CHANGE * float(np.abs(bins.speed).mean())
-
-
-_ValueAndSpread = tuple[float, float]
-
-
-def _lost_by_sweeps(fits: Sequence[TraceFit]) -> tuple[_ValueAndSpread, _ValueAndSpread] | None:
-    """Parts of the levels of sweeps: lost at the reversal [arcsec], and over the speed [arcsec s/turn].
-
-    Each with its standard uncertainty. None where the sweeps of both directions do not tell them apart, or slopes over
-    the speed are fitted within them.
-    """
-    if any("speed" in fit.slopes or fit.bins.levels != fit.bins.sweeps for fit in fits):
-        return None
-    level = np.concatenate([fit.level for fit in fits])
-    speed = np.concatenate([[f.bins.speed[f.bins.sweep == k].mean() for k in range(f.bins.sweeps)] for f in fits])
-    pace = np.abs(speed)
-    if len(level) < 3 or not np.ptp(pace) > _LEAST_SPEED_APART * pace.max():
-        return None
-    from scipy.linalg import block_diag  # 20 ms, which values in holes do without
-
-    precision = np.linalg.pinv(block_diag(*[fit.level_covariance for fit in fits]))
-    columns = np.column_stack([np.ones(len(level)), np.sign(speed) / 2, speed])
-    covariance = np.linalg.pinv(columns.T @ precision @ columns)
-    found = covariance @ columns.T @ precision @ level
-    left, freedom = level - columns @ found, len(level) - 3
-    spread = np.sqrt(np.diag(covariance) * max(1.0, float(left @ precision @ left) / max(freedom, 1)))
-    return (abs(float(found[1])), float(spread[1])), (float(found[2]), float(spread[2]))
-
-
-def _encoder_lag(
-    fits: Sequence[TraceFit], ratio: float, sense: int, over_speed: _ValueAndSpread | None = None
-) -> _EncoderLag | None:
-    """Lag by the fits of both directions, or by the speeds of their sweeps; None where the speed does not change.
-
-    Arguments: ratio, cam turns per output turn; sense, in which the two encoders count, 0 for a column of errors.
-    """
-    slopes = [fit.slopes["speed"] for fit in fits if "speed" in fit.slopes]
-    slopes += [over_speed] if over_speed else []
-    if not slopes:
-        return None
-    values, spreads = np.array(slopes).T * (1e3 * ratio * (sense or 1) / TURN_ARCSEC)  # ms
-    weight = np.maximum(np.abs(spreads), 1e-15) ** -2
-    return _EncoderLag(float(np.average(values, weights=weight)), float(weight.sum() ** -0.5))
-
-
-@dataclass(frozen=True)
-class RecordedTorque:
-    """Torque of a record [N*m]: its mean, least and greatest, and the wind-up that was taken off.
-
-    by: "record", "catalogue", or empty where none was; wind_up_arcsec: its range; uncertainty_arcsec: standard
-    uncertainty of that; stiffness_Nm_rad: by the record, with its standard uncertainty.
-    """
-
-    mean_Nm: float
-    least_Nm: float
-    greatest_Nm: float
-    by: str = ""
-    wind_up_arcsec: float = 0.0
-    uncertainty_arcsec: float = 0.0
-    stiffness_Nm_rad: tuple[float, float] | None = None
-
-    @classmethod
-    def of(cls, torque: Array) -> RecordedTorque:
-        """The torque of rows [N*m] in figures."""
-        return cls(float(torque.mean()), float(torque.min()), float(torque.max()))
-
-    def is_change(self, torques: Sequence[Array]) -> bool:
-        """Whether it changes within some of its rows [N*m] by enough to matter."""
-        least = max(_LEAST_CHANGE * abs(self.least_Nm), _LEAST_CHANGE * abs(self.greatest_Nm))
-        is_large = float(max(map(np.ptp, torques))) > max(least, _LOAD_APART * (self.greatest_Nm - self.least_Nm))
-        return is_large and any(float(np.std(each)) > _TORQUE_CLEAR * _noise_of(each) for each in torques)
-
-    def fitted(self, slope: float, uncertainty: float) -> RecordedTorque:
-        """The same with the slope over the torque that a fit has taken off, and its uncertainty [arcsec/(N*m)]."""
-        size, reach = max(abs(slope), 1e-300), self.greatest_Nm - self.least_Nm
-        stiffness = _ARCSEC_PER_RAD / size
-        own = stiffness, stiffness * uncertainty / size
-        return replace(
-            self, by="record", wind_up_arcsec=size * reach, uncertainty_arcsec=uncertainty * reach, stiffness_Nm_rad=own
-        )
-
-    def by_catalogue(self, trace: MeasuredTrace, drive: Drive | None) -> tuple[MeasuredTrace, RecordedTorque] | None:
-        """A trace less the twist by K_1 to K_3 of a drive, towards growing angles where its sense is not clear.
-
-        None without all three.
-        """
-        stiffness = [drive.catalogue.K_1, drive.catalogue.K_2, drive.catalogue.K_3] if drive else []
-        if trace.load is None or drive is None or not all(stiffness):
-            return None
-        size = np.abs(trace.load)
-        T_1, T_2 = catalogue_torques(drive)
-        knees = np.array([0.0, T_1, T_2, T_2 + float(size.max())])
-        twist = np.cumsum([0.0, *(np.diff(knees) / np.array(stiffness, float))]) * _ARCSEC_PER_RAD
-        load = np.sign(trace.load) * np.interp(size, knees, twist)
-        sense = -1.0 if float(np.corrcoef(load, trace.error_arcsec)[0, 1]) < -_CLEAR_SENSE else 1.0
-        span = float(np.ptp(load))
-        found = replace(self, by="catalogue", wind_up_arcsec=span, uncertainty_arcsec=_CATALOGUE_SHARE * span)
-        return replace(trace, error_arcsec=trace.error_arcsec - sense * load), found
-
-
-def _noise_of(torque: Array) -> float:
-    """Standard deviation of the noise that rows of a torque [N*m] are read with, by what each differs from the next."""
-    return float(np.std(np.diff(torque))) / sqrt(2)
-
-
-def _tells_compliance(fit: TraceFit) -> bool:
-    """Whether the load of a fit's bins has a part that goes neither with its orders nor with its slow terms."""
-    load = fit.bins.load
-    return float(np.std(fit.design.fitted(load)[1])) > _LOAD_APART * float(np.std(load))
-
-
-def _with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None]:
-    """A fit whose orders change with the torque, where its bins show that they do, and the most that lines miss.
-
-    That is the bend of the curve [arcsec] at the mean torque, by which a straight line misses it there, or a quarter of
-    it where there is a line to either side; None where the orders do not change, or the record does not tell a bend.
-    """
-    bins, miss = fit.bins, None
-    for changes in (2, 1):
-        with suppress(UntrustedError):
-            trial = fit_orders(bins, fit.orders, replace(fit.design.slow, order_changes=changes))
-            noise = max(float(np.linalg.norm(trial.at_torque(torque).order_root)) for torque in bins.torques)
-            if noise > _CHANGE_TOLD * float(np.linalg.norm(fit.order_root)):
-                continue
-            last = trial.combined(*[0.0] * changes, 1.0)
-            if changes == 2:
-                rng = np.random.default_rng([seed, 4])
-                bend, *_ = ranges_of(last, np.sort(bins.turns), rng, (0.0, 0.0, 0.0), whole=False)
-                miss = bend.interval[1]
-            if last.clear_of_noise:
-                return trial, miss and miss / changes**2
-    return fit, None
 
 
 @dataclass(frozen=True)
@@ -315,24 +143,6 @@ class SweepResult:
         return self.coverage is None or self.coverage.share < FULL_SHARE
 
 
-@dataclass(frozen=True)
-class Reversal:
-    """Error in growing minus error in falling direction at the same angles [arcsec]: mean, and greatest departure.
-
-    lost_motion_arcsec: size of the output's stay where the shaft turns back, by play, friction and hysteresis, without
-    the part that grows with the speed, where that is known; with its standard uncertainty. by: "speeds within sweeps",
-    "speeds of sweeps", or "one speed", where each ms of lag between the encoders is arcsec_per_ms of it (None without
-    time stamps, 0 otherwise).
-    """
-
-    mean_arcsec: float
-    greatest_departure_arcsec: float
-    lost_motion_arcsec: float = 0.0
-    lost_motion_standard_uncertainty_arcsec: float = 0.0
-    arcsec_per_ms: float | None = 0.0
-    by: str = "one speed"
-
-
 @dataclass(frozen=True, eq=False)
 class Measurement:
     """Answers from a measured trace: directions, that of the greatest F'_ior first; seed of the bootstrap.
@@ -345,7 +155,7 @@ class Measurement:
     gearing: Gearing | None
     directions: tuple[SweepResult, ...]
     reversal: Reversal | None
-    lag: _EncoderLag | None
+    lag: EncoderLag | None
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     seed: int
@@ -403,84 +213,24 @@ def measure(
     _require_drift(drift)
     gearing = gearing_of(drive, ratio)
     gearing = gearing and gearing.within(travel_deg)
-    turns_ratio, is_travel = (gearing.ratio, gearing.travel is not None) if gearing else (USUAL_RATIO, False)
-    notes, warnings = list(trace.notes), []
-    cleaned, directions = trace, []
-    torque = None if trace.load is None else RecordedTorque.of(trace.load)
-    for sign in (0,) if together else (1, -1):
-        own = cleaned.one_way(sign)
-        angles = own.by_sweep(own.cam_deg)
-        longest = max((float(np.ptp(each)) / 360 * len(each) / (len(each) - 1) for each in angles), default=0.0)
-        if longest < _SHORTEST_TURNS - 0.01:
-            if own.sweeps:
-                notes.append(f"{'growing' if sign > 0 else 'falling'} angles left out: {longest:.2g} of a cam turn")
-            continue
-        while True:
-            own = cleaned.one_way(sign)
-            declared = _declared(own, orders, notes)
-            bins = bins_of(own, declared[-1])
-            slow = SlowTerms(_DRIFTS[drift])
-            if is_travel or not together:
-                slow = slow_terms(bins.span, turns_ratio, slow.degree, is_travel=is_travel)
-            if not together:
-                slow = replace(slow, over=("speed",) * (trace.time_s is not None and _speed_changes(bins)))
-            fit = _fit(bins, declared, turns_ratio, slow, notes)
-            loads = [] if own.load is None else own.by_sweep(own.load)
-            if torque and torque.by != "catalogue" and torque.is_change(loads):
-                if _tells_compliance(fit):
-                    wound = _fit(bins, declared, turns_ratio, replace(slow, over=(*slow.over, "load")), notes)
-                    slope, unsure = wound.slopes["load"]
-                    if abs(slope) > _SLOPE_CLEAR * unsure:
-                        # noise of the torque makes the slope too small, by its share of the variance of the bins' load
-                        noise = float(np.mean([_noise_of(each) for each in loads]) ** 2 * np.mean(1 / bins.rows))
-                        share = noise / float(np.var(fit.design.fitted(bins.load)[1]))
-                        fit, torque = wound, torque.fitted(slope, hypot(unsure, share * slope))
-                elif without := torque.by_catalogue(cleaned, drive):
-                    cleaned, torque = without
-                    continue
-                else:
-                    warnings.append(_WIND_UP_LEFT)
-            found = without_spikes(own, fit) or with_step(own, fit)
-            if not found:
-                break
-            changed, words = found
-            cleaned = replace(changed, sweeps=tuple(sweeps(changed.cam_deg)))
-            warnings.append(words)
-        drift_left, miss = 0.0, None
-        # a torque that changes within sweeps but goes with the output's turn changes the beats
-        if torque and torque.is_change([bins.load]) and ("load" in fit.slopes or not torque.is_change(loads)):
-            fit, miss = _with_order_changes(fit, seed)
-            if "load" in fit.slopes and len(fit.blocks) == 1:
-                warnings.append(_CHANGES_LEFT)
-        if not together:  # a comparison looks for drift in the difference, and counts lines as noise
-            fit, drift_left = _with_lines_or_drift(fit)
-            if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
-                warnings.append(_DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
-                fit = fit_orders(bins, fit.orders[~np.isin(fit.orders, fit.lines)], replace(fit.design.slow, degree=1))
-                fit, drift_left = _with_lines_or_drift(fit)
-            elif drift_left:
-                warnings.append(DRIFT_LEFT.format(drift_left))
-        wind_up = torque.uncertainty_arcsec if torque and torque.by == "catalogue" else 0.0
-        result = _sweep_result(
-            sign, own, fit, declared, drift_left, gearing, drive, stated or {}, seed, wind_up, may_be_noise, miss
-        )
-        if not fit.unmodelled < _UNMODELLED * result.range.value:
-            size = f"{fit.unmodelled:.2g}″"
-            warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
-        directions.append(result)
+    asked = _Request(gearing, drive, orders, drift, stated or {}, seed, together, may_be_noise)
+    record = _RecordUnderway(trace, asked)
+    found = [record.result(sign) for sign in ((0,) if together else (1, -1))]
+    directions = [each for each in found if each]
     if not directions:
         hint = "F'_ior is looked for over whole turns; check that the angle is that of the cam, and its unit"
         raise DataError(f"{trace.file}: less than one cam turn in one direction", hint)
-    fits = [each.fit for each in directions]
-    parts = _lost_by_sweeps(fits) if len(directions) == 2 and trace.time_s is not None else None
-    lost, over_speed = parts or (None, None)
-    per_ms = None
-    if gearing and trace.time_s is not None:
-        per_ms = 2e-3 * float(np.mean([np.median(np.abs(f.bins.speed)) for f in fits])) * TURN_ARCSEC / gearing.ratio
-    reversal = _reversal(directions[0], directions[1], lost, per_ms) if len(directions) == 2 else None
-    lag = _encoder_lag(fits, gearing.ratio, trace.sense, over_speed) if gearing else None
+    places = [np.rint(each.grid_turns * 1e6) for each in directions]
+    drifts = combined([source for each in directions for source in each.sources if source.name == "drift"])
+    reversal, lag = reversal_and_lag(
+        [each.fit for each in directions],
+        np.intersect1d(places[0], places[-1]) / 1e6,
+        drifts,
+        trace,
+        gearing.ratio if gearing else None,
+    )
     directions.sort(key=lambda each: -each.range.value)
-    notes, warnings = list(dict.fromkeys(notes)), list(dict.fromkeys(warnings))
+    notes, warnings = (tuple(dict.fromkeys(words)) for words in (record.notes, record.warnings))
     alone: tuple[SweepResult, ...] = ()
     if together:
         with suppress(HdassistError):
@@ -488,8 +238,104 @@ def measure(
                 trace, drive=drive, ratio=None if drive else ratio, orders=orders, drift=drift, stated=stated,
                 seed=seed, may_be_noise=True, travel_deg=travel_deg,
             ).directions  # fmt: skip
-    answer = Measurement(trace, gearing, tuple(directions), reversal, lag, tuple(notes), tuple(warnings), seed, torque)
-    return replace(answer, alone=alone)
+    return Measurement(trace, gearing, tuple(directions), reversal, lag, notes, warnings, seed, record.torque, alone)
+
+
+@dataclass(frozen=True)
+class _Request:
+    """Arguments of `measure` that hold for both directions."""
+
+    gearing: Gearing | None
+    drive: Drive | None
+    orders: Sequence[float] | None
+    drift: str
+    stated: Mapping[str, float]
+    seed: int
+    together: bool
+    may_be_noise: bool
+
+    @property
+    def ratio(self) -> float:
+        """Cam turns per output turn, the usual number where it is not known."""
+        return self.gearing.ratio if self.gearing else USUAL_RATIO
+
+
+class _RecordUnderway:
+    """A record on its way to results, direction by direction.
+
+    trace: without readings that were left out, with its steps, and less the wind-up by a catalogue; torque: None
+    without a column; notes and warnings so far.
+    """
+
+    def __init__(self, trace: MeasuredTrace, asked: _Request) -> None:
+        self.trace, self.asked = trace, asked
+        self.torque = None if trace.load is None else RecordedTorque.of(trace.load)
+        self.notes, self.warnings = list(trace.notes), list[str]()
+
+    def result(self, sign: int) -> SweepResult | None:
+        """Results of a direction, 0 for both as one; None of less than a turn of the cam."""
+        asked, gearing = self.asked, self.asked.gearing
+        own = self.trace.one_way(sign)
+        angles = own.by_sweep(own.cam_deg)
+        longest = max((float(np.ptp(each)) / 360 * len(each) / (len(each) - 1) for each in angles), default=0.0)
+        if longest < _SHORTEST_TURNS - 0.01:
+            if own.sweeps:
+                way = "growing" if sign > 0 else "falling"
+                self.notes.append(f"{way} angles left out: {longest:.2g} of a cam turn")
+            return None
+        fit = self._fitted(sign)
+        own, bins = self.trace.one_way(sign), fit.bins
+        drift_left, miss = 0.0, None
+        # a torque that changes within sweeps but goes with the output's turn changes the beats
+        if (torque := self.torque) and torque.is_change([bins.load]):
+            if "load" in fit.slopes or not torque.is_change(own.by_sweep(np.asarray(own.load))):
+                fit, miss = with_order_changes(fit, asked.seed)
+            if "load" in fit.slopes and len(fit.blocks) == 1:
+                self.warnings.append(_CHANGES_LEFT)
+        if not asked.together:  # a comparison looks for drift in the difference, and counts lines as noise
+            fit, drift_left = _with_lines_or_drift(fit)
+            if drift_left and gearing and bins.span >= WHOLE_TURN * gearing.cycle:
+                self.warnings.append(_DRIFT_OFF.format(drift_left, float(np.ptp(fit.curve(bins.turns)))))
+                fit = fit_orders(bins, fit.orders[~np.isin(fit.orders, fit.lines)], replace(fit.design.slow, degree=1))
+                fit, drift_left = _with_lines_or_drift(fit)
+            elif drift_left:
+                self.warnings.append(DRIFT_LEFT.format(drift_left))
+        wind_up = torque.uncertainty_arcsec if torque and torque.by == "catalogue" else 0.0
+        found = _sweep_result(asked, sign, own, fit, drift_left, wind_up, miss)
+        if not fit.unmodelled < _UNMODELLED * found.range.value:
+            size = f"{fit.unmodelled:.2g}″"
+            self.warnings.append(f"error beyond the declared orders, {size}: declare more of them, or it drifts")
+        return found
+
+    def _fitted(self, sign: int) -> TraceFit:
+        """The fit to a direction, once all is left out and taken off that fits before show."""
+        asked, own = self.asked, self.trace.one_way(sign)
+        declared = _declared(own, asked.orders, self.notes)
+        bins, slow = bins_of(own, declared[-1]), SlowTerms(_DRIFTS[asked.drift])
+        is_travel = asked.gearing is not None and asked.gearing.travel is not None
+        if is_travel or not asked.together:
+            slow = slow_terms(bins.span, asked.ratio, slow.degree, is_travel=is_travel)
+        if own.time_s is not None and not asked.together and speed_changes(bins):
+            slow = replace(slow, over=("speed",))
+        fit = _fit(bins, declared, asked.ratio, slow, self.notes)
+        torques, torque = [] if own.load is None else own.by_sweep(own.load), self.torque
+        if torque and torque.by != "catalogue" and torque.is_change(torques):
+            if tells_compliance(fit):
+                wound = _fit(bins, declared, asked.ratio, replace(slow, over=(*slow.over, "load")), self.notes)
+                if by_record := torque.fitted(fit, wound, torques):
+                    fit, self.torque = wound, by_record
+            elif without := torque.by_catalogue(self.trace, asked.drive):
+                self.trace, self.torque = without
+                return self._fitted(sign)
+            else:
+                self.warnings.append(_WIND_UP_LEFT)
+        found = without_spikes(own, fit) or with_step(own, fit)
+        if not found:
+            return fit
+        changed, words = found
+        self.trace = replace(changed, sweeps=tuple(sweeps(changed.cam_deg)))
+        self.warnings.append(words)
+        return self._fitted(sign)
 
 
 def _require_drift(kind: str) -> None:
@@ -540,17 +386,12 @@ def _fit(bins: Bins, declared: Sequence[float], ratio: float, slow: SlowTerms, n
 
 
 def _sweep_result(
+    asked: _Request,
     sign: int,
     trace: MeasuredTrace,
     fit: TraceFit,
-    declared: Sequence[float],
     drift_left: float,
-    gearing: Gearing | None,
-    drive: Drive | None,
-    stated: Mapping[str, float],
-    seed: int,
     wind_up: float,
-    may_be_noise: bool,
     torque_miss: float | None,
 ) -> SweepResult:
     """The range of a fit with its uncertainty, refused where it is noise and may not be; orders and coverage.
@@ -558,6 +399,7 @@ def _sweep_result(
     drift_left: linear drift [arcsec] that the fit has in it; wind_up: uncertainty of one taken off by a catalogue;
     torque_miss: of lines between torques.
     """
+    gearing, declared = asked.gearing, _declared(trace, asked.orders, [])
     bins = fit.bins
     places, per_turn = visited_angles(fit)
     visits = None
@@ -585,14 +427,14 @@ def _sweep_result(
         UncertaintySource("beyond the orders", sqrt(2) * fit.unmodelled, "residuals that go on from step to step"),
         resolution_source(trace, float(np.sqrt(np.mean(bins.rows * fit.residual**2)))),
         *(UncertaintySource("between torques", each / sqrt(12), "how straight the orders change") for each in misses),
-        *stated_sources(stated),
+        *stated_sources(asked.stated),
     )
     drifts, others = combined(drifting), combined(common)
 
     def ranges(own: TraceFit) -> tuple[Range, Range, Range, Range]:
         parts = hypot(drifts, others), hypot(drifts / bins.span, others), others
         is_whole = visits is not None and visits.share >= FULL_SHARE
-        return ranges_of(own, grid, np.random.default_rng([seed, sign + 1]), parts, whole=is_whole)
+        return ranges_of(own, grid, np.random.default_rng([asked.seed, sign + 1]), parts, whole=is_whole)
 
     extent, revolution, cam, slope = ranges(fit)
     torques = bins.torques if len(fit.blocks) > 1 else ()
@@ -608,7 +450,7 @@ def _sweep_result(
         message = f"the output is read in steps of {size} at even angles: what they round looks like error"
         raise UntrustedError(f"{trace.file}: {message}", "read both encoders by the clock", Fault.ORDERS_UNTOLD)
     alone = combined([source for source in sources if source.name not in {*STATED, WIND_UP}])
-    if not (may_be_noise or (fit.clear_of_noise and extent.value > COVERAGE_FACTOR * alone)):
+    if not (asked.may_be_noise or (fit.clear_of_noise and extent.value > COVERAGE_FACTOR * alone)):
         message = f"F'_ior of {max(extent.value, 0.0):.3g}″ is not clear of its noise, u = {alone:.3g}″"
         hint = "it drifts: --drift linear" if drift_left else "record longer or with less noise; check the column"
         raise UntrustedError(f"{trace.file}: {message}", hint, Fault.ORDERS_UNTOLD)
@@ -616,33 +458,9 @@ def _sweep_result(
     drifted = fit.design.drift_at(fit.drift, trace.cam_deg[rows] / 360, travel_of(trace)[rows])
     return SweepResult(
         sign, fit, grid, extent, revolution, cam, slope, float(np.ptp(slow)),
-        float(np.ptp(trace.error_arcsec[rows] - drifted)), *order_tables(fit, declared, drive, gearing), visits,
+        float(np.ptp(trace.error_arcsec[rows] - drifted)), *order_tables(fit, declared, asked.drive, gearing), visits,
         sources, tuple(_TorqueRange(torque, each.value, each.uncertainty) for torque, each in at_torques), torque_miss,
     )  # fmt: skip
-
-
-def _reversal(
-    up: SweepResult, down: SweepResult, lost: _ValueAndSpread | None, per_ms: float | None
-) -> Reversal | None:
-    """Difference of the two directions at the angles that both have visited; None if there are none.
-
-    lost: part of the levels by the direction alone, where it is known; per_ms: change by a ms of lag of the
-    difference [arcsec], None where that is not known.
-    """
-    shared = np.intersect1d(np.rint(up.grid_turns * 1e6), np.rint(down.grid_turns * 1e6)) / 1e6
-    if not len(shared):
-        return None
-    above, below = (each.fit.curve(shared) + each.fit.level.mean() for each in (up, down))
-    apart = above - below
-    mean, departure = float(apart.mean()), float(np.abs(apart - apart.mean()).max())
-    if lost:
-        return Reversal(mean, departure, *lost, 0.0, "speeds of sweeps")
-    drifts = [source.arcsec for each in (up, down) for source in each.sources if source.name == "drift"]
-    levels = [sqrt(float(each.fit.level_covariance.mean())) for each in (up, down)]
-    unsure = hypot(*levels, *filter(None, drifts))
-    if "speed" in up.fit.slopes and "speed" in down.fit.slopes:
-        return Reversal(mean, departure, abs(mean), unsure, 0.0, "speeds within sweeps")
-    return Reversal(mean, departure, abs(mean), unsure, per_ms, "one speed")
 
 
 @dataclass(frozen=True)

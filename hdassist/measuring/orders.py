@@ -25,18 +25,8 @@ from scipy.special import stdtrit
 from hdassist.error.trace import NO_CAUSE, known_causes
 from hdassist.errors import UsageError
 from hdassist.files import number_of
-from hdassist.measuring.fit import (
-    COVERAGE_FACTOR,
-    DESIGN_CHUNK,
-    EVEN,
-    OrderIndices,
-    SlowTerms,
-    TraceFit,
-    curve_of,
-    distance,
-    even_readings,
-    order_columns,
-)
+from hdassist.measuring.design import DESIGN_CHUNK, SlowTerms, curve_of, order_columns
+from hdassist.measuring.fit import COVERAGE_FACTOR, EVEN, OrderIndices, TraceFit, distance, even_readings
 from hdassist.model.geometry import Array
 from hdassist.model.kinematics import Kinematics
 from hdassist.preset.fields import Drive

@@ -21,17 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdassist.errors import Fault, UntrustedError
-from hdassist.measuring.fit import (
-    BINS_PER_COLUMN,
-    EVEN,
-    RESOLVED_GAP,
-    TraceFit,
-    distance,
-    even_readings,
-    fit_orders,
-    order_columns,
-    residual_power,
-)
+from hdassist.measuring.design import BINS_PER_COLUMN, order_columns
+from hdassist.measuring.fit import EVEN, RESOLVED_GAP, TraceFit, distance, even_readings, fit_orders, residual_power
 from hdassist.measuring.orders import LINE_WIDTH
 from hdassist.model.geometry import Array
 from hdassist.readers.table import shortened

@@ -24,8 +24,9 @@ from hdassist.measuring.bench import (
     seen_range,
 )
 from hdassist.measuring.fit import COVERAGE_FACTOR, SLOWEST_ORDER
-from hdassist.measuring.measure import Measurement, RecordedTorque, Reversal, SweepResult
+from hdassist.measuring.measure import Measurement, SweepResult
 from hdassist.measuring.orders import FULL_SHARE, GAP_PERIODS, STATED, UncertaintySource
+from hdassist.measuring.slopes import RecordedTorque, Reversal
 from hdassist.pages.curves import curve_of_turns, slope_words
 from hdassist.preset.fields import Drive
 from hdassist.report import (

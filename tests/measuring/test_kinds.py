@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.kinds import KINDS, Rig, counted
-from hdassist.measuring.fit import bins_of, fit_orders
+from hdassist.measuring.design import bins_of
+from hdassist.measuring.fit import fit_orders
 from hdassist.measuring.orders import DEFAULT_ORDERS, order_grid
 from tests.rigs import recorded
 

@@ -1,0 +1,231 @@
+"""Slopes beside the orders of a record: over the speed a lag between its encoders, over its torque a wind-up.
+
+A lag times the speed is an offset that changes sign with the direction and grows with the speed. At an even speed it is
+part of the level, and F'_ior has no part of it; friction and play change the level with the direction too. So what
+grows with the speed is known only where that changes, within a sweep or from one to another; the rest is lost at the
+reversal. Friction that grows with the speed looks like a lag: all of the fitted one may be that.
+
+The wind-up by a torque that changes along a record is taken off, so that F'_ior is that of the mean torque: by the
+record itself, where the torque does not go with the orders, as gravity goes with the turn of the output; else by K_1 to
+K_3 of the drive's catalogue. There the orders change with the torque too, along straight lines between the least, the
+mean and the greatest; a torque that goes with the output's turn changes its beats, and F'_ior is of the curve along it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import hypot, sqrt
+
+import numpy as np
+
+from hdassist.error.stiffness import catalogue_torques
+from hdassist.errors import UntrustedError
+from hdassist.measuring.design import Bins
+from hdassist.measuring.fit import TraceFit, fit_orders
+from hdassist.measuring.orders import ranges_of
+from hdassist.model.geometry import Array
+from hdassist.preset.fields import Drive
+from hdassist.readers.trace import MeasuredTrace
+from hdassist.readers.words import TURN_ARCSEC
+
+_LEAST_SPEED_APART = 0.2  # of the greatest speed: between sweeps, from which on a lag is fitted to their levels
+_LEAST_SPEED_CHANGE = 0.02  # of the speed: within sweeps, from which on a lag is fitted
+_LEAST_CHANGE = 0.01  # of the greatest torque: smaller ones wind up too little to see
+_LOAD_APART = 0.1  # of a torque's changes: least part that does not go with orders and slow terms
+_TORQUE_CLEAR = 2.0  # times the noise of its readings: spread of a torque that changes
+_SLOPE_CLEAR = 3.0  # standard uncertainties: a slope over the torque that is no chance
+_CHANGE_TOLD = 3.0  # times the noise of a curve without changes: that at each torque, at most, where a record has them
+_CATALOGUE_SHARE = 0.1  # of a wind-up: standard uncertainty of a drive's stiffness by its catalogue; a guess
+_CLEAR_SENSE = 0.5  # correlation of error and wind-up
+_ARCSEC_PER_RAD = 648000 / np.pi
+_ValueAndSpread = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class EncoderLag:
+    """Lag [ms] of the output's reading behind the cam's, and its standard uncertainty."""
+
+    ms: float
+    uncertainty_ms: float
+
+
+@dataclass(frozen=True)
+class Reversal:
+    """Error in growing minus error in falling direction at the same angles [arcsec]: mean, and greatest departure.
+
+    lost_motion_arcsec: size of the output's stay where the shaft turns back, by play, friction and hysteresis, without
+    the part that grows with the speed, where that is known; with its standard uncertainty. by: "speeds within sweeps",
+    "speeds of sweeps", or "one speed", where each ms of lag between the encoders is arcsec_per_ms of it (None without
+    time stamps, 0 otherwise).
+    """
+
+    mean_arcsec: float
+    greatest_departure_arcsec: float
+    lost_motion_arcsec: float = 0.0
+    lost_motion_standard_uncertainty_arcsec: float = 0.0
+    arcsec_per_ms: float | None = 0.0
+    by: str = "one speed"
+
+
+def speed_changes(bins: Bins) -> bool:
+    """Whether the speed within the sweeps changes by enough to tell a lag."""
+    apart = [speed - np.median(speed) for speed in (bins.speed[bins.sweep == k] for k in range(bins.sweeps))]
+    low, high = np.quantile(np.concatenate(apart), (0.05, 0.95))  # a turning point alone tells no lag
+    return float(high - low) / 2 > _LEAST_SPEED_CHANGE * float(np.abs(bins.speed).mean())
+
+
+def reversal_and_lag(
+    fits: Sequence[TraceFit], shared: Array, drift_arcsec: float, trace: MeasuredTrace, ratio: float | None
+) -> tuple[Reversal | None, EncoderLag | None]:
+    """What is lost where the shaft turns back, and the lag of the output's encoder; None where they are not known.
+
+    Arguments: fits of the directions, growing angles first; shared, angles [turns] that all have visited, shape
+    (angles,); drift_arcsec, standard uncertainty by drifts; ratio, cam turns per output turn, None where unknown.
+    """
+    timed = trace.time_s is not None
+    lost, over_speed = (timed and len(fits) == 2 and _lost_by_sweeps(fits)) or (None, None)
+    slopes = [fit.slopes["speed"] for fit in fits if "speed" in fit.slopes]
+    slopes += [over_speed] if over_speed else []
+    reversal, lag = None, None
+    if ratio and slopes:
+        values, spreads = np.array(slopes).T * (1e3 * ratio * (trace.sense or 1) / TURN_ARCSEC)  # ms
+        weight = np.maximum(np.abs(spreads), 1e-15) ** -2
+        lag = EncoderLag(float(np.average(values, weights=weight)), float(weight.sum() ** -0.5))
+    if len(fits) == 2 and len(shared):
+        apart = np.subtract(*(fit.curve(shared) + fit.level.mean() for fit in fits))
+        mean, by, per_ms = float(apart.mean()), "one speed", None
+        departure = float(np.abs(apart - mean).max())
+        unsure = hypot(drift_arcsec, *(sqrt(float(fit.level_covariance.mean())) for fit in fits))
+        if lost:
+            by, per_ms = "speeds of sweeps", 0.0
+        elif all("speed" in fit.slopes for fit in fits):
+            by, per_ms = "speeds within sweeps", 0.0
+        elif ratio and timed:
+            speed = float(np.mean([np.median(np.abs(fit.bins.speed)) for fit in fits]))
+            per_ms = 2e-3 * speed * TURN_ARCSEC / ratio
+        reversal = Reversal(mean, departure, *(lost or (abs(mean), unsure)), per_ms, by)
+    return reversal, lag
+
+
+def _lost_by_sweeps(fits: Sequence[TraceFit]) -> tuple[_ValueAndSpread, _ValueAndSpread] | None:
+    """Parts of the levels of sweeps: lost at the reversal [arcsec], and over the speed [arcsec s/turn].
+
+    Each with its standard uncertainty. None where the sweeps of both directions do not tell them apart, or slopes over
+    the speed are fitted within them.
+    """
+    if any("speed" in fit.slopes or fit.bins.levels != fit.bins.sweeps for fit in fits):
+        return None
+    level = np.concatenate([fit.level for fit in fits])
+    speed = np.concatenate([[f.bins.speed[f.bins.sweep == k].mean() for k in range(f.bins.sweeps)] for f in fits])
+    pace = np.abs(speed)
+    if len(level) < 3 or not np.ptp(pace) > _LEAST_SPEED_APART * pace.max():
+        return None
+    from scipy.linalg import block_diag  # 20 ms, which values in holes do without
+
+    precision = np.linalg.pinv(block_diag(*[fit.level_covariance for fit in fits]))
+    columns = np.column_stack([np.ones(len(level)), np.sign(speed) / 2, speed])
+    covariance = np.linalg.pinv(columns.T @ precision @ columns)
+    found = covariance @ columns.T @ precision @ level
+    left, freedom = level - columns @ found, len(level) - 3
+    spread = np.sqrt(np.diag(covariance) * max(1.0, float(left @ precision @ left) / max(freedom, 1)))
+    return (abs(float(found[1])), float(spread[1])), (float(found[2]), float(spread[2]))
+
+
+@dataclass(frozen=True)
+class RecordedTorque:
+    """Torque of a record [N*m]: its mean, least and greatest, and the wind-up that was taken off.
+
+    by: "record", "catalogue", or empty where none was; wind_up_arcsec: its range; uncertainty_arcsec: standard
+    uncertainty of that; stiffness_Nm_rad: by the record, with its standard uncertainty.
+    """
+
+    mean_Nm: float
+    least_Nm: float
+    greatest_Nm: float
+    by: str = ""
+    wind_up_arcsec: float = 0.0
+    uncertainty_arcsec: float = 0.0
+    stiffness_Nm_rad: tuple[float, float] | None = None
+
+    @classmethod
+    def of(cls, torque: Array) -> RecordedTorque:
+        """The torque of rows [N*m] in figures."""
+        return cls(float(torque.mean()), float(torque.min()), float(torque.max()))
+
+    def is_change(self, torques: Sequence[Array]) -> bool:
+        """Whether it changes within some of its rows [N*m] by enough to matter."""
+        least = max(_LEAST_CHANGE * abs(self.least_Nm), _LEAST_CHANGE * abs(self.greatest_Nm))
+        is_large = float(max(map(np.ptp, torques))) > max(least, _LOAD_APART * (self.greatest_Nm - self.least_Nm))
+        return is_large and any(float(np.std(each)) > _TORQUE_CLEAR * _noise_of(each) for each in torques)
+
+    def fitted(self, fit: TraceFit, wound: TraceFit, torques: Sequence[Array]) -> RecordedTorque | None:
+        """The same with the slope over the torque that a fit has taken off; None of a slope that may be chance.
+
+        Arguments: fit without that slope; wound, with it; torques [N*m] of the rows.
+        """
+        slope, unsure = wound.slopes["load"]
+        if abs(slope) <= _SLOPE_CLEAR * unsure:
+            return None
+        # noise of the torque makes the slope too small, by its share of the variance of the bins' load
+        noise = float(np.mean([_noise_of(each) for each in torques]) ** 2 * np.mean(1 / fit.bins.rows))
+        unsure = hypot(unsure, slope * noise / float(np.var(fit.design.fitted(fit.bins.load)[1])))
+        size, reach = max(abs(slope), 1e-300), self.greatest_Nm - self.least_Nm
+        stiffness = _ARCSEC_PER_RAD / size
+        own = stiffness, stiffness * unsure / size
+        return replace(
+            self, by="record", wind_up_arcsec=size * reach, uncertainty_arcsec=unsure * reach, stiffness_Nm_rad=own
+        )
+
+    def by_catalogue(self, trace: MeasuredTrace, drive: Drive | None) -> tuple[MeasuredTrace, RecordedTorque] | None:
+        """A trace less the twist by K_1 to K_3 of a drive, towards growing angles where its sense is not clear.
+
+        None without all three.
+        """
+        stiffness = [drive.catalogue.K_1, drive.catalogue.K_2, drive.catalogue.K_3] if drive else []
+        if trace.load is None or drive is None or not all(stiffness):
+            return None
+        size = np.abs(trace.load)
+        T_1, T_2 = catalogue_torques(drive)
+        knees = np.array([0.0, T_1, T_2, T_2 + float(size.max())])
+        twist = np.cumsum([0.0, *(np.diff(knees) / np.array(stiffness, float))]) * _ARCSEC_PER_RAD
+        load = np.sign(trace.load) * np.interp(size, knees, twist)
+        sense = -1.0 if float(np.corrcoef(load, trace.error_arcsec)[0, 1]) < -_CLEAR_SENSE else 1.0
+        span = float(np.ptp(load))
+        found = replace(self, by="catalogue", wind_up_arcsec=span, uncertainty_arcsec=_CATALOGUE_SHARE * span)
+        return replace(trace, error_arcsec=trace.error_arcsec - sense * load), found
+
+
+def _noise_of(torque: Array) -> float:
+    """Standard deviation of the noise that rows of a torque [N*m] are read with, by what each differs from the next."""
+    return float(np.std(np.diff(torque))) / sqrt(2)
+
+
+def tells_compliance(fit: TraceFit) -> bool:
+    """Whether the load of a fit's bins has a part that goes neither with its orders nor with its slow terms."""
+    load = fit.bins.load
+    return float(np.std(fit.design.fitted(load)[1])) > _LOAD_APART * float(np.std(load))
+
+
+def with_order_changes(fit: TraceFit, seed: int) -> tuple[TraceFit, float | None]:
+    """A fit whose orders change with the torque, where its bins show that they do, and the most that lines miss.
+
+    That is the bend of the curve [arcsec] at the mean torque, by which a straight line misses it there, or a quarter of
+    it where there is a line to either side; None where the orders do not change, or the record does not tell a bend.
+    """
+    bins, miss = fit.bins, None
+    for changes in (2, 1):
+        with suppress(UntrustedError):
+            trial = fit_orders(bins, fit.orders, replace(fit.design.slow, order_changes=changes))
+            noise = max(float(np.linalg.norm(trial.at_torque(torque).order_root)) for torque in bins.torques)
+            if noise > _CHANGE_TOLD * float(np.linalg.norm(fit.order_root)):
+                continue
+            last = trial.combined(*[0.0] * changes, 1.0)
+            if changes == 2:
+                rng = np.random.default_rng([seed, 4])
+                bend, *_ = ranges_of(last, np.sort(bins.turns), rng, (0.0, 0.0, 0.0), whole=False)
+                miss = bend.interval[1]
+            if last.clear_of_noise:
+                return trial, miss and miss / changes**2
+    return fit, None
