@@ -351,7 +351,7 @@ def still_stands(answer: AcceptAnswer, request: Request) -> bool:
 
 
 @dataclass(frozen=True)
-class Difference:
+class _AnswerDifference:
     """A value that came out otherwise: its place in the answer, the value then and now."""
 
     key: str
@@ -364,11 +364,11 @@ class Difference:
         return f"{self.key}: {then} then, {now} now"
 
 
-def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[Difference]:
+def answer_differences(recorded: AcceptAnswer, now: AcceptAnswer) -> list[_AnswerDifference]:
     """Differences of two answers, with the names of their checks; of one without an answer that alone."""
     if bool(recorded.error) != bool(now.error):
         errors = (answer.error and answer.error.message for answer in (recorded, now))
-        return [Difference("verdict", recorded.status, now.status), Difference("error", *errors)]
+        return [_AnswerDifference("verdict", recorded.status, now.status), _AnswerDifference("error", *errors)]
     return list(_differences(_by_check(recorded), _by_check(now)))
 
 
@@ -379,7 +379,7 @@ def _by_check(answer: AcceptAnswer) -> Json:
     return fields | {"checks": dict(zip(names, fields["checks"], strict=True))}
 
 
-def _differences(recorded: Any, now: Any, key: str = "", allowed: float = _ROUNDING) -> Iterator[Difference]:
+def _differences(recorded: Any, now: Any, key: str = "", allowed: float = _ROUNDING) -> Iterator[_AnswerDifference]:
     """Differences of two JSON values, but for NOT_COMPARED; key, of both; allowed, how far numbers may lie apart."""
     then, comes = (dict(enumerate(value)) if isinstance(value, list) else value for value in (recorded, now))
     if isinstance(then, dict) and isinstance(comes, dict):
@@ -391,6 +391,6 @@ def _differences(recorded: Any, now: Any, key: str = "", allowed: float = _ROUND
                 yield from _differences(then.get(name), comes.get(name), inner, within)
     elif isinstance(recorded, float) and isinstance(now, float):
         if abs(recorded - now) > allowed:
-            yield Difference(key, recorded, now)
+            yield _AnswerDifference(key, recorded, now)
     elif recorded != now:
-        yield Difference(key, recorded, now)
+        yield _AnswerDifference(key, recorded, now)
