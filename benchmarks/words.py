@@ -85,12 +85,13 @@ REASONS = {
     "solver 10 %. Next: imports of pages that are not shown.",
     "first output": "the bar begins when the modules of the answer are there: numpy and scipy.linalg are most of "
     "their import. Next: head and bar before numpy is imported.",
-    "--help": "the modules of all commands are imported for their options: typer is a quarter of it, "
-    "importlib.metadata a fifth (for `doctor`). Next: import what a command needs when it runs.",
-    "memory": "each worker holds its own share of numpy, scipy and of what it has computed (80 MB at the end of check, "
-    "of which it has freed a fifth that the C library keeps: giving that back after each draw takes an eighth "
-    "of its time), the process of the cross-check cvxpy besides (90 MB), the command itself 55 MB; report has "
-    "the most. Next: draws in C, which need no numpy of their own.",
+    "--help": "typer is two thirds of it, files and streams of a run most of the rest; no command and no option of one "
+    "is imported. Next: hashes and gzip when a file is read.",
+    "memory": "each worker holds its own share of numpy and scipy (45 to 50 MB in check, of which the C library keeps "
+    "a third that was freed: giving that back after each draw takes an eighth of its time; it was 80 MB while a "
+    "formulation and its references held each other, so that matrices of drives that were done stayed), the process of "
+    "the cross-check cvxpy besides (100 MB), the command itself 50 MB; report has the most. Next: the cross-check's "
+    "process without what the command has imported for its pages.",
     "explorer": "the first number is one search of a typical drive; the proven one adds every state of its cycle at "
     "each torque, and the process that solves them. Next: torques of one cycle solved together.",
     "coned": "five times the flanks are candidates, and most of what a state costs goes with all of them. Next: "

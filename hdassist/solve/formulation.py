@@ -252,7 +252,6 @@ class Reference:
         }
         self.held = {name: np.ascontiguousarray(array) for name, array in held.items()}
         self.sizes = (len(place), m, free, len(self._flanks), len(map_), ROTATION)
-        self.formulation, self.system = formulation, system
 
     def values(self, coordinates: Array, candidates: NDArray[np.int64]) -> Array:
         """Values of some candidates, shape (states, candidates), by coordinates, shape (states, m + free)."""

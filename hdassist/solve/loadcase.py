@@ -205,7 +205,7 @@ class LoadCase:
         UntrustedError where a solver that was asked for has no answer.
         """
         if self._walk is None and len(gaps) >= self._pays and (reference := self._reference()):
-            self._walk = (Walk if self._compiled else Pivoting)(reference)
+            self._walk = Walk(reference) if self._compiled else Pivoting(self.formulation, reference)
         if self._walk is None:
             return self._alone(gaps, slope)
         sums = self._walk.solve(gaps, self._torque, slope=slope)

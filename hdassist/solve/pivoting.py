@@ -33,8 +33,8 @@ class Pivoting:
     are looked at for every state, and bring a candidate into the swing where one is negative.
     """
 
-    def __init__(self, reference: Reference) -> None:
-        self._reference = reference
+    def __init__(self, formulation: Formulation, reference: Reference) -> None:
+        self._formulation, self._reference = formulation, reference
         self._swing = np.zeros(0, dtype=int)
 
     def solve(self, gaps: StateGaps, torque: float, *, slope: bool = False) -> StateSums:
@@ -42,8 +42,8 @@ class Pivoting:
 
         Arguments: gaps; torque [N*mm]; slope, whether the slope of the rotation by the scalars is asked for.
         """
-        system, (forces, free) = self._reference.system, self.forces(gaps, torque)
-        slopes = rotation_slopes(self._reference.formulation, forces, gaps.scalars.shape[1]) if slope else None
+        system, (forces, free) = self._formulation.system, self.forces(gaps, torque)
+        slopes = rotation_slopes(self._formulation, forces, gaps.scalars.shape[1]) if slope else None
         return StateSums.of(system, system.delta_p_of(gaps), torque, forces, free, slope=slopes)
 
     def forces(self, gaps: StateGaps, torque: float) -> tuple[Array, Array]:

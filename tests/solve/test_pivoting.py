@@ -1,5 +1,8 @@
 """The walk in numpy, against the same states one by one."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -228,7 +231,7 @@ def test_a_reference_solves_the_programme_at_its_contact_set(small, stations):
     formulation = formulate(contact_system(changed(small, numerics__stations=stations)))
     nothing = StateGaps(np.zeros((1, 0)))
     forces, free, _ = OneByOne(formulation).solve(formulation.system.delta_p[None], 4e3)
-    walk = pivoting.Pivoting(Reference(formulation, forces[0] > 1e-9 * forces.max()))
+    walk = pivoting.Pivoting(formulation, Reference(formulation, forces[0] > 1e-9 * forces.max()))
     solved, freed = walk.forces(nothing, 4e3)
     assert len(walk._swing) == 0  # no pivot
     assert solved == pytest.approx(forces, abs=1e-8 * forces.max())
@@ -256,3 +259,16 @@ def test_parts_that_are_one_and_the_same_have_no_inverse():
     with pytest.raises(ValueError, match=r"Singular|hold the parts"):
         principal_transform(one, both)
     assert principal_transform(one + np.eye(2), both) == pytest.approx(np.linalg.inv(one + np.eye(2)))
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_the_matrices_of_a_system_go_with_its_last_user(small, gaps, compiled):
+    gc.disable()  # which collects circles long after: of many drives, hundreds of MB
+    try:
+        case = load_case(formulate(contact_system(small)), 40.0, many=True, compiled=compiled)
+        case.sums(gaps[:5])
+        kept = weakref.ref(case.formulation)
+        del case
+        assert kept() is None
+    finally:
+        gc.enable()
