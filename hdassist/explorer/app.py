@@ -73,7 +73,7 @@ After a change the old answer stays, marked old, beside a typical drive as it wa
 
 Holes: F'_ior with the fixed wheel turned, counted counter-clockwise from now, seen from the cam side. Bars go from \
 the 5th to the 95th percentile, on one scale for all torques.
-N now, B best, W worst, ? measure next, ◆ measured, x not allowed, o looked at.
+N now, B best, W worst, ? measure next, ◆ measured, x not allowed, o looked at, │ limit.
 
 Why: the inputs from which the width of the range comes, and what each measurement would bring.
 
@@ -407,7 +407,7 @@ class Explorer(_Exporting):
             self.levers.sort_by_effect(effects, torque)
         self.levers.show(session, effects, torque, self.wanted.value, is_grouped=self.is_grouped)
         typical = ", of a typical drive"
-        self.side.border_subtitle = f"change of F'_ior at {self.M_g:g} N·m, ″{typical * bool(known.typical)}"
+        self.side.border_subtitle = f"change at {self.M_g:g} N·m, ″{typical * bool(known.typical)}"
         seat = panes["seat"]
         drawing, seat.border_subtitle = seat_pane(session, letters, seat.scrollable_content_region.width)
         seat.show(drawing)
@@ -457,8 +457,8 @@ class Explorer(_Exporting):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Whether an action can be done now."""
         session = self.session
-        able = {"undone": session.past, "redone": session.future}
-        return bool(able.get(str(*parameters), True)) if action == "change" else True
+        able = {"undone": session.past, "redone": session.future, "torque": session.drive.operation.M_g[1:]}
+        return bool(able.get(str(*parameters) if action == "change" else action, True))
 
     @on(DescendantFocus)
     def show_keys(self) -> None:

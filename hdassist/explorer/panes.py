@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar
@@ -33,7 +34,7 @@ from hdassist.mounting.positions import bare
 from hdassist.pages.card import seat_holes
 from hdassist.pages.check import F_ior_table, steps_table
 from hdassist.preset.fields import ResolvedField, resolved_fields, text_of
-from hdassist.report import Block, Curve, Facts, Lines, Report, Seat, SeatMark, Table
+from hdassist.report import Block, Curve, Facts, Lines, Report, Seat, SeatMark, Table, four_digits
 from hdassist.terminal.page import block_on_page
 from hdassist.terminal.plot import SEAT_WIDTH, seat_in_characters, ticks
 from hdassist.terminal.streams import Style
@@ -42,8 +43,11 @@ from hdassist.verdict import Verdict
 
 MARKS = {SURE_REFINED: "○□△", SURE_PROVEN: "●■▲", SURE_RANGE: "◌▫▵"}  # of each torque one, as of _BAR_LINES
 _BAR_LINES = "─═╌"  # of the bars of each torque
-_INK = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one
-_LETTER_STYLES = {"B": f"{_INK[3]} bold", "W": "red bold", "?": f"{_INK[2]} bold"}
+_INK: tuple[str, ...] = ("#0a8fa8", "#a87a00", "#b04ab0", "#2a9040")  # legible on a dark ground as on a light one
+_RED = "#d04040"
+if os.environ.get("NO_COLOR"):  # as the screen would make greys of them, which say less than the ground's own ink
+    _INK, _RED = ("not dim",) * len(_INK), "not dim"
+_LETTER_STYLES = {"B": f"{_INK[3]} bold", "W": f"{_RED} bold", "?": f"{_INK[2]} bold"}
 _LETTER_KINDS = {"N": "now", "B": "best", "W": "worst", "?": "best"}
 _SEAT_WORDS = {"N": "now", "B": "best", "W": "worst", "?": "measure next", "x": "not allowed", "o": "looked at"}
 _LEAST_BAR, _LEAST_PANE = 14, 10  # columns of a bar that has ranges beside it, and of a pane with text
@@ -135,13 +139,14 @@ class Holes(KeyedTable):
             signs = f"{letters.get(at, '')}{'◆' * bool(measured)}"
             head = Text(f"{bare(at, holes):>4} {signs:4.4}", "bold" if at == session.turn_deg else "")
             head.highlight_regex("B", _LETTER_STYLES["B"])
-            marks = [(limit, limit, "│", "red") for limit in limits]
-            marks += [(middle, middle, "┄", "dim") for _, middle, _ in _seat_ranges(behind, at)]
+            marks = [(middle, middle, "┄", "dim") for _, middle, _ in _seat_ranges(behind, at)]
+            points = [(limit, limit, "│", _RED) for limit in limits if limit <= top]  # above all ranges
             for k, (low, middle, high) in enumerate(_seat_ranges(found, at)):
                 sign = _torque_sign(k, found.surety(at) if found else "")
-                marks += [(low, high, sign[0], _torque_style(k)), (middle, middle, sign[1], _torque_style(k))]
-            marks += [(value, value, "◆", _INK[2]) for value in measured]
-            rows[f"{at}"] = head, *numbers[at], _bar(width, top, marks)
+                marks.append((low, high, sign[0], _torque_style(k)))
+                points.append((middle, middle, sign[1], _torque_style(k)))
+            points += [(value, value, "◆", _INK[2]) for value in measured]
+            rows[f"{at}"] = head, *numbers[at], _bar(width, top, [*marks, *points])
         scale = f" 0{f'{top:g}″':>{max(width - 2, 1)}}"
         self.fill(["hole" if holes else "turn", *heads, scale if found else ""], rows)
         shown = "median" if is_narrow else "5 to 95 %"
@@ -268,13 +273,15 @@ def _lever_cells(
     """Name and mark of a field, its meaning, its value with unit, a plausible step, and the change by it."""
     mark, (by, changes) = marks.get(field.path, " "), effects.steps.get(field.path, (0.0, ()))
     name = field.path.partition(".")[2]
-    value = visible(text_of(field.value))[: 13 - len(field.unit)]
+    unit = "" if field.value is None else field.unit.replace("um", "µm").replace("N*m", "N·m").replace("deg", "°")
+    value = visible(text_of(field.value))[: 13 - len(unit)]
+    step = four_digits(abs(by))
     pinned = "pin " * (field.path in effects.differing)
     return (
         Text.assemble(name, (f" {mark}", _INK[1] if mark == "?" else _INK[3])),
         Text(visible(field.meaning), "dim"),
-        Text.assemble((f" {value}", _INK[3] if mark == "*" else ""), (f" {field.unit.replace('um', 'µm')}", "dim")),
-        Text(f" {pinned}{by:+.4g}" if changes else "", _INK[0]),
+        Text.assemble((f" {value}", _INK[3] if mark == "*" else ""), (f" {unit}", "dim")),
+        Text(f" {pinned}{'-' if by < 0 else '+'}{step}" if changes else "", _INK[0]),
         Text(f" {changes[torque]:+7.2f}" if changes else "", _INK[0]),
     )
 
@@ -282,7 +289,7 @@ def _lever_cells(
 _WITH_UNIT = ("F'_ior", "5 to 95 %", "limit")  # columns of the headline that are angles
 _VERDICT_STYLES: dict[str, str] = {
     Verdict.PASS: f"{_INK[3]} bold",
-    Verdict.FAIL: "red bold",
+    Verdict.FAIL: f"{_RED} bold",
     Verdict.INCONCLUSIVE: f"{_INK[1]} bold",
 }
 
@@ -361,6 +368,9 @@ def order_words(known: Known) -> str:
 def next_text(known: Known) -> str:
     """The order for the wheel in a line, and in another one the value to measure next."""
     order, *others = known.report.why if known.report else (known.without,)
+    if known.advice and known.advice.word == "ANY_HOLE":  # the action before its reason
+        reason, _, action = order.rpartition(". ")
+        order = f"{action} {reason}."
     lines = (order.replace(", seen from", " from"), *others[-1:])  # so that 80 columns have room for all of the action
     return visible("\n".join(line.replace("\n", " ") for line in lines))
 

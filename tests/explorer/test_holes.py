@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -142,6 +145,25 @@ def test_nothing_computed_with_an_unknown_size_at_0_is_called_proven() -> None:
         assert any(word.startswith("tolerances.e_hh=") for word in at)  # the typical drive's, not 0
 
     explored(act, tiny("tolerances.e_hh=unknown"), size=(160, 45))
+
+
+def test_limits_stand_above_the_ranges_and_the_action_before_its_reason() -> None:
+    async def act(app: Explorer, pilot: Pilot[int]) -> None:
+        bars = [str(app.holes.get_row(key)[-1]) for key in app.holes.rows]
+        (limit,) = {bar.index("│") for bar in bars if "│" in bar}
+        assert any(bar[limit - 1] == bar[limit + 1] == "─" for bar in bars)
+        assert next_text(app.known).startswith("Leave the rigid wheel as it is. No hole is expected to be better")
+        assert "torque" not in str(app.lines["keys"].content)
+
+    explored(act, tiny(*TURNABLE, "acceptance.F_ior=110"), size=(140, 40))
+
+
+def test_without_colours_no_style_has_one() -> None:
+    code = "from hdassist.explorer import panes as p; print(p._VERDICT_STYLES, p._LETTER_STYLES, p._torque_style(1))"
+    shown = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, "NO_COLOR": "1"}, capture_output=True, text=True, check=True
+    )
+    assert "not dim bold" in shown.stdout and "#" not in shown.stdout and "red" not in shown.stdout
 
 
 @pytest.mark.parametrize("holes", [12, 24])

@@ -70,7 +70,7 @@ def test_in_sixty_columns_the_verdict_stays_at_the_top_and_its_columns_stand_apa
 def test_one_pane_at_a_time_where_there_is_little_room() -> None:
     async def act(app: Explorer, pilot: Pilot[int]) -> None:
         assert "LEVERS" not in screen(app) and all(len(row) == 80 for row in screen(app).split("\n"))
-        assert all(key in screen(app) for key in ("m torque", "p pin", "c card", "w report"))  # each in one line
+        assert all(key in screen(app) for key in ("e evidence", "p pin", "c card", "w report"))  # each in one line
         assert "F'_ior by hole, ″" in screen(app)
         for key, title in (
             ("3", "LEVERS"),
